@@ -1,0 +1,1 @@
+"""Bags, CSV trials, MTi exports and model files."""

@@ -1,0 +1,1 @@
+"""What is believed: the decay models, the published catalogue, simulation."""

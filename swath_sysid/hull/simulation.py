@@ -1,0 +1,148 @@
+"""Simulation of decays: one hull, or a whole population of candidate hulls at once."""
+import math
+
+import numpy as np
+
+from swath_sysid.accelerator import accelerated
+from swath_sysid.hull import terms
+
+STEPS_PER_PERIOD = 60
+"""Runge-Kutta steps a natural period: phase error below 1e-7 rad a step."""
+
+_damping_moment = accelerated(terms.damping_moment)
+_restoring_moment = accelerated(terms.restoring_moment)
+
+
+@accelerated
+def runge_kutta_population(x, rate, ratios, active, friction_rate, step, steps):
+    """Integrate P free decays side by side with the classical Runge-Kutta scheme.
+
+    Parameters
+    ----------
+    x, rate : ndarray, shape (P,)
+        Initial angles from trim, rad, and rates, rad/s.
+    ratios : ndarray, shape (9, P)
+        Ratios to inertia, a column a decay.
+    active : tuple of 9 bools
+        The terms in use.
+    friction_rate : float
+        rad/s.
+    step : float
+        s.
+    steps : int
+
+    Returns
+    -------
+    angles, rates, accelerations : ndarray, shape (steps + 1, P)
+        Not finite from where a candidate has run away.
+    """
+    angles = np.empty((steps + 1, x.size))
+    rates = np.empty((steps + 1, x.size))
+    accelerations = np.empty((steps + 1, x.size))
+    half, sixth = 0.5 * step, step / 6.0
+    for k in range(steps + 1):
+        a1 = -_damping_moment(rate, ratios, active, friction_rate) - _restoring_moment(x, ratios, active)
+        angles[k], rates[k], accelerations[k] = x, rate, a1
+        w2 = rate + half * a1
+        a2 = -_damping_moment(w2, ratios, active, friction_rate) - _restoring_moment(x + half * rate, ratios, active)
+        w3 = rate + half * a2
+        a3 = -_damping_moment(w3, ratios, active, friction_rate) - _restoring_moment(x + half * w2, ratios, active)
+        w4 = rate + step * a3
+        a4 = -_damping_moment(w4, ratios, active, friction_rate) - _restoring_moment(x + step * w3, ratios, active)
+        x = x + sixth * (rate + 2.0 * (w2 + w3) + w4)
+        rate = rate + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+    return angles, rates, accelerations
+
+
+def hermite_weights(fraction, step):
+    """Weights of cubic Hermite interpolation between two neighbouring steps.
+
+    Parameters
+    ----------
+    fraction : ndarray, shape (N,)
+        Place within the step, 0 to 1.
+    step : float
+        s.
+
+    Returns
+    -------
+    ndarray, shape (4, N)
+        For the value before, the slope before, the value after and the slope after.
+    """
+    t = fraction
+    return np.array([
+        (1 + 2 * t) * (1 - t) ** 2,
+        t * (1 - t) ** 2 * step,
+        t**2 * (3 - 2 * t),
+        t**2 * (t - 1) * step,
+    ])  # fmt: skip
+
+
+def interpolate(values, slopes, before, weights):
+    """Cubic Hermite interpolation of columns at given places.
+
+    Parameters
+    ----------
+    values, slopes : ndarray, shape (K, P)
+    before : ndarray of int, shape (N,)
+        The step before each place.
+    weights : ndarray, shape (4, N)
+        Of `hermite_weights`.
+
+    Returns
+    -------
+    ndarray, shape (N, P)
+    """
+    w = weights[:, :, None]
+    return w[0] * values[before] + w[1] * slopes[before] + w[2] * values[before + 1] + w[3] * slopes[before + 1]
+
+
+def places_in_steps(time, step):
+    """Step before each time, weights of the interpolation there, and number of steps needed.
+
+    ``time`` (N,) counts from the start of the simulation, s.
+    """
+    position = np.asarray(time, dtype=float) / step
+    before = np.floor(position).astype(np.int64)
+    return before, hermite_weights(position - before, step), int(before.max()) + 1
+
+
+def longest_step(model, steps_per_period=STEPS_PER_PERIOD):
+    """Step that follows a hull's small motions and its damping, s.
+
+    Raises no error for a hull that is unstable upright: its fall is followed at the time
+    scale of its restoring moment.
+    """
+    stiffness, damping = (abs(slope) for slope in model.jacobian(model.trim, 0.0))
+    fastest = max(math.sqrt(stiffness), damping, 1e-6)
+    return 2.0 * math.pi / fastest / steps_per_period
+
+
+def simulate(model, angle, rate, time):
+    """Free decay of one hull.
+
+    Parameters
+    ----------
+    model : DecayModel
+    angle, rate : float
+        Initial state at ``time[0]``, rad and rad/s.
+    time : ndarray, shape (N,)
+        s, increasing, not necessarily even.
+
+    Returns
+    -------
+    angles, rates : ndarray, shape (N,)
+        rad and rad/s; not finite from where the motion has run away.
+    """
+    elapsed = np.asarray(time, dtype=float) - time[0]
+    step = longest_step(model)
+    before, weights, steps = places_in_steps(elapsed, step)
+    with np.errstate(over='ignore', invalid='ignore'):
+        angles, rates, accelerations = runge_kutta_population(
+            np.array([angle - model.trim], dtype=float), np.array([rate], dtype=float),
+            model.ratios[:, None], model.equation.active, model.friction_rate, step, steps,
+        )  # fmt: skip
+        return (
+            interpolate(angles, rates, before, weights)[:, 0] + model.trim,
+            interpolate(rates, accelerations, before, weights)[:, 0],
+        )

@@ -1,0 +1,1 @@
+"""From measured to believed: objectives, search, refinement, uncertainty, selection."""

@@ -1,0 +1,1 @@
+"""What was measured: attitude, trials, windows, quality gates and decays."""

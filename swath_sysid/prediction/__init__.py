@@ -1,0 +1,1 @@
+"""From believed to expected: filter, excitation, forecast, skill."""
