@@ -1,0 +1,43 @@
+# `make demo` and `make test` need nothing but Python 3.11 or newer: each makes its own environment in .venv first.
+PYTHON ?= python3
+VENV ?= .venv
+JOBS ?= 2
+
+PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+READY := $(VENV)/ready-$(PYTHON_VERSION)
+BIN := $(VENV)/bin
+
+# What a sourced ROS 2 or another environment exports would be mixed with the packages in .venv.
+ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
+unexport LD_LIBRARY_PATH
+endif
+unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.PHONY: demo test lint bench clean
+
+demo: $(READY)
+	$(BIN)/swath-sysid demo --output out/
+
+# The tests over DDS share one process, the others what cores there are (conftest.py).
+test: lint
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup
+
+lint: $(READY)
+	$(BIN)/ruff check
+
+bench: $(READY)
+	@for script in $(sort $(wildcard benchmark/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+clean:
+	rm -rf $(VENV) build install log dist out *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(READY): setup.py package.xml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo '$(PYTHON) is not Python 3.11 or newer: name one, as in `make PYTHON=python3.12`' >&2; exit 1; }
+	@echo 'Setting up $(VENV) with Python $(PYTHON_VERSION): once, about a minute'
+	@rm -f $(VENV)/ready-*
+	@test -x $(BIN)/python$(PYTHON_VERSION) || $(PYTHON) -m venv --clear $(VENV) \
+	  || { echo 'no virtual environment without the venv module: `apt install python3-venv`' >&2; exit 1; }
+	@$(BIN)/python -m pip install -qq --editable '.[ros,fast,test]'
+	@touch $@

@@ -1,0 +1,64 @@
+"""Installs swath_sysid, with pip as with colcon; package.xml holds its name, version and description."""
+from pathlib import Path
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+MANIFEST = ElementTree.parse(Path(__file__).with_name('package.xml')).getroot()
+NAME = MANIFEST.findtext('name')
+MAINTAINER = MANIFEST.find('maintainer')
+
+
+def installed(folder, destination):
+    """Every file below a folder, as setuptools wants it: ``(destination folder, [files])``."""
+    files = {}
+    for path in sorted(Path(folder).rglob('*')):
+        if path.is_file() and '__pycache__' not in path.parts:
+            files.setdefault(destination / path.parent.relative_to(folder), []).append(path.as_posix())
+    return [(target.as_posix(), paths) for target, paths in files.items()]
+
+
+SHARE = Path('share', NAME)
+
+setup(
+    name=NAME,
+    version=MANIFEST.findtext('version'),
+    description=MANIFEST.findtext('description'),
+    maintainer=MAINTAINER.text,
+    maintainer_email=MAINTAINER.get('email'),
+    license=MANIFEST.findtext('license'),
+    python_requires='>=3.11',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (SHARE.as_posix(), ['package.xml']),
+        *installed('config', SHARE / 'config'),
+        *installed('launch', SHARE / 'launch'),
+        *installed('environment', SHARE / 'environment'),
+        # `ros2 run` looks in lib/<package>, where only colcon puts the console scripts
+        *installed('scripts', Path('lib', NAME)),
+    ],
+    install_requires=[
+        'filterpy>=1.4.5',
+        'matplotlib>=3.6',
+        'numpy>=1.26',
+        'PyYAML>=6.0',
+        'rich>=13.0',
+        'rosbags>=0.11',
+        'scipy>=1.11',
+    ],
+    extras_require={
+        'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+        'fast': ['numba>=0.59'],
+        'cluster': ['distributed'],
+        'test': ['hypothesis', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
+    },
+    entry_points={
+        'console_scripts': [
+            'swath-sysid = swath_sysid.cli.main:main',
+            'imu_buffer = swath_sysid.nodes.imu_buffer:main',
+            'identifier = swath_sysid.nodes.identifier:main',
+            'predictor = swath_sysid.nodes.predictor:main',
+        ],
+    },
+)

@@ -1,0 +1,379 @@
+"""The package as a whole: its manifest, what it installs, and which room may use what."""
+import ast
+import json
+import os
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+import tomllib
+import types
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import swath_sysid
+from swath_sysid.errors import InputError
+from swath_sysid.share import share_folder
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'swath_sysid'
+MODULES = sorted(PACKAGE.rglob('*.py'))
+
+ROSDEP_KEYS = {
+    'filterpy': 'python3-filterpy-pip',
+    'matplotlib': 'python3-matplotlib',
+    'numpy': 'python3-numpy',
+    'rich': 'python3-rich',
+    'rosbags': 'python3-rosbags-pip',
+    'scipy': 'python3-scipy',
+    'yaml': 'python3-yaml',
+}
+"""rosdep keys of what is imported; every one exists on Ubuntu 24.04."""
+
+DISTRIBUTIONS = {'yaml': 'PyYAML'}
+"""Names on PyPI that differ from the imported name."""
+
+OPTIONAL = {'numba': 'fast', 'dask': 'cluster', 'distributed': 'cluster'}
+"""Imports that may fail, and the extra that installs them; Ubuntu 24.04 has no numba, rosdep no distributed."""
+
+ROS_PACKAGES = {
+    'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'launch', 'launch_ros', 'nav_msgs',
+    'rcl_interfaces', 'rclpy', 'rosgraph_msgs', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'std_srvs',
+    'trajectory_msgs',
+}
+
+NODE_VERBS = {'demo', 'record', 'replay', 'run'}
+"""Verbs that start nodes; play_through does the same without them."""
+
+PURE_ROOMS = ('motion', 'hull', 'identification', 'prediction')
+BASE = {'accelerator', 'advice', 'errors', 'share'}
+MAY_IMPORT = {
+    'accelerator': set(),
+    'advice': set(),
+    'errors': set(),
+    'share': {'errors'},
+    'motion': BASE,
+    'hull': BASE,
+    'identification': BASE | {'motion', 'hull'},
+    'prediction': BASE | {'motion', 'hull', 'identification'},
+    'files': BASE | {'motion', 'hull', 'identification', 'prediction'},
+    'report': BASE | {'motion', 'hull', 'identification', 'prediction', 'files'},
+    'nodes': BASE | {'motion', 'hull', 'identification', 'prediction', 'files'},
+    'cli': BASE | {'motion', 'hull', 'identification', 'prediction', 'files', 'report', 'nodes'},
+}
+"""Data flows down this list, imports go up it."""
+
+IMPURE_MODULES = {'logging', 'random', 'rich', 'time'}
+IMPURE_CALLS = {
+    'print', 'input', 'warnings.warn',
+    'datetime.now', 'datetime.utcnow', 'datetime.today', 'date.today',
+}
+"""What logs, prints, sleeps or reads a clock; compared with the end of the called name."""
+
+
+def room_of(path):
+    """The room, or the module directly inside the package, that a file belongs to."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+
+
+def tree_of(path):
+    """The syntax tree of a module."""
+    return ast.parse(path.read_text(encoding='utf-8'), str(path))
+
+
+def imports_of(path):
+    """Every module that a file imports, absolute, wherever in the file: ``{dotted name}``."""
+    names = set()
+    package = path.relative_to(ROOT).parent.parts
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module or ''
+            if node.level:
+                module = '.'.join([*package[:len(package) - node.level + 1], *filter(None, [module])])
+            names.update(f'{module}.{alias.name}' for alias in node.names)
+    return names
+
+
+def outside_imports(path):
+    """Top-level names of the imports that are neither ours nor the standard library's."""
+    tops = {name.split('.')[0] for name in imports_of(path)}
+    return tops - sys.stdlib_module_names - {PACKAGE.name}
+
+
+def calls_of(path):
+    """What a file calls, and whether with arguments: ``{('np.random.default_rng', True)}``."""
+    calls = [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.Call)]
+    return {(ast.unparse(call.func), bool(call.args or call.keywords)) for call in calls}
+
+
+def guarded_by_import_error(path, module):
+    """Whether every import of a module stands in a ``try`` that catches ImportError."""
+    tree = tree_of(path)
+    guarded = {
+        inner
+        for node in ast.walk(tree) if isinstance(node, ast.Try)
+        if any(handler.type is not None and 'ImportError' in ast.unparse(handler.type) for handler in node.handlers)
+        for statement in node.body for inner in ast.walk(statement)
+    }
+    imports = [
+        node for node in ast.walk(tree)
+        if (isinstance(node, ast.Import) and any(alias.name.split('.')[0] == module for alias in node.names))
+        or (isinstance(node, ast.ImportFrom) and (node.module or '').split('.')[0] == module)
+    ]
+    return all(node in guarded for node in imports)
+
+
+@pytest.fixture(scope='module')
+def manifest():
+    """The root element of package.xml."""
+    return ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+@pytest.fixture(scope='module')
+def setup_arguments():
+    """What setup.py hands to setuptools, which need not be installed for this."""
+    captured = {}
+    stand_in = types.ModuleType('setuptools')
+    stand_in.setup = lambda **arguments: captured.update(arguments)
+    stand_in.find_packages = lambda **arguments: arguments['include']
+    original, folder = sys.modules.get('setuptools'), os.getcwd()
+    try:
+        sys.modules['setuptools'] = stand_in
+        os.chdir(ROOT)
+        runpy.run_path('setup.py')
+    finally:
+        os.chdir(folder)
+        del sys.modules['setuptools']
+        if original is not None:
+            sys.modules['setuptools'] = original
+    return captured
+
+
+def requirement_names(requirements):
+    """Distribution names without versions and extras."""
+    return {re.match(r'[\w.-]+', requirement).group() for requirement in requirements}
+
+
+def console_scripts(setup_arguments):
+    """Executables and where they start: ``{'imu_buffer': 'swath_sysid.nodes.imu_buffer:main'}``."""
+    return dict(re.split(r'\s*=\s*', line) for line in setup_arguments['entry_points']['console_scripts'])
+
+
+def test_manifest_names_an_ament_python_package(manifest):
+    assert manifest.get('format') == '3'
+    assert manifest.findtext('name') == PACKAGE.name
+    assert manifest.findtext('export/build_type') == 'ament_python'
+    assert manifest.findtext('license') == 'Apache-2.0'
+    assert 'Apache License' in (ROOT / manifest.find('license').get('file')).read_text(encoding='utf-8')
+
+
+def test_one_version_everywhere(manifest, setup_arguments):
+    assert re.fullmatch(r'\d+\.\d+\.\d+', manifest.findtext('version'))
+    assert swath_sysid.__version__ == manifest.findtext('version') == setup_arguments['version']
+
+
+def test_manifest_covers_every_import(manifest):
+    declared = {element.text for element in manifest.findall('exec_depend')}
+    modules = [*MODULES, *(ROOT / 'launch').glob('*.py')]
+    imported = set().union(*(outside_imports(path) for path in modules)) - set(OPTIONAL)
+    needed = {name if name in ROS_PACKAGES else ROSDEP_KEYS.get(name, f'a rosdep key for {name}') for name in imported}
+    assert needed <= declared
+
+
+def test_pip_requirements_cover_every_import(setup_arguments):
+    declared = requirement_names(setup_arguments['install_requires'])
+    imported = set().union(*(outside_imports(path) for path in MODULES)) - set(OPTIONAL) - ROS_PACKAGES
+    assert {DISTRIBUTIONS.get(name, name) for name in imported} <= declared
+
+
+def test_test_dependencies_are_declared(manifest, setup_arguments):
+    """What tests import beyond the package's own needs is in both manifests; plugins do not show as imports."""
+    imported = set().union(*(outside_imports(path) for path in (ROOT / 'test').rglob('*.py')))
+    ours = {path.stem for path in (ROOT / 'test').rglob('*.py')}
+    extra = imported - set(ROSDEP_KEYS) - ROS_PACKAGES - set(OPTIONAL) - ours
+    assert {f'python3-{name}' for name in extra} <= {element.text for element in manifest.findall('test_depend')}
+    assert extra <= requirement_names(setup_arguments['extras_require']['test'])
+
+
+@pytest.mark.parametrize('module', sorted(OPTIONAL))
+def test_optional_imports_are_guarded_and_have_an_extra(module, setup_arguments):
+    assert setup_arguments['extras_require'][OPTIONAL[module]]
+    users = [path for path in MODULES if module in outside_imports(path)]
+    assert [path for path in users if not guarded_by_import_error(path, module)] == []
+
+
+def test_only_nodes_and_their_verbs_import_ros():
+    offenders = {
+        str(path.relative_to(ROOT)): sorted(outside_imports(path) & ROS_PACKAGES) for path in MODULES
+        if outside_imports(path) & ROS_PACKAGES
+        and room_of(path) != 'nodes' and not (room_of(path) == 'cli' and path.stem in NODE_VERBS)
+    }
+    assert offenders == {}
+
+
+@pytest.mark.parametrize('path', MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_go_up_the_layers_only(path):
+    room = room_of(path)
+    if path == PACKAGE / '__init__.py':
+        assert outside_imports(path) == set()
+        return
+    rooms = {name.split('.')[1] for name in imports_of(path) if name.startswith(f'{PACKAGE.name}.')}
+    assert rooms <= MAY_IMPORT[room] | {room, '__version__'}
+
+
+def test_all_but_the_nodes_import_without_ros_and_numba():
+    """Where neither is installed, everything that starts no node still runs."""
+    names = [
+        '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__') for path in MODULES
+        if room_of(path) != 'nodes' and not (room_of(path) == 'cli' and path.stem in NODE_VERBS)
+    ]
+    code = f'''
+import importlib, sys
+sys.modules.update(dict.fromkeys({sorted(ROS_PACKAGES | set(OPTIONAL))}))
+for name in {names}:
+    importlib.import_module(name)
+'''
+    result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize(
+    'path', [path for path in MODULES if room_of(path) in PURE_ROOMS], ids=lambda path: str(path.relative_to(PACKAGE))
+)
+def test_the_core_is_pure(path):
+    """Time, seeds and randomness come in as arguments, results and warnings go out as values."""
+    assert {name.split('.')[0] for name in imports_of(path)} & IMPURE_MODULES == set()
+    calls = calls_of(path)
+    assert [name for name, _ in calls if f'.{name}'.endswith(tuple(f'.{call}' for call in IMPURE_CALLS))] == []
+    random = {(name, arguments) for name, arguments in calls if re.fullmatch(r'(np|numpy)\.random\.\w+', name)}
+    assert random <= {('np.random.default_rng', True), ('np.random.SeedSequence', True)}
+
+
+def test_console_scripts_start_something(setup_arguments):
+    for script, target in console_scripts(setup_arguments).items():
+        module, function = target.split(':')
+        path = ROOT.joinpath(*module.split('.')).with_suffix('.py')
+        assert path.is_file(), f'{script} starts {module}, which does not exist'
+        functions = {node.name for node in tree_of(path).body if isinstance(node, ast.FunctionDef)}
+        assert function in functions, f'{script} starts {target}, which does not exist'
+
+
+def test_every_node_has_an_executable(setup_arguments):
+    targets = set(console_scripts(setup_arguments).values())
+    for path in (PACKAGE / 'nodes').glob('*.py'):
+        if any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree_of(path).body):
+            assert f'{PACKAGE.name}.nodes.{path.stem}:main' in targets
+
+
+def test_ros2_run_finds_every_executable_after_pip(setup_arguments):
+    wrappers = {path.name: path for path in (ROOT / 'scripts').iterdir()}
+    assert set(wrappers) == set(console_scripts(setup_arguments))
+    for name, path in wrappers.items():
+        assert os.access(path, os.X_OK)
+        assert path.read_text(encoding='utf-8').endswith(f'/../../bin/{name}" "$@"\n')
+
+
+def test_scripts_go_where_ros2_run_looks(manifest):
+    text = (ROOT / 'setup.cfg').read_text(encoding='utf-8')
+    assert text.count(f'$base/lib/{manifest.findtext("name")}') == 2
+
+
+def test_everything_shared_is_installed(setup_arguments):
+    installed = {source: target for target, sources in setup_arguments['data_files'] for source in sources}
+    assert installed[f'resource/{PACKAGE.name}'] == 'share/ament_index/resource_index/packages'
+    assert installed['package.xml'] == f'share/{PACKAGE.name}'
+    for folder in ('config', 'launch', 'environment'):
+        for path in (ROOT / folder).rglob('*'):
+            if path.is_file() and '__pycache__' not in path.parts:
+                source = path.relative_to(ROOT)
+                assert installed[source.as_posix()] == f'share/{PACKAGE.name}/{source.parent.as_posix()}'
+
+
+def test_every_data_file_inside_the_package_is_packaged(setup_arguments):
+    patterns = setup_arguments.get('package_data', {}).get(PACKAGE.name, [])
+    packaged = {path for pattern in patterns for path in PACKAGE.glob(pattern)}
+    others = {
+        path for path in PACKAGE.rglob('*')
+        if path.is_file() and '__pycache__' not in path.parts and path.suffix != '.py'
+    }
+    assert others == packaged
+
+
+def test_every_room_is_a_package():
+    folders = {path.parent for path in MODULES}
+    assert [folder for folder in folders if not (folder / '__init__.py').is_file()] == []
+
+
+def test_configuration_of_the_build_stays_out_of_pyproject():
+    """With a [project] table `colcon build --symlink-install` silently makes no executables."""
+    settings = tomllib.loads((ROOT / 'pyproject.toml').read_text(encoding='utf-8'))
+    assert set(settings) == {'build-system', 'tool'}
+
+
+def test_colcon_puts_the_command_line_on_the_path(setup_arguments):
+    """The scripts are where `ros2 run` looks, not in bin/: a hook makes `swath-sysid` a command all the same."""
+    installed = {
+        f'{target}/{Path(source).name}': source
+        for target, sources in setup_arguments['data_files'] for source in sources
+    }
+    for hook in json.loads((ROOT / 'colcon.pkg').read_text(encoding='utf-8'))['hooks']:
+        action, variable, folder = (ROOT / installed[hook]).read_text(encoding='utf-8').strip().split(';')
+        assert (action, variable, folder) == ('prepend-non-duplicate', 'PATH', f'lib/{PACKAGE.name}')
+
+
+def test_every_public_module_and_function_is_documented():
+    missing = []
+    for path in MODULES:
+        tree = tree_of(path)
+        if not ast.get_docstring(tree):
+            missing.append(str(path.relative_to(ROOT)))
+        missing += [
+            f'{path.relative_to(ROOT)}:{node.lineno} {node.name}' for node in tree.body
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith('_')
+            and not ast.get_docstring(node)
+        ]
+    assert missing == []
+
+
+def install(prefix, package_folder, share=True):
+    """Lay a package and its share folder out below a prefix; return its module."""
+    folder = prefix / package_folder / PACKAGE.name
+    folder.mkdir(parents=True)
+    shutil.copy(PACKAGE / 'share.py', folder)
+    if share:
+        (prefix / 'share' / PACKAGE.name).mkdir(parents=True)
+        shutil.copy(ROOT / 'package.xml', prefix / 'share' / PACKAGE.name)
+    return folder / 'share.py'
+
+
+@pytest.mark.parametrize('package_folder', [
+    'lib/python3.12/site-packages',
+    'lib/python3/dist-packages',
+    'local/lib/python3.12/dist-packages',
+])
+def test_share_folder_of_an_installation(tmp_path, package_folder):
+    module = install(tmp_path, package_folder)
+    assert share_folder(module) == (tmp_path / 'share' / PACKAGE.name).resolve()
+
+
+def test_share_folder_of_a_checkout():
+    assert share_folder() == share_folder(PACKAGE / 'share.py')
+    assert share_folder(PACKAGE / 'share.py') == ROOT
+
+
+def test_share_folder_through_a_symlinked_package(tmp_path):
+    """As `colcon build --symlink-install` lays it out: the module's real place is the checkout."""
+    (tmp_path / 'build').mkdir()
+    (tmp_path / 'build' / PACKAGE.name).symlink_to(PACKAGE)
+    assert share_folder(tmp_path / 'build' / PACKAGE.name / 'share.py') == ROOT
+
+
+def test_share_folder_missing_says_what_to_do(tmp_path):
+    module = install(tmp_path, 'lib/python3.12/site-packages', share=False)
+    with pytest.raises(InputError, match='install swath_sysid with pip or colcon'):
+        share_folder(module)
