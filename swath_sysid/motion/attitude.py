@@ -1,0 +1,292 @@
+"""Attitude: quaternions, Euler angles and their rates, frames and mountings.
+
+Every function takes the components as floats or as arrays that broadcast, and returns the
+like: a node calls them once a sample, a reader once a record, and each formula stands once.
+
+Orientations turn body vectors into world vectors. Euler angles are those of REP-103:
+yaw about z, then pitch about the new y, then roll about the new x. Body rates are what
+gyroscopes measure; Euler rates are the time derivatives of the Euler angles.
+
+References
+----------
+.. [1] T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley, 2011.
+"""
+import numpy as np
+
+UNIT_TOLERANCE = 0.1
+"""How far the squared norm of a measured quaternion may be from one."""
+
+VERTICAL_COSINE = 1e-9
+"""Below this cosine of pitch, roll and yaw cannot be told apart."""
+
+
+def is_orientation(x, y, z, w):
+    """Whether a measured quaternion is an orientation at all.
+
+    Drivers that know none send zeros, and broken packets send anything: a quaternion whose
+    squared norm is not within `UNIT_TOLERANCE` of one, or not finite, is no orientation.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    bool or ndarray of bool
+    """
+    with np.errstate(over='ignore', invalid='ignore'):
+        return abs(_squared_norm(x, y, z, w) - 1) <= UNIT_TOLERANCE
+
+
+def normalised(x, y, z, w):
+    """The unit quaternion nearest to a measured one, NaN where it is no orientation.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+    """
+    with np.errstate(all='ignore'):
+        norm = np.where(is_orientation(x, y, z, w), np.sqrt(_squared_norm(x, y, z, w)), np.nan)[()]
+        return x / norm, y / norm, z / norm, w / norm
+
+
+def euler_angles(x, y, z, w):
+    """Roll, pitch and yaw of a quaternion, NaN where it is no orientation.
+
+    Where the x axis points straight up or down, roll is set to zero.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    roll, pitch, yaw : float or ndarray
+        rad; roll and yaw in [-pi, pi], pitch in [-pi/2, pi/2].
+
+    Notes
+    -----
+    [1]_, section 2.2.2 (Euler angles from a unit quaternion), but with pitch by arctangent,
+    which stays accurate near the vertical.
+    """
+    x, y, z, w = normalised(x, y, z, w)
+    roll, pitch = tilt_angles(2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y))
+    forward_east, forward_north = 1 - 2 * (y * y + z * z), 2 * (x * y + z * w)
+    vertical = np.hypot(forward_east, forward_north) < VERTICAL_COSINE
+    yaw = np.where(
+        vertical,
+        np.arctan2(2 * (z * w - x * y), 1 - 2 * (x * x + z * z)),
+        np.arctan2(forward_north, forward_east),
+    )[()]
+    return np.where(vertical, 0 * roll, roll)[()], pitch, yaw
+
+
+def tilt_angles(up_x, up_y, up_z):
+    """Roll and pitch of the world's upward unit vector seen in body axes (FLU).
+
+    Parameters
+    ----------
+    up_x, up_y, up_z : float or ndarray
+        The last row of the rotation matrix from body to world.
+
+    Returns
+    -------
+    roll, pitch : float or ndarray
+        rad.
+
+    Notes
+    -----
+    [1]_, section 2.2.1, the last row of the rotation matrix.
+    """
+    return np.arctan2(up_y, up_z), np.arctan2(-up_x, np.hypot(up_y, up_z))
+
+
+def quaternion(roll, pitch, yaw):
+    """The quaternion of roll, pitch and yaw.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : float or ndarray
+        rad.
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+
+    Notes
+    -----
+    [1]_, section 2.2.2 (unit quaternions from Euler angles).
+    """
+    sin_roll, cos_roll = np.sin(roll / 2), np.cos(roll / 2)
+    sin_pitch, cos_pitch = np.sin(pitch / 2), np.cos(pitch / 2)
+    sin_yaw, cos_yaw = np.sin(yaw / 2), np.cos(yaw / 2)
+    return (
+        sin_roll * cos_pitch * cos_yaw - cos_roll * sin_pitch * sin_yaw,
+        cos_roll * sin_pitch * cos_yaw + sin_roll * cos_pitch * sin_yaw,
+        cos_roll * cos_pitch * sin_yaw - sin_roll * sin_pitch * cos_yaw,
+        cos_roll * cos_pitch * cos_yaw + sin_roll * sin_pitch * sin_yaw,
+    )
+
+
+def euler_rates(roll, pitch, rate_x, rate_y, rate_z):
+    """Euler rates of body rates, NaN where the x axis is vertical (they do not exist there).
+
+    Parameters
+    ----------
+    roll, pitch : float or ndarray
+        rad.
+    rate_x, rate_y, rate_z : float or ndarray
+        Body rates, rad/s.
+
+    Returns
+    -------
+    roll_rate, pitch_rate, yaw_rate : float or ndarray
+        rad/s.
+
+    Notes
+    -----
+    [1]_, section 2.2.1 (attitude transformation).
+    """
+    sin_roll, cos_roll, cos_pitch = np.sin(roll), np.cos(roll), np.cos(pitch)
+    cos_pitch = np.where(abs(cos_pitch) < VERTICAL_COSINE, np.nan, cos_pitch)[()]
+    yaw_rate = (rate_y * sin_roll + rate_z * cos_roll) / cos_pitch
+    return rate_x + yaw_rate * np.sin(pitch), rate_y * cos_roll - rate_z * sin_roll, yaw_rate
+
+
+def body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate):
+    """Body rates of Euler rates: the inverse of `euler_rates`.
+
+    Parameters
+    ----------
+    roll, pitch : float or ndarray
+        rad.
+    roll_rate, pitch_rate, yaw_rate : float or ndarray
+        rad/s.
+
+    Returns
+    -------
+    rate_x, rate_y, rate_z : float or ndarray
+        rad/s.
+
+    Notes
+    -----
+    [1]_, section 2.2.1 (inverse of the attitude transformation).
+    """
+    sin_roll, cos_roll, cos_pitch = np.sin(roll), np.cos(roll), np.cos(pitch)
+    return (
+        roll_rate - yaw_rate * np.sin(pitch),
+        pitch_rate * cos_roll + yaw_rate * sin_roll * cos_pitch,
+        -pitch_rate * sin_roll + yaw_rate * cos_roll * cos_pitch,
+    )
+
+
+def swap_body_axes(x, y, z):
+    """A body vector from FRD (forward, right, down) to FLU (forward, left, up), or back.
+
+    Holds for rates and for specific force alike: half a turn about x.
+
+    Parameters
+    ----------
+    x, y, z : float or ndarray
+
+    Returns
+    -------
+    x, y, z : float or ndarray
+    """
+    return x, -y, -z
+
+
+def swap_frames(x, y, z, w):
+    """An orientation from FRD in NED to FLU in ENU, or back.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+
+    Notes
+    -----
+    The product ``n q f`` with ``n = (1, 1, 0, 0) / sqrt(2)``, which exchanges the world axes
+    NED and ENU (REP-103), and ``f = (1, 0, 0, 0)``, half a turn about the body's x axis; both
+    are their own inverses up to sign. In Euler angles: roll stays, pitch changes its sign, yaw
+    becomes pi/2 - yaw.
+    """
+    half = np.sqrt(0.5)
+    return half * (x + y), half * (x - y), half * (w - z), half * (w + z)
+
+
+def multiply(first, second):
+    """The quaternion product ``first second``: the rotation `second`, then `first`.
+
+    Parameters
+    ----------
+    first, second : tuple of 4 floats or ndarrays
+        x, y, z, w.
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+
+    Notes
+    -----
+    [1]_, section 2.2.2 (quaternion product).
+    """
+    (ax, ay, az, aw), (bx, by, bz, bw) = first, second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def conjugate(x, y, z, w):
+    """The inverse of a unit quaternion.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+    """
+    return -x, -y, -z, w
+
+
+def rotate(rotation, x, y, z):
+    """A vector turned by a unit quaternion.
+
+    Parameters
+    ----------
+    rotation : tuple of 4 floats or ndarrays
+        x, y, z, w.
+    x, y, z : float or ndarray
+
+    Returns
+    -------
+    x, y, z : float or ndarray
+
+    Notes
+    -----
+    ``v + 2 w (u x v) + 2 u x (u x v)`` with u the vector part: [1]_, section 2.2.2, as
+    ``R = I + 2 w S(u) + 2 S(u)^2``.
+    """
+    ux, uy, uz, w = rotation
+    cx, cy, cz = 2 * (uy * z - uz * y), 2 * (uz * x - ux * z), 2 * (ux * y - uy * x)
+    return (
+        x + w * cx + uy * cz - uz * cy,
+        y + w * cy + uz * cx - ux * cz,
+        z + w * cz + ux * cy - uy * cx,
+    )
+
+
+def _squared_norm(x, y, z, w):
+    return x * x + y * y + z * z + w * w

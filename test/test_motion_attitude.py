@@ -1,0 +1,247 @@
+"""Attitude and sensing against scipy's rotations and finite differences."""
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from swath_sysid.errors import InputError
+from swath_sysid.motion import attitude
+from swath_sysid.motion.sensing import Installation, assemble_trial, imu_motion
+
+angle = st.floats(-np.pi, np.pi)
+pitch_angle = st.floats(-1.55, 1.55)
+component = st.floats(-20, 20)
+
+
+def rotation_of(roll, pitch, yaw):
+    return Rotation.from_euler('ZYX', [yaw, pitch, roll])
+
+
+def same_rotation(quaternion, rotation):
+    return (Rotation.from_quat(quaternion) * rotation.inv()).magnitude() < 1e-7
+
+
+@given(roll=angle, pitch=angle, yaw=angle)
+def test_quaternion_is_that_of_scipy(roll, pitch, yaw):
+    assert same_rotation(attitude.quaternion(roll, pitch, yaw), rotation_of(roll, pitch, yaw))
+
+
+@given(roll=angle, pitch=pitch_angle, yaw=angle)
+def test_euler_angles_are_those_of_scipy(roll, pitch, yaw):
+    rotation = rotation_of(roll, pitch, yaw)
+    found = attitude.euler_angles(*rotation.as_quat())
+    assert found[1] == pytest.approx(pitch, abs=1e-9)
+    assert same_rotation(rotation_of(*found).as_quat(), rotation)
+
+
+@given(roll=angle, yaw=angle, pitch=st.sampled_from([-np.pi / 2, np.pi / 2]))
+def test_vertical_orientation_is_kept_with_roll_zero(roll, pitch, yaw):
+    rotation = rotation_of(roll, pitch, yaw)
+    found = attitude.euler_angles(*rotation.as_quat())
+    assert np.all(np.isfinite(found))
+    assert found[1] == pytest.approx(pitch, abs=1e-7)
+    assert (rotation_of(*found) * rotation.inv()).magnitude() < 1e-6
+
+
+def test_pitch_is_accurate_near_the_vertical():
+    pitch = np.pi / 2 - 1e-6
+    found = attitude.euler_angles(*attitude.quaternion(0.3, pitch, -0.4))
+    assert found[1] == pytest.approx(pitch, abs=1e-12)
+
+
+@pytest.mark.parametrize('broken', [
+    (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 5e-324), (1e-160, 0.0, 0.0, 1e-160), (np.nan, 0.0, 0.0, 1.0),
+    (np.inf, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1e200), (1.0, 1.0, 1.0, 1.0),
+])
+def test_what_is_no_orientation_is_flagged(broken):
+    assert not attitude.is_orientation(*broken)
+    assert np.all(np.isnan(attitude.euler_angles(*broken)))
+    many = np.array([broken, (0.0, 0.0, 0.0, 1.0)]).T
+    assert attitude.is_orientation(*many).tolist() == [False, True]
+    assert np.isnan(attitude.euler_angles(*many)[0]).tolist() == [True, False]
+
+
+def test_quaternion_of_slightly_wrong_length_is_normalised():
+    right = np.array(attitude.quaternion(0.1, -0.2, 0.3))
+    assert attitude.euler_angles(*(1.02 * right)) == pytest.approx((0.1, -0.2, 0.3))
+
+
+def test_numbers_and_arrays_give_the_same():
+    rng = np.random.default_rng(1)
+    roll, pitch, yaw, x, y, z = rng.uniform(-1, 1, (6, 20))
+    quaternions = attitude.quaternion(roll, pitch, yaw)
+    for at in range(20):
+        one = attitude.quaternion(float(roll[at]), float(pitch[at]), float(yaw[at]))
+        assert one == tuple(part[at] for part in quaternions)
+        assert attitude.euler_angles(*one) == tuple(part[at] for part in attitude.euler_angles(*quaternions))
+        assert attitude.euler_rates(roll[at], pitch[at], x[at], y[at], z[at]) == tuple(
+            part[at] for part in attitude.euler_rates(roll, pitch, x, y, z))
+
+
+def test_euler_rates_are_the_derivatives_of_the_angles():
+    time = np.linspace(0, 10, 20001)
+    roll, pitch, yaw = 0.6 * np.sin(time), 0.4 * np.cos(1.3 * time), 0.5 * time
+    rotations = Rotation.from_euler('ZYX', np.column_stack([yaw, pitch, roll]))
+    # body rates from the rotations alone: the turn from one sample to the next, in body axes
+    turns = (rotations[:-1].inv() * rotations[1:]).as_rotvec() / np.diff(time)[:, None]
+    middle = (roll[:-1] + roll[1:]) / 2, (pitch[:-1] + pitch[1:]) / 2
+    found = attitude.euler_rates(*middle, *turns.T)
+    for rate, angles in zip(found, (roll, pitch, yaw), strict=True):
+        assert np.allclose(rate, np.diff(angles) / np.diff(time), atol=1e-6)
+
+
+@given(roll=angle, pitch=pitch_angle, rates=st.tuples(component, component, component))
+def test_body_rates_invert_euler_rates(roll, pitch, rates):
+    there = attitude.euler_rates(roll, pitch, *rates)
+    assert attitude.body_rates(roll, pitch, *there) == pytest.approx(rates, abs=1e-8)
+
+
+def test_euler_rates_do_not_exist_at_the_vertical():
+    assert np.all(np.isnan(attitude.euler_rates(0.1, np.pi / 2, 1.0, 2.0, 3.0)[::2]))
+
+
+@given(rotation=st.tuples(angle, angle, angle), vector=st.tuples(component, component, component))
+def test_rotate_is_that_of_scipy(rotation, vector):
+    assert attitude.rotate(attitude.quaternion(*rotation), *vector) == pytest.approx(
+        tuple(rotation_of(*rotation).apply(vector)), abs=1e-9)
+
+
+@given(first=st.tuples(angle, angle, angle), second=st.tuples(angle, angle, angle))
+def test_product_and_inverse_are_those_of_scipy(first, second):
+    one, two = attitude.quaternion(*first), attitude.quaternion(*second)
+    assert same_rotation(attitude.multiply(one, two), rotation_of(*first) * rotation_of(*second))
+    assert same_rotation(attitude.conjugate(*one), rotation_of(*first).inv())
+
+
+@given(roll=angle, pitch=pitch_angle, yaw=angle)
+def test_frames_are_swapped_as_matrices_say(roll, pitch, yaw):
+    enu_from_ned = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+    frd_from_flu = np.diag([1, -1, -1])
+    frd_in_ned = rotation_of(roll, pitch, yaw)
+    flu_in_enu = Rotation.from_matrix(enu_from_ned @ frd_in_ned.as_matrix() @ frd_from_flu)
+    swapped = attitude.swap_frames(*frd_in_ned.as_quat())
+    assert same_rotation(swapped, flu_in_enu)
+    assert same_rotation(attitude.swap_frames(*swapped), frd_in_ned)
+    assert same_rotation(swapped, rotation_of(roll, -pitch, np.pi / 2 - yaw))
+
+
+def test_body_axes_are_swapped_there_and_back():
+    assert attitude.swap_body_axes(1.0, 2.0, 3.0) == (1.0, -2.0, -3.0)
+    assert attitude.swap_body_axes(*attitude.swap_body_axes(1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+
+
+@given(mounting=st.tuples(angle, angle, angle), craft=st.tuples(angle, pitch_angle, angle))
+def test_mounted_sensor_tells_the_motion_of_the_craft(mounting, craft):
+    """A craft at rest, seen through a turned sensor: gravity and attitude come out as those of the craft."""
+    craft_in_world = rotation_of(*craft)
+    sensor_in_world = craft_in_world * rotation_of(*mounting)
+    force = sensor_in_world.inv().apply([0, 0, 9.81])
+    rates = rotation_of(*mounting).inv().apply([0.1, 0.2, 0.3])
+    motion = imu_motion(tuple(sensor_in_world.as_quat()), tuple(rates), tuple(force), Installation('flu', mounting))
+    assert same_rotation(rotation_of(motion['roll'], motion['pitch'], craft[2]).as_quat(), craft_in_world)
+    assert [motion[f'accel_{part}'] for part in 'xyz'] == pytest.approx(
+        craft_in_world.inv().apply([0, 0, 9.81]), abs=1e-8)
+    euler = attitude.euler_rates(motion['roll'], motion['pitch'], 0.1, 0.2, 0.3)
+    assert motion['roll_rate'] == pytest.approx(euler[0], abs=1e-6)
+    assert motion['pitch_rate'] == pytest.approx(euler[1], abs=1e-6)
+
+
+def test_frd_sensor_is_brought_to_flu():
+    orientation = attitude.quaternion(0.1, 0.2, 0.3)
+    motion = imu_motion(orientation, (0.0, 1.0, 0.0), (0.0, 0.0, -9.81), Installation('frd'))
+    assert motion['roll'] == pytest.approx(0.1)
+    assert motion['pitch'] == pytest.approx(-0.2)
+    assert motion['accel_z'] == 9.81
+    assert motion['pitch_rate'] == pytest.approx(-np.cos(0.1))
+
+
+def test_without_orientation_body_rates_stand_for_euler_rates():
+    assert imu_motion(None, (0.1, 0.2, 0.3), None, Installation()) == {'roll_rate': 0.1, 'pitch_rate': 0.2}
+
+
+@pytest.mark.parametrize('arguments', [('ned',), ('flu', (0.0, np.nan, 0.0)), ('flu', (0.0, 1.0))])
+def test_installation_that_cannot_be_is_refused(arguments):
+    with pytest.raises(InputError):
+        Installation(*arguments)
+
+
+def readings(count=50):
+    time = np.linspace(0, 5, count)
+    return time, {
+        'roll': 0.3 * np.sin(time), 'pitch': 0.2 * np.cos(time),
+        'gyro_x': 0.1 + 0 * time, 'gyro_y': 0.2 * np.sin(time), 'gyro_z': 0.3 * np.cos(time),
+        'accel_x': 0 * time, 'accel_y': 0 * time, 'accel_z': 9.81 + 0 * time,
+    }
+
+
+def test_assembled_trial_keeps_angles_exactly_and_turns_rates():
+    time, given_readings = readings()
+    trial = assemble_trial(time, given_readings, source='here', draft=0.15)
+    assert np.array_equal(trial.roll, given_readings['roll'])
+    expected = attitude.euler_rates(trial.roll, trial.pitch, *(given_readings[f'gyro_{part}'] for part in 'xyz'))
+    assert np.array_equal(trial.roll_rate, expected[0])
+    assert np.array_equal(trial.pitch_rate, expected[1])
+    assert trial.advice == ()
+    assert (trial.source, trial.draft) == ('here', 0.15)
+
+
+def test_euler_rates_measured_as_such_win_over_the_gyro():
+    time, given_readings = readings()
+    trial = assemble_trial(time, {**given_readings, 'roll_rate': 7 + 0 * time})
+    assert np.all(trial.roll_rate == 7)
+    assert not np.any(trial.pitch_rate == 7)
+
+
+@pytest.mark.parametrize('absent', ['roll', 'pitch', 'gyro_z'])
+def test_body_rates_in_place_of_euler_rates_are_told(absent):
+    time, given_readings = readings()
+    del given_readings[absent]
+    trial = assemble_trial(time, given_readings)
+    assert [advice.code for advice in trial.advice] == ['body-rates']
+    assert np.array_equal(trial.roll_rate, given_readings['gyro_x'])
+
+
+def test_mounting_turns_angles_given_as_euler_angles():
+    time, craft = readings()
+    upside_down = Installation('flu', (np.pi, 0.0, 0.5))
+    seen = attitude.euler_angles(*attitude.multiply(
+        attitude.quaternion(craft['roll'], craft['pitch'], 0 * time), upside_down.rotation))
+    trial = assemble_trial(time, {'roll': seen[0], 'pitch': seen[1], 'yaw': seen[2]}, upside_down)
+    assert np.allclose(trial.roll, craft['roll'])
+    assert np.allclose(trial.pitch, craft['pitch'])
+
+
+@pytest.mark.parametrize('kept', [('roll',), ('roll', 'pitch', 'roll_rate'), ('roll', 'pitch', 'gyro_x'),
+                                  ('roll', 'pitch', 'accel_z')])
+def test_mounting_refuses_what_it_cannot_turn(kept):
+    time, given_readings = readings()
+    given_readings['roll_rate'] = 0 * time
+    with pytest.raises(InputError, match='mounting'):
+        assemble_trial(time, {name: given_readings[name] for name in kept}, Installation('flu', (0.0, 0.0, 1.0)))
+
+
+def test_zero_quaternions_mean_no_orientation():
+    time, given_readings = readings()
+    zeros = {f'quaternion_{part}': 0 * time for part in 'xyzw'}
+    trial = assemble_trial(time, {**zeros, 'gyro_x': given_readings['gyro_x'], 'gyro_y': given_readings['gyro_y']})
+    assert set(trial.channels) == {'roll_rate', 'pitch_rate'}
+    assert {advice.code for advice in trial.advice} == {'invalid-orientation', 'body-rates'}
+
+
+def test_some_broken_quaternions_cost_their_samples_only():
+    time, given_readings = readings()
+    quaternions = dict(zip(('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w'),
+                           attitude.quaternion(given_readings['roll'], given_readings['pitch'], 0 * time), strict=True))
+    for values in quaternions.values():
+        values[7] = 0
+    trial = assemble_trial(time, quaternions)
+    assert np.flatnonzero(np.isnan(trial.roll)).tolist() == [7]
+    assert np.allclose(np.delete(trial.roll, 7), np.delete(given_readings['roll'], 7))
+    assert '1 of 50' in trial.advice[0].message
+
+
+def test_readings_without_roll_or_pitch_are_refused():
+    time, given_readings = readings()
+    with pytest.raises(InputError, match='no usable roll or pitch'):
+        assemble_trial(time, {'accel_z': given_readings['accel_z']})

@@ -1,0 +1,162 @@
+"""Cleaning: what is left out, what is marked, what is told."""
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hypothesis_numpy
+
+from swath_sysid.errors import InputError
+from swath_sysid.motion.cleaning import LEAST_ROWS, clean
+
+
+def codes(advice):
+    return [each.code for each in advice]
+
+
+def record(count=100, interval=0.01):
+    time = interval * np.arange(count)
+    return time, {'roll': 0.1 * np.sin(time), 'roll_rate': 0.1 * np.cos(time)}
+
+
+def test_good_record_passes_untouched():
+    time, channels = record()
+    kept, cleaned, advice = clean(time, channels)
+    assert np.array_equal(kept, time)
+    assert all(np.array_equal(cleaned[name], channels[name]) for name in channels)
+    assert advice == ()
+
+
+def test_rows_without_stamp_or_with_the_last_one_are_left_out():
+    time, channels = record()
+    time[[10, 20]] = np.nan, np.inf
+    time[31] = time[30]
+    kept, cleaned, advice = clean(time, channels)
+    assert codes(advice) == ['missing-stamps', 'repeated-stamps']
+    assert advice[0].message.startswith('2 rows') and advice[1].message.startswith('1 row ')
+    assert np.array_equal(cleaned['roll'], np.delete(channels['roll'], [10, 20, 31]))
+    assert np.all(np.diff(kept) > 0)
+
+
+@pytest.mark.parametrize('stray', [-5.0, 0.0051, 1e9, -1e9])
+def test_one_stray_stamp_costs_one_row(stray):
+    time, channels = record()
+    time[50] = stray
+    kept, _, advice = clean(time, channels)
+    assert codes(advice) == ['out-of-order-stamps']
+    assert np.array_equal(kept, np.delete(time, 50))
+
+
+def test_of_a_looped_replay_the_longer_run_is_kept():
+    time, _ = record()
+    looped = np.concatenate([time, time[:40]])
+    kept, _, advice = clean(looped, {'roll': looped})
+    assert np.array_equal(kept, time)
+    assert advice[0].message.startswith('40 rows out of order')
+
+
+def longest_increasing_length(values):
+    best = []
+    for at, value in enumerate(values):
+        best.append(1 + max((best[before] for before in range(at) if values[before] < value), default=0))
+    return max(best, default=0)
+
+
+@given(st.lists(st.integers(0, 12), min_size=8, max_size=40))
+def test_no_more_rows_are_lost_than_must_be(stamps):
+    time = np.array(stamps, dtype=float)
+    best = longest_increasing_length(stamps)
+    if best < LEAST_ROWS:
+        with pytest.raises(InputError):
+            clean(time, {'roll': 0 * time})
+    else:
+        kept, _, _ = clean(time, {'roll': 0 * time})
+        assert kept.size == best
+        assert np.all(np.diff(kept) > 0)
+
+
+def test_absurd_values_become_missing():
+    time, channels = record()
+    channels |= {'pitch': 0 * time, 'accel_z': 9.81 + 0 * time, 'gyro_z': 0 * time}
+    for name, value in (('roll', 3.2), ('pitch', -4.0), ('roll_rate', 36.0), ('accel_z', -201.0), ('gyro_z', 1e9)):
+        channels[name][5] = value
+    channels['roll_rate'][6] = np.inf
+    _, cleaned, advice = clean(time, channels)
+    assert all(np.isnan(cleaned[name][5]) for name in cleaned)
+    assert np.isnan(cleaned['roll_rate'][6])
+    assert codes(advice) == ['absurd-values', 'missing-values']
+    assert 'roll: 1, roll_rate: 1, pitch: 1, accel_z: 1, gyro_z: 1' in advice[0].message
+
+
+def test_large_values_that_can_be_are_kept():
+    time, channels = record()
+    channels['roll'][5], channels['roll_rate'][5] = 3.1, -34.9
+    _, cleaned, advice = clean(time, channels)
+    assert cleaned['roll'][5] == 3.1 and cleaned['roll_rate'][5] == -34.9
+    assert advice == ()
+
+
+def test_input_arrays_are_not_written_to():
+    time, channels = record()
+    channels['roll'][5] = 99.0
+    clean(time, channels)
+    assert channels['roll'][5] == 99.0
+
+
+def test_empty_channel_is_left_out():
+    time, channels = record()
+    _, cleaned, advice = clean(time, {**channels, 'pitch': np.full(time.size, np.nan)})
+    assert 'pitch' not in cleaned
+    assert codes(advice) == ['empty-channel']
+
+
+def test_gaps_are_told_with_the_longest():
+    time, channels = record()
+    time[30:] += 1.0
+    time[60:] += 2.5
+    _, _, advice = clean(time, channels)
+    assert codes(advice) == ['gaps']
+    assert '2 gaps' in advice[0].message and '2.51 s' in advice[0].message
+
+
+def test_uneven_time_base_is_told():
+    rng = np.random.default_rng(1)
+    time = np.cumsum(rng.uniform(0.005, 0.015, 500))
+    _, _, advice = clean(time, {'roll': 0 * time})
+    assert codes(advice) == ['uneven-time-base']
+
+
+@pytest.mark.parametrize('count', [0, 2, LEAST_ROWS - 1])
+def test_too_few_rows_are_refused(count):
+    time, channels = record(count)
+    with pytest.raises(InputError, match='at least 8'):
+        clean(time, channels, 'that.csv')
+
+
+def test_nothing_but_nan_is_refused():
+    time, channels = record()
+    with pytest.raises(InputError, match='0 rows of 100'):
+        clean(time, {name: np.nan * values for name, values in channels.items()})
+    with pytest.raises(InputError):
+        clean(np.nan * time, channels)
+    with pytest.raises(InputError):
+        clean(time, {})
+
+
+def test_megahertz_and_constant_signals_are_fine():
+    time, channels = record(1000, 1e-6)
+    kept, cleaned, advice = clean(time, {'roll': 0 * channels['roll']})
+    assert kept.size == 1000 and advice == ()
+    assert np.all(cleaned['roll'] == 0)
+
+
+@given(table=hypothesis_numpy.arrays(float, st.tuples(st.just(3), st.integers(0, 30)),
+                                     elements=st.floats(width=64, allow_nan=True, allow_infinity=True)))
+def test_any_numbers_give_a_clean_record_or_one_sentence(table):
+    try:
+        time, channels, _ = clean(table[0], {'roll': table[1], 'accel_x': table[2]})
+    except InputError as error:
+        assert '\n' not in str(error)
+        return
+    assert time.size >= LEAST_ROWS and np.all(np.isfinite(time)) and np.all(time[1:] > time[:-1])
+    for name, values in channels.items():
+        assert values.size == time.size and not np.isinf(values).any() and np.isfinite(values).any(), name
