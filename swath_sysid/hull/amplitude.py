@@ -66,9 +66,16 @@ def amplitude_curves(ratios, amplitude, friction_rate):
         arc = amplitude[:, None] * np.sin(theta)
         period = 2.0 * np.pi * np.mean(arc / rate, axis=1)
         taken = np.mean(damping_moment(rate, ratios, _ALL_TERMS, friction_rate) * arc, axis=1)
-        frequency = 2.0 * np.pi / period
+        closed = (np.abs(centre) < amplitude) & (height > 0.0).all(axis=1) & _meets(ratios, centre, amplitude)
+        frequency = np.where(closed, 2.0 * np.pi / period, np.nan)
         damping = taken / np.mean(rate * arc, axis=1)
         return AmplitudeCurves(amplitude, frequency, damping / (2.0 * frequency))
+
+
+def _meets(ratios, centre, amplitude):
+    """Whether the potential energies at both ends of the orbit are equal."""
+    upper, lower = restoring_energy(centre + amplitude, ratios), restoring_energy(centre - amplitude, ratios)
+    return np.abs(upper - lower) <= 1e-6 * np.abs(upper + lower)
 
 
 def orbit_centre(ratios, amplitude, iterations=12):

@@ -1,0 +1,177 @@
+"""The model file: YAML, versioned, complete, checked on reading; one or both axes of a craft.
+
+It is what `identify` writes, what the identifier publishes on ``model/description``, and what
+the predictor and `forecast` read.
+"""
+import yaml
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.atomic import replacing
+from swath_sysid.hull.decay_model import DecayModel, Equation
+from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.hull.terms import RATIO_UNITS, TERM_NAMES
+from swath_sysid.motion.trial import AXES
+
+FORMAT = 'swath_sysid decay model'
+VERSION = 1
+FRAME = 'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)'
+
+_FILE_FIELDS = ('format', 'version', 'frame', 'axes')
+_AXIS_FIELDS = (
+    'equation', 'ratios', 'covariance', 'trim_rad', 'trim_std_rad', 'friction_rate_rad_s', 'valid_amplitude_rad',
+    'metrics', 'provenance',
+)  # fmt: skip
+_RATIO_FIELDS = ('value', 'std', 'unit')
+
+
+def model_to_yaml(models):
+    """Text of a model file.
+
+    Parameters
+    ----------
+    models : mapping of str to IdentifiedModel
+        Axis to model.
+
+    Returns
+    -------
+    str
+    """
+    axes = {axis: _axis_to_plain(identified) for axis, identified in models.items()}
+    content = {'format': FORMAT, 'version': VERSION, 'frame': FRAME, 'axes': axes}
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+
+
+def model_from_yaml(text, source='the model'):
+    """Models of a model file's text, by axis.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Named in the errors.
+
+    Returns
+    -------
+    dict of str to IdentifiedModel
+
+    Raises
+    ------
+    InputError
+        Not a model file, of another version, or with unknown, missing or wrong fields, which
+        the sentence names.
+    """
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        line = getattr(getattr(error, 'problem_mark', None), 'line', 0) + 1
+        raise InputError(f'{source} is not YAML (line {line}): give a file written by identify --output') from error
+    if not isinstance(content, dict) or content.get('format') != FORMAT:
+        raise InputError(f"{source} is no model file: its field 'format' is not '{FORMAT}'")
+    if content.get('version') != VERSION:
+        raise InputError(
+            f'{source} is a model file of version {content.get("version")}; this software reads version {VERSION}: identify again'
+        )
+    _check_fields(content, _FILE_FIELDS, source)
+    if content['frame'] != FRAME:
+        raise InputError(f"{source}: the frame '{content['frame']}' is not understood; it must be '{FRAME}'")
+    if not isinstance(content['axes'], dict) or not content['axes']:
+        raise InputError(f"{source}: the field 'axes' holds no axis; give {' or '.join(AXES)}")
+    unknown = [axis for axis in content['axes'] if axis not in AXES]
+    if unknown:
+        raise InputError(f"{source}: there is no axis '{unknown[0]}'; axes are {', '.join(AXES)}")
+    return {axis: _axis_from_plain(plain, axis, f'{source}, {axis}') for axis, plain in content['axes'].items()}
+
+
+def write_model(path, models):
+    """Write a model file, whole or not at all; see `model_to_yaml`."""
+    with replacing(path) as temporary:
+        temporary.write_text(model_to_yaml(models), encoding='utf-8')
+
+
+def read_model(path):
+    """Read a model file; see `model_from_yaml`.
+
+    Raises
+    ------
+    InputError
+        Also where the file cannot be read.
+    """
+    try:
+        with open(path, encoding='utf-8') as file:
+            text = file.read()
+    except OSError as error:
+        raise InputError(f'cannot read the model file {path}: {error.strerror}') from error
+    except UnicodeDecodeError as error:
+        raise InputError(f'{path} is no model file: it is not text') from error
+    return model_from_yaml(text, str(path))
+
+
+def _axis_to_plain(identified):
+    model = identified.model
+    return {
+        'equation': model.equation.name,
+        'ratios': {
+            name: {'value': value, 'std': identified.std[name], 'unit': RATIO_UNITS[name]}
+            for name, value in model.terms.items()
+        },
+        'covariance': identified.covariance.tolist(),
+        'trim_rad': float(model.trim),
+        'trim_std_rad': float(identified.trim_std),
+        'friction_rate_rad_s': float(model.friction_rate),
+        'valid_amplitude_rad': [float(a) for a in identified.amplitude_range],
+        'metrics': identified.metrics,
+        'provenance': identified.provenance,
+    }
+
+
+def _axis_from_plain(plain, axis, source):
+    _check_fields(plain, _AXIS_FIELDS, source)
+    ratios = plain['ratios']
+    if not isinstance(ratios, dict):
+        raise InputError(f"{source}: the field 'ratios' must map names to values")
+    unknown = [name for name in ratios if name not in TERM_NAMES]
+    if unknown:
+        raise InputError(f"{source}: there is no ratio '{unknown[0]}'; ratios are {', '.join(TERM_NAMES)}")
+    for name, ratio in ratios.items():
+        _check_fields(ratio, _RATIO_FIELDS, f'{source}, {name}')
+        if ratio['unit'] != RATIO_UNITS[name]:
+            raise InputError(f"{source}, {name}: the unit '{ratio['unit']}' must be '{RATIO_UNITS[name]}'")
+    amplitudes = plain['valid_amplitude_rad']
+    if not isinstance(amplitudes, list) or len(amplitudes) != 2:
+        raise InputError(f"{source}: 'valid_amplitude_rad' must be the smallest and the largest amplitude")
+    equation = Equation(str(plain['equation']), tuple(ratios))
+    values = {name: _number(ratio['value'], f'{source}, {name}') for name, ratio in ratios.items()}
+    return IdentifiedModel(
+        model=DecayModel.from_terms(
+            equation, values, trim=_number(plain['trim_rad'], f'{source}, trim_rad'),
+            friction_rate=_number(plain['friction_rate_rad_s'], f'{source}, friction_rate_rad_s'), axis=axis,
+        ),
+        covariance=[[_number(v, f'{source}, covariance') for v in _row(row, source)] for row in _row(plain['covariance'], source)],
+        trim_std=_number(plain['trim_std_rad'], f'{source}, trim_std_rad'),
+        amplitude_range=tuple(_number(a, f'{source}, valid_amplitude_rad') for a in amplitudes),
+        metrics=plain['metrics'],
+        provenance=plain['provenance'],
+    )  # fmt: skip
+
+
+def _check_fields(mapping, expected, source):
+    if not isinstance(mapping, dict):
+        raise InputError(f'{source}: expected the fields {", ".join(expected)}')
+    unknown = [str(name) for name in mapping if name not in expected]
+    missing = [name for name in expected if name not in mapping]
+    if unknown:
+        raise InputError(f"{source}: unknown field '{unknown[0]}'; fields are {', '.join(expected)}")
+    if missing:
+        raise InputError(f"{source}: the field '{missing[0]}' is missing")
+
+
+def _row(values, source):
+    if not isinstance(values, list):
+        raise InputError(f"{source}: 'covariance' must be a square table of numbers")
+    return values
+
+
+def _number(value, source):
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{source}: '{value}' is not a number")
+    return float(value)
