@@ -1,5 +1,10 @@
-# `make demo` and `make test` need nothing but Python 3.11 or newer: each makes its own environment in .venv first.
-PYTHON ?= python3
+# `make demo` and `make test` need nothing but Python 3.11 or 3.12, for which ROS 2 Jazzy exists: each makes its own
+# environment in .venv first. `make PYTHON=python3.12 ...` names another Python.
+SUITABLE := import ensurepip, sys, venv; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
+ifndef PYTHON
+FOUND := $(shell for p in python3 python3.12 python3.11; do $$p -c '$(SUITABLE)' 2>/dev/null && echo $$p && break; done)
+PYTHON := $(or $(FOUND),python3)
+endif
 VENV ?= .venv
 JOBS ?= 2
 
@@ -33,11 +38,11 @@ clean:
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): setup.py package.xml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-	  || { echo '$(PYTHON) is not Python 3.11 or newer: name one, as in `make PYTHON=python3.12`' >&2; exit 1; }
+	@$(PYTHON) -c '$(SUITABLE)' 2>/dev/null \
+	  || { echo '$(PYTHON) is not Python 3.11 or 3.12 with its venv module: install one (apt install python3-venv),' \
+	    'or name it (make PYTHON=python3.12)' >&2; exit 1; }
 	@echo 'Setting up $(VENV) with Python $(PYTHON_VERSION): once, about a minute'
 	@rm -f $(VENV)/ready-*
-	@test -x $(BIN)/python$(PYTHON_VERSION) || $(PYTHON) -m venv --clear $(VENV) \
-	  || { echo 'no virtual environment without the venv module: `apt install python3-venv`' >&2; exit 1; }
+	@test -x $(BIN)/python$(PYTHON_VERSION) || $(PYTHON) -m venv --clear $(VENV)
 	@$(BIN)/python -m pip install -qq --editable '.[ros,fast,test]'
 	@touch $@

@@ -239,7 +239,7 @@ for name in {names}:
     importlib.import_module(name)
 '''
     result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
+    assert result.returncode == 0, result.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize(
