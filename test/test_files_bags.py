@@ -1,0 +1,369 @@
+"""Bags: what is read is what was sent, and what is broken is told."""
+import shutil
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from swath_sysid.errors import InputError
+from swath_sysid.files import bags
+from swath_sysid.files.bags import IMU_TYPE, is_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.motion.attitude import euler_rates, quaternion
+from swath_sysid.motion.trial import CHANNELS, Trial
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+COUNT = 200
+RNG = np.random.default_rng(1)
+STAMPS = 1_700_000_000_123_456_789 + 10_000_000 * np.arange(COUNT)
+ROLL, PITCH, YAW = RNG.uniform(-0.5, 0.5, (3, COUNT))
+RATES, FORCE = RNG.normal(0, 1, (2, COUNT, 3))
+STORAGES = {'sqlite3': StoragePlugin.SQLITE3, 'mcap': StoragePlugin.MCAP}
+
+
+def codes(trial):
+    return [advice.code for advice in trial.advice]
+
+
+def imu(at, frame_id='imu', stamp=None, absent=()):
+    types = STORE.types
+    seconds, nanoseconds = divmod(int(STAMPS[at] if stamp is None else stamp), 1_000_000_000)
+    covariances = {f'{name}_covariance': np.array([-1.0 if name in absent else 0.0, *8 * [0.0]])
+                   for name in ('orientation', 'angular_velocity', 'linear_acceleration')}
+    return types[IMU_TYPE](
+        header=types['std_msgs/msg/Header'](
+            stamp=types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds), frame_id=frame_id),
+        orientation=types['geometry_msgs/msg/Quaternion'](*map(float, quaternion(ROLL[at], PITCH[at], YAW[at]))),
+        angular_velocity=types['geometry_msgs/msg/Vector3'](*RATES[at]),
+        linear_acceleration=types['geometry_msgs/msg/Vector3'](*FORCE[at]), **covariances)
+
+
+def write_bag(folder, messages, storage='mcap', compression=None, extra=()):
+    """A bag of (topic, time of arrival, message or bytes), as a recorder writes it."""
+    writer = Writer(folder, version=9, storage_plugin=STORAGES[storage])
+    if compression:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        connections = {topic: writer.add_connection(topic, IMU_TYPE, typestore=STORE)
+                       for topic in dict.fromkeys(topic for topic, _, _ in messages)}
+        for topic, msgtype, message in extra:
+            connection = writer.add_connection(topic, msgtype, typestore=STORE)
+            writer.write(connection, 1, STORE.serialize_cdr(message, msgtype))
+        for topic, received, message in messages:
+            raw = message if isinstance(message, bytes) else bytes(STORE.serialize_cdr(message, IMU_TYPE))
+            writer.write(connections[topic], int(received), raw)
+    return folder
+
+
+def plain_messages(**options):
+    return [('/imu/data', STAMPS[at] + 500_000, imu(at, **options)) for at in range(COUNT)]
+
+
+def assert_right(trial):
+    assert np.array_equal(trial.time, (STAMPS - STAMPS[0]) / 1e9)
+    assert np.allclose(trial.roll, ROLL) and np.allclose(trial.pitch, PITCH)
+    expected = euler_rates(ROLL, PITCH, *RATES.T)
+    assert np.allclose(trial.roll_rate, expected[0]) and np.allclose(trial.pitch_rate, expected[1])
+    assert np.array_equal(np.stack([trial.accel_x, trial.accel_y, trial.accel_z], axis=1), FORCE)
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+@pytest.mark.parametrize('compression', [None, CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_bag_folder(tmp_path, storage, compression):
+    trial = read_bag(write_bag(tmp_path / 'bag', plain_messages(), storage, compression))
+    assert_right(trial)
+    assert trial.advice == ()
+    assert trial.source == f'{tmp_path / "bag"} /imu/data'
+
+
+@pytest.mark.parametrize('storage,ending', [('sqlite3', '.db3'), ('mcap', '.mcap')])
+@pytest.mark.parametrize('name', ['as it is', 'renamed.bin'])
+def test_storage_file_alone(tmp_path, storage, ending, name):
+    file = next(write_bag(tmp_path / 'bag', plain_messages(), storage).glob(f'*{ending}'))
+    if name != 'as it is':
+        file = file.rename(tmp_path / name)
+    assert is_bag(file)
+    assert_right(read_bag(file))
+
+
+@pytest.mark.parametrize('frame_id', ['', 'i', 'imu_link', 'a_rather_long_frame_name', 'köln'])
+def test_decoding_is_that_of_the_library(tmp_path, frame_id):
+    folder = write_bag(tmp_path / 'bag', plain_messages(frame_id=frame_id))
+    record = read_imu(folder)
+    assert record.frame_id == frame_id
+    with AnyReader([folder]) as reader:
+        for at, (connection, received, raw) in enumerate(reader.messages()):
+            message = reader.deserialize(raw, connection.msgtype)
+            assert record.received[at] == received
+            assert record.stamps[at] == message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+            turn = message.orientation
+            assert record.orientation[at].tolist() == [turn.x, turn.y, turn.z, turn.w]
+            assert record.angular_velocity[at, 2] == message.angular_velocity.z
+            assert record.linear_acceleration[at, 0] == message.linear_acceleration.x
+            assert np.array_equal(record.orientation_covariance[at], message.orientation_covariance)
+            assert np.array_equal(record.angular_velocity_covariance[at], message.angular_velocity_covariance)
+            assert np.array_equal(record.linear_acceleration_covariance[at], message.linear_acceleration_covariance)
+
+
+def test_decoding_is_that_of_ros(tmp_path):
+    serialization = pytest.importorskip('rclpy.serialization', reason='rclpy is not installed')
+    imu_class = pytest.importorskip('sensor_msgs.msg').Imu
+    messages = []
+    for at in range(10):
+        message = imu_class()
+        message.header.stamp.sec, message.header.stamp.nanosec = at + 1, 5
+        message.header.frame_id = 'x' * at
+        message.orientation.w, message.angular_velocity.y = 1.0, float(at)
+        message.linear_acceleration_covariance[8] = 3.0
+        messages.append(('/imu', at, serialization.serialize_message(message)))
+    record = read_imu(write_bag(tmp_path / 'bag', messages))
+    assert record.stamps.tolist() == [(at + 1) * 1_000_000_000 + 5 for at in range(10)]
+    assert record.angular_velocity[:, 1].tolist() == list(range(10))
+    assert np.all(record.linear_acceleration_covariance[:, 8] == 3)
+
+
+def test_big_endian_messages_are_read():
+    little = bytes(STORE.serialize_cdr(imu(0), IMU_TYPE, little_endian=True))
+    big = bytes(STORE.serialize_cdr(imu(0), IMU_TYPE, little_endian=False))
+    decoder = bags._ImuDecoder()
+    decoder.add(0, little)
+    decoder.add(1, big)
+    stamps, _, values = decoder.arrays()
+    assert stamps[0] == stamps[1] == STAMPS[0]
+    assert np.array_equal(values[0], values[1])
+
+
+def test_blocks_and_mixed_frames_keep_the_order(tmp_path, monkeypatch):
+    monkeypatch.setattr(bags, 'MESSAGES_AT_ONCE', 16)
+    messages = [('/imu/data', STAMPS[at], imu(at, frame_id='imu' * (1 + at % 3))) for at in range(COUNT)]
+    assert_right(read_bag(write_bag(tmp_path / 'bag', messages)))
+
+
+@pytest.mark.parametrize('absent,left', [
+    (('orientation',), {'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z'}),
+    (('angular_velocity',), {'roll', 'pitch', 'accel_x', 'accel_y', 'accel_z'}),
+    (('linear_acceleration',), {'roll', 'pitch', 'roll_rate', 'pitch_rate'}),
+])
+def test_minus_one_means_not_measured(tmp_path, absent, left):
+    trial = read_bag(write_bag(tmp_path / 'bag', plain_messages(absent=absent)))
+    assert set(trial.channels) == left
+    if 'orientation' in absent:
+        assert codes(trial) == ['body-rates']
+        assert np.array_equal(trial.roll_rate, RATES[:, 0])
+
+
+def test_minus_one_in_some_messages_marks_those(tmp_path):
+    messages = plain_messages()
+    messages[3] = ('/imu/data', STAMPS[3], imu(3, absent=('orientation',)))
+    trial = read_bag(write_bag(tmp_path / 'bag', messages))
+    assert np.flatnonzero(np.isnan(trial.roll)).tolist() == [3]
+    assert np.isfinite(trial.accel_x).all()
+
+
+def test_frame_and_mounting_are_applied(tmp_path):
+    folder = write_bag(tmp_path / 'bag', plain_messages())
+    assert np.allclose(read_bag(folder, frame='frd').pitch, -PITCH)
+    turned = read_bag(folder, mounting=(0.0, 0.0, np.pi / 2))
+    assert np.allclose(turned.accel_x, -FORCE[:, 1]) and np.allclose(turned.accel_y, FORCE[:, 0])
+
+
+def test_topic_is_chosen_or_asked_for(tmp_path):
+    text = ('/chatter', 'std_msgs/msg/String', STORE.types['std_msgs/msg/String'](data='hello'))
+    one = write_bag(tmp_path / 'one', plain_messages(), extra=[text])
+    assert read_bag(one).time.size == read_bag(one, 'imu/data').time.size == COUNT
+    for topic, said in (('/chatter', 'std_msgs/msg/String'), ('/other', '/imu/data')):
+        with pytest.raises(InputError, match=said):
+            read_bag(one, topic)
+    two = write_bag(tmp_path / 'two', plain_messages() + [('/bow/imu', 1, imu(0))])
+    with pytest.raises(InputError, match='choose one of /bow/imu, /imu/data'):
+        read_bag(two)
+    assert read_bag(two, '/imu/data').time.size == COUNT
+    none = write_bag(tmp_path / 'none', [], extra=[text])
+    with pytest.raises(InputError, match=r'/chatter \(std_msgs/msg/String\)'):
+        read_bag(none)
+
+
+def test_stamps_not_set_are_replaced_by_times_of_arrival(tmp_path):
+    trial = read_bag(write_bag(tmp_path / 'bag', plain_messages(stamp=0)))
+    assert codes(trial) == ['no-header-stamps']
+    assert np.allclose(trial.time, 0.01 * np.arange(COUNT))
+
+
+def test_messages_that_are_none_are_left_out_and_told(tmp_path):
+    messages = plain_messages()
+    messages[5] = ('/imu/data', STAMPS[5], b'\0\1\0\0short')
+    messages[6] = ('/imu/data', STAMPS[6], b'')
+    messages[7] = ('/imu/data', STAMPS[7], b'\0\x07\0\0' + bytes(320))
+    messages[8] = ('/imu/data', STAMPS[8], b'\0\1\0\0' + b'\xff' * 320)
+    trial = read_bag(write_bag(tmp_path / 'bag', messages, 'sqlite3'))
+    assert trial.time.size == COUNT - 4
+    assert codes(trial) == ['damaged-messages', 'gaps']
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_bag_whose_recorder_was_killed(tmp_path, storage):
+    folder = write_bag(tmp_path / 'bag', plain_messages(), storage)
+    (folder / 'metadata.yaml').unlink()
+    trial = read_bag(folder)
+    assert_right(trial)
+    assert codes(trial) == ['damaged-bag']
+    (folder / 'metadata.yaml').write_text('rosbag2_bagfile_information: [')
+    assert_right(read_bag(folder))
+
+
+def big_mcap(tmp_path):
+    """An mcap of several chunks: chunks of 1 MiB hold about 3000 messages."""
+    time = 0.001 * np.arange(8000)
+    write_imu_bag(tmp_path / 'whole.mcap', Trial(time=time, roll=0.1 * np.sin(time), pitch=0 * time))
+    return (tmp_path / 'whole.mcap').read_bytes()
+
+
+def test_what_is_whole_of_a_cut_off_mcap_is_read(tmp_path):
+    whole = big_mcap(tmp_path)
+    cut = tmp_path / 'cut.mcap'
+    sizes = []
+    for share in (0.5, 0.9, 0.999):
+        cut.write_bytes(whole[:int(share * len(whole))])
+        trial = read_bag(cut)
+        assert codes(trial) == ['damaged-bag']
+        assert np.allclose(trial.roll, 0.1 * np.sin(trial.time), atol=1e-12)
+        sizes.append(trial.time.size)
+    assert 2000 < sizes[0] < sizes[1] < sizes[2] <= 8000
+    folder = tmp_path / 'bag'
+    folder.mkdir()
+    cut.rename(folder / 'bag_0.mcap')
+    assert read_bag(folder).time.size == sizes[2]
+
+
+def test_split_bag_with_a_lost_part(tmp_path):
+    folder = tmp_path / 'bag'
+    folder.mkdir()
+    for part, keep in enumerate((range(100), range(100, 200))):
+        messages = [('/imu/data', STAMPS[at], imu(at)) for at in keep]
+        file = next(write_bag(tmp_path / f'part{part}', messages).glob('*.mcap'))
+        file.rename(folder / f'bag_{part}.mcap')
+    assert_right(read_bag(folder))
+    (folder / 'bag_0.mcap').write_bytes(b'lost')
+    trial = read_bag(folder)
+    assert trial.time.size == 100 and codes(trial) == ['damaged-bag', 'damaged-bag']
+
+
+def test_short_mcap_cut_inside_its_only_chunk_is_read_up_to_there(tmp_path):
+    folder = write_bag(tmp_path / 'bag', plain_messages())
+    whole = next(folder.glob('*.mcap')).read_bytes()
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(whole[:len(whole) // 2])
+    trial = read_bag(cut)
+    assert 80 < trial.time.size < 120
+    assert np.allclose(trial.roll, ROLL[:trial.time.size])
+    assert codes(trial) == ['damaged-bag']
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_cut_off_bags_give_a_told_trial_or_one_sentence(tmp_path, storage):
+    folder = write_bag(tmp_path / 'bag', plain_messages(), storage)
+    file = next(file for file in folder.iterdir() if file.suffix in bags.STORAGES)
+    whole = file.read_bytes()
+    cut = tmp_path / f'cut{file.suffix}'
+    for share in np.linspace(0, 0.98, 12):
+        cut.write_bytes(whole[:int(share * len(whole))])
+        try:
+            trial = read_bag(cut)
+        except InputError as error:
+            assert '\n' not in str(error)
+        else:
+            assert codes(trial) == ['damaged-bag']
+            assert np.allclose(trial.roll, ROLL[:trial.time.size])
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+@pytest.mark.parametrize('storage', STORAGES)
+def test_broken_bytes_give_a_trial_or_one_sentence(tmp_path, storage, data):
+    folder = tmp_path / 'bag'
+    if not folder.exists():
+        write_bag(folder, plain_messages(), storage)
+    file = next(file for file in folder.iterdir() if file.suffix in bags.STORAGES)
+    content = bytearray(file.read_bytes())
+    # mostly where the structure is: the beginning and the end
+    span = data.draw(st.sampled_from([64, 8192, len(content)]))
+    places = st.integers(0, span - 1).map(lambda at: at if data.draw(st.booleans()) else len(content) - 1 - at)
+    for at in data.draw(st.lists(places, min_size=1, max_size=8)):
+        content[at] = data.draw(st.integers(0, 255))
+    broken = tmp_path / f'broken{file.suffix}'
+    broken.write_bytes(content)
+    try:
+        trial = read_bag(broken)
+    except InputError as error:
+        assert '\n' not in str(error)
+    else:
+        assert trial.axes and np.all(np.diff(trial.time) > 0)
+
+
+@pytest.mark.parametrize('text', ['', '{}', 'rosbag2_bagfile_information: {version: 99}', '- a', '\t', '[' * 100])
+def test_broken_metadata_is_one_sentence(tmp_path, text):
+    (tmp_path / 'metadata.yaml').write_text(text)
+    with pytest.raises(InputError) as error:
+        read_bag(tmp_path)
+    assert '\n' not in str(error.value)
+
+
+def test_no_such_bag(tmp_path):
+    with pytest.raises(InputError, match='no bag'):
+        read_bag(tmp_path / 'absent')
+
+
+def written_trial():
+    time = 0.01 * np.arange(300)
+    return Trial(
+        time=time, roll=0.2 * np.sin(3 * time), pitch=0.1 * np.cos(2 * time), roll_rate=0.6 * np.cos(3 * time),
+        pitch_rate=-0.2 * np.sin(2 * time), accel_x=0.1 * time, accel_y=0 * time, accel_z=9.81 + 0 * time)
+
+
+@pytest.mark.parametrize('name', ['trial.mcap', 'trial.db3', 'trial', 'trial.v2'])
+def test_written_bag_comes_back(tmp_path, name):
+    trial = written_trial()
+    path = tmp_path / name
+    write_imu_bag(path, trial, start_stamp_ns=1_700_000_000_000_000_005, topic='/hull/imu', frame_id='imu_1')
+    back = read_bag(path)
+    assert back.advice == ()
+    for channel in ('time', *CHANNELS):
+        assert np.allclose(getattr(back, channel), getattr(trial, channel), atol=1e-9), channel
+    record = read_imu(path)
+    assert (record.topic, record.frame_id) == ('/hull/imu', 'imu_1')
+    assert record.stamps[0] == 1_700_000_000_000_000_005
+    with AnyReader([path]) as reader:
+        assert reader.message_count == 300
+        assert reader.topics['/hull/imu'].msgtype == IMU_TYPE
+    assert [each.name for each in tmp_path.iterdir()] == [name]
+
+
+def test_written_folder_has_metadata_of_its_own_name(tmp_path):
+    write_imu_bag(tmp_path / 'run1', written_trial())
+    assert sorted(file.name for file in (tmp_path / 'run1').iterdir()) == ['metadata.yaml', 'run1.mcap']
+    assert 'run1.mcap' in (tmp_path / 'run1' / 'metadata.yaml').read_text()
+    shutil.move(tmp_path / 'run1', tmp_path / 'run2')
+    assert read_bag(tmp_path / 'run2').time.size == 300
+
+
+def test_bag_folder_is_not_overwritten_but_a_file_is(tmp_path):
+    write_imu_bag(tmp_path / 'bag', written_trial())
+    with pytest.raises(InputError, match='exists already'):
+        write_imu_bag(tmp_path / 'bag', written_trial())
+    for _ in range(2):
+        write_imu_bag(tmp_path / 'bag.mcap', written_trial())
+
+
+def test_what_a_trial_lacks_is_written_as_not_measured(tmp_path):
+    time = 0.01 * np.arange(50)
+    write_imu_bag(tmp_path / 'a.mcap', Trial(time=time - 0.5, roll_rate=np.sin(time)))
+    back = read_bag(tmp_path / 'a.mcap')
+    assert set(back.channels) == {'roll_rate', 'pitch_rate'}
+    assert np.allclose(back.roll_rate, np.sin(time)) and back.time[0] == 0
+    write_imu_bag(tmp_path / 'b.mcap', Trial(time=time, pitch=np.where(time > 0.2, np.nan, 0.1)))
+    back = read_bag(tmp_path / 'b.mcap')
+    assert set(back.channels) == {'roll', 'pitch'}
+    assert np.isnan(back.pitch[-1]) and back.pitch[0] == pytest.approx(0.1)

@@ -1,0 +1,269 @@
+"""CSV trials: units, delimiters, damage, and the way back."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from swath_sysid.errors import InputError
+from swath_sysid.files import tables
+from swath_sysid.files.csv_trials import read_csv, write_csv
+from swath_sysid.motion.attitude import euler_rates
+from swath_sysid.motion.trial import CHANNELS, Trial
+
+
+def codes(trial):
+    return [advice.code for advice in trial.advice]
+
+
+def written(folder, text, name='trial.csv'):
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def lines(header, *columns, mark=','):
+    rows = (mark.join(f'{value:.9g}' for value in row) for row in zip(*columns, strict=True))
+    return header + '\n' + '\n'.join(rows) + '\n'
+
+
+TIME = np.arange(20) * 0.1
+ROLL = np.round(0.2 * np.sin(TIME), 6)
+
+
+@pytest.mark.parametrize('name,scale', [('time_s', 1), ('time_ms', 1e3), ('time_us', 1e6), ('time_ns', 1e9),
+                                        ('t_s', 1), ('stamp_s', 1), ('Timestamp (ns)', 1e9), ('Time [ms]', 1e3)])
+def test_time_units(tmp_path, name, scale):
+    trial = read_csv(written(tmp_path, lines(f'{name},roll_rad', scale * TIME, ROLL)))
+    assert np.allclose(trial.time, TIME, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize('name,scale,channel', [
+    ('roll_deg', 180 / np.pi, 'roll'), ('Roll (°)', 180 / np.pi, 'roll'), ('pitch_rad', 1, 'pitch'),
+    ('roll_rate_deg_s', 180 / np.pi, 'roll_rate'), ('Pitch rate [rad/s]', 1, 'pitch_rate'),
+])
+def test_units_and_spellings_of_channels(tmp_path, name, scale, channel):
+    trial = read_csv(written(tmp_path, lines(f'time_s,{name}', TIME, scale * ROLL)))
+    assert np.allclose(getattr(trial, channel), ROLL, rtol=1e-7)
+    assert trial.advice == ()
+
+
+@pytest.mark.parametrize('name,scale', [('accel_z_m_s2', 1), ('acc_z (m/s²)', 1), ('linear_acceleration_z [m/s^2]', 1),
+                                        ('accel_z_g', 1 / 9.80665)])
+def test_units_of_acceleration(tmp_path, name, scale):
+    trial = read_csv(written(tmp_path, lines(f'time_s,roll_rad,{name}', TIME, ROLL, scale * (9.81 + ROLL))))
+    assert np.allclose(trial.accel_z, 9.81 + ROLL, rtol=1e-7)
+
+
+def test_body_rates_become_euler_rates(tmp_path):
+    values = [TIME, ROLL, 2 * ROLL, 3 * ROLL, 4 * ROLL, 5 * ROLL]
+    trial = read_csv(written(tmp_path, lines(
+        'time_s,roll_rad,pitch_rad,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s', *values)))
+    expected = euler_rates(trial.roll, trial.pitch, 3 * ROLL, 4 * ROLL, 5 * ROLL)
+    assert np.allclose(trial.roll_rate, expected[0], atol=1e-8)
+    assert np.allclose(trial.pitch_rate, expected[1], atol=1e-8)
+
+
+def test_body_rates_without_angles_are_told(tmp_path):
+    trial = read_csv(written(tmp_path, lines('time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s', TIME, ROLL, ROLL, ROLL)))
+    assert codes(trial) == ['body-rates']
+    assert np.allclose(trial.roll_rate, ROLL)
+
+
+def test_quaternion_columns(tmp_path):
+    rows = ''.join(f'{t},{x},0,0,{w}\n' for t, x, w in zip(TIME, np.sin(ROLL / 2), np.cos(ROLL / 2), strict=True))
+    trial = read_csv(written(tmp_path, 'time_s,orientation.x,orientation.y,orientation.z,orientation.w\n' + rows))
+    assert np.allclose(trial.roll, ROLL)
+    assert np.allclose(trial.pitch, 0)
+
+
+def test_epoch_times_count_from_the_first_sample(tmp_path):
+    rows = ''.join(f'{1700000000 + at // 10},{at % 10 * 100_000_000},{ROLL[at]}\n' for at in range(20))
+    trial = read_csv(written(tmp_path, 'sec,nanosec,roll_rad\n' + rows))
+    assert np.allclose(trial.time, TIME, atol=1e-12)
+    rows = ''.join(f'{1700000000_000_000_000 + at * 100_000_000},{ROLL[at]}\n' for at in range(20))
+    trial = read_csv(written(tmp_path, 'time_ns,roll_rad\n' + rows))
+    assert np.allclose(trial.time, TIME, atol=1e-6)
+
+
+def test_times_before_zero_are_kept(tmp_path):
+    trial = read_csv(written(tmp_path, lines('time_s,roll_rad', TIME - 0.5, ROLL)))
+    assert trial.time[0] == -0.5
+
+
+@pytest.mark.parametrize('mark', [',', ';', '\t', ' '])
+@pytest.mark.parametrize('end', ['\n', '\r\n', '\r'])
+def test_delimiters_and_line_ends(tmp_path, mark, end):
+    text = lines(f'time_s{mark}roll_rad', TIME, ROLL, mark=mark).replace('\n', end)
+    trial = read_csv(written(tmp_path, text))
+    assert np.allclose(trial.roll, ROLL)
+    assert trial.advice == ()
+
+
+@pytest.mark.parametrize('mark', [';', '\t', ' '])
+def test_decimal_comma(tmp_path, mark):
+    trial = read_csv(written(tmp_path, lines(f'time_s{mark}roll_rad', TIME, ROLL, mark=mark).replace('.', ',')))
+    assert np.allclose(trial.time, TIME) and np.allclose(trial.roll, ROLL)
+
+
+def test_quotes_and_byte_order_mark(tmp_path):
+    rows = ''.join(f'"{t}","{r}"\n' for t, r in zip(TIME, ROLL, strict=True))
+    trial = read_csv(written(tmp_path, b'\xef\xbb\xbf' + f'"time_s","roll_rad"\n{rows}'.encode()))
+    assert np.allclose(trial.roll, ROLL)
+
+
+def test_names_in_a_comment_as_savetxt_writes_them(tmp_path):
+    path = tmp_path / 'saved.txt'
+    np.savetxt(path, np.column_stack([TIME, ROLL]), header='time_s,roll_rad')
+    assert np.allclose(read_csv(path).roll, ROLL)
+    np.savetxt(path, np.column_stack([TIME, ROLL]), header='time_s roll_rad')
+    assert np.allclose(read_csv(path).roll, ROLL)
+
+
+def test_remarks(tmp_path):
+    head = '# draft_m: 0.154\n# initial_angle_deg: 6\n# frame: frd\n# note: calm\n'
+    trial = read_csv(written(tmp_path, head + lines('time_s,pitch_rad', TIME, ROLL)))
+    assert trial.draft == 0.154
+    assert trial.initial_angle == pytest.approx(np.radians(6))
+    assert np.allclose(trial.pitch, -ROLL)
+    assert np.allclose(read_csv(trial.source, frame='flu').pitch, ROLL)
+    with pytest.raises(InputError, match='draft_m: deep'):
+        read_csv(written(tmp_path, '# draft_m: deep\n' + lines('time_s,roll_rad', TIME, ROLL)))
+    with pytest.raises(InputError, match="frame 'ned'"):
+        read_csv(written(tmp_path, '# frame: ned\n' + lines('time_s,roll_rad', TIME, ROLL)))
+
+
+@pytest.mark.parametrize('cell,told', [('', []), ('nan', []), ('NA', []), ('ERR', ['text-in-numbers'])])
+def test_cells_that_are_no_numbers(tmp_path, cell, told):
+    rows = lines('time_s,roll_rad,pitch_rad', TIME, ROLL, ROLL).splitlines()
+    rows[5] = f'{TIME[4]},{cell},{ROLL[4]}'
+    trial = read_csv(written(tmp_path, '\n'.join(rows)))
+    assert np.flatnonzero(np.isnan(trial.roll)).tolist() == [4]
+    assert codes(trial) == [*told, 'missing-values']
+    if told:
+        assert "'ERR' in line 6, column roll_rad" in trial.advice[0].message
+
+
+def test_columns_of_empty_cells_stay_fast_and_right(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables._BlockParser, '_parse_cells', lambda *_: pytest.fail('parsed cell by cell'))
+    rows = ''.join(f',,{t},,,{r},\n' for t, r in zip(TIME, ROLL, strict=True))
+    trial = read_csv(written(tmp_path, 'a,b,time_s,pitch_rad,d,roll_rad,e\n' + rows))
+    assert np.allclose(trial.roll, ROLL)
+    assert codes(trial) == ['empty-channel']
+
+
+def test_cut_off_last_line_and_repeated_head(tmp_path):
+    text = lines('time_s,roll_rad,pitch_rad', TIME, ROLL, ROLL)
+    trial = read_csv(written(tmp_path, text + '# again\ntime_s,roll_rad,pitch_rad\n2.0,0.1'))
+    assert trial.time[-1] == 2.0 and trial.roll[-1] == 0.1 and np.isnan(trial.pitch[-1])
+    assert codes(trial) == ['text-in-numbers', 'short-rows', 'missing-stamps', 'missing-values']
+    assert 'line 23' in trial.advice[0].message and 'line 24' in trial.advice[1].message
+
+
+def test_line_numbers_hold_across_blocks(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, 'BLOCK_BYTES', 64)
+    rows = lines('time_s,roll_rad', TIME, ROLL).splitlines()
+    rows[15] = f'{TIME[14]},broken'
+    trial = read_csv(written(tmp_path, '\n\n'.join(rows)))
+    assert trial.time.size == 20
+    assert "'broken' in line 31" in trial.advice[0].message
+
+
+def test_column_without_unit_is_told_or_refused(tmp_path):
+    trial = read_csv(written(tmp_path, lines('time_s,roll_rad,pitch', TIME, ROLL, ROLL)))
+    assert trial.pitch is None
+    assert codes(trial) == ['unit-missing']
+    for header in ('time_s,roll', 'time,roll_rad'):
+        with pytest.raises(InputError, match='without a unit'):
+            read_csv(written(tmp_path, lines(header, TIME, ROLL)))
+
+
+@pytest.mark.parametrize('header,sought', [('hour,roll_rad', 'time_ns'), ('time_s,wave', 'roll_rate_rad_s')])
+def test_error_names_the_columns_looked_for_and_found(tmp_path, header, sought):
+    with pytest.raises(InputError) as error:
+        read_csv(written(tmp_path, lines(header, TIME, ROLL)))
+    assert sought in str(error.value) and header.replace(',', ', ') in str(error.value)
+
+
+@pytest.mark.parametrize('content', [
+    b'', b'\n\n \n', b'# only\n# comments\n', b'0,1\n1,2\n', b'time_s,roll_rad', b'time_s,roll_rad\n0,1\n1,2\n',
+    b'time_s,roll_rad\n' + b'nan,nan\n' * 20, b'time_s,roll_rad\n' + b'hello,world\n' * 20,
+    b'Once upon a time there was a ship.\nIt rolled.\n', bytes(range(256)) * 10, b'\xff\xfet\0i\0m\0e\0',
+    b'a' * 100_000, b'time_s,roll_rad\n' + b'1' * 100_000,
+])
+def test_bad_files_are_one_sentence(tmp_path, content):
+    with pytest.raises(InputError) as error:
+        read_csv(written(tmp_path, content))
+    assert '\n' not in str(error.value) and len(str(error.value)) < 600
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(content=st.one_of(
+    st.binary(max_size=300),
+    st.text(max_size=300).map(str.encode),
+    st.lists(st.sampled_from(['time_s', 'roll_rad', ',', ';', '\n', '\n', '0', '1', '2.5', '-', 'x', '"', '\r', '#',
+                              ' ', '\t', 'nan', 'inf', '1e999', '1,5']), max_size=150).map(''.join).map(str.encode),
+    st.lists(st.sampled_from([b'1', b'2.5', b'', b'nan', b'x', b'1e400', b'3,4', b'\xff']),
+             min_size=24, max_size=80).map(
+        lambda cells: b'time_s;roll_rad;gyro_x_deg_s\n' + b'\n'.join(
+            b';'.join(cells[at:at + 3]) for at in range(0, len(cells), 3))),
+))
+def test_any_content_gives_a_trial_or_one_sentence(tmp_path, content):
+    try:
+        trial = read_csv(written(tmp_path, content))
+    except InputError as error:
+        assert '\n' not in str(error)
+    else:
+        assert trial.axes and np.all(np.diff(trial.time) > 0)
+
+
+def test_trial_comes_back_exactly(tmp_path):
+    rng = np.random.default_rng(1)
+    time = np.cumsum(rng.uniform(0.01, 0.0101, 200)) - 1
+    channels = {name: rng.normal(0, 0.3, 200) for name in CHANNELS}
+    channels['pitch'][17] = np.nan
+    trial = Trial(time=time, **channels, draft=0.154, initial_angle=float(np.radians(6)))
+    path = tmp_path / 'trial.csv'
+    write_csv(path, trial)
+    back = read_csv(path)
+    assert back.channels.keys() == trial.channels.keys()
+    assert np.array_equal(back.time, trial.time)
+    assert all(np.array_equal(back.channels[name], channels[name], equal_nan=True) for name in CHANNELS)
+    assert (back.draft, back.initial_angle) == (trial.draft, trial.initial_angle)
+    write_csv(path, replace(trial, pitch=None, accel_x=None, draft=None))
+    assert read_csv(path).pitch is None and read_csv(path).draft is None
+
+
+def test_all_measured_records_are_read(data_folder):
+    paths = sorted(data_folder.rglob('*.csv'))
+    assert len(paths) >= 14
+    for path in paths:
+        assert read_csv(path).axes, path
+
+
+def test_morro_buoy_is_turned_to_flu(data_folder):
+    path = data_folder / 'waves' / 'morro_buoy.csv'
+    raw = np.genfromtxt(path, delimiter=',', names=True)
+    trial = read_csv(path, frame='frd')
+    assert trial.time.size == raw.size and trial.advice == ()
+    assert np.mean(trial.accel_z) == pytest.approx(9.81, abs=0.1)
+    assert np.allclose(trial.accel_y, -raw['accel_y_m_s2'])
+    assert np.allclose(trial.pitch, -np.radians(raw['pitch_deg']))
+    # the Euler rates must be the derivatives of the angles: signs and body-to-Euler conversion at once
+    assert np.corrcoef(trial.pitch_rate[1:-1], np.gradient(trial.pitch, trial.time)[1:-1])[0, 1] > 0.97
+    assert np.corrcoef(trial.roll_rate[1:-1], np.gradient(trial.roll, trial.time)[1:-1])[0, 1] > 0.97
+
+
+def test_corrupt_packet_of_oahu_is_left_out_and_told(data_folder):
+    trial = read_csv(data_folder / 'faults' / 'oahu_static_bad_packets.csv', frame='frd')
+    assert np.isnan(trial.roll_rate[-1]) and np.isfinite(trial.roll_rate[:-1]).all()
+    assert codes(trial) == ['absurd-values', 'missing-values']
+
+
+def test_kvlcc2_is_read_as_it_is(data_folder):
+    path = data_folder / 'decay' / 'kvlcc2' / 'run3_15kn.csv'
+    raw = np.genfromtxt(path, delimiter=',', names=True)
+    trial = read_csv(path)
+    assert np.array_equal(trial.time, raw['time_s']) and np.array_equal(trial.roll, raw['roll_rad'])
+    assert trial.advice == ()

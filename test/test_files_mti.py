@@ -1,0 +1,123 @@
+"""MTi exports in the forms in which MT Manager writes them."""
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.mti import read_mti
+from swath_sysid.motion.attitude import euler_rates, quaternion
+
+COUNT = 60
+TIME = 0.01 * np.arange(COUNT)
+ROLL, PITCH, YAW = 0.2 * np.sin(9 * TIME), 0.1 * np.cos(5 * TIME), 0.5 + 0.1 * TIME
+GYRO = np.column_stack([np.cos(9 * TIME), np.sin(5 * TIME), 0.1 + 0 * TIME])
+FORCE = np.column_stack([0 * TIME, 0.5 * np.sin(TIME), 9.81 + 0 * TIME])
+
+HEAD = ('// Start Time: Unknown\n// Update Rate: 100.0Hz\n// Filter Profile: general (46.1)\n'
+        '// Option Flags: AHS Disabled ICC Disabled\n// Firmware Version: 4.6.0\n')
+EULER = {'Roll': np.degrees(ROLL), 'Pitch': np.degrees(PITCH), 'Yaw': np.degrees(YAW)}
+QUATERNION = dict(zip(('Quat_q1', 'Quat_q2', 'Quat_q3', 'Quat_q0'), quaternion(ROLL, PITCH, YAW), strict=True))
+INERTIAL = dict(zip(('Acc_X', 'Acc_Y', 'Acc_Z', 'Gyr_X', 'Gyr_Y', 'Gyr_Z'), [*FORCE.T, *GYRO.T], strict=True))
+COUNTER = {'PacketCounter': np.arange(100, 100 + COUNT)}
+TICKS = {'SampleTimeFine': 5000 + 100 * np.arange(COUNT)}
+
+
+def matrix():
+    """Mat[row][column] of Rz(yaw) Ry(pitch) Rx(roll), written out."""
+    rows = np.empty((3, 3, COUNT))
+    for at, (r, p, y) in enumerate(zip(ROLL, PITCH, YAW, strict=True)):
+        turn = np.array([[np.cos(y), -np.sin(y), 0], [np.sin(y), np.cos(y), 0], [0, 0, 1]])
+        pitching = np.array([[np.cos(p), 0, np.sin(p)], [0, 1, 0], [-np.sin(p), 0, np.cos(p)]])
+        rolling = np.array([[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]])
+        rows[:, :, at] = turn @ pitching @ rolling
+    return {f'Mat[{row + 1}][{column + 1}]': rows[row, column] for column in range(3) for row in range(3)}
+
+
+def export(folder, columns, head=HEAD, mark='\t'):
+    """A file as MT Manager writes it; a column of None is empty, as for what the sensor did not send."""
+    rows = (mark.join('' if values is None else f'{values[at]:.12g}' for values in columns.values())
+            for at in range(COUNT))
+    path = folder / 'MT_0370.txt'
+    path.write_text(head + mark.join(columns) + '\n' + '\n'.join(rows) + '\n')
+    return path
+
+
+@pytest.mark.parametrize('mark', ['\t', ',', ';', ' '])
+@pytest.mark.parametrize('orientation', ['euler', 'quaternion', 'matrix'])
+def test_export_is_read(tmp_path, mark, orientation):
+    angles = {'euler': EULER, 'quaternion': QUATERNION, 'matrix': matrix()}[orientation]
+    trial = read_mti(export(tmp_path, {**COUNTER, **TICKS, **INERTIAL, **angles}, mark=mark))
+    assert trial.advice == ()
+    assert np.allclose(trial.time, TIME)
+    assert np.allclose(trial.roll, ROLL) and np.allclose(trial.pitch, PITCH)
+    expected = euler_rates(ROLL, PITCH, *GYRO.T)
+    assert np.allclose(trial.roll_rate, expected[0]) and np.allclose(trial.pitch_rate, expected[1])
+    assert np.allclose(trial.accel_y, FORCE[:, 1]) and np.allclose(trial.accel_z, FORCE[:, 2])
+
+
+def test_columns_never_sent_are_empty_and_time_comes_from_the_counter(tmp_path):
+    unsent = dict.fromkeys(['SampleTimeFine', 'Year', 'Month', 'Day', 'Second', 'UTC_Nano', 'UTC_Year', 'UTC_Valid'])
+    trial = read_mti(export(tmp_path, {**COUNTER, **unsent, **INERTIAL, **matrix()}))
+    assert np.allclose(trial.time, TIME)
+    assert np.allclose(trial.roll, ROLL)
+
+
+@pytest.mark.parametrize('line', ['// Update Rate: 50.0Hz', '// Sample rate: 50 Hz', '// Output Rate: 50,0Hz'])
+def test_counter_uses_the_update_rate(tmp_path, line):
+    trial = read_mti(export(tmp_path, {**COUNTER, **EULER}, head=line + '\n'))
+    assert np.allclose(trial.time, 2 * TIME)
+
+
+def test_counters_wrap(tmp_path):
+    counter = {'PacketCounter': (65536 - 20 + np.arange(COUNT)) % 65536}
+    assert np.allclose(read_mti(export(tmp_path, {**counter, **EULER})).time, TIME)
+    ticks = {'SampleTimeFine': (2**32 - 3000 + 100 * np.arange(COUNT)) % 2**32}
+    trial = read_mti(export(tmp_path, {**counter, **ticks, **EULER}))
+    assert np.allclose(trial.time, TIME) and trial.advice == ()
+
+
+def test_lost_packets_are_gaps(tmp_path):
+    counter = COUNTER['PacketCounter'].copy()
+    counter[30:] += 7
+    trial = read_mti(export(tmp_path, {'PacketCounter': counter, **EULER}))
+    assert [advice.code for advice in trial.advice] == ['gaps']
+    assert '0.08 s' in trial.advice[0].message
+
+
+def test_line_cut_off_costs_its_row_only(tmp_path):
+    path = export(tmp_path, {**COUNTER, **TICKS, **EULER})
+    path.write_text(path.read_text()[:-30])
+    trial = read_mti(path)
+    assert np.allclose(trial.time[:COUNT - 1], TIME[:-1])
+    assert np.allclose(trial.roll[:COUNT - 1], ROLL[:-1])
+    assert trial.advice[0].code == 'short-rows'
+
+
+def test_rates_alone_and_frd(tmp_path):
+    trial = read_mti(export(tmp_path, {**TICKS, **INERTIAL}), frame='frd')
+    assert set(trial.channels) == {'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z'}
+    assert np.allclose(trial.pitch_rate, -GYRO[:, 1]) and np.allclose(trial.accel_z, -FORCE[:, 2])
+
+
+@pytest.mark.parametrize('columns,head,said', [
+    (EULER, HEAD, 'PacketCounter'), ({**COUNTER, **EULER}, '// Start Time: Unknown\n', 'Update Rate'),
+    ({**COUNTER, 'Mag_X': TIME}, HEAD, 'Quat_q0'), ({**COUNTER, **dict.fromkeys(EULER)}, HEAD, 'at least 8'),
+])
+def test_what_is_missing_is_named(tmp_path, columns, head, said):
+    with pytest.raises(InputError, match=said):
+        read_mti(export(tmp_path, columns, head))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cells=st.lists(st.sampled_from(['', '0', '1', '65535', '1.5', 'x', '-', 'nan', '1e30', '\t']), max_size=120))
+def test_any_cells_give_a_trial_or_one_sentence(tmp_path, cells):
+    rows = '\n'.join('\t'.join(cells[at:at + 4]) for at in range(0, len(cells), 4))
+    path = tmp_path / 'any.txt'
+    path.write_text(f'{HEAD}PacketCounter\tSampleTimeFine\tRoll\tGyr_X\n{rows}')
+    try:
+        trial = read_mti(path)
+    except InputError as error:
+        assert '\n' not in str(error)
+    else:
+        assert trial.axes and np.all(np.diff(trial.time) > 0)
