@@ -56,7 +56,7 @@ MAY_IMPORT = {
     'errors': set(),
     'share': {'errors'},
     'motion': BASE,
-    'hull': BASE,
+    'hull': BASE | {'motion'},
     'identification': BASE | {'motion', 'hull'},
     'prediction': BASE | {'motion', 'hull', 'identification'},
     'files': BASE | {'motion', 'hull', 'identification', 'prediction'},

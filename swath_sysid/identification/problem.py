@@ -13,9 +13,9 @@ from swath_sysid.motion.quality import check_decay
 from swath_sysid.motion.segmentation import DecaySegment, find_decay
 from swath_sysid.motion.trial import AxisMotion
 
-FRICTION_RATE_SHARE = 0.05
+FRICTION_RATE_SHARE = 0.02
 """Dry friction is smoothed over this share of the greatest rate: small against the rates that
-carry information, wide enough for the integration step."""
+carry information, and wide enough to be integrated at the usual step."""
 
 FIRST_LOOK_PERIODS = 0.12
 """The initial state is estimated from this part of a period."""

@@ -1,0 +1,77 @@
+"""``swath-sysid compare``: fit many equations and choose the simplest adequate one."""
+import json
+import os
+import sys
+import time
+
+from rich.console import Console
+from rich.table import Table
+
+from swath_sysid.cli.identify import add_search_arguments, settings_of
+from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.sources import add_source_arguments, chosen_axis, motions_of, provenance_of, read_trials
+from swath_sysid.files.model_file import write_model
+from swath_sysid.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.identification.problem import prepare
+from swath_sysid.identification.selection import compare
+from swath_sysid.report.figures import save_figure
+from swath_sysid.report.fit_figure import fit_figure
+from swath_sysid.report.fit_summary import comparison_as_data
+
+
+def add_arguments(parser):
+    """Records, equations, search, output."""
+    add_source_arguments(parser)
+    parser.add_argument('--equations', metavar='NAME,NAME', help='default: all published for the axis, and our own')
+    add_search_arguments(parser)
+    parser.add_argument('--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one a core)')
+    parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file of the choice')
+    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the choice')
+
+
+def equations_asked(text, axis):
+    """Equations of a list of names, separated by commas outside of compositions, or those of the axis."""
+    if text is None:
+        return equations_of_axis(axis)
+    names = text.split(';') if '|' in text else text.split(',')
+    return [equation_named(name.strip()) for name in names if name.strip()]
+
+
+def run(arguments):
+    """Compare, print the ranking, and write what was asked for."""
+    began = time.perf_counter()
+    settings = settings_of(arguments)
+    trials = read_trials(arguments.trials, arguments)
+    axis = chosen_axis(trials, arguments.axis)
+    equations = equations_asked(arguments.equations, axis)
+    problem = prepare(motions_of(trials, axis), settings.start, settings.end)
+    with progress_of('compare') as progress:
+        found = compare(
+            problem, equations, settings, jobs=arguments.jobs,
+            progress=lambda done, name: progress(done / len(equations), name),
+        )  # fmt: skip
+    choice = found.choice.identification
+    if arguments.output:
+        write_model(arguments.output, {axis: choice.identified_model(provenance_of(arguments.trials))})
+    if arguments.plot:
+        save_figure(fit_figure(choice), arguments.plot)
+    show_advice(dict.fromkeys([*(a for t in trials for a in t.advice), *choice.advice]))
+    if arguments.json:
+        print(json.dumps(comparison_as_data(found, time.perf_counter() - began), indent=2))
+    else:
+        _print_ranking(found)
+    return 0
+
+
+def _print_ranking(comparison):
+    table = Table('equation', 'terms', 'R2', 'objective', 'criterion', 'held-out error', 'period [s]', 'damping ratio')
+    best = comparison.ranked[0].criterion
+    for ranked in comparison.ranked:
+        fit = ranked.identification
+        table.add_row(
+            ranked.name, ' '.join(fit.model.equation.terms), f'{fit.r2:.6f}', f'{fit.objective_value:.6g}',
+            f'+{ranked.criterion - best:.1f}', f'{ranked.held_out:.4f}', f'{fit.model.natural_period:.4f}',
+            f'{fit.damping_ratio:.4f}', style='bold' if ranked is comparison.choice else None,
+        )  # fmt: skip
+    Console(file=sys.stdout, width=None if sys.stdout.isatty() else 120).print(table)
+    print(f'Choice: {comparison.reason}')

@@ -1,0 +1,85 @@
+"""Arguments that name a hull: published, from a model file, or an equation with given ratios."""
+from swath_sysid.errors import InputError
+from swath_sysid.files.model_file import read_model
+from swath_sysid.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named
+from swath_sysid.hull.decay_model import DecayModel
+from swath_sysid.hull.terms import TERM_NAMES
+
+
+def add_hull_arguments(parser):
+    """``--hull``, ``--equation`` with ``--ratio``, or ``--model``."""
+    choice = parser.add_mutually_exclusive_group(required=True)
+    choice.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)}')
+    choice.add_argument('--equation', help='an equation of the catalogue, or a composition such as b1,b2|r1,r3')
+    choice.add_argument('--model', metavar='FILE', help='model file')
+    parser.add_argument(
+        '--ratio', action='append', default=[], metavar='NAME=VALUE',
+        help='ratio to inertia, with --equation, for example r1=10.1; repeat for each (default: those of a published hull)',
+    )  # fmt: skip
+    parser.add_argument('--axis', choices=('roll', 'pitch'), help='axis, with --equation or a model file of both axes')
+
+
+def hull_of(arguments):
+    """The decay model that the arguments name.
+
+    Raises
+    ------
+    InputError
+        Unknown names, or ratios that do not suit the equation.
+    """
+    if arguments.hull is not None:
+        _refuse_ratios(arguments)
+        return hull_named(arguments.hull).model
+    if arguments.model is not None:
+        _refuse_ratios(arguments)
+        return _model_of_axis(arguments.model, arguments.axis)
+    equation = equation_named(arguments.equation)
+    values = dict(_ratio(text) for text in arguments.ratio)
+    if not values:
+        return published_ratios_for(equation, arguments.axis)
+    axis = arguments.axis or ('roll' if 'roll' in equation.name else 'pitch')
+    missing = [t for t in equation.terms if t not in values]
+    if missing:
+        raise InputError(f'{equation.name} has the terms {", ".join(equation.terms)}: give --ratio {missing[0]}=VALUE too')
+    return DecayModel.from_terms(equation, values, axis=axis)
+
+
+def published_ratios_for(equation, axis=None):
+    """An equation with the ratios of the published hull of its family.
+
+    The hull of the same craft and axis in the name is taken, the linear restoring standing for
+    the sine where the hull has no sine; terms that the hull has not are zero.
+    """
+    family = equation.name.rpartition('-')[0]
+    by_axis = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
+    name = family if family in PUBLISHED_HULLS else by_axis[axis or ('roll' if 'roll' in equation.name else 'pitch')]
+    model = PUBLISHED_HULLS[name].model
+    known = dict(zip(TERM_NAMES, model.ratios.tolist(), strict=True))
+    polynomial = {'r1': known['r1'] or known['s1'], 'r2': known['r2'] or known['s2']}
+    sine = {'s1': known['s1'] or known['r1'], 's2': known['s2'] or known['r2']}
+    known |= sine if not {'r1', 'r2', 'r3'} & set(equation.terms) else polynomial
+    values = {t: known[t] for t in equation.terms}
+    return DecayModel.from_terms(equation, values, axis=axis or model.axis)
+
+
+def _refuse_ratios(arguments):
+    if arguments.ratio:
+        raise InputError('--ratio goes with --equation: a published hull or a model file has its own ratios')
+
+
+def _ratio(text):
+    name, _, value = text.partition('=')
+    try:
+        return name.strip(), float(value)
+    except ValueError as error:
+        raise InputError(f"'{text}' is no ratio: write NAME=VALUE, for example r1=10.1") from error
+
+
+def _model_of_axis(path, axis):
+    models = read_model(path)
+    if axis is None and len(models) > 1:
+        raise InputError(f'{path} holds {" and ".join(models)}: choose one with --axis')
+    axis = axis or next(iter(models))
+    if axis not in models:
+        raise InputError(f'{path} holds no {axis} model, only {", ".join(models)}')
+    return models[axis].model

@@ -1,0 +1,70 @@
+"""``swath-sysid identify``: from decay records to a hull model."""
+import json
+import time
+
+from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.sources import add_source_arguments, chosen_axis, finite, motions_of, provenance_of, read_trials
+from swath_sysid.errors import InputError
+from swath_sysid.files.model_file import write_model
+from swath_sysid.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
+from swath_sysid.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.report.figures import save_figure
+from swath_sysid.report.fit_figure import fit_figure
+from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, inertia_of
+
+
+def add_arguments(parser):
+    """Records, model, search, output."""
+    add_source_arguments(parser)
+    parser.add_argument(
+        '--equation', metavar='NAME',
+        help=f"published equation, composition such as b1,b2|r1,r3, either with +friction (default: {DEFAULT_EQUATION})",
+    )  # fmt: skip
+    add_search_arguments(parser)
+    parser.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form too")
+    parser.add_argument('--mass', type=finite, metavar='KG', help='with --metacentric-height: the inertia follows from both')
+    parser.add_argument('--metacentric-height', type=finite, metavar='M', help='GM, transverse for roll, longitudinal for pitch')
+    parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
+    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the fit')
+
+
+def add_search_arguments(parser):
+    """Objective and search; shared with compare."""
+    parser.add_argument('--objective', choices=OBJECTIVES, default=OBJECTIVES[0], help='default: %(default)s')
+    parser.add_argument('--search', choices=ALGORITHMS, default='ga', help='default: %(default)s')
+    parser.add_argument('--preset', choices=tuple(PRESETS), help='search settings and ranges of a paper')
+    parser.add_argument('--generations', type=int, metavar='N')
+    parser.add_argument('--population', type=int, metavar='N')
+    parser.add_argument('--seed', type=int, default=1, metavar='N', help='default: %(default)s')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def settings_of(arguments, equation=None):
+    """Identification settings of the command line."""
+    if arguments.seed < 0:
+        raise InputError('the seed must not be negative')
+    search = SearchSettings(arguments.search, arguments.preset, arguments.generations, arguments.population, arguments.seed)
+    return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
+
+
+def run(arguments):
+    """Identify, print, and write what was asked for."""
+    began = time.perf_counter()
+    if (arguments.mass is None) != (arguments.metacentric_height is None):
+        raise InputError('give both --mass and --metacentric-height, or neither')
+    settings = settings_of(arguments, arguments.equation)
+    trials = read_trials(arguments.trials, arguments)
+    axis = chosen_axis(trials, arguments.axis)
+    with progress_of('identify') as progress:
+        found = identify(motions_of(trials, axis), settings, progress=progress)
+    inertia = inertia_of(found.model, arguments.inertia, arguments.mass, arguments.metacentric_height)
+    if arguments.output:
+        write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
+    if arguments.plot:
+        save_figure(fit_figure(found), arguments.plot)
+    show_advice(dict.fromkeys([*(a for t in trials for a in t.advice), *found.advice]))
+    if arguments.json:
+        print(json.dumps(fit_as_data(found, time.perf_counter() - began, inertia), indent=2))
+    else:
+        print('\n'.join(fit_in_words(found, inertia)))
+    return 0

@@ -1,0 +1,60 @@
+"""The command line ``swath-sysid``: one verb a module of this room.
+
+A verb's module has ``add_arguments(parser)`` and ``run(arguments) -> int``; it is imported only
+when it is asked for.
+"""
+import argparse
+import importlib
+import sys
+
+from swath_sysid import __version__
+from swath_sysid.errors import InputError
+
+VERBS = {
+    'identify': 'from decay records to a hull model',
+    'compare': 'fit many equations and choose the simplest adequate one',
+    'simulate': 'a trial with known truth, as an IMU would have recorded it',
+    'inspect': 'what is in a record: rates, gaps, decays, quality',
+}
+EXIT_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+
+def build_parser(verb):
+    """Parser of the command line, with the arguments of one verb filled in."""
+    parser = argparse.ArgumentParser(
+        prog='swath-sysid', description='Record, identify and forecast the motion of small craft.'
+    )
+    parser.add_argument('--version', action='version', version=f'swath_sysid {__version__}')
+    verbs = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
+    for name, summary in VERBS.items():
+        sub = verbs.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + '.')
+        if name == verb:
+            module_of(name).add_arguments(sub)
+    return parser
+
+
+def module_of(verb):
+    """Module of a verb."""
+    return importlib.import_module(f'swath_sysid.cli.{verb.replace("-", "_")}')
+
+
+def main(argv=None):
+    """Run the command line; returns the exit code."""
+    argv = sys.argv[1:] if argv is None else argv
+    verb = next((word for word in argv if not word.startswith('-')), None)
+    arguments = build_parser(verb).parse_args(argv)
+    try:
+        return module_of(arguments.verb).run(arguments)
+    except InputError as error:
+        print(f'swath-sysid {arguments.verb}: {error}', file=sys.stderr)
+        return EXIT_INPUT
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,38 @@
+"""Progress on a terminal as a bar, elsewhere as plain lines; always on standard error."""
+import sys
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+PLAIN_STEP = 0.25
+
+
+@contextmanager
+def progress_of(title):
+    """A function that takes the share done, 0 to 1, and optionally what is being done."""
+    if sys.stderr.isatty():
+        columns = (TextColumn('{task.description}'), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(title, total=1.0)
+            yield lambda share, what='': bar.update(task, completed=share, description=f'{title} {what}'.strip())
+        return
+    yield _plain(title)
+
+
+def _plain(title):
+    told = 0.0
+
+    def tell(share, what=''):
+        nonlocal told
+        if share >= told + PLAIN_STEP or (share >= 1.0 > told):
+            told = share
+            print(f'{title}: {share:.0%} {what}'.rstrip(), file=sys.stderr)
+
+    return tell
+
+
+def show_advice(advice):
+    """Print warnings, one a line, on standard error."""
+    for item in advice:
+        print(f'warning [{item.code}]: {item.message}', file=sys.stderr)

@@ -1,0 +1,45 @@
+"""``swath-sysid simulate``: a trial with known truth."""
+import math
+
+from swath_sysid.cli.hulls import add_hull_arguments, hull_of
+from swath_sysid.cli.sources import finite
+from swath_sysid.errors import InputError
+from swath_sysid.files.bags import write_imu_bag
+from swath_sysid.files.csv_trials import write_csv
+from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+
+NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
+
+
+def add_arguments(parser):
+    """The hull, the release, the sensor, and the file."""
+    usual = SensorNoise()
+    add_hull_arguments(parser)
+    parser.add_argument('--initial-angle-deg', type=finite, required=True, metavar='A', help='released at rest from this angle')
+    parser.add_argument('--duration', type=finite, default=15.0, metavar='S', help='after the release (default: %(default)s)')
+    parser.add_argument('--rate', type=finite, default=100.0, metavar='HZ', help='samples a second (default: %(default)s)')
+    parser.add_argument('--hold', type=finite, default=0.0, metavar='S', help='held at the angle first (default: %(default)s)')
+    parser.add_argument('--trim-deg', type=finite, default=0.0, metavar='A', help='angle of rest (default: %(default)s)')
+    parser.add_argument('--angle-noise', type=finite, default=usual.angle, metavar='RAD', help='default: %(default)s')
+    parser.add_argument('--rate-noise', type=finite, default=usual.rate, metavar='RAD_S', help='default: %(default)s')
+    parser.add_argument('--accel-noise', type=finite, default=usual.acceleration, metavar='M_S2', help='default: %(default)s')
+    parser.add_argument('--noise', choices=('published', 'none'), default='published', help='none: an ideal sensor')
+    parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')
+
+
+def run(arguments):
+    """Write the trial."""
+    model = hull_of(arguments).with_trim(math.radians(arguments.trim_deg))
+    noise = SensorNoise(arguments.angle_noise, arguments.rate_noise, arguments.accel_noise)
+    if arguments.seed < 0:
+        raise InputError('the seed must not be negative')
+    trial = simulated_trial(
+        model, math.radians(arguments.initial_angle_deg), arguments.duration, arguments.rate,
+        NO_NOISE if arguments.noise == 'none' else noise, arguments.seed, arguments.hold,
+    )  # fmt: skip
+    write = write_csv if arguments.output.endswith('.csv') else write_imu_bag
+    write(arguments.output, trial)
+    ratios = ', '.join(f'{name} {value:.6g}' for name, value in model.terms.items())
+    print(f'{arguments.output}: {trial.time.size} samples of {model.axis}, {model.equation.name}, true ratios {ratios}')
+    return 0

@@ -1,0 +1,41 @@
+"""What all figures share: size, colours, and writing them whole or not at all."""
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.atomic import replacing
+
+MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
+SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')
+FORMATS = ('png', 'svg', 'pdf')
+
+
+def new_figure(width, height):
+    """An empty figure, inches, drawn without a display."""
+    figure = Figure(figsize=(width, height), layout='constrained')
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def quiet(axes):
+    """Take away what does not inform: two spines; add a faint grid."""
+    axes.spines[['top', 'right']].set_visible(False)
+    axes.grid(alpha=0.25, linewidth=0.6)
+    return axes
+
+
+def save_figure(figure, path):
+    """Write a figure in the format of the name's ending.
+
+    Raises
+    ------
+    InputError
+        The ending is none of png, svg, pdf, or the file cannot be written.
+    """
+    ending = Path(path).suffix.lower().lstrip('.')
+    if ending not in FORMATS:
+        raise InputError(f"a picture cannot be written as '{path}': end the name in .{', .'.join(FORMATS)}")
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=130, format=ending)

@@ -1,0 +1,84 @@
+"""The picture of a fit: motion, residual, frequency and damping against amplitude."""
+import math
+
+import numpy as np
+
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, new_figure, quiet
+
+MOST_PANELS = 12
+
+
+def fit_figure(identification):
+    """Measured and simulated motion with residual of each record, and the curves with bands.
+
+    Parameters
+    ----------
+    identification : Identification
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    records = identification.records[:MOST_PANELS]
+    columns = min(3, len(records))
+    rows = math.ceil(len(records) / columns)
+    figure = new_figure(11.0, 3.4 * rows + 3.6)
+    upper, lower = figure.subfigures(2, 1, height_ratios=(3.4 * rows, 3.2))
+    grid = upper.add_gridspec(2 * rows, columns, height_ratios=(3, 1) * rows)
+    for index, record in enumerate(records):
+        row, column = divmod(index, columns)
+        motion_axes = quiet(upper.add_subplot(grid[2 * row, column]))
+        residual_axes = quiet(upper.add_subplot(grid[2 * row + 1, column], sharex=motion_axes))
+        _draw_motion(motion_axes, residual_axes, record, legend=index == 0)
+        if len(records) > 1:
+            motion_axes.set_title(_short(record.motion.source), fontsize='small')
+    left, right = lower.subplots(1, 2)
+    _draw_curves(quiet(left), quiet(right), identification)
+    figure.suptitle(_headline(identification), fontsize='medium')
+    return figure
+
+
+def _draw_motion(motion_axes, residual_axes, record, legend):
+    motion = record.motion
+    measured, simulated = (motion.rate, record.rate) if motion.angle is None else (motion.angle, record.angle)
+    quantity = 'rate [deg/s]' if motion.angle is None else '[deg]'
+    motion_axes.plot(motion.time, np.degrees(measured), color=MEASURED, linewidth=1.4, label='measured')
+    motion_axes.plot(motion.time, np.degrees(simulated), color=MODEL, linewidth=1.0, linestyle='--', label='simulated')
+    motion_axes.set_ylabel(f'{motion.axis} {quantity}')
+    motion_axes.tick_params(labelbottom=False)
+    residual_axes.plot(motion.time, np.degrees(record.residual), color=RESIDUAL, linewidth=0.7)
+    residual_axes.axhline(0.0, color=MEASURED, linewidth=0.5)
+    residual_axes.set_ylabel('residual [deg]' if motion.angle is not None else 'residual [deg/s]')
+    residual_axes.set_xlabel('time [s]')
+    if legend:
+        motion_axes.legend(frameon=False, loc='upper right', ncols=2, fontsize='small')
+
+
+def _draw_curves(frequency_axes, damping_axes, identification):
+    bands = identification.bands
+    amplitude = np.degrees(bands.curves.amplitude)
+    period = 2 * np.pi / bands.curves.frequency
+    period_std = period * bands.frequency_std / bands.curves.frequency
+    _band(frequency_axes, amplitude, period, period_std)
+    frequency_axes.set_ylabel('natural period [s]')
+    _band(damping_axes, amplitude, bands.curves.damping_ratio, bands.damping_ratio_std)
+    damping_axes.set_ylabel('equivalent damping ratio')
+    damping_axes.set_ylim(bottom=0.0)
+    for axes in (frequency_axes, damping_axes):
+        axes.set_xlabel(f'{identification.model.axis} amplitude [deg]')
+
+
+def _band(axes, amplitude, value, std):
+    axes.fill_between(amplitude, value - 2 * std, value + 2 * std, color=BAND, alpha=0.6, linewidth=0, label='two standard deviations')
+    axes.plot(amplitude, value, color=MODEL)
+    axes.legend(frameon=False, fontsize='small')
+
+
+def _headline(identification):
+    model = identification.model
+    terms = ',  '.join(f'{n} {v:.4g} ± {identification.std[n]:.2g}' for n, v in model.terms.items())
+    return f'{model.axis}, {model.equation.name}:  R² {identification.r2:.5f},  period {model.natural_period:.3f} s\n{terms}'
+
+
+def _short(source):
+    return source.replace('\\', '/').rsplit('/', 1)[-1]

@@ -1,0 +1,124 @@
+"""A fit in words and in plain data, for the terminal and for other programs."""
+import math
+
+from swath_sysid.hull.published_form import inertia_from_metacentric_height, to_published
+from swath_sysid.hull.terms import RATIO_UNITS
+
+
+def fit_as_data(identification, wall_s=None, inertia=None):
+    """What ``identify --json`` prints: plain numbers, strings, lists and dicts.
+
+    Parameters
+    ----------
+    identification : Identification
+    wall_s : float, optional
+        How long it took.
+    inertia : float, optional
+        I', to add the coefficients in the published form.
+    """
+    model = identification.model
+    segments = [[record.segment.start, record.segment.end] for record in identification.records]
+    data = {
+        'equation': model.equation.name,
+        'axis': model.axis,
+        'ratios': {
+            name: {'value': value, 'std': identification.std[name], 'unit': RATIO_UNITS[name]}
+            for name, value in model.terms.items()
+        },
+        'trim_rad': model.trim,
+        'trim_std_rad': identification.trim_std,
+        'natural_period_s': model.natural_period,
+        'damping_ratio': identification.damping_ratio,
+        'reference_amplitude_rad': identification.reference_amplitude,
+        'valid_amplitude_rad': list(identification.amplitude_range),
+        'r2': identification.r2,
+        'rmse': identification.rmse,
+        'rate_rmse': identification.rate_rmse,
+        'objective': {'name': identification.objective, 'value': identification.objective_value},
+        'segment_s': segments[0] if len(segments) == 1 else segments,
+        'sources': [record.motion.source for record in identification.records],
+        'search': {'value': identification.search.value, 'stop': identification.search.stop},
+        'generations': identification.search.generations,
+        'evaluations': identification.search.evaluations,
+        'samples': identification.samples,
+        'effective_samples': identification.effective_samples,
+        'wall_s': wall_s,
+        'warnings': [{'code': a.code, 'message': a.message} for a in identification.advice],
+    }
+    if inertia is not None:
+        data['published_form'] = vars(to_published(model, inertia))
+    return finite_or_none(data)
+
+
+def finite_or_none(value):
+    """The same data with None for numbers that JSON does not know."""
+    if isinstance(value, dict):
+        return {key: finite_or_none(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite_or_none(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return float(value) if isinstance(value, float) else value
+
+
+def inertia_of(model, inertia, mass, metacentric_height):
+    """I' as given, or from hydrostatics where mass and metacentric height are, or None."""
+    if inertia is None and mass is not None and metacentric_height is not None:
+        return inertia_from_metacentric_height(model, mass, metacentric_height)
+    return inertia
+
+
+def fit_in_words(identification, inertia=None):
+    """Lines for a reader.
+
+    Returns
+    -------
+    list of str
+    """
+    model = identification.model
+    lines = [f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)']
+    lines += [
+        f'  {_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '
+        f'{record.segment.cycles:.1f} cycles'
+        for record in identification.records
+    ]
+    lines += [
+        f'  {name:<3}{value:>14.6g}  +- {identification.std[name]:<10.3g} {RATIO_UNITS[name]}'
+        for name, value in model.terms.items()
+    ]
+    low, high = (math.degrees(a) for a in identification.amplitude_range)
+    lines += [
+        f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(identification.trim_std):.2g}',
+        f'  natural period {model.natural_period:.4f} s, equivalent damping ratio {identification.damping_ratio:.4f} '
+        f'at {math.degrees(identification.reference_amplitude):.2f} deg',
+        f'  R2 {identification.r2:.6f}, {identification.objective} objective {identification.objective_value:.6g}, '
+        f'{identification.effective_samples:.0f} effective of {identification.samples} samples',
+        f'  valid from {low:.2f} to {high:.2f} deg; search ended by {identification.search.stop} after '
+        f'{identification.search.generations} generations',
+    ]
+    if inertia is not None:
+        form = to_published(model, inertia)
+        lines.append('  published form: ' + ', '.join(f'{name} {value:.6g}' for name, value in vars(form).items()))
+    return lines
+
+
+def comparison_as_data(comparison, wall_s=None):
+    """What ``compare --json`` prints."""
+    return finite_or_none({
+        'ranked': [
+            {
+                **fit_as_data(ranked.identification),
+                'terms': ranked.term_count,
+                'criterion': ranked.criterion,
+                'held_out_nrmse': ranked.held_out,
+            }
+            for ranked in comparison.ranked
+        ],
+        'choice': comparison.choice.name,
+        'reason': comparison.reason,
+        'wall_s': wall_s,
+    })
+
+
+def _name(source):
+    return source.replace('\\', '/').rsplit('/', 1)[-1]
