@@ -35,23 +35,7 @@ def is_orientation(x, y, z, w):
     bool or ndarray of bool
     """
     with np.errstate(over='ignore', invalid='ignore'):
-        return abs(_squared_norm(x, y, z, w) - 1) <= UNIT_TOLERANCE
-
-
-def normalised(x, y, z, w):
-    """The unit quaternion nearest to a measured one, NaN where it is no orientation.
-
-    Parameters
-    ----------
-    x, y, z, w : float or ndarray
-
-    Returns
-    -------
-    x, y, z, w : float or ndarray
-    """
-    with np.errstate(all='ignore'):
-        norm = np.where(is_orientation(x, y, z, w), np.sqrt(_squared_norm(x, y, z, w)), np.nan)[()]
-        return x / norm, y / norm, z / norm, w / norm
+        return abs(x * x + y * y + z * z + w * w - 1) <= UNIT_TOLERANCE
 
 
 def euler_angles(x, y, z, w):
@@ -71,27 +55,28 @@ def euler_angles(x, y, z, w):
     Notes
     -----
     [1]_, section 2.2.2 (Euler angles from a unit quaternion), but with pitch by arctangent,
-    which stays accurate near the vertical.
+    which stays accurate near the vertical, and with a rotation matrix that grows with the
+    squared norm of the quaternion, which the arctangents do not see.
     """
-    x, y, z, w = normalised(x, y, z, w)
-    roll, pitch = tilt_angles(2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y))
-    forward_east, forward_north = 1 - 2 * (y * y + z * z), 2 * (x * y + z * w)
-    vertical = np.hypot(forward_east, forward_north) < VERTICAL_COSINE
-    yaw = np.where(
-        vertical,
-        np.arctan2(2 * (z * w - x * y), 1 - 2 * (x * x + z * z)),
-        np.arctan2(forward_north, forward_east),
-    )[()]
-    return np.where(vertical, 0 * roll, roll)[()], pitch, yaw
+    with np.errstate(over='ignore', invalid='ignore'):
+        w = np.where(is_orientation(x, y, z, w), w, np.nan)[()]
+        xx, yy, zz, ww = x * x, y * y, z * z, w * w
+        forward_east, forward_north = ww + xx - yy - zz, 2 * (x * y + z * w)
+        left_east, left_north = 2 * (x * y - z * w), ww - xx + yy - zz
+        roll, pitch = tilt_angles(2 * (x * z - y * w), 2 * (y * z + x * w), ww - xx - yy + zz)
+        vertical = np.hypot(forward_east, forward_north) < VERTICAL_COSINE
+        roll = np.where(vertical, 0.0, roll)[()]
+        yaw = np.where(vertical, np.arctan2(-left_east, left_north), np.arctan2(forward_north, forward_east))[()]
+    return roll, pitch, yaw
 
 
 def tilt_angles(up_x, up_y, up_z):
-    """Roll and pitch of the world's upward unit vector seen in body axes (FLU).
+    """Roll and pitch of the world's upward direction seen in body axes (FLU).
 
     Parameters
     ----------
     up_x, up_y, up_z : float or ndarray
-        The last row of the rotation matrix from body to world.
+        The last row of the rotation matrix from body to world, times any positive number.
 
     Returns
     -------
@@ -287,6 +272,3 @@ def rotate(rotation, x, y, z):
         z + w * cz + ux * cy - uy * cx,
     )
 
-
-def _squared_norm(x, y, z, w):
-    return x * x + y * y + z * z + w * w
