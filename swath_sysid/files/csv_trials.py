@@ -157,7 +157,7 @@ def _find_columns(path, names):
         if unitless:
             raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}")
         raise InputError(f'{path} has no roll or pitch motion: looked for {", ".join(LOOKED_FOR)}, '
-                         f'found {listed_names(names)}')
+                         f'found {listed_names(names)}; name the columns so')
     return {**times, **readings}, tuple(times), unitless
 
 
@@ -168,7 +168,7 @@ def _refuse_without_time(path, names, plain):
             raise InputError(f"{path} has a column '{shown(name)}' without a unit: call it time_s, time_ms, time_us "
                              f'or time_ns')
     raise InputError(f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, '
-                     f'timestamp_), found {listed_names(names)}')
+                     f'timestamp_), found {listed_names(names)}; name the columns so')
 
 
 def _time_columns(plain):

@@ -1,0 +1,60 @@
+"""Times the readers: a CSV of 10^7 rows, bags of an hour at 100 Hz, and what a node pays for one IMU message.
+
+    python benchmark/reading.py [--rows 10000000]
+"""
+import argparse
+import resource
+import tempfile
+from pathlib import Path
+from time import perf_counter
+from timeit import timeit
+
+import numpy as np
+
+from swath_sysid.files.bags import write_imu_bag
+from swath_sysid.files.csv_trials import write_csv
+from swath_sysid.files.reading import read_trial
+from swath_sysid.motion.sensing import Installation, imu_motion
+from swath_sysid.motion.trial import Trial
+
+CALLS = 20_000
+
+
+def rolling(rows, rate):
+    """A trial of so many rows."""
+    time = np.arange(rows) / rate
+    noise = np.random.default_rng(1).normal(0, 1e-3, rows)
+    return Trial(time=time, roll=0.1 * np.sin(time) + noise, roll_rate=0.1 * np.cos(time) + noise)
+
+
+def show(what, begun, rows):
+    """One line: how long it took, and the most memory used so far."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f'{what:<28} {rows:>9} rows {perf_counter() - begun:7.2f} s   peak memory {peak:.2f} GB')
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--rows', type=int, default=10_000_000, help='rows of the CSV file (default: %(default)s)')
+    rows = parser.parse_args().rows
+    with tempfile.TemporaryDirectory() as folder:
+        for name, trial, write in (
+            ('hour.mcap', rolling(360_000, 100), write_imu_bag),
+            ('hour.db3', rolling(360_000, 100), write_imu_bag),
+            ('large.csv', rolling(rows, 1e4), write_csv),
+        ):
+            path = Path(folder) / name
+            begun = perf_counter()
+            write(path, trial)
+            show(f'write {name}', begun, trial.time.size)
+            begun = perf_counter()
+            read = read_trial(path)
+            show(f'read {name}', begun, read.time.size)
+    message = (0.1, 0.0, 0.0, 0.995), (0.1, 0.2, 0.3), (0.0, 0.0, 9.81)
+    for name, installation in (('as the craft', Installation()), ('frd, turned', Installation('frd', (0.1, 0.2, 0.3)))):
+        seconds = timeit(lambda installation=installation: imu_motion(*message, installation), number=CALLS)
+        print(f'one message, {name:<15} {seconds / CALLS * 1e6:22.1f} us')
+
+
+if __name__ == '__main__':
+    main()
