@@ -1,4 +1,5 @@
 """The optional accelerator: numba where it is installed, plain Python where it is not."""
+
 try:
     import numba
 except ImportError:

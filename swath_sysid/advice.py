@@ -1,4 +1,5 @@
 """Warnings as values: the core returns them, the callers show them."""
+
 from dataclasses import dataclass
 
 

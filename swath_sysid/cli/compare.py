@@ -1,4 +1,5 @@
 """``swath-sysid compare``: fit many equations and choose the simplest adequate one."""
+
 import json
 import os
 import sys

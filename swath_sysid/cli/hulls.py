@@ -1,4 +1,5 @@
 """Arguments that name a hull: published, from a model file, or an equation with given ratios."""
+
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import read_model
 from swath_sysid.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named
@@ -14,7 +15,7 @@ def add_hull_arguments(parser):
     choice.add_argument('--model', metavar='FILE', help='model file')
     parser.add_argument(
         '--ratio', action='append', default=[], metavar='NAME=VALUE',
-        help='ratio to inertia, with --equation, for example r1=10.1; repeat for each (default: those of a published hull)',
+        help='ratio to inertia, with --equation, for example r1=10.1; repeat it (default: those of a published hull)',
     )  # fmt: skip
     parser.add_argument('--axis', choices=('roll', 'pitch'), help='axis, with --equation or a model file of both axes')
 
@@ -40,7 +41,9 @@ def hull_of(arguments):
     axis = arguments.axis or ('roll' if 'roll' in equation.name else 'pitch')
     missing = [t for t in equation.terms if t not in values]
     if missing:
-        raise InputError(f'{equation.name} has the terms {", ".join(equation.terms)}: give --ratio {missing[0]}=VALUE too')
+        raise InputError(
+            f'{equation.name} has the terms {", ".join(equation.terms)}: give --ratio {missing[0]}=VALUE too'
+        )
     return DecayModel.from_terms(equation, values, axis=axis)
 
 

@@ -1,4 +1,5 @@
 """``swath-sysid identify``: from decay records to a hull model."""
+
 import json
 import time
 
@@ -18,12 +19,16 @@ def add_arguments(parser):
     add_source_arguments(parser)
     parser.add_argument(
         '--equation', metavar='NAME',
-        help=f"published equation, composition such as b1,b2|r1,r3, either with +friction (default: {DEFAULT_EQUATION})",
+        help=f'published equation, composition like b1,b2|r1,r3, either with +friction (default: {DEFAULT_EQUATION})',
     )  # fmt: skip
     add_search_arguments(parser)
     parser.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form too")
-    parser.add_argument('--mass', type=finite, metavar='KG', help='with --metacentric-height: the inertia follows from both')
-    parser.add_argument('--metacentric-height', type=finite, metavar='M', help='GM, transverse for roll, longitudinal for pitch')
+    parser.add_argument(
+        '--mass', type=finite, metavar='KG', help='with --metacentric-height: the inertia follows from both'
+    )
+    parser.add_argument(
+        '--metacentric-height', type=finite, metavar='M', help='GM, transverse for roll, longitudinal for pitch'
+    )
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the fit')
 
@@ -43,7 +48,9 @@ def settings_of(arguments, equation=None):
     """Identification settings of the command line."""
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
-    search = SearchSettings(arguments.search, arguments.preset, arguments.generations, arguments.population, arguments.seed)
+    search = SearchSettings(
+        arguments.search, arguments.preset, arguments.generations, arguments.population, arguments.seed
+    )
     return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
 
 

@@ -3,6 +3,7 @@
 A verb's module has ``add_arguments(parser)`` and ``run(arguments) -> int``; it is imported only
 when it is asked for.
 """
+
 import argparse
 import importlib
 import sys

@@ -1,4 +1,5 @@
 """Progress on a terminal as a bar, elsewhere as plain lines; always on standard error."""
+
 import sys
 from contextlib import contextmanager
 

@@ -1,4 +1,5 @@
 """``swath-sysid simulate``: a trial with known truth."""
+
 import math
 
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
@@ -15,14 +16,26 @@ def add_arguments(parser):
     """The hull, the release, the sensor, and the file."""
     usual = SensorNoise()
     add_hull_arguments(parser)
-    parser.add_argument('--initial-angle-deg', type=finite, required=True, metavar='A', help='released at rest from this angle')
-    parser.add_argument('--duration', type=finite, default=15.0, metavar='S', help='after the release (default: %(default)s)')
-    parser.add_argument('--rate', type=finite, default=100.0, metavar='HZ', help='samples a second (default: %(default)s)')
-    parser.add_argument('--hold', type=finite, default=0.0, metavar='S', help='held at the angle first (default: %(default)s)')
-    parser.add_argument('--trim-deg', type=finite, default=0.0, metavar='A', help='angle of rest (default: %(default)s)')
+    parser.add_argument(
+        '--initial-angle-deg', type=finite, required=True, metavar='A', help='released at rest from this angle'
+    )
+    parser.add_argument(
+        '--duration', type=finite, default=15.0, metavar='S', help='after the release (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--rate', type=finite, default=100.0, metavar='HZ', help='samples a second (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--hold', type=finite, default=0.0, metavar='S', help='held at the angle first (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--trim-deg', type=finite, default=0.0, metavar='A', help='angle of rest (default: %(default)s)'
+    )
     parser.add_argument('--angle-noise', type=finite, default=usual.angle, metavar='RAD', help='default: %(default)s')
     parser.add_argument('--rate-noise', type=finite, default=usual.rate, metavar='RAD_S', help='default: %(default)s')
-    parser.add_argument('--accel-noise', type=finite, default=usual.acceleration, metavar='M_S2', help='default: %(default)s')
+    parser.add_argument(
+        '--accel-noise', type=finite, default=usual.acceleration, metavar='M_S2', help='default: %(default)s'
+    )
     parser.add_argument('--noise', choices=('published', 'none'), default='published', help='none: an ideal sensor')
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')

@@ -1,4 +1,5 @@
 """Arguments and reading of records, shared by the verbs that take them."""
+
 import math
 
 from swath_sysid import __version__
@@ -16,9 +17,13 @@ def add_source_arguments(parser, many=True):
     parser.add_argument('--axis', help='roll or pitch (default: the one that moves more)')
     parser.add_argument('--topic', help='IMU topic, for bags that hold several')
     parser.add_argument(
-        '--frame', choices=('flu', 'frd'), help="axes of the sensor: x forward, y port, z up, or x forward, y starboard, z down"
+        '--frame',
+        choices=('flu', 'frd'),
+        help='axes of the sensor: x forward, y port, z up, or x forward, y starboard, z down',
     )
-    parser.add_argument('--start', type=finite, metavar='S', help="begin of the decay, in the record's time (default: found)")
+    parser.add_argument(
+        '--start', type=finite, metavar='S', help="begin of the decay, in the record's time (default: found)"
+    )
     parser.add_argument('--end', type=finite, metavar='S', help='end of the decay (default: found)')
 
 

@@ -3,6 +3,7 @@
 It is what `identify` writes, what the identifier publishes on ``model/description``, and what
 the predictor and `forecast` read.
 """
+
 import yaml
 
 from swath_sysid.errors import InputError
@@ -69,7 +70,8 @@ def model_from_yaml(text, source='the model'):
         raise InputError(f"{source} is no model file: its field 'format' is not '{FORMAT}'")
     if content.get('version') != VERSION:
         raise InputError(
-            f'{source} is a model file of version {content.get("version")}; this software reads version {VERSION}: identify again'
+            f'{source} is a model file of version {content.get("version")}; this software reads version {VERSION}: '
+            'identify again'
         )
     _check_fields(content, _FILE_FIELDS, source)
     if content['frame'] != FRAME:
@@ -146,7 +148,7 @@ def _axis_from_plain(plain, axis, source):
             equation, values, trim=_number(plain['trim_rad'], f'{source}, trim_rad'),
             friction_rate=_number(plain['friction_rate_rad_s'], f'{source}, friction_rate_rad_s'), axis=axis,
         ),
-        covariance=[[_number(v, f'{source}, covariance') for v in _row(row, source)] for row in _row(plain['covariance'], source)],
+        covariance=_square_table(plain['covariance'], len(ratios), f'{source}, covariance'),
         trim_std=_number(plain['trim_std_rad'], f'{source}, trim_std_rad'),
         amplitude_range=tuple(_number(a, f'{source}, valid_amplitude_rad') for a in amplitudes),
         metrics=plain['metrics'],
@@ -165,10 +167,10 @@ def _check_fields(mapping, expected, source):
         raise InputError(f"{source}: the field '{missing[0]}' is missing")
 
 
-def _row(values, source):
-    if not isinstance(values, list):
-        raise InputError(f"{source}: 'covariance' must be a square table of numbers")
-    return values
+def _square_table(rows, size, source):
+    if not isinstance(rows, list) or [len(row) if isinstance(row, list) else 0 for row in rows] != [size] * size:
+        raise InputError(f'{source}: {size} ratios need {size} rows of {size} numbers')
+    return [[_number(value, source) for value in row] for row in rows]
 
 
 def _number(value, source):

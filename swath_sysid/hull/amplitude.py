@@ -10,6 +10,7 @@ Gauss-Chebyshev quadrature, so that no expansion in powers of a is needed:
 For one cycle of harmonic motion this gives the known b1 + 8/(3 pi) b2 w0 a + 3/4 b3 w0^2 a^2
 + 4 b0 / (pi w0 a).
 """
+
 from dataclasses import dataclass
 
 import numpy as np

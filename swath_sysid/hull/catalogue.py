@@ -6,6 +6,7 @@ hydrofoil craft, ``swath-usv-pitch`` that of a SWATH-USV. The formulas of the la
 survive in print beyond "one power, quadratic, cube and sinusoid": its equations 2 and 3 are
 our reading.
 """
+
 from dataclasses import dataclass
 
 from swath_sysid.errors import InputError

@@ -1,4 +1,5 @@
 """The nonlinear decay model of one axis: an equation (which terms) and its ratios."""
+
 from dataclasses import dataclass, field, replace
 
 import numpy as np

@@ -1,4 +1,5 @@
 """A decay model with what is known of it: the content of a model file."""
+
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,7 +38,9 @@ class IdentifiedModel:
         covariance = np.array(self.covariance, dtype=float)
         n = len(self.model.equation.terms)
         if covariance.shape != (n, n):
-            raise InputError(f'the covariance of {n} ratios has {n} rows and {n} columns, not the shape {covariance.shape}')
+            raise InputError(
+                f'the covariance of {n} ratios has {n} rows and {n} columns, not the shape {covariance.shape}'
+            )
         covariance.flags.writeable = False
         object.__setattr__(self, 'covariance', covariance)
 

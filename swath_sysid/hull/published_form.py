@@ -5,6 +5,7 @@
 
 A decay cannot tell I'; it has to be given, or derived from mass and metacentric height.
 """
+
 from dataclasses import dataclass
 
 from swath_sysid.errors import InputError
@@ -52,7 +53,8 @@ def _is_sine_form(equation):
     sine = {'s1', 's2'} & set(equation.terms)
     if polynomial and sine:
         raise InputError(
-            f'equation {equation.name} mixes polynomial and sine restoring: the papers have no form for it; use the ratios'
+            f'equation {equation.name} mixes polynomial and sine restoring: the papers have no form for it, '
+            'use the ratios'
         )
     return bool(sine)
 

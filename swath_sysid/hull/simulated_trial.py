@@ -1,4 +1,5 @@
 """Trials with known truth: a hull's free decay as an inertial sensor would have recorded it."""
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,7 +66,9 @@ def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0
         raise InputError('duration and rate must be greater than zero, hold not negative')
     count = int(round((hold + duration) * rate_hz))
     if not 8 <= count <= MOST_SAMPLES:
-        raise InputError(f'{count} samples cannot be simulated: choose duration and rate for 8 to {MOST_SAMPLES:,} samples')
+        raise InputError(
+            f'{count} samples cannot be simulated: choose duration and rate for 8 to {MOST_SAMPLES:,} samples'
+        )
     time = np.arange(count) / rate_hz
     angle = np.full(count, model.trim + initial_angle)
     rate = np.zeros(count)

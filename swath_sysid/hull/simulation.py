@@ -1,4 +1,5 @@
 """Simulation of decays: one hull, or a whole population of candidate hulls at once."""
+
 import math
 
 import numpy as np

@@ -11,6 +11,7 @@ give the same motion.
 Every formula below takes floats or arrays, so that the filter (one state), the search (a
 population) and the compiled kernel run the same source.
 """
+
 import numpy as np
 
 DAMPING_TERMS = {'friction': 'b0', 'linear': 'b1', 'quadratic': 'b2', 'cubic': 'b3'}

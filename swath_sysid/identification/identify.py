@@ -1,4 +1,5 @@
 """From measured decays to a believed hull: search, refine, and say how well it is known."""
+
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -6,7 +7,7 @@ import numpy as np
 from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
 from swath_sysid.hull.catalogue import equation_named
-from swath_sysid.hull.decay_model import DecayModel, Equation
+from swath_sysid.hull.decay_model import DecayModel
 from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.terms import DAMPING_NAMES, TERM_INDEX
 from swath_sysid.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
@@ -264,7 +265,12 @@ def refit_from(problem, settings, equation, ratios, states, search):
 def motion_fit(problem, equation, motions=None, **options):
     """The simulation objective of an equation on a problem's records, or on parts of them."""
     return MotionFit(
-        problem.motions if motions is None else motions, equation, problem.scales, problem.noise, problem.friction_rate, **options
+        problem.motions if motions is None else motions,
+        equation,
+        problem.scales,
+        problem.noise,
+        problem.friction_rate,
+        **options,
     )
 
 
@@ -371,9 +377,7 @@ def conclude(problem, settings, equation, fit, parameters, search):
     objective_value = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
     if settings.objective == 'one-step':
         objective_value = float(_one_step(problem)(ratios[None])[0])
-    model = DecayModel(
-        equation, ratios, float(np.mean([s.trim for s in states])), problem.friction_rate, problem.axis
-    )
+    model = DecayModel(equation, ratios, float(np.mean([s.trim for s in states])), problem.friction_rate, problem.axis)
     records = tuple(
         RecordFit(motion, segment, state, *simulated)
         for motion, segment, state, simulated in zip(
@@ -418,19 +422,26 @@ def _fit_advice(problem, settings, model, covariance):
     for name in model.equation.terms:
         index = TERM_INDEX[name]
         if name in DAMPING_NAMES and dimensionless[index] < 1e-6:
-            found.append(Advice(
-                'term-vanished',
-                f'{name} is zero at the edge of what is physical: this record does not need the term, choose an equation without it',
-            ))
+            found.append(
+                Advice(
+                    'term-vanished',
+                    f'{name} is zero at the edge of what is physical: '
+                    'this record does not need the term, choose an equation without it',
+                )
+            )
         elif dimensionless[index] > 0.999 * UPPER[index] or dimensionless[index] < 0.999 * min(LOWER[index], -1e-6):
-            found.append(Advice(
-                'range-limit',
-                f'{name} ended at the limit of its range: the equation does not suit this motion, compare others',
-            ))
+            found.append(
+                Advice(
+                    'range-limit',
+                    f'{name} ended at the limit of its range: the equation does not suit this motion, compare others',
+                )
+            )
     if settings.objective == 'one-step':
-        found.append(Advice(
-            'one-step-biased',
-            'the one-step objective is biased under measurement noise (damping too large): use the simulation objective '
-            'for a model to predict with',
-        ))
+        found.append(
+            Advice(
+                'one-step-biased',
+                'the one-step objective is biased under measurement noise (damping too large): use the simulation '
+                'objective for a model to predict with',
+            )
+        )
     return tuple(found)

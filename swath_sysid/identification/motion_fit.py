@@ -4,6 +4,7 @@ Each record has its own initial state and trim, which are nuisance parameters; t
 shared by all records. Angle and rate are weighted by their noise. All candidates, or all
 perturbed copies that a Jacobian needs, are simulated side by side.
 """
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +53,9 @@ class MotionFit:
         Runge-Kutta steps a period of ``scales.frequency``.
     """
 
-    def __init__(self, motions, equation, scales: Scales, noise: Noise, friction_rate, steps_per_period=STEPS_PER_PERIOD):
+    def __init__(
+        self, motions, equation, scales: Scales, noise: Noise, friction_rate, steps_per_period=STEPS_PER_PERIOD
+    ):
         self._motions = motions
         self._equation = equation
         self._noise = noise

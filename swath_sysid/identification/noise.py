@@ -1,4 +1,5 @@
 """How noisy a channel is, and how much its fit residuals are worth."""
+
 import numpy as np
 from scipy.signal import fftconvolve
 

@@ -10,6 +10,7 @@ bounded least-squares problem.
 Under noise its minimum is biased, because the measured rate stands on both sides: the
 simulation objective is the default for that reason.
 """
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,4 +1,5 @@
 """What is to be identified: the free decays of some records, and what they say at a glance."""
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,6 +4,7 @@ A ratio times the moment of its term at the record's amplitude a and rate w0 a, 
 of order one for any craft of any size. Search and refinement work in these numbers, and the
 ranges below are in them.
 """
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The global search: which variables, which algorithm, until when."""
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -89,7 +90,9 @@ def published_space(equation, preset, scales):
         The equation has friction, which no paper has.
     """
     if 'b0' in equation.terms:
-        raise InputError('the published ranges have none for friction: leave the preset out or choose an equation without')
+        raise InputError(
+            'the published ranges have none for friction: leave the preset out or choose an equation without'
+        )
     widths = {'b1': 2.0 * preset.damping, 'b2': preset.damping}
     width = np.array([widths.get(name, preset.restoring) for name in equation.terms])
     units = scales.ratio_units[equation.indices]
@@ -213,7 +216,9 @@ def run_search(objective, space, settings, first=(), progress=None, should_cance
     while not search.should_stop():
         search.tell(objective(space.to_ratios(search.ask())))
         note(search.generation, budget.generations)
-    return SearchResult(search.best.copy(), search.best_value, search.generation, search.evaluations, search.should_stop())
+    return SearchResult(
+        search.best.copy(), search.best_value, search.generation, search.evaluations, search.should_stop()
+    )
 
 
 def _differential_evolution(objective, space, settings, first, note):

@@ -1,4 +1,5 @@
 """Which equation to believe: rank many on the same records, and choose the simplest adequate one."""
+
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -143,12 +144,14 @@ def _reason(choice, ranked, likely, adequate):
     if len(ranked) == 1:
         return f'{choice.name} is the only equation asked for.'
     words = (
-        f'{choice.name} has {choice.term_count} terms, the fewest of the {len(adequate or likely)} equations whose criterion '
-        f'is within {CRITERION_MARGIN:g} of the best ({ranked[0].name})'
+        f'{choice.name} has {choice.term_count} terms, the fewest of the {len(adequate or likely)} equations whose '
+        f'criterion is within {CRITERION_MARGIN:g} of the best ({ranked[0].name})'
     )
     if adequate:
         return f'{words} and whose error on held-out motion is within {HELD_OUT_MARGIN - 1:.0%} of the smallest.'
-    return f'{words}; none of them predicts the held-out motion as well as {min(ranked, key=lambda r: r.held_out).name}.'
+    return (
+        f'{words}; none of them predicts the held-out motion as well as {min(ranked, key=lambda r: r.held_out).name}.'
+    )
 
 
 def _map(function, tasks, jobs):

@@ -1,4 +1,5 @@
 """Named reasons for which a search stops."""
+
 import numpy as np
 
 

@@ -3,6 +3,7 @@
 The constriction form of Clerc and Kennedy (2002): inertia weight 0.7298, acceleration
 coefficients 1.49618, whole-swarm neighbourhood.
 """
+
 from dataclasses import dataclass
 
 import numpy as np

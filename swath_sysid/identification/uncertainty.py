@@ -1,4 +1,5 @@
 """How far a fit can be trusted: covariance, correlation, and what a record cannot tell apart."""
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,8 +93,8 @@ def inseparable_terms(terms, covariance):
     return tuple(
         Advice(
             'not-separable',
-            f'{terms[j]} and {terms[i]} cannot be told apart on these records (correlation {found[i, j]:+.3f}): use them '
-            'together only, choose an equation without one of them, or add records of other amplitudes',
+            f'{terms[j]} and {terms[i]} cannot be told apart on these records (correlation {found[i, j]:+.3f}): use '
+            'them together only, choose an equation without one of them, or add records of other amplitudes',
         )
         for i, j in pairs
     )

@@ -1,4 +1,5 @@
 """What all figures share: size, colours, and writing them whole or not at all."""
+
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg

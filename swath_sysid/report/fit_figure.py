@@ -1,4 +1,5 @@
 """The picture of a fit: motion, residual, frequency and damping against amplitude."""
+
 import math
 
 import numpy as np
@@ -69,7 +70,9 @@ def _draw_curves(frequency_axes, damping_axes, identification):
 
 
 def _band(axes, amplitude, value, std):
-    axes.fill_between(amplitude, value - 2 * std, value + 2 * std, color=BAND, alpha=0.6, linewidth=0, label='two standard deviations')
+    axes.fill_between(
+        amplitude, value - 2 * std, value + 2 * std, color=BAND, alpha=0.6, linewidth=0, label='two standard deviations'
+    )
     axes.plot(amplitude, value, color=MODEL)
     axes.legend(frameon=False, fontsize='small')
 
@@ -77,7 +80,8 @@ def _band(axes, amplitude, value, std):
 def _headline(identification):
     model = identification.model
     terms = ',  '.join(f'{n} {v:.4g} ± {identification.std[n]:.2g}' for n, v in model.terms.items())
-    return f'{model.axis}, {model.equation.name}:  R² {identification.r2:.5f},  period {model.natural_period:.3f} s\n{terms}'
+    headline = f'R² {identification.r2:.5f},  period {model.natural_period:.3f} s'
+    return f'{model.axis}, {model.equation.name}:  {headline}\n{terms}'
 
 
 def _short(source):

@@ -1,4 +1,5 @@
 """A fit in words and in plain data, for the terminal and for other programs."""
+
 import math
 
 from swath_sysid.hull.published_form import inertia_from_metacentric_height, to_published
@@ -104,20 +105,22 @@ def fit_in_words(identification, inertia=None):
 
 def comparison_as_data(comparison, wall_s=None):
     """What ``compare --json`` prints."""
-    return finite_or_none({
-        'ranked': [
-            {
-                **fit_as_data(ranked.identification),
-                'terms': ranked.term_count,
-                'criterion': ranked.criterion,
-                'held_out_nrmse': ranked.held_out,
-            }
-            for ranked in comparison.ranked
-        ],
-        'choice': comparison.choice.name,
-        'reason': comparison.reason,
-        'wall_s': wall_s,
-    })
+    return finite_or_none(
+        {
+            'ranked': [
+                {
+                    **fit_as_data(ranked.identification),
+                    'terms': ranked.term_count,
+                    'criterion': ranked.criterion,
+                    'held_out_nrmse': ranked.held_out,
+                }
+                for ranked in comparison.ranked
+            ],
+            'choice': comparison.choice.name,
+            'reason': comparison.reason,
+            'wall_s': wall_s,
+        }
+    )
 
 
 def _name(source):

@@ -1,0 +1,186 @@
+"""Identification end to end: truth found on simulated decays, measured figures on real records."""
+
+import numpy as np
+import pytest
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.reading import read_trial
+from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS, equations_of_axis
+from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.hull.simulation import simulate
+from swath_sysid.identification.identify import IdentificationSettings, identify
+from swath_sysid.identification.problem import prepare
+from swath_sysid.identification.search import Cancelled, SearchSettings
+from swath_sysid.identification.selection import compare, first_part, held_out_error, information_criterion
+from swath_sysid.motion.trial import AxisMotion
+
+HULL = PUBLISHED_HULLS['swath-pitch'].model
+
+
+def decay(seed=1, model=HULL, angle_deg=6.0, duration=15.0, **options):
+    noise = options.pop('noise', SensorNoise())
+    return simulated_trial(model, np.radians(angle_deg), duration, 100.0, noise, seed, **options).axis(model.axis)
+
+
+def settings(equation='swath-pitch-2', **options):
+    search = SearchSettings(**options.pop('search', {}))
+    return IdentificationSettings(equation, search=search, **options)
+
+
+def test_truth_of_the_published_pitch_hull_within_its_uncertainty():
+    errors, scores = [], []
+    for seed in range(20):
+        found = identify([decay(seed)], settings())
+        errors.append([found.model.terms[n] / HULL.terms[n] - 1 for n in ('b1', 'r1')])
+        scores.append([(found.model.terms[n] - HULL.terms[n]) / found.std[n] for n in HULL.equation.terms])
+    assert np.abs(errors).max(axis=0) == pytest.approx([0.0, 0.0], abs=0.05)
+    assert np.abs(errors)[:, 1].max() <= 0.01
+    assert np.abs(scores).max() <= 3.0
+    assert 0.85 <= np.mean(np.abs(scores) < 1.96) <= 1.0
+
+
+def test_one_step_objective_is_told_to_be_biased():
+    found = identify([decay()], settings(objective='one-step'))
+    assert found.model.terms['b1'] > 4 * HULL.terms['b1']
+    assert 'one-step-biased' in {a.code for a in found.advice}
+    assert found.objective_value == pytest.approx(0.0225, abs=0.001)
+    assert found.search.value == pytest.approx(found.objective_value, rel=1e-3)
+
+
+@pytest.mark.parametrize('search', [{'algorithm': 'ga', 'seed': 8}, {'algorithm': 'pso'}, {'algorithm': 'de'}])
+def test_every_search_and_seed_ends_in_the_same_minimum(search):
+    motion = decay()
+    first, other = identify([motion], settings()), identify([motion], settings(search=search))
+    assert other.objective_value == pytest.approx(first.objective_value, rel=1e-8)
+    assert other.model.ratios == pytest.approx(first.model.ratios, rel=1e-3, abs=1e-3)
+
+
+def test_preset_searches_the_published_ranges():
+    found = identify([decay()], settings(search={'preset': 'swath-pitch', 'generations': 150}))
+    assert found.model.terms['b1'] == pytest.approx(HULL.terms['b1'], rel=0.05)
+    assert (found.model.ratios >= 0).all()
+
+
+@pytest.mark.parametrize('channel', ['angle', 'rate'])
+def test_one_channel_is_enough(channel):
+    motion = decay()
+    kept = {'angle': None, 'rate': None, channel: getattr(motion, channel)}
+    found = identify([AxisMotion('pitch', motion.time, **kept)], settings('swath-pitch-9'))
+    assert found.model.natural_period == pytest.approx(HULL.natural_period, rel=0.03)
+    assert found.damping_ratio == pytest.approx(0.24, rel=0.1)
+    assert np.isnan(found.trim_std) == (channel == 'rate')
+    assert (found.rmse is None) == (channel == 'rate')
+
+
+def test_joint_fit_shares_ratios_and_keeps_trims_apart():
+    motions = [decay(seed, HULL.with_trim(trim)) for seed, trim in ((1, 0.01), (2, -0.02), (3, 0.0))]
+    found = identify(motions, settings())
+    single = identify(motions[:1], settings())
+    assert [r.state.trim for r in found.records] == pytest.approx([0.01, -0.02, 0.0], abs=3e-4)
+    assert found.std['b1'] < 0.7 * single.std['b1']
+    assert found.model.terms['b1'] == pytest.approx(HULL.terms['b1'], abs=3 * found.std['b1'])
+
+
+def test_friction_is_found_where_there_is_some_and_missed_by_a_model_without():
+    ratios = {'b0': 0.03, 'b1': 0.5, 'b2': 1.0, 'r1': 10.0, 'r3': 5.0}
+    rig = HULL.from_terms(EQUATIONS['odd-cubic+friction'], ratios, friction_rate=0.02 * np.radians(6) * np.sqrt(10.0))
+    motion = decay(model=rig, noise=SensorNoise(5e-4, 0.004), hold=1.0)
+    found = identify([motion], settings('odd-cubic+friction'))
+    assert found.model.terms['b0'] == pytest.approx(0.03, abs=3 * found.std['b0'])
+    assert found.objective_value < identify([motion], settings('odd-cubic')).objective_value
+
+
+def test_simulated_motion_of_the_result_is_that_of_the_model():
+    found = identify([decay()], settings())
+    (record,) = found.records
+    angle, rate = simulate(found.model, record.state.x + found.model.trim, record.state.rate, record.motion.time)
+    assert record.angle == pytest.approx(angle, abs=1e-6)
+    assert record.rate == pytest.approx(rate, abs=1e-5)
+    assert found.r2 == pytest.approx(1 - np.var(record.residual) / np.var(record.motion.angle), abs=1e-4)
+    low, high = found.amplitude_range
+    assert 0 < low < high == pytest.approx(np.radians(6), rel=0.1)
+
+
+def test_progress_and_cancelling():
+    shares = []
+    identify([decay()], settings(), progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    with pytest.raises(Cancelled):
+        identify([decay()], settings(), should_cancel=lambda: len(shares) > 0)
+
+
+@pytest.mark.parametrize('objective', ['simulation', 'one-step'])
+def test_a_containing_equation_never_fits_worse(objective):
+    problem = prepare([decay(3)])
+    chosen = settings(objective=objective, search={'generations': 40, 'population': 30})
+    found = compare(problem, equations_of_axis('pitch'), chosen)
+    fits = [r.identification for r in found.ranked]
+    pairs = [(a, b) for a in fits for b in fits if a is not b and a.model.equation.contains(b.model.equation)]
+    assert len(pairs) > 20
+    for larger, smaller in pairs:
+        assert larger.objective_value <= smaller.objective_value * (1 + 1e-9)
+
+
+def test_comparison_chooses_the_simplest_adequate_equation():
+    true = HULL.from_terms(EQUATIONS['swath-pitch-6'], {'b1': 0.6, 'r1': 10.0, 'r2': 25.0})
+    problem = prepare([decay(model=true, noise=SensorNoise(3e-4, 0.004))])
+    found = compare(problem, equations_of_axis('pitch'))
+    assert found.choice.name == 'swath-pitch-6'
+    assert 'swath-pitch-6' in found.reason
+    criteria = [r.criterion for r in found.ranked]
+    assert criteria == sorted(criteria)
+    fit = found.ranked[0].identification
+    assert information_criterion(fit, 1000.0) == pytest.approx(
+        2000 * np.log(fit.objective_value) + len(fit.model.terms) * np.log(1000.0)
+    )
+
+
+def test_held_out_motion_judges_only_what_was_not_fitted():
+    problem = prepare([decay(noise=SensorNoise(1e-4, 1e-3))])
+    half = first_part(problem)
+    assert half.motions[0].time[-1] <= problem.motions[0].time[0] + 0.5 * problem.motions[0].duration
+    assert held_out_error(problem, settings()) < 0.1 < held_out_error(problem, settings('swath-pitch-9'))
+
+
+def test_bad_choices_are_named():
+    with pytest.raises(InputError, match='at least one trial'):
+        identify([])
+    with pytest.raises(InputError, match='different axes'):
+        identify([decay(), decay(model=PUBLISHED_HULLS['swath-roll'].model, angle_deg=3.0)])
+    with pytest.raises(InputError, match="no objective 'f'"):
+        settings(objective='f')
+    with pytest.raises(InputError, match='before the end'):
+        settings(start=5.0, end=1.0)
+    with pytest.raises(InputError, match='none twice'):
+        compare(prepare([decay()]), [EQUATIONS['linear']] * 2)
+
+
+class TestRealRecords:
+    """Measured: KVLCC2 roll decays and FOSWEC pitch decays."""
+
+    def test_kvlcc2_at_speed(self, data_folder):
+        motion = read_trial(data_folder / 'decay/kvlcc2/run3_15kn.csv').axis('roll')
+        found = identify([motion])
+        (record,) = found.records
+        assert 24 <= record.segment.start <= 30
+        assert record.segment.end < 78
+        assert found.r2 >= 0.9999
+        assert 2.54 <= found.model.natural_period <= 2.55
+
+    def test_kvlcc2_at_rest_from_any_seed(self, data_folder):
+        motion = read_trial(data_folder / 'decay/kvlcc2/run2_0kn.csv').axis('roll')
+        found = [identify([motion], settings('odd-cubic', search={'seed': seed})) for seed in range(3)]
+        assert min(f.r2 for f in found) >= 0.9995
+        assert np.ptp([f.r2 for f in found]) < 1e-9
+        assert found[0].records[0].segment.duration > 160
+        assert identify([motion], settings('linear')).r2 == pytest.approx(0.993, abs=0.001)
+
+    def test_foswec_jointly_needs_friction(self, data_folder):
+        motions = [read_trial(p).axis('pitch') for p in sorted((data_folder / 'decay/foswec').glob('*.csv'))]
+        assert len(motions) == 9
+        rig = identify(motions, settings('odd-cubic+friction'))
+        bare = identify(motions, settings('odd-cubic'))
+        assert rig.r2 >= 0.998 > bare.r2
+        assert min(rig.model.terms[n] for n in ('b0', 'b1', 'b2')) > 0
+        assert rig.model.terms['b2'] > 3 * rig.std['b2']
