@@ -1,0 +1,1 @@
+"""Manoeuvring of a twin-thruster craft: surge, sway and yaw."""

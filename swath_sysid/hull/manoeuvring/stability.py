@@ -1,0 +1,122 @@
+"""Whether a craft stays within bounds at the speeds and inputs that it was identified at."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.hull.manoeuvring.simulation import runge_kutta_columns, steady_speed, substeps_for
+from swath_sysid.hull.manoeuvring.thrust import acting_thrust
+
+SPEEDS = 9
+INPUTS = 4
+DURATION = 60.0
+STEP = 0.1
+EXCESS = 2.0
+"""A motion that leaves this multiple of what was seen has run away."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """Motion and inputs that were seen.
+
+    Attributes
+    ----------
+    slowest, fastest : float
+        m/s.
+    largest_sway, largest_yaw_rate : float
+        m/s, rad/s.
+    least_input, most_input, largest_difference : float
+        Of one thruster, and starboard less port; N or commands.
+    """
+
+    slowest: float
+    fastest: float
+    largest_sway: float
+    largest_yaw_rate: float
+    least_input: float
+    most_input: float
+    largest_difference: float
+
+
+@dataclass(frozen=True)
+class StabilityCheck:
+    """Outcome of `check_stability`.
+
+    Attributes
+    ----------
+    stable : bool
+    largest_growth : float
+        Largest real part of the eigenvalues of small motions about straight courses, 1/s; negative decays.
+    unstable_speed : float
+        Where it is not negative, m/s; NaN if nowhere.
+    largest_excess : float
+        Largest motion under held inputs, as a multiple of what was seen.
+    """
+
+    stable: bool
+    largest_growth: float
+    unstable_speed: float
+    largest_excess: float
+
+
+def check_stability(model, region):
+    """Small motions about every straight course, and free motion under every held input.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+    region : Region
+
+    Returns
+    -------
+    StabilityCheck
+    """
+    speeds = np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), SPEEDS)
+    growth = []
+    for speed in speeds:
+        resistance = -float(model.accelerations(speed, 0.0, 0.0, 0.0, 0.0)[0]) * (model['m'] - model['Xu_dot'])
+        slip = (1.0 - model['deduction']) * max(1.0 - model['advance'] * speed, 0.1)
+        thrust = 0.5 * resistance / slip
+        growth.append(np.max(np.linalg.eigvals(model.jacobian(speed, 0.0, 0.0, thrust, thrust)).real))
+    worst = int(np.argmax(growth))
+    excess = _largest_excess(model, region)
+    decays = growth[worst] < 0.0
+    return StabilityCheck(
+        stable=bool(decays and excess < EXCESS), largest_growth=float(growth[worst]),
+        unstable_speed=float('nan') if decays else float(speeds[worst]), largest_excess=excess,
+    )  # fmt: skip
+
+
+def _largest_excess(model, region):
+    port, starboard = np.meshgrid(*2 * [np.linspace(region.least_input, region.most_input, INPUTS)])
+    held = np.abs(starboard - port) <= region.largest_difference * (1.0 + 1e-9)
+    inputs = np.stack([port[held], starboard[held]])
+    thrust = np.array([
+        [side[-1] for side in acting_thrust(np.full(2, a), np.full(2, b), model.values, STEP)]
+        for a, b in inputs.T
+    ]).T  # fmt: skip
+    starts = np.array([
+        [u, v, r]
+        for u in (region.slowest, region.fastest)
+        for v, r in ((0.0, 0.0), (region.largest_sway, region.largest_yaw_rate),
+                     (region.largest_sway, -region.largest_yaw_rate))
+    ]).T  # fmt: skip
+    state = np.repeat(starts, thrust.shape[1], axis=1)
+    columns = np.tile(thrust, starts.shape[1])
+    steps = int(DURATION / STEP)
+    substeps = substeps_for(model, STEP, (region.fastest, 0.0, region.largest_yaw_rate), thrust)
+    with np.errstate(over='ignore', invalid='ignore'):
+        states = runge_kutta_columns(
+            state, np.ascontiguousarray(np.broadcast_to(columns[0], (steps, columns.shape[1]))),
+            np.ascontiguousarray(np.broadcast_to(columns[1], (steps, columns.shape[1]))),
+            np.repeat(model.values[:, None], columns.shape[1], axis=1), model.active, STEP, substeps,
+        )  # fmt: skip
+    limits = _limits(model, region, thrust)
+    share = np.max(np.abs(states), axis=(0, 2)) / limits
+    return float(np.max(share)) if np.all(np.isfinite(share)) else float('inf')
+
+
+def _limits(model, region, thrust):
+    """Speed, sway and yaw rate that these inputs may rightly drive: seen ones, or the steady ones of the hull."""
+    ahead = steady_speed(model, float(np.max(thrust.sum(axis=0))))
+    speed = max(abs(region.slowest), region.fastest, ahead, 0.1)
+    return np.array([speed, max(region.largest_sway, 0.7 * speed), max(region.largest_yaw_rate, 0.05)])
