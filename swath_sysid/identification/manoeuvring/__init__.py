@@ -1,0 +1,1 @@
+"""From measured manoeuvres to a manoeuvring model."""

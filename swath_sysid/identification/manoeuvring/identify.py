@@ -1,0 +1,303 @@
+"""Identification of a manoeuvring model from several runs jointly."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.advice import Advice
+from swath_sysid.errors import InputError
+from swath_sysid.hull.manoeuvring.model import ManoeuvringModel
+from swath_sysid.hull.manoeuvring.prime import PrimeUnits
+from swath_sysid.hull.manoeuvring.stability import StabilityCheck, check_stability
+from swath_sysid.hull.manoeuvring.terms import INDEX, PARAMETERS, THRUST
+from swath_sysid.identification.genetic import GeneticSearch, GeneticSettings
+from swath_sysid.identification.manoeuvring.assembly import assemble, moving_runs
+from swath_sysid.identification.manoeuvring.selection import (
+    fit,
+    model_of,
+    regularised_to_stable,
+    renewed,
+    select,
+    shooting_of,
+    with_noise,
+)
+from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
+from swath_sysid.identification.manoeuvring.shooting import CURRENT
+from swath_sysid.identification.manoeuvring.validation import Scores, score
+from swath_sysid.identification.search import Cancelled
+from swath_sysid.identification.uncertainty import NOT_SEPARABLE, correlation
+
+UNCERTAIN = 0.5
+"""A standard deviation beyond this share of a value makes it uncertain."""
+
+GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """One identified number.
+
+    Attributes
+    ----------
+    value, std : float
+        In the unit of the parameter; std NaN where it was given or assumed.
+    prime : float or None
+        Without dimensions; None for the thrusters' parameters.
+    unit : str
+    flags : tuple of str
+        Codes of the warnings that concern it.
+    """
+
+    value: float
+    std: float
+    prime: float | None
+    unit: str
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ManoeuvringIdentification:
+    """Outcome of `identify_manoeuvring`.
+
+    Attributes
+    ----------
+    model : ManoeuvringModel
+    names : tuple of str
+        What was identified, thrusters and current included.
+    values : ndarray, shape (n,)
+    covariance : ndarray, shape (n, n)
+    derivatives : dict of str to Derivative
+    fixed : dict of str to float
+        What was given or assumed, by name.
+    prime_units : PrimeUnits
+    noise : ndarray, shape (3,)
+        Residual standard deviation of surge, sway, yaw rate.
+    identification, validation : Scores or None
+    identified_on, validated_on : tuple of Run
+    stability : StabilityCheck
+    rejected : dict of str to str
+        Terms that were tried and refused, and why.
+    effective_samples : float
+    evaluations : int
+    advice : tuple of Advice
+    """
+
+    model: ManoeuvringModel
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    derivatives: dict[str, Derivative]
+    fixed: dict[str, float]
+    prime_units: PrimeUnits
+    noise: np.ndarray
+    identification: Scores
+    validation: Scores | None
+    identified_on: tuple
+    validated_on: tuple
+    stability: StabilityCheck
+    rejected: dict[str, str]
+    effective_samples: float
+    evaluations: int
+    advice: tuple[Advice, ...]
+
+
+def identify_manoeuvring(runs, settings=None, validation=None, progress=None, should_cancel=None):
+    """Identify a craft from its runs.
+
+    Linear regression and a genetic search give the start; multiple shooting refines it; terms are
+    added while they are worth it and the craft stays stable.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    settings : ManoeuvringSettings, optional
+    validation : sequence of Run, optional
+        Kept out of the fit and scored; by default a third of the runs, where there are three or more.
+        Empty: none.
+    progress : callable, optional
+        Called with the share of the work done, 0 to 1.
+    should_cancel : callable, optional
+        Asked between steps.
+
+    Returns
+    -------
+    ManoeuvringIdentification
+
+    Raises
+    ------
+    InputError
+        The runs cannot be used together, or tell nothing.
+    Cancelled
+        ``should_cancel`` said so.
+    """
+    settings = settings or ManoeuvringSettings()
+    if not runs:
+        raise InputError('there is no run to identify from: give at least one')
+
+    def note(share):
+        if progress is not None:
+            progress(share)
+        if should_cancel is not None and should_cancel():
+            raise Cancelled
+
+    note(0.0)
+    runs, advice = moving_runs(runs)
+    if validation is None:
+        runs, held_out = split(runs)
+    else:
+        held_out, more = moving_runs(validation) if len(validation) else ((), ())
+        advice += more
+    problem = assemble(runs, settings)
+    shooting = shooting_of(problem, settings.window)
+    start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
+    now = fit(problem, shooting, problem.free, start)
+    problem = with_noise(problem, now)
+    now = fit(problem, renewed(problem, now), now.names, now.values)
+    note(0.5)
+    found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
+    problem = with_noise(problem, found)
+    rejected, evaluations = found.rejected, now.evaluations + found.evaluations
+    found = fit(problem, renewed(problem, found), found.names, found.values)
+    found, stability_advice = regularised_to_stable(problem, found)
+    note(0.95)
+    model = model_of(problem, found.names, found.values)
+    stability = check_stability(model, problem.region)
+    scores = score(model, runs, settings.window)
+    validated = score(model, held_out, settings.window) if held_out else None
+    units = PrimeUnits(problem.length, float(np.clip(np.nanmedian(np.concatenate(
+        [np.abs(run.smooth[0]) for run in runs])), 0.05, None)) if 'Xu' in found.names else 1.0)  # fmt: skip
+    advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
+    derivatives, more = _derivatives(problem, found, units)
+    advice += more + stability_advice + _verdicts(stability, scores, validated, model)
+    fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
+    fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
+    note(1.0)
+    return ManoeuvringIdentification(
+        model, found.names, found.values, found.covariance.matrix, derivatives, fixed, units, problem.noise,
+        scores, validated, tuple(runs), tuple(held_out), stability, rejected,
+        found.covariance.effective_samples, evaluations + found.evaluations, advice,
+    )  # fmt: skip
+
+
+def split(runs, share=1.0 / 3.0):
+    """Runs to identify from, and runs held out: those without which the others still span the motion.
+
+    Returns
+    -------
+    kept, held_out : tuple of Run
+        Nothing is held out of fewer than three.
+    """
+    if len(runs) < 3:
+        return tuple(runs), ()
+    kept = list(range(len(runs)))
+    spans = np.array([_span(run) for run in runs])
+    for _ in range(max(1, round(share * len(runs)))):
+        whole = np.nanmax(spans[kept], axis=0)
+
+        def loss(k, whole=whole):
+            rest = np.nanmax(spans[[j for j in kept if j != k]], axis=0)
+            return float(np.nansum((whole - rest) / np.where(whole == 0.0, 1.0, np.abs(whole))))
+
+        kept.remove(min(kept, key=lambda k: (round(loss(k), 3), spans[k][-1])))
+    return tuple(runs[k] for k in kept), tuple(run for k, run in enumerate(runs) if k not in kept)
+
+
+def _span(run):
+    """Extremes of speed, yaw rate and thrust difference to both sides, lowest input, and duration."""
+    speed, _, rate = run.smooth
+    difference = run.starboard - run.port
+
+    def most(values):
+        return float(np.nanquantile(values, 0.99)) if np.isfinite(values).any() else float('nan')
+
+    least = np.minimum(run.port, run.starboard)
+    return [most(speed), most(rate), most(-rate), most(difference), most(-difference), most(-least), run.duration]
+
+
+def _searched(problem, shooting, settings, note):
+    """The better of the regression's start and the best of a genetic search around it."""
+    start = problem.start(problem.free)
+    unknowns = problem.unknowns(problem.free)
+    start = np.clip(start, unknowns.lower, unknowns.upper)
+    if settings.generations == 0:
+        return start
+    reach = np.maximum(2.0 * np.abs(start), 0.5 * unknowns.units)
+    low, high = np.maximum(start - reach, unknowns.lower), np.minimum(start + reach, unknowns.upper)
+    budget = GeneticSettings(generations=settings.generations, population=settings.population, patience=5)
+    search = GeneticSearch(low, high, budget, settings.seed, [start])
+    while not search.should_stop():
+        search.tell(shooting.objective_of_population(search.ask()))
+        note(min(1.0, search.generation / settings.generations))
+    return search.best.copy()
+
+
+def _derivatives(problem, found, units):
+    """Derivatives with their flags, and advice for what cannot be told apart."""
+    std = np.sqrt(np.diag(found.covariance.matrix))
+    unknowns = problem.unknowns(found.names)
+    flags = {name: [] for name in found.names}
+    advice = []
+    matrix = correlation(found.covariance.matrix)
+    for i, name in enumerate(found.names):
+        for j in range(i):
+            if abs(matrix[i, j]) > NOT_SEPARABLE:
+                other = found.names[j]
+                flags[name].append('not-separable')
+                flags[other].append('not-separable')
+                advice.append(Advice('not-separable', (
+                    f'{other} and {name} cannot be told apart on these runs (correlation {matrix[i, j]:+.3f}): use '
+                    f'them together only, or add {_separating(other, name)}')))  # fmt: skip
+    for k, name in enumerate(found.names):
+        value = found.values[k]
+        margin = 1e-3 * (unknowns.upper[k] - unknowns.lower[k])
+        at_bound = value - unknowns.lower[k] < margin or unknowns.upper[k] - value < 1e-3 * unknowns.units[k]
+        if at_bound and name not in CURRENT:
+            flags[name].append('at-bound')
+            advice.append(Advice('at-bound', (
+                f'{name} ended at the limit of its range ({value:.3g}): the runs do not tell it; leave it out, or add '
+                f'{_separating(name)}')))  # fmt: skip
+        size = max(abs(value), 0.1 * unknowns.units[k])
+        if name not in CURRENT and not std[k] < UNCERTAIN * size:
+            flags[name].append('uncertain')
+            advice.append(Advice('uncertain', (
+                f'{name} is uncertain by {std[k]:.3g} beside a value of {value:.3g}: add {_separating(name)}')))
+        if name in problem.flags:
+            flags[name].append(problem.flags[name])
+    derivatives = {}
+    for k, name in enumerate(found.names):
+        if name in CURRENT:
+            continue
+        parameter = PARAMETERS[INDEX[name]]
+        prime = None if parameter.kind == THRUST else float(units.to_prime(name, found.values[k]))
+        derivatives[name] = Derivative(
+            float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name])))
+    return derivatives, tuple(advice)
+
+
+def _separating(*names):
+    """The manoeuvre that would tell terms apart."""
+    found = dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX)
+    return ' and '.join(found) or 'runs in opposite directions'
+
+
+def _verdicts(stability, scores, validated, model):
+    """Advice on stability and on how well the runs are reproduced."""
+    advice = []
+    if not stability.stable:
+        where = '' if np.isnan(stability.unstable_speed) else f' (at {stability.unstable_speed:.2f} m/s)'
+        advice.append(Advice('unstable', (
+            f'the model is unstable at speeds it was identified at{where}: do not use it; add turns at several '
+            f'speeds')))  # fmt: skip
+    for label, found in (('identification', scores), ('validation', validated)):
+        if found is None:
+            continue
+        if found.diverged:
+            advice.append(Advice('diverged', (
+                f'{found.diverged} of {found.windows} windows of the {label} runs ran away in free simulation: look at '
+                f'their thrust and speed')))  # fmt: skip
+        low = [f'{name} {found.r2[name]:.2f}' for name, good in GOOD_R2.items() if found.r2[name] < good]
+        if low:
+            advice.append(Advice('poor-fit', (
+                f'free simulation explains little of the {label} runs ({", ".join(low)}; r2): wind, waves, a wrong '
+                f'thrust or a reversed channel; look at the pictures')))  # fmt: skip
+    return tuple(advice)
+

@@ -1,0 +1,272 @@
+"""The simplest adequate set of terms: forward selection by score tests, every step checked for stability."""
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from swath_sysid.advice import Advice
+from swath_sysid.hull.manoeuvring.model import ManoeuvringModel
+from swath_sysid.hull.manoeuvring.stability import check_stability
+from swath_sysid.identification.manoeuvring.assembly import model_values
+from swath_sysid.identification.manoeuvring.shooting import CURRENT, MultipleShooting
+from swath_sysid.identification.manoeuvring.windows import cut
+from swath_sysid.identification.uncertainty import ParameterCovariance, sandwich_covariance
+
+MEMORY = 10
+"""Lags that must be small before a residual counts as forgotten (see noise.autocovariance)."""
+
+MOST_TERMS = 14
+MARGIN = 4.0
+"""On top of the information criterion's ln(N), so that chance seldom adds a term among twenty."""
+
+NOISE_FLOOR = 0.003
+"""No model is trusted closer than this share of the motion."""
+
+WEAK = 2.0
+"""A term smaller than this many standard deviations is dropped again."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted set of unknowns.
+
+    Attributes
+    ----------
+    names : tuple of str
+    values : ndarray, shape (n,)
+    cost : float
+    shooting : MultipleShooting
+    covariance : ParameterCovariance
+    stable : bool
+    rejected : dict of str to str
+        Terms tried and refused, and why.
+    evaluations : int
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    cost: float
+    shooting: MultipleShooting
+    covariance: ParameterCovariance
+    stable: bool
+    rejected: dict = field(default_factory=dict)
+    evaluations: int = 0
+
+
+def model_of(problem, names, values, name=''):
+    """The model that some values of the unknowns make."""
+    found = dict(zip(names, values, strict=True))
+    return ManoeuvringModel(
+        model_values(problem, names, values), thrust_input=problem.thrust_input, name=name, length=problem.length,
+        largest_input=float(problem.region.most_input), current=tuple(float(found.get(c, 0.0)) for c in CURRENT),
+    )  # fmt: skip
+
+
+def shooting_of(problem, window):
+    """Multiple shooting over the runs of a problem, with its always-free unknowns."""
+    windows = cut(problem.runs, window)
+    return MultipleShooting(windows, problem.base, problem.unknowns(problem.free), problem.noise, problem.scales.speed)
+
+
+def fit(problem, shooting, names, values, rounds=2):
+    """Refine some unknowns from a start, with robust weights taken anew in every round.
+
+    Returns
+    -------
+    Fit
+    """
+    shooting = shooting.with_unknowns(problem.unknowns(names), problem.base)
+    evaluations = 0
+    for _ in range(rounds):
+        found = shooting.refine(values)
+        values = found.values
+        evaluations += found.evaluations
+        shooting.weigh(values)
+    found = shooting.refine(values, max_evaluations=8)
+    values, cost = found.values, found.cost
+    return Fit(
+        tuple(names), values, cost, shooting, covariance_of(shooting, values),
+        _is_stable(problem, names, values), evaluations=evaluations + found.evaluations,
+    )  # fmt: skip
+
+
+def covariance_of(shooting, values):
+    """Covariance of the unknowns, autocorrelation of the residuals accounted for; regularisation not counted in."""
+    residuals, jacobians = shooting.reports(values)
+    return sandwich_covariance(residuals, jacobians, MEMORY)
+
+
+def with_noise(problem, found):
+    """The problem with the noise that a fit has left, no smaller than `NOISE_FLOOR` of the motion.
+
+    Channels in which nothing was measured keep theirs.
+    """
+    residual = found.shooting.channel_residuals(found.values)
+    motion = [problem.scales.speed, 0.3 * problem.scales.speed, problem.scales.yaw_rate]
+    noise = []
+    for c in range(3):
+        known = residual[c][np.isfinite(residual[c])]
+        if not known.size:
+            noise.append(problem.noise[c])
+            continue
+        # between the robust and the plain size: outliers neither rule nor vanish
+        spread = np.sqrt(np.mean(np.minimum(np.abs(known), 4.0 * 1.4826 * np.median(np.abs(known)) + 1e-12) ** 2))
+        noise.append(max(spread, NOISE_FLOOR * motion[c]))
+    return replace(problem, noise=np.array(noise))
+
+
+def renewed(problem, found):
+    """A shooting with the noise of the problem and the states of a fit."""
+    windows = found.shooting.windows
+    shooting = MultipleShooting(
+        windows, problem.base, problem.unknowns(found.names), problem.noise, problem.scales.speed,
+        found.shooting.states,
+    )  # fmt: skip
+    shooting.weigh(found.values)
+    return shooting
+
+
+def select(problem, first, note=None):
+    """Add terms one by one while they are worth it, then drop what has become weak.
+
+    Parameters
+    ----------
+    problem : Problem
+    first : Fit
+        Of the terms that are always free.
+    note : callable, optional
+        Called after each term with the number of terms so far.
+
+    Returns
+    -------
+    Fit
+    """
+    now = first
+    remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
+    rejected = {}
+    for _ in range(MOST_TERMS):
+        ranked = _ranked(problem, now, remaining)
+        best = next(((group, gain) for group, gain in ranked if gain > 0.0), None)
+        if best is None:
+            break
+        group, promised = best
+        names = (*now.names, *group)
+        start = np.concatenate([now.values, [_first_value(problem, n) for n in group]])
+        tried = fit(problem, now.shooting, names, start, rounds=1)
+        remaining.remove(group)
+        if not tried.stable:
+            rejected[' '.join(group)] = 'unstable'
+            continue
+        reference = now.shooting.refine(now.values, max_evaluations=6).cost
+        inflation = _inflation(tried)
+        if (reference - _cost_with(tried, now)) * 2.0 / inflation < 0.5 * _threshold(tried, len(group)):
+            rejected[' '.join(group)] = 'no gain'
+            continue
+        now = tried
+        if note is not None:
+            note(len(now.names))
+    now = _without_weak(problem, now, {n for n in first.names})
+    return replace(now, rejected=rejected)
+
+
+def regularised_to_stable(problem, found):
+    """A stable fit: cross terms are taken out, the least certain first, until it is; with advice."""
+    removed = []
+    while not found.stable:
+        std = np.sqrt(np.diag(found.covariance.matrix))
+        with np.errstate(invalid='ignore', divide='ignore'):
+            certainty = np.nan_to_num(np.abs(found.values) / std)
+        cross = [k for k, n in enumerate(found.names) if n not in problem.free and n not in CURRENT]
+        if not cross:
+            break
+        weakest = min(cross, key=lambda k: certainty[k])
+        removed.append(found.names[weakest])
+        keep = [k for k in range(len(found.names)) if k != weakest]
+        found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
+    advice = ()
+    if removed:
+        advice = (Advice('made-stable', (
+            f'with {", ".join(removed)} the model was unstable at speeds it was identified at: taken out; add turns at '
+            f'several speeds to identify them')),)  # fmt: skip
+    return found, advice
+
+
+def _ranked(problem, now, candidates):
+    """Groups of terms by what they promise beyond their threshold, largest first."""
+    if not candidates:
+        return []
+    names = [n for group in candidates for n in group]
+    start = np.concatenate([now.values, [_first_value(problem, n) for n in names]])
+    wide = now.shooting.with_unknowns(problem.unknowns((*now.names, *names)), problem.base)
+    residuals, jacobians = wide.reports(start)
+    residual, jacobian = np.concatenate(residuals), np.concatenate(jacobians)
+    usable = np.all(np.isfinite(jacobian), axis=1) & np.isfinite(residual)
+    residual, jacobian = residual[usable], jacobian[usable]
+    n = len(now.names)
+    held, added = jacobian[:, :n], jacobian[:, n:]
+    size = np.sqrt(np.sum(held**2, axis=0))
+    basis, _ = np.linalg.qr(held[:, size > 0] / size[size > 0])
+    left = residual - basis @ (basis.T @ residual)
+    fresh = added - basis @ (basis.T @ added)
+    inflation = _inflation(now)
+    ranked, place = [], 0
+    for group in candidates:
+        columns = slice(place, place + len(group))
+        place += len(group)
+        part, whole = fresh[:, columns], added[:, columns]
+        # what is all but contained in the terms present would only blow them up
+        if np.any(np.sum(part**2, axis=0) <= 1e-4 * np.sum(whole**2, axis=0)) or not np.any(part):
+            continue
+        step = -np.linalg.lstsq(part, left, rcond=None)[0]
+        unknowns = problem.unknowns(group)
+        at = np.array([_first_value(problem, name) for name in group])
+        step = np.clip(at + step, unknowns.lower, unknowns.upper) - at
+        drop = np.sum(left**2) - np.sum((left + part @ step) ** 2)
+        ranked.append((group, drop / inflation - _threshold(now, len(group))))
+    return sorted(ranked, key=lambda pair: -pair[1])
+
+
+def _threshold(found, count):
+    """Weighted squares that a group of terms must explain: Schwarz's criterion and a margin."""
+    return count * (np.log(max(found.covariance.effective_samples, 10.0)) + MARGIN)
+
+
+def _inflation(found):
+    """By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares."""
+    residuals, _ = found.shooting.reports(found.values)
+    total = np.concatenate(residuals)
+    count = total.size
+    excess = float(np.mean(np.clip(np.nan_to_num(total, nan=1e3), -1e3, 1e3) ** 2))
+    return max(count / max(found.covariance.effective_samples, 1.0) * excess, 1e-9)
+
+
+def _cost_with(tried, now):
+    """Cost of a fit under the robust weights of another."""
+    shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
+    shooting.take_weights(now.shooting)
+    return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
+
+
+def _first_value(problem, name):
+    return float(problem.start((name,))[0])
+
+
+def _without_weak(problem, now, kept):
+    """Drop added terms that have become insignificant beside later ones."""
+    while True:
+        std = np.sqrt(np.diag(now.covariance.matrix))
+        with np.errstate(invalid='ignore', divide='ignore'):
+            shift = np.abs(now.values - problem.start(now.names))
+            certainty = np.where(std > 0.0, shift / std, 0.0)
+        weak = [k for k, n in enumerate(now.names) if n not in kept and n not in CURRENT and not certainty[k] > WEAK]
+        if not weak:
+            return now
+        worst = min(weak, key=lambda k: np.nan_to_num(certainty[k]))
+        keep = [k for k in range(len(now.names)) if k != worst]
+        tried = fit(problem, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
+        if not tried.stable:
+            return now
+        now = tried
+
+
+def _is_stable(problem, names, values):
+    return check_stability(model_of(problem, names, values), problem.region).stable

@@ -1,0 +1,87 @@
+"""First guesses: linear regression of speed changes on smoothed motion and thrust.
+
+Over spans of a second or so the change of each speed is the integral of its acceleration, which is linear
+in the ratios to inertia; bounded least squares (scipy's lsq_linear) keeps damping a damping.
+"""
+import numpy as np
+from scipy.optimize import lsq_linear
+
+SPAN = 1.0
+"""s."""
+
+
+def _changes(series, span):
+    return series[span:] - series[:-span]
+
+
+def _integrals(series, span, step):
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1]))]) * step
+    return total[span:] - total[:-span]
+
+
+def _regress(columns, target, lower, upper):
+    """Bounded regression on columns scaled to unit size; zeros where there is no usable row."""
+    matrix, target = np.stack(columns, axis=1), np.asarray(target)
+    known = np.all(np.isfinite(matrix), axis=1) & np.isfinite(target)
+    size = np.sqrt(np.mean(matrix[known] ** 2, axis=0)) if known.sum() > 10 * len(columns) else np.zeros(len(columns))
+    if not np.all(size > 0.0):
+        return np.zeros(len(columns))
+    found = lsq_linear(matrix[known] / size, target[known], bounds=(lower, upper))
+    return found.x / size
+
+
+def _rows(runs, thrust, features):
+    """Stacked changes and integrals over all runs: ``features(run, thrust)`` gives the target and the columns."""
+    targets, columns = [], []
+    for run, acting in zip(runs, thrust, strict=True):
+        span = max(1, round(SPAN / run.step))
+        target, series = features(run, acting)
+        driven = np.where(run.driven, 0.0, np.nan)
+        targets.append(_changes(target, span))
+        columns.append([_integrals(s + driven, span, run.step) for s in series])
+    return np.concatenate(targets), [np.concatenate(parts) for parts in zip(*columns, strict=True)]
+
+
+def surge_ratios(runs, thrust):
+    """Thrust gain over inertia (at least 0), linear and quadratic damping over inertia (at most 0).
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    thrust : sequence of (port, starboard) ndarray
+        Acting thrust, N, or command.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Zeros where the runs do not tell.
+    """
+
+    def features(run, acting):
+        u = run.smooth[0]
+        return u, (acting[0] + acting[1], u, np.abs(u) * u)
+
+    target, columns = _rows(runs, thrust, features)
+    return _regress(columns, target, [0.0, -np.inf, -np.inf], [np.inf, 0.0, 0.0])
+
+
+def yaw_ratios(runs, thrust):
+    """Gain of the thrust difference over inertia, and linear yaw damping over inertia, shape (2,)."""
+
+    def features(run, acting):
+        r = run.smooth[2]
+        return r, (acting[1] - acting[0], r)
+
+    target, columns = _rows(runs, thrust, features)
+    return _regress(columns, target, [0.0, -np.inf], [np.inf, 0.0])
+
+
+def sway_ratios(runs, thrust):
+    """Mass over sway inertia (of -u r), and linear sway damping over inertia, shape (2,)."""
+
+    def features(run, _):
+        u, v, r = run.smooth
+        return v, (-u * r, v)
+
+    target, columns = _rows(runs, thrust, features)
+    return _regress(columns, target, [0.0, -np.inf], [np.inf, 0.0])

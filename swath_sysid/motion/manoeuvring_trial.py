@@ -1,0 +1,506 @@
+"""Manoeuvring trials: what the sensors and thrusters of a twin-thruster craft recorded, made ready.
+
+A `ManoeuvringTrial` is a record as it was read, in the frame it states. `prepare` makes a `Run` of
+it: even steps, axes x forward, y to port, z up and world x east, y north, speeds over ground.
+"""
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter, savgol_filter
+
+from swath_sysid.advice import Advice
+from swath_sysid.errors import InputError
+
+FORCE, COMMAND = 'force', 'command'
+CHANNELS = ('surge', 'sway', 'yaw_rate')
+POSE = ('heading', 'x', 'y')
+MEASURED = CHANNELS + POSE
+
+USUAL_STEP = 0.1
+"""s; used where the record's own interval is far from it."""
+
+HOLD = 0.5
+"""s for which a command is held after it was last published."""
+
+LONGEST_GAP = 1.0
+"""s; over a longer gap in the thrust nothing is known of the motion."""
+
+ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'heading': 1e6}
+SMOOTHING = 0.4
+"""s; width of the Gaussian that gives smooth states."""
+
+MOVING = 0.3
+"""m/s; above this a course tells a heading."""
+
+SEEN = 0.5
+"""A correlation beyond this, against expectation, counts as a reversed channel."""
+
+
+@dataclass(frozen=True)
+class ManoeuvringTrial:
+    """A record as it was read; arrays of shape (N,), None where not measured, NaN where missing.
+
+    Attributes
+    ----------
+    time : ndarray
+        s.
+    port, starboard : ndarray
+        Thrust, N, or normalised commands, positive ahead.
+    thrust_input : str
+        ``force`` or ``command``.
+    surge, sway : ndarray or None
+        Over ground in body axes, m/s.
+    yaw_rate, heading : ndarray or None
+        rad/s, rad.
+    x, y : ndarray or None
+        m; in NED x is north and y east, in ENU x is east and y north.
+    frame : str or None
+        ``enu`` (y and sway to port, yaw to port positive), ``ned`` (to starboard), None: not stated.
+    lever : float or None
+        Half the distance between the thrusters, m, where stated.
+    length : float or None
+        Of the hulls, m, where stated.
+    source : str
+    advice : tuple of Advice
+    """
+
+    time: np.ndarray
+    port: np.ndarray
+    starboard: np.ndarray
+    thrust_input: str = FORCE
+    surge: np.ndarray | None = None
+    sway: np.ndarray | None = None
+    yaw_rate: np.ndarray | None = None
+    heading: np.ndarray | None = None
+    x: np.ndarray | None = None
+    y: np.ndarray | None = None
+    frame: str | None = None
+    lever: float | None = None
+    length: float | None = None
+    source: str = ''
+    advice: tuple[Advice, ...] = ()
+
+
+@dataclass(frozen=True)
+class Run:
+    """A record in even steps, ready for identification; arrays of shape (N,).
+
+    Attributes
+    ----------
+    step : float
+        s.
+    time : ndarray
+        s, as recorded.
+    port, starboard : ndarray
+        Held over the step that follows; zero where unknown.
+    driven : ndarray of bool
+        Where the thrust is known.
+    surge, sway, yaw_rate : ndarray
+        Over ground, m/s and rad/s, NaN where not measured.
+    heading, x, y : ndarray or None
+        rad (not wrapped) and m, without gaps; None where not measured.
+    smooth : ndarray, shape (3, N)
+        Smoothed surge, sway, yaw rate, NaN where none was measured.
+    thrust_input, source : str
+    lever, length : float or None
+    advice : tuple of Advice
+    """
+
+    step: float
+    time: np.ndarray
+    port: np.ndarray
+    starboard: np.ndarray
+    driven: np.ndarray
+    surge: np.ndarray
+    sway: np.ndarray
+    yaw_rate: np.ndarray
+    heading: np.ndarray | None
+    x: np.ndarray | None
+    y: np.ndarray | None
+    smooth: np.ndarray
+    thrust_input: str = FORCE
+    source: str = ''
+    lever: float | None = None
+    length: float | None = None
+    advice: tuple[Advice, ...] = ()
+
+    @property
+    def channels(self):
+        """Surge, sway and yaw rate, shape (3, N)."""
+        return np.stack([self.surge, self.sway, self.yaw_rate])
+
+    @property
+    def duration(self):
+        """s."""
+        return float(self.time[-1] - self.time[0])
+
+
+def prepare(trial, gap_means_zero=False, step=None):
+    """Make a trial ready for identification.
+
+    Parameters
+    ----------
+    trial : ManoeuvringTrial
+    gap_means_zero : bool
+        Commands are published only while driving: where there are none the thrust is zero.
+    step : float, optional
+        s; by default the record's own, if it is near ``USUAL_STEP``.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    InputError
+        Too few samples, no thrust, or neither speed nor yaw rate in it.
+    """
+    advice = list(trial.advice)
+    trial = _in_order(trial, advice)
+    trial = _without_absurd(trial, advice)
+    trial = _in_enu(trial, advice)
+    interval = float(np.median(np.diff(trial.time)))
+    if step is None:
+        step = interval if 0.04 <= interval <= 0.25 else USUAL_STEP
+        step = round(step, 3)
+    count = int((trial.time[-1] - trial.time[0]) / step) + 1
+    if count < 20:
+        raise InputError(f'{trial.source}: {trial.time[-1] - trial.time[0]:.1f} s are too short: record 30 s or more')
+    grid = trial.time[0] + step * np.arange(count)
+    port, starboard, driven = _thrust_on(grid, trial, gap_means_zero, advice)
+    measured = {}
+    for name in MEASURED:
+        values = getattr(trial, name)
+        if values is not None and np.isfinite(values).sum() >= 4:
+            if name == 'heading':
+                values = _unwrapped(values)
+            measured[name] = _on_grid(grid, step, trial.time, _not_held(name, values, advice, trial.source))
+    pose = {name: _filled(measured.get(name)) for name in POSE}
+    if pose['heading'] is not None:
+        pose['heading'] = np.unwrap(pose['heading'])
+    _derive_channels(measured, pose, step, advice, trial.source)
+    if not any(name in measured for name in ('surge', 'yaw_rate')):
+        raise InputError(f'{trial.source} holds neither speed nor yaw rate, nor heading and position to derive them '
+                         f'from: add surge_m_s or yaw_rate_rad_s')
+    nothing = np.full(count, np.nan)
+    surge, sway, yaw_rate = (measured.get(name, nothing) for name in CHANNELS)
+    smooth = np.stack([smoothed(c, step) for c in (surge, sway, yaw_rate)])
+    return Run(
+        step, grid, port, starboard, driven, surge, sway, yaw_rate, **pose, smooth=smooth,
+        thrust_input=trial.thrust_input, source=trial.source, lever=trial.lever, length=trial.length,
+        advice=tuple(advice),
+    )  # fmt: skip
+
+
+def smoothed(values, step, width=SMOOTHING):
+    """Local linear fit with a Gaussian window of ``width`` seconds; NaN where nothing is near.
+
+    Shape (N,) to (N,).
+    """
+    known = np.isfinite(values)
+    if not known.any():
+        return np.full(values.size, np.nan)
+    spacing = values.size / known.sum()
+    sigma = max(width / step, 0.8 * spacing)
+    place = np.arange(values.size, dtype=float)
+    filled = np.where(known, values, 0.0)
+
+    def spread(weights):
+        return gaussian_filter1d(weights, sigma, mode='constant', truncate=4.0)
+
+    w0, m1, m2 = spread(1.0 * known), spread(known * place), spread(known * place**2)
+    y0, y1 = spread(filled), spread(filled * place)
+    # moments about each place itself, so that long records lose no digits
+    s1, s2 = m1 - place * w0, m2 - 2 * place * m1 + place**2 * w0
+    t1 = y1 - place * y0
+    with np.errstate(invalid='ignore', divide='ignore'):
+        fit = np.where(w0 * s2 - s1**2 > 1e-6 * w0, (s2 * y0 - s1 * t1) / (w0 * s2 - s1**2), y0 / w0)
+    return np.where(w0 > 1e-3 / spacing, fit, np.nan)
+
+
+def _in_order(trial, advice):
+    """Samples in order of time, without repeated or unreadable stamps."""
+    time = np.asarray(trial.time, dtype=float)
+    good = np.isfinite(time)
+    latest = np.maximum.accumulate(np.where(good, time, -np.inf))
+    good &= np.concatenate([[True], time[1:] > latest[:-1]])
+    if good.sum() < 20:
+        raise InputError(f'{trial.source} holds {int(good.sum())} samples in order of time: record 30 s or more')
+    if not good.all():
+        advice.append(Advice('time-disorder', (
+            f'{trial.source}: {int((~good).sum())} rows with missing, repeated or backward time left out: check the '
+            f'recorder')))  # fmt: skip
+    for name in ('port', 'starboard', *MEASURED):
+        values = getattr(trial, name)
+        if values is not None:
+            trial = replace(trial, **{name: np.asarray(values, dtype=float)[good]})
+    return replace(trial, time=time[good])
+
+
+def _without_absurd(trial, advice):
+    names = [n for n in MEASURED if getattr(trial, n) is not None]
+    for name in names:
+        values = getattr(trial, name)
+        with np.errstate(invalid='ignore'):
+            bad = ~(np.abs(values) <= ABSURD[name])
+        if bad.all():
+            trial = replace(trial, **{name: None})
+            advice.append(Advice('empty-channel', f'{trial.source}: {name} holds no usable value and is left out'))
+            continue
+        wild = bad & np.isfinite(values)
+        if wild.any():
+            advice.append(Advice('absurd-values', (
+                f'{trial.source}: {int(wild.sum())} values of {name} beyond {ABSURD[name]:g} left out: check its '
+                f'unit')))  # fmt: skip
+        trial = replace(trial, **{name: np.where(bad, np.nan, values)})
+    rows = np.all([~np.isfinite(getattr(trial, n)) for n in names if getattr(trial, n) is not None], axis=0)
+    if np.sum(rows):
+        advice.append(Advice('missing-rows', (
+            f'{trial.source}: {int(np.sum(rows))} rows hold no measured value and are bridged by the simulation: check '
+            f'the logger if they are many')))  # fmt: skip
+    return trial
+
+
+def mirrored(trial):
+    """The trial with port and starboard motion exchanged: NED to ENU, and back; thrusters stay."""
+    changed = {name: -getattr(trial, name) for name in ('sway', 'yaw_rate') if getattr(trial, name) is not None}
+    if trial.heading is not None:
+        changed['heading'] = math.pi / 2 - trial.heading
+    if trial.x is not None and trial.y is not None:
+        changed.update(x=trial.y, y=trial.x)
+    return replace(trial, **changed)
+
+
+def _in_enu(trial, advice):
+    """The trial in ENU, reversed and swapped channels set right, and reported."""
+    stated = trial.frame
+    if stated == 'ned':
+        trial = mirrored(trial)
+    elif stated not in (None, 'enu'):
+        raise InputError(f"{trial.source}: there is no frame '{stated}': state enu or ned")
+    trial = _agreeing_heading(trial, stated, advice)
+    trial = _agreeing_yaw_rate(trial, advice)
+    trial = _agreeing_surge(trial, advice)
+    return _agreeing_thrusters(trial, stated, advice)
+
+
+def _agreeing_heading(trial, stated, advice):
+    """Heading and position in one frame: the course over ground tells."""
+    if trial.heading is None or trial.x is None or trial.y is None:
+        return trial
+    known = np.isfinite(trial.x) & np.isfinite(trial.y) & np.isfinite(trial.heading)
+    if known.sum() < 20:
+        return trial
+    time, x, y = trial.time[known], trial.x[known], trial.y[known]
+    heading = _unwrapped(trial.heading[known])
+    lead = 2.0
+    ahead = np.interp(time + lead, time, x) - np.interp(time - lead, time, x)
+    aside = np.interp(time + lead, time, y) - np.interp(time - lead, time, y)
+    moving = np.hypot(ahead, aside) > 2 * lead * MOVING
+    moving &= (time > time[0] + lead) & (time < time[-1] - lead)
+    if trial.surge is not None:
+        surge = trial.surge[known]
+        moving &= ~(surge < 0)
+    if moving.sum() < 20:
+        return trial
+    course = np.arctan2(aside, ahead)[moving]
+    heading = heading[moving]
+    straight, reverse = np.mean(np.exp(1j * (course - heading))), np.mean(np.exp(1j * (course + heading)))
+    if abs(reverse) > 0.9 and abs(reverse) > abs(straight) + 0.2:
+        offset = round(np.angle(reverse) / (math.pi / 2)) * math.pi / 2
+        advice.append(Advice('mixed-frames', (
+            f'{trial.source}: heading and position are in different frames (one in NED, one in ENU): the heading is '
+            f'taken as {math.degrees(offset):.0f} deg minus what was recorded; give both in one frame')))  # fmt: skip
+        return replace(trial, heading=offset - trial.heading)
+    offset = round(np.angle(straight) / (math.pi / 2)) * math.pi / 2
+    if abs(straight) > 0.9 and offset != 0.0:
+        advice.append(Advice('mixed-frames', (
+            f'{trial.source}: the heading is off the course by {math.degrees(offset):.0f} deg and was turned by that '
+            f'much: check which axis heading and position are measured from')))  # fmt: skip
+        return replace(trial, heading=trial.heading + offset)
+    return trial
+
+
+def _agreeing_yaw_rate(trial, advice):
+    """Yaw rate and heading with one sign."""
+    if trial.heading is None or trial.yaw_rate is None:
+        return trial
+    heading = np.interp(trial.time, trial.time, _bridged(_unwrapped(trial.heading)))
+    slope = np.gradient(_lowpass(trial.time, heading, 0.5), trial.time)
+    rate = _lowpass(trial.time, _bridged(trial.yaw_rate), 0.5)
+    if np.std(rate) > 0.005 and _correlation(slope, rate) < -SEEN:
+        advice.append(Advice('yaw-rate-reversed', (
+            f'{trial.source}: yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
+            f'reversed; give both in one frame')))  # fmt: skip
+        return replace(trial, yaw_rate=-trial.yaw_rate)
+    if np.std(rate) > 0.005 and _correlation(slope, rate) < SEEN and np.std(slope) > 0.02:
+        advice.append(Advice('yaw-rate-strange', (
+            f'{trial.source}: yaw rate and change of heading do not agree: check the channels')))  # fmt: skip
+    return trial
+
+
+def _agreeing_surge(trial, advice):
+    """Surge positive ahead: total thrust tells."""
+    if trial.surge is None:
+        return trial
+    total = _bridged(trial.port + trial.starboard)
+    surge = _bridged(trial.surge)
+    best = max((_correlation(_lowpass(trial.time, total, tau), surge) for tau in (0.5, 2.0, 5.0)), key=abs)
+    if best < -0.7:
+        advice.append(Advice('surge-reversed', (
+            f'{trial.source}: the speed falls when thrust rises (correlation {best:.2f}): the speed is reversed; check '
+            f'its sign, or that of both thrusts')))  # fmt: skip
+        return replace(trial, surge=-trial.surge)
+    return trial
+
+
+def _agreeing_thrusters(trial, stated, advice):
+    """More thrust to starboard turns to port; if it does not, thrusters are swapped or yaw is in NED."""
+    rate = trial.yaw_rate
+    if rate is None:
+        if trial.heading is None:
+            return trial
+        rate = np.gradient(_lowpass(trial.time, _bridged(_unwrapped(trial.heading)), 0.5), trial.time)
+    rate = _bridged(rate)
+    difference = _bridged(trial.starboard - trial.port)
+    if np.std(difference) == 0 or np.std(rate) < 0.01:
+        return trial
+    best = max((_correlation(_lowpass(trial.time, difference, tau), rate) for tau in (0.3, 1.0, 3.0)), key=abs)
+    if best > -SEEN:
+        return trial
+    if stated is None:
+        advice.append(Advice('frame-assumed', (
+            f'{trial.source}: more thrust to starboard turns to negative yaw (correlation {best:.2f}), so yaw is taken '
+            f'as in NED; state the frame (ned or enu): if it is ENU, port and starboard are swapped')))  # fmt: skip
+        return mirrored(trial)
+    advice.append(Advice('thrusters-swapped', (
+        f'{trial.source}: more thrust to starboard turns to starboard (correlation {best:.2f}) in the frame stated '
+        f'({stated}), so port and starboard were exchanged; check the channels, or the frame')))  # fmt: skip
+    return replace(trial, port=trial.starboard, starboard=trial.port)
+
+
+def _thrust_on(grid, trial, gap_means_zero, advice):
+    """Inputs held on the grid, and where they are known."""
+    known = np.isfinite(trial.port) & np.isfinite(trial.starboard)
+    if not known.any():
+        if not gap_means_zero:
+            raise InputError(f'{trial.source} holds no finite thrust of both thrusters: check its columns')
+        return np.zeros(grid.size), np.zeros(grid.size), np.ones(grid.size, dtype=bool)
+    time = trial.time[known]
+    last = np.searchsorted(time, grid + 1e-6, side='right') - 1
+    age = grid - time[np.maximum(last, 0)]
+    started = last >= 0
+    last = np.maximum(last, 0)
+    port, starboard = trial.port[known][last], trial.starboard[known][last]
+    hold = max(HOLD, 3.0 * float(np.median(np.diff(time)))) if time.size > 1 else HOLD
+    if gap_means_zero:
+        silent = ~started | (age > min(hold, LONGEST_GAP))
+        port, starboard = np.where(silent, 0.0, port), np.where(silent, 0.0, starboard)
+        return port, starboard, np.ones(grid.size, dtype=bool)
+    driven = started & (age <= max(LONGEST_GAP, hold))
+    lost = 1.0 - driven.mean()
+    if lost > 0.001:
+        advice.append(Advice('thrust-gaps', (
+            f'{trial.source}: the thrust is missing for {lost * (grid[-1] - grid[0]):.0f} s, which are left out: if '
+            f'commands are published only while driving, say that a gap means zero (--gap-means-zero)')))  # fmt: skip
+    return np.where(driven, port, 0.0), np.where(driven, starboard, 0.0), driven
+
+
+def _not_held(name, values, advice, source):
+    """NaN for repetitions of a slower sensor's last value."""
+    known = np.flatnonzero(np.isfinite(values))
+    changed = np.diff(values[known]) != 0.0
+    if known.size < 20 or not changed.any() or np.std(values[known]) == 0.0:
+        return values
+    runs = np.diff(np.flatnonzero(np.concatenate([[True], changed, [True]])))
+    usual = float(np.median(runs))
+    if usual < 3.0 or np.mean(runs[runs > 1] <= 2.5 * usual) < 0.7:
+        return values
+    advice.append(Advice('held-samples', (
+        f'{source}: {name} changes only at every {usual:.0f}th sample: the repetitions are taken as missing')))
+    fresh = values.copy()
+    fresh[known[1:][~changed]] = np.nan
+    return fresh
+
+
+def _on_grid(grid, step, time, values):
+    """Fast channels averaged around each grid time, slow ones put at the nearest, NaN elsewhere."""
+    known = np.isfinite(values)
+    time, values = time[known], values[known]
+    interval = float(np.median(np.diff(time))) if time.size > 1 else step
+    if interval < 0.75 * step:
+        place = np.rint((time - grid[0]) / step).astype(int)
+        inside = (place >= 0) & (place < grid.size)
+        counts = np.bincount(place[inside], minlength=grid.size)
+        sums = np.bincount(place[inside], weights=values[inside], minlength=grid.size)
+        with np.errstate(invalid='ignore', divide='ignore'):
+            return np.where(counts > 0, sums / counts, np.nan)
+    after = np.clip(np.searchsorted(time, grid), 0, time.size - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(time[after] - grid) <= np.abs(grid - time[before]), after, before)
+    near = np.abs(time[nearest] - grid) <= 0.5 * step + 1e-9
+    if interval <= 1.5 * step:
+        between = (time[after] - time[before] < 1.8 * interval) & (time[before] <= grid) & (grid <= time[after])
+        found = np.where(between, np.interp(grid, time, values), np.where(near, values[nearest], np.nan))
+        return found
+    return np.where(near, values[nearest], np.nan)
+
+
+def _derive_channels(measured, pose, step, advice, source):
+    """Yaw rate from heading, speeds from position and heading, where they were not measured."""
+    heading, x, y = (pose[name] for name in POSE)
+    if 'yaw_rate' not in measured and heading is not None:
+        measured['yaw_rate'] = _slope(heading, step, 1.1)
+        advice.append(Advice('yaw-rate-derived', f'{source}: no yaw rate: it is derived from the heading'))
+    if heading is None or x is None or y is None or ('surge' in measured and 'sway' in measured):
+        return
+    east, north = _slope(x, step, 2.1), _slope(y, step, 2.1)
+    derived = {
+        'surge': east * np.cos(heading) + north * np.sin(heading),
+        'sway': -east * np.sin(heading) + north * np.cos(heading),
+    }
+    missing = [name for name in derived if name not in measured]
+    measured.update({name: derived[name] for name in missing})
+    advice.append(Advice('speed-derived', (
+        f'{source}: no {" and no ".join(missing)}: derived from position and heading')))  # fmt: skip
+
+
+def _slope(values, step, span):
+    window = max(5, 2 * int(span / step / 2) + 1)
+    return savgol_filter(values, min(window, 2 * ((values.size - 1) // 2) + 1), 2, deriv=1, delta=step)
+
+
+def _filled(values):
+    """Linear over gaps; None stays None."""
+    return None if values is None else _bridged(values)
+
+
+def _bridged(values):
+    known = np.isfinite(values)
+    if not known.any():
+        return np.zeros(values.size)
+    if known.all():
+        return values
+    place = np.arange(values.size)
+    return np.interp(place, place[known], values[known])
+
+
+def _unwrapped(heading):
+    known = np.isfinite(heading)
+    found = np.full(heading.size, np.nan)
+    found[known] = np.unwrap(heading[known])
+    return found
+
+
+def _lowpass(time, values, tau):
+    step = float(np.median(np.diff(time)))
+    decay = math.exp(-step / tau)
+    return lfilter([1.0 - decay], [1.0, -decay], values, zi=[decay * values[0]])[0]
+
+
+def _correlation(a, b):
+    a, b = a - np.mean(a), b - np.mean(b)
+    size = np.sqrt(np.sum(a * a) * np.sum(b * b))
+    return float(np.sum(a * b) / size) if size > 0 else 0.0
