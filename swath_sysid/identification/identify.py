@@ -12,7 +12,7 @@ from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.terms import DAMPING_NAMES, TERM_INDEX
 from swath_sysid.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
 from swath_sysid.identification.one_step import OneStepObjective
-from swath_sysid.identification.problem import Problem, prepare
+from swath_sysid.identification.problem import Problem, block_means, prepare
 from swath_sysid.identification.scaling import LOWER, UPPER
 from swath_sysid.identification.search import (
     PRESETS,
@@ -41,6 +41,7 @@ SEARCH_PERIODS = 6.0
 cycle, and refinement then follows the rest of the record outwards from there."""
 HORIZON_GROWTH = 2.5
 BLOCKS_PER_PERIOD = 24
+"""As informative for a search as every sample, and short."""
 CURVE_POINTS = 40
 SEARCH_SHARE = 0.7
 
@@ -293,31 +294,14 @@ def _search_objective(problem, equation, settings):
     if settings.objective == 'one-step':
         one_step = _one_step(problem)
         return lambda ratios: one_step(full_ratios(ratios, equation, problem.scales))
-    blocks = tuple(_block_means(m, 2 * np.pi / problem.scales.frequency) for m in problem.until(SEARCH_PERIODS))
+    period = 2 * np.pi / problem.scales.frequency
+    blocks = tuple(block_means(m, period, BLOCKS_PER_PERIOD) for m in problem.until(SEARCH_PERIODS))
     fit = motion_fit(problem, equation, blocks, steps_per_period=SEARCH_STEPS_PER_PERIOD)
     return lambda ratios: fit.objective_of_population(ratios, problem.states)
 
 
 def _one_step(problem):
     return OneStepObjective.of(problem.motions, [s.trim for s in problem.states], problem.friction_rate)
-
-
-def _block_means(motion, period):
-    """The record in means over a twenty-fourth of a period: as informative for a search, and short.
-
-    The first sample stays as it is, because the initial state belongs to it.
-    """
-    if motion.sample_interval * BLOCKS_PER_PERIOD > 0.5 * period:
-        return motion
-    block = 1 + np.floor((motion.time - motion.time[0]) * BLOCKS_PER_PERIOD / period).astype(int)
-    block[0] = 0
-    count = np.bincount(block)
-    filled = count > 0
-
-    def mean(values):
-        return None if values is None else np.bincount(block, values)[filled] / count[filled]
-
-    return AxisMotion(motion.axis, mean(motion.time), mean(motion.angle), mean(motion.rate), motion.source)
 
 
 def _linear_guess(problem, equation):

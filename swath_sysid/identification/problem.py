@@ -1,6 +1,6 @@
 """What is to be identified: the free decays of some records, and what they say at a glance."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -17,6 +17,11 @@ from swath_sysid.motion.trial import AxisMotion
 FRICTION_RATE_SHARE = 0.02
 """Dry friction is smoothed over this share of the greatest rate: small against the rates that
 carry information, and wide enough to be integrated at the usual step."""
+
+DENSEST = 1000
+AVERAGED = 400
+"""Samples a period: records denser than the first are averaged to the second, which costs the
+motion less than 1e-5 of its amplitude."""
 
 FIRST_LOOK_PERIODS = 0.12
 """The initial state is estimated from this part of a period."""
@@ -83,7 +88,7 @@ def prepare(motions, start=None, end=None):
         raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
     segments = tuple(find_decay(m, start, end) for m in motions)
     advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
-    cut = tuple(m.between(s.start, s.end) for m, s in zip(motions, segments, strict=True))
+    cut = tuple(_averaged(m.between(s.start, s.end), s.period) for m, s in zip(motions, segments, strict=True))
     frequency = 2.0 * np.pi / float(np.median([s.period for s in segments]))
     noise = Noise(
         angle=weighting_noise([m.angle for m in cut if m.angle is not None] or [np.zeros(1)]),
@@ -102,6 +107,38 @@ def prepare(motions, start=None, end=None):
         friction_rate=FRICTION_RATE_SHARE * scales.rate,
         advice=tuple(dict.fromkeys(advice)),
     )
+
+
+def _averaged(motion, period):
+    """The record at a density that a fit can use up."""
+    dense = period / motion.sample_interval > DENSEST
+    return block_means(motion, period, AVERAGED) if dense else motion
+
+
+def block_means(motion, period, blocks):
+    """The record in means over a part of a period; as it is where it is not much denser than that.
+
+    The first sample stays as it is, because the initial state belongs to it.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+    period : float
+        s.
+    blocks : int
+        Blocks a period.
+    """
+    if motion.sample_interval * blocks > 0.5 * period:
+        return motion
+    block = 1 + np.floor((motion.time - motion.time[0]) * blocks / period).astype(int)
+    block[0] = 0
+    count = np.bincount(block)
+    filled = count > 0
+
+    def mean(values):
+        return None if values is None else np.bincount(block, values)[filled] / count[filled]
+
+    return replace(motion, time=mean(motion.time), angle=mean(motion.angle), rate=mean(motion.rate))
 
 
 def _amplitude(motion, state, frequency):
