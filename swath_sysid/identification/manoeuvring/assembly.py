@@ -27,6 +27,9 @@ SWAY_SEEN = 0.03
 USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0}
 """s; time constants taken where the runs tell nothing."""
 
+FIRST_DELAY = 0.15
+"""s, where the search for lag and delay of the thrusters begins."""
+
 LARGEST_DRIFT = 2.0
 """m/s."""
 
@@ -53,6 +56,9 @@ class Problem:
         Known parameters, and first guesses of the others.
     free : tuple of str
         Unknowns that are always searched.
+    tentative : tuple of str
+        Unknowns that are searched from the start, and dropped where they turn out weak: lag and delay, which
+        stand in for each other where only one of them is offered.
     candidates : tuple of tuple of str
         Groups of unknowns that may be added.
     scales : Scales
@@ -72,6 +78,7 @@ class Problem:
     thrust_input: str
     base: np.ndarray
     free: tuple[str, ...]
+    tentative: tuple[str, ...]
     candidates: tuple[tuple[str, ...], ...]
     scales: Scales
     length: float
@@ -169,6 +176,8 @@ def assemble(runs, settings):
         candidates = []
         if settings.current == AUTO and all(run.heading is not None for run in runs):
             candidates = [CURRENT]
+    tentative = [n for n in ('lag', 'delay') if n not in settings.fixed] if settings.terms is None else []
+    values.update({n: FIRST_DELAY for n in tentative})
     if settings.current == SHARED:
         if any(run.heading is None for run in runs):
             raise InputError('a current can be found only where the heading is known: add heading_rad or heading_deg')
@@ -181,7 +190,7 @@ def assemble(runs, settings):
     noise = np.array([max(0.05 * scale, _white(runs, c)) for c, scale in enumerate(
         (scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))])  # fmt: skip
     return Problem(
-        tuple(runs), thrust_input, parameter_values(values), tuple(free), tuple(candidates), scales, length,
+        tuple(runs), thrust_input, parameter_values(values), tuple(free), tuple(tentative), tuple(candidates), scales, length,
         dict(settings.towards), tuple(assumed), flags, region, noise, tuple(advice),
     )  # fmt: skip
 
@@ -332,7 +341,7 @@ def _candidates(runs, thrust_input, rows, settings):
         found += [(name,) for name in _CANDIDATES['N-sway']]
     elif 'N' in rows and 'X' in rows:
         found.append(('Yv',))
-    found += [('lag',), ('delay',), ('advance',)]
+    found.append(('advance',))
     if 'N' in rows:
         found.append(('balance',))
     if backward > 0.02:

@@ -19,6 +19,7 @@ from swath_sysid.identification.manoeuvring.selection import (
     select,
     shooting_of,
     with_noise,
+    without,
 )
 from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
 from swath_sysid.identification.manoeuvring.shooting import CURRENT
@@ -149,12 +150,14 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     problem = assemble(runs, settings)
     shooting = shooting_of(problem, settings.window)
     start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
-    now = fit(problem, shooting, problem.free, start)
+    names = (*problem.free, *problem.tentative)
+    now = fit(problem, shooting, names, np.concatenate([start, problem.start(problem.tentative)]))
     problem = with_noise(problem, now)
     now = fit(problem, renewed(problem, now), now.names, now.values)
     note(0.5)
     found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
-    problem = with_noise(problem, found)
+    dropped = tuple(n for n in problem.tentative if n not in found.names)
+    problem = with_noise(without(problem, dropped), found)
     rejected, evaluations = found.rejected, now.evaluations + found.evaluations
     found = fit(problem, renewed(problem, found), found.names, found.values)
     found, stability_advice = regularised_to_stable(problem, found)

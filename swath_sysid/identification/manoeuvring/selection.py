@@ -6,6 +6,7 @@ import numpy as np
 from swath_sysid.advice import Advice
 from swath_sysid.hull.manoeuvring.model import ManoeuvringModel
 from swath_sysid.hull.manoeuvring.stability import check_stability
+from swath_sysid.hull.manoeuvring.terms import INDEX, NEUTRAL
 from swath_sysid.identification.manoeuvring.assembly import model_values
 from swath_sysid.identification.manoeuvring.shooting import CURRENT, MultipleShooting
 from swath_sysid.identification.manoeuvring.windows import cut
@@ -20,6 +21,9 @@ MARGIN = 4.0
 
 NOISE_FLOOR = 0.003
 """No model is trusted closer than this share of the motion."""
+
+LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
+"""Tried only where nothing else helps: they imitate many other terms."""
 
 WEAK = 2.0
 """A term smaller than this many standard deviations is dropped again."""
@@ -164,7 +168,7 @@ def select(problem, first, note=None):
         now = tried
         if note is not None:
             note(len(now.names))
-    now = _without_weak(problem, now, {n for n in first.names})
+    now = _without_weak(problem, now)
     return replace(now, rejected=rejected)
 
 
@@ -181,6 +185,7 @@ def regularised_to_stable(problem, found):
         weakest = min(cross, key=lambda k: certainty[k])
         removed.append(found.names[weakest])
         keep = [k for k in range(len(found.names)) if k != weakest]
+        problem = without(problem, removed[-1:])
         found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
     advice = ()
     if removed:
@@ -222,7 +227,7 @@ def _ranked(problem, now, candidates):
         step = np.clip(at + step, unknowns.lower, unknowns.upper) - at
         drop = np.sum(left**2) - np.sum((left + part @ step) ** 2)
         ranked.append((group, drop / inflation - _threshold(now, len(group))))
-    return sorted(ranked, key=lambda pair: -pair[1])
+    return sorted(ranked, key=lambda pair: (pair[0][0] in LAST, -pair[1]))
 
 
 def _threshold(found, count):
@@ -250,22 +255,36 @@ def _first_value(problem, name):
     return float(problem.start((name,))[0])
 
 
-def _without_weak(problem, now, kept):
-    """Drop added terms that have become insignificant beside later ones."""
+def _without_weak(problem, now):
+    """Drop added and tentative terms that are insignificant beside the others."""
     while True:
         std = np.sqrt(np.diag(now.covariance.matrix))
         with np.errstate(invalid='ignore', divide='ignore'):
-            shift = np.abs(now.values - problem.start(now.names))
+            shift = np.abs(now.values - _neutral(now.names))
             certainty = np.where(std > 0.0, shift / std, 0.0)
-        weak = [k for k, n in enumerate(now.names) if n not in kept and n not in CURRENT and not certainty[k] > WEAK]
+        weak = [k for k, n in enumerate(now.names) if n not in problem.free and n not in CURRENT and not certainty[k] > WEAK]
         if not weak:
             return now
         worst = min(weak, key=lambda k: np.nan_to_num(certainty[k]))
         keep = [k for k in range(len(now.names)) if k != worst]
+        problem = without(problem, (now.names[worst],))
         tried = fit(problem, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
         if not tried.stable:
             return now
         now = tried
+
+
+def without(problem, names):
+    """The problem with the first guesses of some unknowns at their neutral values."""
+    base = problem.base.copy()
+    for name in names:
+        if name in INDEX:
+            base[INDEX[name]] = NEUTRAL[INDEX[name]]
+    return replace(problem, base=base)
+
+
+def _neutral(names):
+    return np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in names])
 
 
 def _is_stable(problem, names, values):

@@ -184,7 +184,7 @@ class MultipleShooting:
         prior = np.diag(np.where(np.isfinite(self.unknowns.spread), 1.0 / self.unknowns.spread, 0.0))
         return np.concatenate([projected.reshape(n, -1).T, state_part.reshape(n, -1).T, prior])
 
-    def refine(self, values, max_evaluations=20, tolerance=1e-4):
+    def refine(self, values, max_evaluations=20, tolerance=1e-5):
         """Bounded least squares (scipy's trust-region reflective) over the unknowns."""
         lower, upper, units = self.unknowns.lower, self.unknowns.upper, self.unknowns.units
         margin = 1e-9 * (upper - lower)

@@ -9,6 +9,9 @@ LENGTH = 20.0
 SHORTEST = 5.0
 """s."""
 
+SETTLED = 2.0
+"""s after which the thrust that acts, behind lag and delay, no longer depends on inputs before the record."""
+
 
 @dataclass(frozen=True)
 class Windows:
@@ -54,7 +57,7 @@ class Windows:
 
 
 def cut(runs, length=LENGTH, shortest=SHORTEST):
-    """Cut runs into windows, none across a gap in the thrust.
+    """Cut runs into windows, none across a gap in the thrust or within `SETTLED` seconds behind one.
 
     Parameters
     ----------
@@ -74,11 +77,11 @@ def cut(runs, length=LENGTH, shortest=SHORTEST):
     step = runs[0].step
     if any(abs(run.step - step) > 1e-9 for run in runs):
         raise InputError('the runs differ in sample interval: prepare them with one step')
-    long, short = round(length / step), round(shortest / step)
+    long, short, settled = (round(duration / step) for duration in (length, shortest, SETTLED))
     places = []
     for index, run in enumerate(runs):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], run.driven.astype(int), [0]])))
-        for begin, end in edges.reshape(-1, 2):
+        for begin, end in edges.reshape(-1, 2) + [settled, 0]:
             while end - 1 - begin >= short:
                 steps = min(long, end - 1 - begin)
                 places.append((index, begin, steps))
