@@ -326,6 +326,30 @@ def _imu_layout(encoding, name_length, size):
     })
 
 
+@contextmanager
+def opened_bag(path):
+    """The open readers of everything in a bag, in the order of recording, and what to tell of its state.
+
+    Parameters
+    ----------
+    path : str or Path
+        A bag folder, or a single .mcap or .db3 file; of one that was cut off, what is whole can be read.
+
+    Yields
+    ------
+    readers : list
+        Each with ``connections`` and ``messages(connections)``, as those of rosbags.
+    advice : list of Advice
+
+    Raises
+    ------
+    InputError
+        There is no such bag, or it is damaged beyond reading.
+    """
+    with ExitStack() as stack:
+        yield _open_bag(Path(path), stack)
+
+
 def _open_bag(path, stack):
     """Readers of everything in a bag, opened, and what to tell of its state."""
     if not path.exists():

@@ -1,0 +1,98 @@
+"""``swath-sysid play-through``: what the nodes would have published on a record, as fast as the machine can."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.sources import finite
+from swath_sysid.errors import InputError
+from swath_sysid.files.imu_readings import read_readings
+from swath_sysid.files.model_file import read_model
+from swath_sysid.files.output_bag import IMU_TOPIC, writing_output_bag
+from swath_sysid.motion.sensing import Installation
+from swath_sysid.nodes.parameter_tables import (
+    outlook_settings,
+    refit_settings,
+    values_from_file,
+    window_settings,
+)
+from swath_sysid.prediction.play_through import PlayThrough, PlayThroughSettings
+
+PROGRESS_STEP = 2000
+
+
+def add_arguments(parser):
+    """The record, the output, and what the nodes would be started with."""
+    parser.add_argument('record', metavar='RECORD', help='rosbag2 bag, CSV file or MTi text export')
+    parser.add_argument('--output', required=True, metavar='OUT.mcap', help='bag of what the nodes publish')
+    parser.add_argument('--params', metavar='FILE', help='ROS parameter file of the nodes (default: their defaults)')
+    parser.add_argument('--model', metavar='FILE', help='model file known at the start (default: that of model_path)')
+    parser.add_argument('--topic', help='IMU topic, for bags that hold several')
+    parser.add_argument(
+        '--refit-delay', type=finite, default=0.0, metavar='S',
+        help='from a window to the model found in it; live it is 0.1 to 3 s (default: at the next sample)',
+    )  # fmt: skip
+    parser.add_argument('--with-imu', action='store_true', help='copy the IMU messages to the output as well')
+
+
+def run(arguments):
+    """Play the record through and write the output."""
+    if arguments.refit_delay < 0.0:
+        raise InputError('the refit delay must not be negative')
+    buffer, identifier, predictor = (
+        values_from_file(arguments.params, name) for name in ('imu_buffer', 'identifier', 'predictor')
+    )
+    settings = PlayThroughSettings(
+        window_settings(buffer), refit_settings(identifier), outlook_settings(predictor),
+        identifier['auto_identify'], arguments.refit_delay,
+    )  # fmt: skip
+    installation = settings.outlook.installation
+    readings = read_readings(
+        arguments.record, arguments.topic, frame=installation.frame, mounting=installation.mounting
+    )
+    if readings.in_craft_axes:
+        settings = replace(
+            settings, window=replace(settings.window, installation=Installation()),
+            outlook=replace(settings.outlook, installation=Installation()),
+        )  # fmt: skip
+    pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
+    pipeline.window.record(buffer['record_at_start'])
+    verdicts = []
+    with (
+        progress_of('play-through') as progress,
+        writing_output_bag(arguments.output, frame_id=predictor['frame_id']) as bag,
+    ):
+        for index, reading in enumerate(readings):
+            if arguments.with_imu:
+                bag.add_imu(IMU_TOPIC, reading.stamp_ns, reading.stamp_ns, readings.values[index])
+            played = pipeline.add(reading)
+            bag.add_played(played)
+            if played.verdict is not None:
+                verdicts.append((reading.stamp_ns, played.verdict))
+            if index % PROGRESS_STEP == 0:
+                progress(index / len(readings))
+        progress(1.0)
+    show_advice(readings.advice)
+    for stamp_ns, verdict in verdicts:
+        print(f'{(stamp_ns - int(readings.stamps[0])) / 1e9:.2f} s: {verdict}')
+    _report_counts(pipeline)
+    published = ', '.join(f'{topic} {count}' for topic, count in bag.counts.items()) or 'nothing'
+    print(f'{arguments.output}: from {len(readings)} messages {published}')
+    return 0
+
+
+def _known_models(model, model_path):
+    """The models at the start: of the file named, else of the node's own file if it has one already."""
+    if model:
+        return read_model(model)
+    own = Path(model_path).expanduser() if model_path else None
+    return read_model(own) if own is not None and own.exists() else None
+
+
+def _report_counts(pipeline):
+    """What was counted by reason, on standard error."""
+    counts = {**pipeline.outlook.counts, **pipeline.outlook.predictor.diagnostics().counts, **pipeline.window.counts}
+    counted = ', '.join(f'{reason} {count}' for reason, count in counts.items() if count)
+    if counted:
+        print(f'counted: {counted}', file=sys.stderr)

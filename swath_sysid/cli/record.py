@@ -1,0 +1,34 @@
+"""``swath-sysid record``: write our topics from ROS to a bag."""
+
+import sys
+from datetime import datetime
+
+from swath_sysid.errors import InputError
+
+
+def add_arguments(parser):
+    """The file."""
+    parser.add_argument(
+        '--output', metavar='OUT.mcap', help='default: swath_sysid_DATE_TIME.mcap in the present folder'
+    )
+    parser.add_argument(
+        '--topic', action='append', default=[], metavar='NAME', help='record this one too, full name; repeat it'
+    )
+    parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
+
+
+def run(arguments):
+    """Record until a signal comes."""
+    try:
+        from swath_sysid.nodes.record import record
+    except ImportError as error:
+        raise InputError(
+            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
+        ) from error
+    output = arguments.output or f'swath_sysid_{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap'
+    time = ['--ros-args', '-p', 'use_sim_time:=true'] if arguments.use_sim_time else []
+    print(f'recording to {output} until Ctrl-C', file=sys.stderr, flush=True)
+    code, counts = record(output, arguments.topic, ['swath-sysid', *time])
+    counted = ', '.join(f'{topic} {count}' for topic, count in sorted(counts.items())) or 'nothing came'
+    print(f'{output}: {counted}', flush=True)
+    return code

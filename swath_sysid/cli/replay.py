@@ -1,0 +1,31 @@
+"""``swath-sysid replay``: publish the topics of a bag over ROS."""
+
+import sys
+
+from swath_sysid.cli.sources import finite
+from swath_sysid.errors import InputError
+
+
+def add_arguments(parser):
+    """The bag, and how fast it is replayed."""
+    parser.add_argument('bag', metavar='BAG', help='rosbag2 bag: folder, .mcap or .db3')
+    parser.add_argument('--rate', type=finite, default=1.0, metavar='R', help='times real time (default: %(default)s)')
+    parser.add_argument('--loop', action='store_true', help='begin again at the end, until Ctrl-C')
+    parser.add_argument('--clock', action='store_true', help='publish /clock, for nodes with use_sim_time')
+    parser.add_argument(
+        '--wait', type=finite, default=10.0, metavar='S',
+        help='so long the start waits for somebody to listen (default: %(default)s)',
+    )  # fmt: skip
+
+
+def run(arguments):
+    """Replay until the end or a signal."""
+    try:
+        from swath_sysid.nodes.replay import ReplaySettings, replay
+    except ImportError as error:
+        raise InputError(
+            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
+        ) from error
+    settings = ReplaySettings(arguments.rate, arguments.loop, arguments.clock, arguments.wait)
+    replay(arguments.bag, settings, lambda line: print(line, file=sys.stderr, flush=True), ['swath-sysid'])
+    return 0

@@ -1,0 +1,128 @@
+"""The live pipeline without its processes: buffer, identifier and predictor run over messages one after another."""
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.identification.refit import RefitOutcome, RefitRequest, RefitSettings, Refitter, refit
+from swath_sysid.motion.intake import NANOSECOND
+from swath_sysid.motion.window import MotionTable, MotionWindow, WindowSettings
+from swath_sysid.prediction.outlook import Outlook, OutlookSettings, OutlookStep
+
+
+@dataclass(frozen=True)
+class PlayThroughSettings:
+    """What the three nodes are set to.
+
+    Attributes
+    ----------
+    window : WindowSettings
+    refit : RefitSettings
+    outlook : OutlookSettings
+    auto_identify : bool
+        Refit whenever the buffer publishes a window.
+    refit_delay : float
+        s from a window to the models found in it; at the next sample if it is 0. Live, a refit takes
+        0.1 to 3 s.
+    """
+
+    window: WindowSettings = field(default_factory=WindowSettings)
+    refit: RefitSettings = field(default_factory=RefitSettings)
+    outlook: OutlookSettings = field(default_factory=OutlookSettings)
+    auto_identify: bool = True
+    refit_delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class Played:
+    """What one IMU message made the three nodes publish, in the order of publishing.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Of the IMU message.
+    models : dict of str to IdentifiedModel, or None
+        By axis, where they have changed; in use for this message's forecasts already.
+    window : MotionTable or None
+        Published by itself because a free decay has ended.
+    outlook : OutlookStep
+        The forecasts.
+    verdict : str or None
+        One line on a refit that ended.
+    """
+
+    stamp_ns: int
+    models: dict[str, IdentifiedModel] | None
+    window: MotionTable | None
+    outlook: OutlookStep
+    verdict: str | None = None
+
+
+class PlayThrough:
+    """Buffer, identifier and predictor on one thread, with stamps for a clock.
+
+    Deterministic: the same messages, settings and models give the same results.
+
+    Parameters
+    ----------
+    settings : PlayThroughSettings, optional
+    models : dict of str to IdentifiedModel, optional
+        Known at the start, by axis.
+    fit : callable, optional
+        Turns a `RefitRequest` into a `RefitOutcome`.
+    """
+
+    def __init__(self, settings=None, models=None, fit: Callable[[RefitRequest], RefitOutcome] = refit):
+        self.settings = settings or PlayThroughSettings()
+        self.window = MotionWindow(self.settings.window)
+        self.refitter = Refitter(self.settings.refit, models)
+        self.outlook = Outlook(self.settings.outlook)
+        self.outlook.set_models(self.refitter.models)
+        self._fit = fit
+        self._running = None
+        self._waiting = None
+        self._unpublished = bool(models)
+
+    def add(self, reading):
+        """Take in one IMU message.
+
+        Parameters
+        ----------
+        reading : ImuReading
+
+        Returns
+        -------
+        Played
+        """
+        stamp_ns = reading.stamp_ns
+        models, verdict = self._finish_refit(stamp_ns)
+        outlook = self.outlook.add(reading)
+        finished = self.window.add(reading).finished
+        if finished is None:
+            return Played(stamp_ns, models, None, outlook, verdict)
+        if self.settings.auto_identify:
+            self._waiting = finished.table
+            self._start_refit(stamp_ns)
+        return Played(stamp_ns, models, finished.table, outlook, verdict)
+
+    def _start_refit(self, stamp_ns):
+        """Fit the newest window, unless a fit is still under way by the stamps."""
+        if self._running is None and self._waiting is not None:
+            outcome = self._fit(self.refitter.request(self._waiting, {'source': 'motion/window'}))
+            self._running, self._waiting = (stamp_ns, outcome), None
+
+    def _finish_refit(self, stamp_ns):
+        """The models in use from now on where they have changed, and what a fit that ended has found."""
+        models = self.refitter.models if self._unpublished else None
+        self._unpublished = False
+        if self._running is None:
+            return models, None
+        begun, outcome = self._running
+        # a clock that was set back never reaches the time at which the fit would have ended
+        if 0.0 <= (stamp_ns - begun) * NANOSECOND < self.settings.refit_delay:
+            return models, None
+        self._running = None
+        if self.refitter.take(outcome):
+            models = self.refitter.models
+            self.outlook.set_models(models)
+        self._start_refit(stamp_ns)
+        return models, outcome.message
