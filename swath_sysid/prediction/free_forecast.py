@@ -40,11 +40,12 @@ def carry_on(model, angle, rate, trim, moments, step, per_grid):
     model : DecayModel or FreeMotion
     angle, rate, trim : float
         The state now; rad, rad/s, rad.
-    moments : sequence of float, length K + 1
-        Disturbance (moment over inertia, rad/s^2) at the grid times 0 .. K, linear in between.
+    moments : sequence of float, length K
+        Moment over inertia in each grid interval, rad/s^2.
     step : float
         Of the integration, s.
     per_grid : int
+        Steps a grid interval.
 
     Returns
     -------
@@ -55,18 +56,51 @@ def carry_on(model, angle, rate, trim, moments, step, per_grid):
     shift = model.trim - trim
     angle += shift
     angles, rates = [angle], [rate]
-    for k in range(len(moments) - 1):
+    for k, moment in enumerate(moments):
         if not abs(angle - model.trim) < CAPSIZED:
             # past any hull's range of stability the equation says nothing: the angle is held
-            angles += [angles[-1]] * (len(moments) - 1 - k)
-            rates += [0.0] * (len(moments) - 1 - k)
+            angles += [angles[-1]] * (len(moments) - k)
+            rates += [0.0] * (len(moments) - k)
             break
-        before, slope = moments[k], (moments[k + 1] - moments[k]) / per_grid
-        for j in range(per_grid):
-            angle, rate = runge_kutta_step(acceleration, angle, rate, before + (j + 0.5) * slope, step)
+        for _ in range(per_grid):
+            angle, rate = runge_kutta_step(acceleration, angle, rate, moment, step)
+        angle, rate = float(angle), float(rate)
         angles.append(min(max(angle, model.trim - CAPSIZED), model.trim + CAPSIZED))
         rates.append(rate)
-    return np.array(angles, dtype=float) - shift, np.array(rates, dtype=float)
+    return np.array(angles) - shift, np.array(rates)
+
+
+def mean_moments(model, angles, rates, trim, step, per_grid):
+    """The moments that took the hull from each grid point to the next, taken as constant between them.
+
+    The inverse of `carry_on`: what the rate gained beyond the hull's own motion, over what a unit
+    moment gains (to third order in the step).
+
+    Parameters
+    ----------
+    model : DecayModel
+    angles, rates : ndarray, shape (N,)
+        On the grid, oldest first.
+    trim : float
+        rad.
+    step : float
+        Of the integration, s.
+    per_grid : int
+
+    Returns
+    -------
+    ndarray, shape (N - 1,)
+        rad/s^2.
+    """
+    x, w = angles[:-1] + (model.trim - trim), rates[:-1]
+    x = np.clip(x, model.trim - CAPSIZED, model.trim + CAPSIZED)
+    for _ in range(per_grid):
+        x, w = runge_kutta_step(model.acceleration, x, w, 0.0, step)
+    middle, speed = (angles[:-1] + angles[1:]) / 2.0 + (model.trim - trim), (rates[:-1] + rates[1:]) / 2.0
+    a, c = model.jacobian(np.clip(middle, model.trim - CAPSIZED, model.trim + CAPSIZED), speed)
+    h = step * per_grid
+    gain = h * (1.0 + c * h / 2.0 + (a + c * c) * h * h / 6.0)
+    return (rates[1:] - w) / np.where(gain > 0.2 * h, gain, h)
 
 
 @dataclass(frozen=True)

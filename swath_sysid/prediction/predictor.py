@@ -9,12 +9,13 @@ from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
 from swath_sysid.motion.trial import AXES
 from swath_sysid.prediction.ekf import AttitudeEstimate, AttitudeFilter, FilterSettings
-from swath_sysid.prediction.free_forecast import carry_on, longest_horizon_step, spread_table
+from swath_sysid.prediction.excitation import ExcitationSettings
+from swath_sysid.prediction.forecast import AxisForecast, Forecast
+from swath_sysid.prediction.forecaster import Forecaster
 from swath_sysid.prediction.sensor_noise import NoiseMeter
+from swath_sysid.prediction.waves import WaveRequest
 
 NAN = math.nan
-CENTRAL_INTERVALS = (0.5, 0.9, 0.99)
-_NORMAL_QUANTILES = np.array([0.6744897501960817, 1.6448536269514722, 2.5758293035489004])
 
 DUPLICATE = 'duplicate-stamp'
 OUT_OF_ORDER = 'out-of-order'
@@ -92,6 +93,18 @@ class PredictorSettings:
         s; a longer silence restarts the filter.
     backward_jump : float
         s; a stamp further back than this is a new start of the clock, a nearer one is late.
+    window : float
+        s; the past that the waves are learnt from.
+    excitation_rate : float
+        Hz; the grid of the waves' regression (a slower sensor's own rate, where that is less).
+    excitation : ExcitationSettings
+    first_refit, refit_interval : float
+        s; when the waves are first fitted, and the least time between fits (a tenth of the past, where that
+        is more).
+    refit_delay : float
+        s from a request's stamp to its fit's use: the time that the background has for it.
+    skill_memory : float
+        s; past errors that weigh and calibrate the forecasts are forgotten with this time constant.
     """
 
     filter: FilterSettings = field(default_factory=FilterSettings)
@@ -101,54 +114,27 @@ class PredictorSettings:
     forecast_rate: float = 10.0
     gap_limit: float = 1.0
     backward_jump: float = 1.0
+    window: float = 600.0
+    excitation_rate: float = 10.0
+    excitation: ExcitationSettings = field(default_factory=ExcitationSettings)
+    first_refit: float = 8.0
+    refit_interval: float = 5.0
+    refit_delay: float = 0.5
+    skill_memory: float = 300.0
 
     def __post_init__(self):
         if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
             raise InputError(f'leads must be positive and increasing, not {self.leads}')
-        for name in ('horizon', 'horizon_step', 'forecast_rate', 'gap_limit', 'backward_jump'):
+        for name in (
+            'horizon', 'horizon_step', 'forecast_rate', 'gap_limit', 'backward_jump', 'window', 'excitation_rate',
+            'first_refit', 'refit_interval', 'skill_memory',
+        ):  # fmt: skip
             if not getattr(self, name) > 0.0:
                 raise InputError(f'{name} must be positive, not {getattr(self, name)}')
         if self.horizon < self.horizon_step:
             raise InputError('horizon must be at least one horizon_step')
-
-
-@dataclass(frozen=True)
-class AxisForecast:
-    """The forecast of one axis at L leads.
-
-    Attributes
-    ----------
-    angle, rate : ndarray, shape (L,)
-        rad, rad/s.
-    covariance : ndarray, shape (L, 2, 2)
-        Of angle and rate.
-    half_width : ndarray, shape (L, 3)
-        Half widths of the central 50, 90 and 99 % intervals of the angle, rad.
-    """
-
-    angle: np.ndarray
-    rate: np.ndarray
-    covariance: np.ndarray
-    half_width: np.ndarray
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """Forecasts issued at one stamp.
-
-    Attributes
-    ----------
-    stamp : float
-        When issued, s; entry i is for ``stamp + leads[i]``.
-    leads : ndarray, shape (L,)
-        s.
-    axes : dict of str to AxisForecast
-        The axes that the sensor gives.
-    """
-
-    stamp: float
-    leads: np.ndarray
-    axes: dict[str, AxisForecast]
+        if not self.refit_delay >= 0.0:
+            raise InputError(f'refit_delay must not be negative, not {self.refit_delay}')
 
 
 @dataclass(frozen=True)
@@ -169,6 +155,8 @@ class Step:
         One sample ahead (one lead).
     forecast, horizon : Forecast or None
         At the configured leads and over the horizon, when due.
+    refit : WaveRequest or None
+        A window to fit: give it to `fit_waves` (in the background) and the result to `Predictor.install`.
     advice : tuple of Advice
     """
 
@@ -179,6 +167,7 @@ class Step:
     next: Forecast | None = None
     forecast: Forecast | None = None
     horizon: Forecast | None = None
+    refit: WaveRequest | None = None
     advice: tuple[Advice, ...] = ()
 
 
@@ -198,6 +187,14 @@ class PredictorDiagnostics:
         By axis.
     nis_ratio : dict of str to float
         Innovations squared over their expectation, by axis; one is healthy.
+    has_waves : bool
+        Whether the waves have been fitted.
+    skill : ndarray, shape (A, L)
+        Running forecast error over the size of the motion, by axis and lead.
+    coverage : ndarray, shape (A, L, 3)
+        Share of the 50, 90 and 99 % intervals that have held.
+    weights : ndarray, shape (A, L, E)
+        What each of `forecaster.EXPERTS` contributes now.
     advice : tuple of Advice
     """
 
@@ -206,6 +203,10 @@ class PredictorDiagnostics:
     sample_interval: float
     has_model: dict[str, bool]
     nis_ratio: dict[str, float]
+    has_waves: bool
+    skill: np.ndarray
+    coverage: np.ndarray
+    weights: np.ndarray
     advice: tuple[Advice, ...]
 
 
@@ -226,12 +227,8 @@ class Predictor:
         self._meters = {axis: (NoiseMeter(s.angle_noise), NoiseMeter(s.rate_noise)) for axis in AXES}
         self._counts = dict.fromkeys(REASONS, 0)
         self._samples = 0
-        self._grid = self.settings.horizon_step
-        self._grid_count = math.ceil(max(self.settings.horizon, self.settings.leads[-1]) / self._grid - 1e-9)
-        self._grid_leads = self._grid * np.arange(self._grid_count + 1)
-        self._leads = np.array(self.settings.leads)
-        self._tables = {}
         self._interval = NAN
+        self._forecaster = Forecaster(self.settings, self._filters)
         self._restart_clock()
         for axis in AXES:
             self.set_model(axis, None)
@@ -252,13 +249,20 @@ class Predictor:
         """
         if axis not in AXES:
             raise InputError(f"there is no axis '{axis}': choose one of {', '.join(AXES)}")
-        attitude = self._filters[axis]
-        attitude.set_model(model)
-        tau = self.settings.filter.disturbance_time
-        self._tables[axis] = (
-            longest_horizon_step(attitude.model, self._grid),
-            spread_table(attitude.model, tau, self._grid, self._grid_count),
-        )
+        self._filters[axis].set_model(model)
+        self._forecaster.set_model(axis)
+
+    def install(self, fit):
+        """Take in the fit of a window that a `Step` asked for.
+
+        It is used from its stamp plus ``refit_delay`` on, so that a live run whose background is quick
+        enough forecasts what an offline run does.
+
+        Parameters
+        ----------
+        fit : WaveFit
+        """
+        self._forecaster.install(fit)
 
     def observe(self, sample):
         """Take in one sample.
@@ -281,6 +285,7 @@ class Predictor:
         reasons = [] if reason is None else [reason]
         if reason == JUMPED_BACK:
             self._restart_clock()
+            self._forecaster.clear()
         restart = reason in (JUMPED_BACK, LONG_GAP)
         elapsed = stamp - self._last
         if elapsed > 0.0:
@@ -290,12 +295,16 @@ class Predictor:
         estimates = self._estimate(stamp, values, sample, elapsed, restart, reasons)
         for counted in reasons:
             self._counts[counted] += 1
-        forecast = horizon = None
-        if stamp >= self._due and estimates:
-            self._schedule(stamp)
-            forecast, horizon = self._forecasts(stamp)
+        forecast = horizon = refit = None
+        if estimates:
+            interval = self._interval if self._interval == self._interval else SLOWEST_INTERVAL
+            self._forecaster.take(sample, interval, estimates)
+            if stamp >= self._due:
+                self._schedule(stamp)
+                forecast, horizon = self._forecaster.issue(stamp, interval)
+                refit = self._forecaster.refit_request(stamp, interval)
         advice = tuple(a for e in estimates.values() for a in e.advice)
-        return Step(stamp, True, tuple(reasons), estimates, self._next(stamp), forecast, horizon, advice)
+        return Step(stamp, True, tuple(reasons), estimates, self._next(stamp), forecast, horizon, refit, advice)
 
     def _stamp_reason(self, stamp):
         if self._last != self._last:
@@ -371,40 +380,8 @@ class Predictor:
         for axis, attitude in self._filters.items():
             if attitude.is_started:
                 angle, rate, covariance = attitude.ahead(lead)
-                width = math.sqrt(covariance[0, 0]) * _NORMAL_QUANTILES
-                axes[axis] = AxisForecast(np.array([angle]), np.array([rate]), covariance[None], width[None])
+                axes[axis] = AxisForecast.normal(np.array([angle]), np.array([rate]), covariance[None])
         return Forecast(stamp, np.array([lead]), axes)
-
-    def _forecasts(self, stamp):
-        """At the leads and over the horizon."""
-        at_leads, over_horizon = {}, {}
-        count = round(self.settings.horizon / self._grid)
-        for axis, attitude in self._filters.items():
-            if not attitude.is_started:
-                continue
-            angles, rates, covariance = self._hull_alone(axis)
-            over_horizon[axis] = _axis_forecast(angles[1:count + 1], rates[1:count + 1], covariance[1:count + 1])
-            place = self._leads / self._grid
-            at_leads[axis] = _axis_forecast(
-                np.interp(place, np.arange(angles.size), angles),
-                np.interp(place, np.arange(angles.size), rates),
-                _interpolate_rows(covariance, place),
-            )
-        return (
-            Forecast(stamp, self._leads, at_leads),
-            Forecast(stamp, self._grid_leads[1:count + 1], over_horizon),
-        )
-
-    def _hull_alone(self, axis):
-        attitude = self._filters[axis]
-        (step, per_grid), table = self._tables[axis]
-        angle, rate, trim, disturbance = attitude.x.tolist()
-        decay = np.exp(-self._grid_leads / self.settings.filter.disturbance_time)
-        if not attitude.has_model:
-            # a disturbance that is the whole acceleration says nothing for longer than a sample
-            disturbance = 0.0
-        angles, rates = carry_on(attitude.model, angle, rate, trim, (disturbance * decay).tolist(), step, per_grid)
-        return angles, rates, table.covariance(attitude.P, attitude.disturbance_variance)
 
     def diagnostics(self):
         """The running state, for people.
@@ -425,6 +402,10 @@ class Predictor:
             self._interval,
             {axis: f.has_model for axis, f in self._filters.items()},
             {axis: f.nis_ratio for axis, f in started.items()},
+            self._forecaster.has_waves,
+            self._forecaster.skill,
+            self._forecaster.coverage,
+            self._forecaster.weights.copy(),
             advice,
         )
 
@@ -442,14 +423,3 @@ def _quality(sample):
             return (NOT_FINITE if math.isinf(value) else ABSURD), ()
         useful = True
     return (None, values) if useful else (NOT_FINITE, ())
-
-
-def _axis_forecast(angle, rate, covariance):
-    width = np.sqrt(covariance[:, 0, 0])[:, None] * _NORMAL_QUANTILES
-    return AxisForecast(angle, rate, covariance, width)
-
-
-def _interpolate_rows(rows, place):
-    before = np.minimum(place.astype(int), rows.shape[0] - 2)
-    fraction = (place - before)[:, None, None]
-    return (1.0 - fraction) * rows[before] + fraction * rows[before + 1]

@@ -1,0 +1,465 @@
+"""From the filters and the past to calibrated forecasts at every lead.
+
+Five experts forecast each axis: its mean, constant rate, the hull alone, the waves (a regression on
+all channels), and the hull driven by the moments of the waves.  Their past errors weigh them lead
+by lead and calibrate the result.  What an expert lacks (a hull, enough past, a gap-free stretch)
+only takes that expert away.
+"""
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.motion.trial import AXES
+from swath_sysid.prediction.calibration import NORMAL_QUANTILES, Calibrator
+from swath_sysid.prediction.combination import Combiner
+from swath_sysid.prediction.forecast import AxisForecast, Forecast
+from swath_sysid.prediction.free_forecast import carry_on, longest_horizon_step, spread_table
+from swath_sysid.prediction.history import History
+from swath_sysid.prediction.waves import CHANNELS, WaveRequest
+
+EXPERTS = ('mean', 'constant-rate', 'hull', 'waves', 'hull-and-waves')
+MEAN, RATE, HULL, WAVES, HULL_AND_WAVES = range(len(EXPERTS))
+
+_FINEST = 0.009
+_ACTIVITY_TIME = 5.0
+_LEAST_ACTIVITY = 1e-4
+_LARGEST_FORECAST = math.pi
+_FASTEST_EVEN = 0.05
+
+
+@dataclass(frozen=True)
+class _Issued:
+    """A forecast whose errors are not all known yet."""
+
+    stamp: float
+    experts: np.ndarray
+    angles: np.ndarray
+    rates: np.ndarray
+    deviation: np.ndarray
+    quantiles: np.ndarray
+    activity: np.ndarray
+
+
+class Forecaster:
+    """Forecasts of both axes.
+
+    Parameters
+    ----------
+    settings : PredictorSettings
+    filters : dict of str to AttitudeFilter
+        By axis; read, never changed.
+    """
+
+    def __init__(self, settings, filters):
+        self.settings = settings
+        self._filters = filters
+        self._leads = np.array(settings.leads)
+        count = round(settings.horizon / settings.horizon_step)
+        self._horizon = settings.horizon_step * np.arange(1, count + 1)
+        self._all = np.unique(np.round(np.concatenate([self._leads, self._horizon]), 9))
+        self._at_leads = np.searchsorted(self._all, self._leads - 1e-6)
+        self._at_horizon = np.searchsorted(self._all, self._horizon - 1e-6)
+        self._between = _interpolation(self._leads, self._all)
+        shape = len(AXES), self._leads.size
+        self._combiner = Combiner(*shape, len(EXPERTS), settings.skill_memory, 5.0 + 3.0 * self._leads)
+        self._calibrator = Calibrator(shape)
+        self._history = History(settings.window + 2.0 * self._all[-1] + 10.0, _FINEST, len(CHANNELS) + 2)
+        self._steps = {}
+        self._tables = {}
+        self._fit = self._waiting = None
+        self.clear()
+
+    def clear(self):
+        """Forget the past motion (the clock has jumped); what was learnt of the sea stays."""
+        self._history.clear()
+        self._issued = []
+        self._first_issued = 0
+        self._next_due = np.zeros(self._leads.size, dtype=int)
+        self._last = math.nan
+        self._begun = math.nan
+        self._refit_due = -math.inf
+        self._lowpass = [math.nan] * 3
+        self._mean = np.full(len(AXES), math.nan)
+        self._variance = np.zeros(len(AXES))
+        self._rate_square = np.zeros(len(AXES))
+        self._acceleration_square = np.zeros(len(AXES))
+        self._activity_square = np.zeros(len(AXES))
+        self._joint = np.zeros((len(AXES), self._leads.size, 3))
+        self._joint_time = np.zeros((len(AXES), self._leads.size))
+
+    def set_model(self, axis):
+        """Take notice of the filter's new model."""
+        attitude, place = self._filters[axis], AXES.index(axis)
+        step = self.settings.horizon_step
+        count = math.ceil(self._all[-1] / step - 1e-9)
+        self._tables[axis] = spread_table(attitude.model, self.settings.filter.disturbance_time, step, count)
+        self._steps.clear()
+        for expert in (HULL, HULL_AND_WAVES):
+            self._combiner.forget_expert(place, expert)
+        self._refit_due = -math.inf
+
+    def take(self, sample, interval, estimates):
+        """Remember a sample.
+
+        Parameters
+        ----------
+        sample : ImuSample
+        interval : float
+            The sensor's usual interval, s.
+        estimates : dict of str to AttitudeEstimate
+        """
+        stamp = sample.stamp
+        fast = interval <= 0.5 / self.settings.excitation_rate
+        row = [math.nan] * 9
+        for place, axis in enumerate(AXES):
+            estimate = estimates.get(axis)
+            if estimate is None:
+                continue
+            angle, rate = sample[1 + place], sample[3 + place]
+            trusted = not estimate.rejected
+            known = estimate.covariance[0, 0] < 0.02
+            if fast or not trusted:
+                row[place] = estimate.angle if known else math.nan
+                row[place + 2] = estimate.rate
+            else:
+                row[place] = angle if angle == angle else (estimate.angle if known else math.nan)
+                row[place + 2] = rate
+            row[place + 7] = (angle if angle == angle else row[place]) if trusted else math.nan
+        gain = min(1.0, 2.0 * interval * self.settings.excitation_rate) if fast else 1.0
+        for k in range(3):
+            value, before = sample[5 + k], self._lowpass[k]
+            if value == value:
+                before = value if before != before else before + gain * (value - before)
+                self._lowpass[k] = before
+                row[4 + k] = before
+        self._history.append(stamp, row)
+        if self._begun != self._begun:
+            self._begun = stamp
+
+    def install(self, fit):
+        """Use a fit from its stamp plus ``refit_delay`` on.
+
+        Parameters
+        ----------
+        fit : WaveFit
+        """
+        self._waiting = fit
+
+    def refit_request(self, stamp, interval):
+        """The window to fit, when a fit is due at this stamp; else None.
+
+        Returns
+        -------
+        WaveRequest or None
+        """
+        s = self.settings
+        elapsed = stamp - self._begun
+        if stamp < self._refit_due or elapsed < s.first_refit:
+            return None
+        self._refit_due = stamp + max(s.refit_interval, 0.1 * min(elapsed, s.window))
+        step = self._grid_step()
+        count = int(min(s.window, elapsed) / step + 1e-6) + 1
+        if count < 20:
+            return None
+        values = self._history.back(step, count, interval)[::-1, :len(CHANNELS)]
+        models = {axis: f.model for axis, f in self._filters.items() if f.has_model and f.is_started}
+        trims = {axis: float(self._filters[axis].x[2]) for axis in models}
+        return WaveRequest(stamp, step, values, self._all, models, trims, s.excitation)
+
+    def _grid_step(self):
+        target = 1.0 / self.settings.excitation_rate
+        usual = float(np.median(np.diff(self._history.time[-200:])))
+        if usual < 0.25 * target:
+            return target
+        # a slow sensor: whole intervals, so that lags fall on samples
+        return round(max(1, round(target / usual)) * usual, 4)
+
+    def issue(self, stamp, interval):
+        """Score what has become known, then forecast.
+
+        Parameters
+        ----------
+        stamp, interval : float
+            Now, and the sensor's usual interval, s.
+
+        Returns
+        -------
+        at_leads, over_horizon : Forecast
+        """
+        elapsed = stamp - self._last if self._last == self._last else 0.0
+        elapsed = min(elapsed, 2.0)
+        self._last = stamp
+        if self._waiting is not None and stamp >= self._waiting.stamp + self.settings.refit_delay - 1e-9:
+            self._adopt()
+        self._follow_motion(stamp, elapsed)
+        self._score(stamp, interval, elapsed)
+        angles, rates = self._experts(interval)
+        activity = np.maximum(np.sqrt(self._activity_square), _LEAST_ACTIVITY)
+        nominal = self._nominal(angles) / activity[:, None, None] ** 2
+        weights = self._combiner.follow(nominal)
+        angle, rate = _combine(angles, rates, weights, self._between)
+        deviation = np.sqrt(np.maximum(self._combiner.variance(nominal), 1e-12)) * activity[:, None]
+        at = self._at_leads
+        quantiles = self._calibrator.quantiles
+        self._issued.append(
+            _Issued(stamp, angles[:, :, at], angle[:, at], rate[:, at], deviation, quantiles, activity)
+        )
+        return self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles)
+
+    def _adopt(self):
+        fit, self._waiting = self._waiting, None
+        if self._fit is None or self._fit.hulls.keys() != fit.hulls.keys():
+            self._steps.clear()
+        self._fit = fit
+
+    def _follow_motion(self, stamp, elapsed):
+        """Running mean, size and speed of the motion."""
+        age = stamp - self._begun
+        slow = min(1.0, elapsed / max(min(self.settings.window, age), 1e-9)) if age > 0.0 else 1.0
+        quick = max(slow, min(1.0, elapsed / _ACTIVITY_TIME))
+        for place, axis in enumerate(AXES):
+            attitude = self._filters[axis]
+            if not attitude.is_started:
+                continue
+            angle, rate, trim, disturbance = attitude.x.tolist()
+            acceleration = disturbance + float(attitude.model.acceleration(angle + attitude.model.trim - trim, rate))
+            if self._mean[place] != self._mean[place]:
+                self._mean[place] = angle
+            self._mean[place] += slow * (angle - self._mean[place])
+            square = (angle - self._mean[place]) ** 2
+            self._variance[place] += slow * (square - self._variance[place])
+            self._rate_square[place] += slow * (rate * rate - self._rate_square[place])
+            self._acceleration_square[place] += quick * (acceleration**2 - self._acceleration_square[place])
+            # both halves of the oscillation's energy, so that the size does not swing with the phase
+            share = self._variance[place] / self._rate_square[place] if self._rate_square[place] > 0.0 else 0.0
+            size = 0.5 * (square + share * rate * rate)
+            self._activity_square[place] += quick * (size - self._activity_square[place])
+
+    def _score(self, stamp, interval, elapsed):
+        """Errors of the forecasts whose time has come."""
+        tolerance = (0.6 if interval <= _FASTEST_EVEN else 0.25) * interval
+        for _ in range(3):
+            due, records = [], []
+            for lead in range(self._leads.size):
+                place = self._next_due[lead] - self._first_issued
+                if place < len(self._issued) and self._issued[place].stamp + self._leads[lead] <= stamp + 1e-6:
+                    due.append(lead)
+                    records.append(self._issued[place])
+                    self._next_due[lead] += 1
+            if not due:
+                break
+            self._learn(due, records, tolerance, elapsed)
+        done = int(self._next_due.min()) - self._first_issued
+        if done > 0:
+            del self._issued[:done]
+            self._first_issued += done
+
+    def _learn(self, due, records, tolerance, elapsed):
+        due = np.array(due)
+        stamps = np.array([r.stamp for r in records]) + self._leads[due]
+        rows = self._history.at(stamps, tolerance)
+        measured, rates = rows[:, 7:9].T, rows[:, 2:4].T
+        errors = np.full((len(AXES), self._leads.size, len(EXPERTS)), np.nan)
+        combined = np.full(errors.shape[:2], np.nan)
+        issued = np.ones((*combined.shape, 3))
+        for k, (lead, record) in enumerate(zip(due, records, strict=True)):
+            errors[:, lead] = (record.experts[:, :, lead] - measured[:, k, None]) / record.activity[:, None]
+            error = record.angles[:, lead] - measured[:, k]
+            combined[:, lead] = error / record.deviation[:, lead]
+            issued[:, lead] = record.quantiles[:, lead]
+            rate_error = (record.rates[:, lead] - rates[:, k]) / record.activity
+            error = error / record.activity
+            products = np.stack([error * error, error * rate_error, rate_error * rate_error], axis=1)
+            whole = np.isfinite(products).all(axis=1)
+            gain = elapsed / np.minimum(self.settings.skill_memory, self._joint_time[:, lead] + elapsed + 1e-9)
+            self._joint_time[whole, lead] += elapsed
+            self._joint[whole, lead] += (gain[:, None] * (products - self._joint[:, lead]))[whole]
+        self._combiner.learn(errors, elapsed)
+        self._calibrator.learn(combined, issued, elapsed)
+
+    def _experts(self, interval):
+        """Forecasts of every expert: angles and rates, shape (A, E, leads), NaN where there is none."""
+        angles = np.full((len(AXES), len(EXPERTS), self._all.size), np.nan)
+        rates = np.full_like(angles, np.nan)
+        waves, moments = self._waves_ahead(interval)
+        for place, axis in enumerate(AXES):
+            attitude = self._filters[axis]
+            if not attitude.is_started:
+                continue
+            angle, rate, trim, disturbance = attitude.x.tolist()
+            angles[place, MEAN], rates[place, MEAN] = self._mean[place], 0.0
+            angles[place, RATE], rates[place, RATE] = angle + rate * self._all, rate
+            if attitude.has_model:
+                state = angle, rate, trim
+                step, fade = self._grid_of(axis)
+                angles[place, HULL], rates[place, HULL] = self._carry(axis, state, (disturbance * fade).tolist(), step)
+                if moments is not None and axis in moments:
+                    angles[place, HULL_AND_WAVES], rates[place, HULL_AND_WAVES] = self._carry(
+                        axis, state, moments[axis].tolist(), self._fit.step
+                    )
+            if waves is not None and place in waves:
+                angles[place, WAVES] = waves[place]
+                given = waves.get(place + len(AXES))
+                rates[place, WAVES] = np.gradient(waves[place], self._all) if given is None else given
+        # a runaway must not reach the average through a small weight
+        np.clip(angles, -_LARGEST_FORECAST, _LARGEST_FORECAST, out=angles)
+        return angles, rates
+
+    def _waves_ahead(self, interval):
+        fit = self._fit
+        if fit is None:
+            return None, None
+        rows = min(fit.reach, int((self._history.time[-1] - self._history.time[0]) / fit.step + 1e-6) + 1)
+        lags = self._history.back(fit.step, rows, interval)[:, :len(CHANNELS)]
+        ahead = fit.motion_ahead(lags)
+        waves = None if ahead is None else dict(zip(fit.targets, ahead.T, strict=True))
+        usable = {a for a, model in fit.hulls.items() if self._filters[a].model is model or
+                  self._filters[a].model == model}
+        if not usable:
+            return waves, None
+        trims = {axis: float(self._filters[axis].x[2]) for axis in fit.hulls}
+        ahead = fit.moments_ahead(lags, trims)
+        moments = None if ahead is None else {
+            a: column for a, column in zip(fit.hulls, ahead.T, strict=True) if a in usable
+        }  # fmt: skip
+        return waves, moments
+
+    def _grid_of(self, axis):
+        step = self.settings.horizon_step
+        count = math.ceil(self._all[-1] / step - 1e-9)
+        return step, np.exp(-step * (np.arange(count) + 0.5) / self.settings.filter.disturbance_time)
+
+    def _carry(self, axis, state, moments, grid):
+        """The hull's motion at all leads under moments given on a grid."""
+        key = axis, grid
+        if key not in self._steps:
+            self._steps[key] = longest_horizon_step(self._filters[axis].model, grid), _hermite(self._all, grid)
+        (step, per_grid), (before, values, slopes) = self._steps[key]
+        angles, rates = carry_on(self._filters[axis].model, *state, moments, step, per_grid)
+        fine = (
+            values[0] * angles[before] + values[1] * angles[before + 1]
+            + grid * (slopes[0] * rates[before] + slopes[1] * rates[before + 1])
+        )  # fmt: skip
+        return fine, values[2] * rates[before] + values[3] * rates[before + 1]
+
+    def _nominal(self, angles):
+        """Variance expected of each expert before any experience, shape (A, L, E)."""
+        leads = self._leads
+        nominal = np.full((len(AXES), leads.size, len(EXPERTS)), np.nan)
+        for place, axis in enumerate(AXES):
+            attitude = self._filters[axis]
+            if not attitude.is_started:
+                continue
+            p = attitude.P
+            nominal[place, :, MEAN] = self._variance[place] + 1e-8
+            strayed = 0.25 * leads**4 * self._acceleration_square[place]
+            nominal[place, :, RATE] = p[0, 0] + leads**2 * p[1, 1] + strayed
+            if attitude.has_model:
+                rows = self._tables[axis].covariance(p, attitude.disturbance_variance)[:, 0, 0]
+                grid = self.settings.horizon_step * np.arange(rows.size)
+                nominal[place, :, HULL] = np.interp(leads, grid, rows)
+            if self._fit is not None and place in self._fit.targets:
+                column = self._fit.targets.index(place)
+                error = self._fit.motion.error[self._at_leads, column] if self._fit.motion else 0.0
+                nominal[place, :, WAVES] = error**2 + p[0, 0]
+                nominal[place, :, HULL_AND_WAVES] = 1.2 * nominal[place, :, WAVES]
+        nominal[np.isnan(angles[:, :, self._at_leads].transpose(0, 2, 1))] = np.nan
+        return nominal
+
+    def _as_forecasts(self, stamp, angle, rate, widths):
+        at_leads, over_horizon = {}, {}
+        for place, axis in enumerate(AXES):
+            attitude = self._filters[axis]
+            if not attitude.is_started:
+                continue
+            now = math.sqrt(attitude.P[0, 0]) * NORMAL_QUANTILES
+            wide = _from_now(self._leads, widths[place], now, self._all)
+            correlation, rate_deviation = self._rate_spread(place, axis)
+            covariance = _covariance(
+                wide[:, 1] / NORMAL_QUANTILES[1],
+                _from_now(self._leads, rate_deviation[:, None], math.sqrt(attitude.P[1, 1]), self._all)[:, 0],
+                self._between @ correlation,
+            )
+            for places, told in ((self._at_leads, at_leads), (self._at_horizon, over_horizon)):
+                told[axis] = AxisForecast(angle[place, places], rate[place, places], covariance[places], wide[places])
+        return Forecast(stamp, self._leads, at_leads), Forecast(stamp, self._horizon, over_horizon)
+
+    def _rate_spread(self, place, axis):
+        """Correlation of angle and rate errors and deviation of the rate's, at the leads."""
+        attitude = self._filters[axis]
+        rows = self._tables[axis].covariance(attitude.P, attitude.disturbance_variance)
+        grid = self.settings.horizon_step * np.arange(rows.shape[0])
+        prior = np.array([np.interp(self._leads, grid, rows[:, i, j]) for i, j in ((0, 0), (0, 1), (1, 1))]).T
+        size = max(self._activity_square[place], _LEAST_ACTIVITY**2)
+        trust = 5.0
+        known = self._joint_time[place][:, None]
+        joint = (self._joint[place] * size * known + prior * trust) / (known + trust)
+        correlation = joint[:, 1] / np.sqrt(np.maximum(joint[:, 0] * joint[:, 2], 1e-30))
+        return np.clip(correlation, -0.99, 0.99), np.sqrt(joint[:, 2])
+
+    @property
+    def weights(self):
+        """Weights of the experts, shape (A, L, E)."""
+        return self._combiner.weights
+
+    @property
+    def coverage(self):
+        """Share of the 50, 90 and 99 % intervals that have held, shape (A, L, 3)."""
+        return self._calibrator.coverage
+
+    @property
+    def skill(self):
+        """Running error over the running size of the motion, shape (A, L): below one is better than the mean."""
+        size = np.sqrt(np.maximum(self._variance, _LEAST_ACTIVITY**2) / np.maximum(
+            self._activity_square, _LEAST_ACTIVITY**2))
+        with np.errstate(invalid='ignore'):
+            running = np.where(self._joint_time > 0.0, self._joint[:, :, 0], np.nan)
+        return np.sqrt(running) / size[:, None]
+
+    @property
+    def has_waves(self):
+        """Whether a fit of the waves is in use."""
+        return self._fit is not None and self._fit.motion is not None
+
+
+def _interpolation(known, wanted):
+    """Matrix that interpolates from the known leads to the wanted ones, linear in the log of the lead."""
+    return np.array([np.interp(np.log(wanted), np.log(known), unit) for unit in np.eye(known.size)]).T
+
+
+def _from_now(leads, values, now, wanted):
+    """Rows at the wanted leads, from those at the known ones and at lead zero; linear in the lead."""
+    places = np.concatenate([[0.0], leads])
+    rows = np.vstack([np.broadcast_to(now, (1, values.shape[1])), values])
+    return np.array([np.interp(wanted, places, column) for column in rows.T]).T
+
+
+def _hermite(leads, grid):
+    """Places and weights of cubic Hermite interpolation of values, and linear of slopes."""
+    position = leads / grid
+    before = np.floor(position + 1e-9).astype(int)
+    last = math.ceil(leads[-1] / grid - 1e-9)
+    before = np.minimum(before, last - 1)
+    t = position - before
+    values = ((1 + 2 * t) * (1 - t) ** 2, t**2 * (3 - 2 * t), 1 - t, t)
+    return before, values, (t * (1 - t) ** 2, t**2 * (t - 1))
+
+
+def _combine(angles, rates, weights, between):
+    """Weighted angle and rate at all leads, from weights at the scored ones."""
+    spread = np.einsum('kl,ale->aek', between, weights)
+    spread = np.where(np.isfinite(angles), spread, 0.0)
+    spread /= np.maximum(spread.sum(axis=1, keepdims=True), 1e-30)
+    return (
+        (spread * np.where(np.isfinite(angles), angles, 0.0)).sum(axis=1),
+        (spread * np.where(np.isfinite(rates), rates, 0.0)).sum(axis=1),
+    )
+
+
+def _covariance(angle_deviation, rate_deviation, correlation):
+    covariance = np.empty((angle_deviation.size, 2, 2))
+    covariance[:, 0, 0] = angle_deviation**2
+    covariance[:, 1, 1] = rate_deviation**2
+    covariance[:, 0, 1] = covariance[:, 1, 0] = correlation * angle_deviation * rate_deviation
+    return covariance
