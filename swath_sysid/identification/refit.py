@@ -1,0 +1,299 @@
+"""Refitting a craft's model on a new window: what is fitted, what is believed, and the way back."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from swath_sysid.errors import InputError
+from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.hull.terms import TERM_NAMES
+from swath_sysid.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.identification.motion_fit import MotionFit
+from swath_sysid.identification.problem import prepare
+from swath_sysid.identification.search import SearchSettings
+from swath_sysid.motion.trial import AXES
+from swath_sysid.motion.window import MotionTable
+
+COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')
+"""Columns of ``model/coefficients``: the ratios to inertia, and the trim, rad."""
+
+LONGEST_HISTORY = 20
+
+
+@dataclass(frozen=True)
+class RefitSettings:
+    """What a refit fits, and when it is believed.
+
+    Attributes
+    ----------
+    axes : tuple of str
+        Those to identify.
+    identification : IdentificationSettings
+    least_improvement : float
+        Part by which the new model's residuals must be smaller than the current model's, or more
+        where chance alone does as much: its number of ratios over the effective number of samples.
+    """
+
+    axes: tuple[str, ...] = AXES
+    identification: IdentificationSettings = field(default_factory=IdentificationSettings)
+    least_improvement: float = 0.001
+
+    def __post_init__(self):
+        unknown = [axis for axis in self.axes if axis not in AXES]
+        if unknown or not self.axes or len(set(self.axes)) < len(self.axes):
+            raise InputError(f'axes must be one or both of {", ".join(AXES)}, each once, not {list(self.axes)}')
+        if not 0.0 <= self.least_improvement < 1.0:
+            raise InputError(f'least_improvement must lie between 0 and 1, not {self.least_improvement}')
+
+
+@dataclass(frozen=True)
+class RefitRequest:
+    """All that a refit needs, wherever it runs.
+
+    Attributes
+    ----------
+    table : MotionTable
+    current : dict of str to IdentifiedModel
+    settings : RefitSettings
+    provenance : dict
+        What the caller knows of the source.
+    """
+
+    table: MotionTable
+    current: dict[str, IdentifiedModel]
+    settings: RefitSettings
+    provenance: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class AxisVerdict:
+    """What a refit found about one axis.
+
+    Attributes
+    ----------
+    axis : str
+    model : IdentifiedModel or None
+        To be published; None: the current one stays.
+    message : str
+        One clause that says what was found.
+    misfit, current_misfit : float
+        Root mean square of the weighted residuals of the new and of the current model on this
+        window, each from its own best initial state; NaN where there is none.
+    """
+
+    axis: str
+    model: IdentifiedModel | None
+    message: str
+    misfit: float = float('nan')
+    current_misfit: float = float('nan')
+
+
+@dataclass(frozen=True)
+class RefitOutcome:
+    """What a refit found.
+
+    Attributes
+    ----------
+    verdicts : tuple of AxisVerdict
+    """
+
+    verdicts: tuple[AxisVerdict, ...]
+
+    @property
+    def models(self):
+        """Axis to the models that are to replace the current ones."""
+        return {verdict.axis: verdict.model for verdict in self.verdicts if verdict.model is not None}
+
+    @property
+    def succeeded(self):
+        """Whether any axis has a new model."""
+        return bool(self.models)
+
+    @property
+    def message(self):
+        """One line for people."""
+        return '; '.join(f'{verdict.axis}: {verdict.message}' for verdict in self.verdicts)
+
+
+def refit(request, *, progress=None, should_cancel=None):
+    """Identify each axis on a window and compare with the current model on that window.
+
+    Parameters
+    ----------
+    request : RefitRequest
+    progress : callable, optional
+        Called with 0 to 1.
+    should_cancel : callable, optional
+        Asked often.
+
+    Returns
+    -------
+    RefitOutcome
+        What cannot be fitted is told in its verdict.
+
+    Raises
+    ------
+    InputError
+        The window is empty.
+    Cancelled
+        ``should_cancel`` said so.
+    """
+    trial = request.table.trial()
+    axes = request.settings.axes
+    verdicts = []
+    for index, axis in enumerate(axes):
+
+        def report(share, index=index):
+            if progress is not None:
+                progress((index + share) / len(axes))
+
+        try:
+            verdicts.append(_refit_axis(axis, trial, request, report, should_cancel))
+        except InputError as error:
+            verdicts.append(AxisVerdict(axis, None, f'not fitted, {error}'))
+        report(1.0)
+    return RefitOutcome(tuple(verdicts))
+
+
+def misfit(problem, model):
+    """How badly a model explains decays, from the initial state that suits it best.
+
+    Parameters
+    ----------
+    problem : Problem
+    model : DecayModel
+
+    Returns
+    -------
+    float
+        Root mean square of the residuals of angle and rate, weighted by their noise; infinite
+        where the simulated motion runs away.
+    """
+    fit = MotionFit(problem.motions, model.equation, problem.scales, problem.noise, model.friction_rate)
+    try:
+        best = fit.refine_states(fit.pack(model.ratios, problem.states))
+        residuals, _ = fit.residuals_and_jacobian(best)
+    except (ValueError, np.linalg.LinAlgError):
+        # scipy's answer to a motion that runs away
+        return float('inf')
+    value = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    return value if np.isfinite(value) else float('inf')
+
+
+def _refit_axis(axis, trial, request, progress, should_cancel):
+    settings = request.settings.identification
+    problem = prepare([trial.axis(axis)], settings.start, settings.end)
+    found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
+    new = misfit(problem, found.model)
+    held = request.current.get(axis)
+    current = float('nan') if held is None else misfit(problem, held.model)
+    summary = f'{found.model.equation.name}, r2 {found.r2:.5f}, period {found.model.natural_period:.3f} s'
+    if not np.isfinite(new):
+        return AxisVerdict(axis, None, f'not published, the fit runs away ({summary})', new, current)
+    by_chance = len(found.model.equation.terms) / found.effective_samples
+    if held is not None and not new < (1.0 - max(request.settings.least_improvement, by_chance)) * current:
+        message = f'not published, the current model explains the window as well (misfit {current:.4g}, new {new:.4g})'
+        return AxisVerdict(axis, None, message, new, current)
+    better = '' if held is None else f', misfit {new:.4g} instead of {current:.4g}'
+    return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', new, current)
+
+
+def warm_up(*, progress=None, should_cancel=None):
+    """A small refit of simulated decays, so that the next one finds everything loaded and compiled."""
+    time = np.arange(0.0, 12.0, 0.05)
+    decay = 0.1 * np.exp(-0.2 * time)
+    rows = np.full((time.size, 8), np.nan)
+    rows[:, 0] = time
+    for index in range(len(AXES)):
+        rows[:, 1 + index] = decay * np.cos(3.0 * time)
+        rows[:, 3 + index] = -decay * (0.2 * np.cos(3.0 * time) + 3.0 * np.sin(3.0 * time))
+    settings = RefitSettings(identification=IdentificationSettings(search=SearchSettings(generations=2)))
+    refit(RefitRequest(MotionTable(rows, 0), {}, settings), progress=progress, should_cancel=should_cancel)
+
+
+class Refitter:
+    """The models of a craft as refits change them, with the way back.
+
+    Parameters
+    ----------
+    settings : RefitSettings
+    models : dict of str to IdentifiedModel, optional
+        Known at the start, by axis.
+    """
+
+    def __init__(self, settings=None, models=None):
+        self.settings = settings or RefitSettings()
+        self.models = dict(models or {})
+        self.version = 0
+        self._history = []
+
+    def request(self, table, provenance=None):
+        """What is to be fitted on a window, by `refit`.
+
+        Parameters
+        ----------
+        table : MotionTable
+        provenance : dict, optional
+
+        Returns
+        -------
+        RefitRequest
+        """
+        return RefitRequest(table, dict(self.models), self.settings, provenance or {})
+
+    def take(self, outcome):
+        """Believe what a refit found to be better.
+
+        Parameters
+        ----------
+        outcome : RefitOutcome
+
+        Returns
+        -------
+        bool
+            Whether the models have changed and are to be published.
+        """
+        if not outcome.succeeded:
+            return False
+        self._history = [*self._history, self.models][-LONGEST_HISTORY:]
+        self.models = {**self.models, **outcome.models}
+        self.version += 1
+        return True
+
+    def rollback(self):
+        """Return to the models before the last refit that was believed.
+
+        Returns
+        -------
+        bool
+            Whether there was one; if so the models are to be published.
+        """
+        if not self._history:
+            return False
+        self.models = self._history.pop()
+        self.version += 1
+        return True
+
+    @property
+    def steps_back(self):
+        """How often `rollback` can be called."""
+        return len(self._history)
+
+
+def coefficients(models):
+    """The numbers of ``model/coefficients``.
+
+    Parameters
+    ----------
+    models : dict of str to IdentifiedModel
+
+    Returns
+    -------
+    axes : tuple of str
+        Of the rows.
+    values : ndarray, shape (axes, 10)
+        Columns as `COEFFICIENT_NAMES`.
+    """
+    axes = tuple(axis for axis in AXES if axis in models)
+    rows = [[*models[axis].model.ratios.tolist(), models[axis].model.trim] for axis in axes]
+    return axes, np.array(rows, dtype=float).reshape(len(axes), len(COEFFICIENT_NAMES))

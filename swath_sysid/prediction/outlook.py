@@ -1,0 +1,279 @@
+"""The outlook: IMU messages in, the messages of a forecast out, all as plain numbers.
+
+Live node and play-through run this object, so that both publish the same stamps and values.
+"""
+from dataclasses import dataclass, field
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+
+from swath_sysid.motion import attitude
+from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, take_in
+from swath_sysid.motion.sensing import Installation
+from swath_sysid.motion.trial import AXES
+from swath_sysid.prediction.predictor import Forecast, ImuSample, Predictor, PredictorSettings, Step
+
+UNKNOWN_ANGLE_VARIANCE = pi * pi
+"""rad^2; of a heading, which is not forecast but held, and of an axis that the sensor does not give."""
+
+UNKNOWN_RATE_VARIANCE = 100.0
+"""rad^2/s^2."""
+
+NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The covariance of a quantity that a sensor_msgs/Imu does not give."""
+
+NEXT_TOPIC = 'forecast/next'
+HORIZON_TOPIC = 'forecast/horizon'
+HORIZON_COLUMNS = tuple(f'{axis}{kind}' for axis in AXES for kind in ('', '_std'))
+
+
+def lead_topic(lead):
+    """Topic of the forecasts at one lead: 0.5 s is on ``forecast/lead_0_5s``.
+
+    Parameters
+    ----------
+    lead : float
+        s.
+    """
+    return f'forecast/lead_{str(float(lead)).replace(".", "_")}s'
+
+
+@dataclass(frozen=True)
+class OutlookSettings:
+    """Where the sensor sits, and how the predictor works.
+
+    Attributes
+    ----------
+    installation : Installation
+    predictor : PredictorSettings
+    """
+
+    installation: Installation = field(default_factory=Installation)
+    predictor: PredictorSettings = field(default_factory=PredictorSettings)
+
+
+class AttitudeForecast(NamedTuple):
+    """What a sensor_msgs/Imu of a forecast says, in the axes of the craft (FLU in ENU).
+
+    Attributes
+    ----------
+    stamp_ns : int
+        The time it is for.
+    orientation : tuple of 4 floats
+        Quaternion x, y, z, w.
+    orientation_covariance : tuple of 9 floats
+    rates : tuple of 3 floats
+        Body rates, rad/s.
+    rates_covariance : tuple of 9 floats
+    """
+
+    stamp_ns: int
+    orientation: tuple[float, ...]
+    orientation_covariance: tuple[float, ...]
+    rates: tuple[float, ...]
+    rates_covariance: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class HorizonForecast:
+    """What a trajectory_msgs/JointTrajectory of a forecast says.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        When issued.
+    columns : tuple of str
+        Of `HORIZON_COLUMNS`, those of the axes that the sensor gives: ``roll``, ``roll_std``, ...
+    leads_ns : tuple of int
+        From the stamp.
+    positions : ndarray, shape (L, columns)
+        Angle and its standard deviation, rad.
+    velocities : ndarray, shape (L, columns)
+        Euler rate and its standard deviation, rad/s.
+    """
+
+    stamp_ns: int
+    columns: tuple[str, ...]
+    leads_ns: tuple[int, ...]
+    positions: np.ndarray
+    velocities: np.ndarray
+
+
+@dataclass(frozen=True)
+class OutlookStep:
+    """What one IMU message led to.
+
+    Attributes
+    ----------
+    reasons : tuple of str
+        What was counted, by intake and predictor.
+    next : AttitudeForecast or None
+        For ``forecast/next``.
+    leads : tuple of (float, AttitudeForecast)
+        Lead, s, and what is for its topic; empty unless due.
+    horizon : HorizonForecast or None
+        For ``forecast/horizon``; None unless due.
+    predicted : Step or None
+        What the predictor said; None where the message held nothing usable.
+    """
+
+    reasons: tuple[str, ...] = ()
+    next: AttitudeForecast | None = None
+    leads: tuple[tuple[float, AttitudeForecast], ...] = ()
+    horizon: HorizonForecast | None = None
+    predicted: Step | None = None
+
+
+class Outlook:
+    """Forecast messages from IMU messages and models.
+
+    Pure and causal: time is the stamps; the same messages give the same forecasts.
+
+    Parameters
+    ----------
+    settings : OutlookSettings
+    """
+
+    def __init__(self, settings=None):
+        self.settings = settings or OutlookSettings()
+        self.predictor = Predictor(self.settings.predictor)
+        self.counts = dict.fromkeys(INTAKE_REASONS, 0)
+        self.used = 0
+        self._first_ns = None
+        self._yaw = 0.0
+        self._yaw_rate = 0.0
+
+    def set_models(self, models):
+        """Swap the hulls under the running filters.
+
+        Parameters
+        ----------
+        models : dict of str to IdentifiedModel
+            By axis; an axis without one is forecast with constant rate.
+        """
+        for axis in AXES:
+            held = models.get(axis)
+            self.predictor.set_model(axis, None if held is None else held.model)
+
+    def add(self, reading: ImuReading):
+        """Take in one message.
+
+        Parameters
+        ----------
+        reading : ImuReading
+
+        Returns
+        -------
+        OutlookStep
+        """
+        sample, reasons = take_in(reading, self.settings.installation)
+        for reason in reasons:
+            self.counts[reason] += 1
+        if sample is None:
+            return OutlookStep(reasons)
+        if self._first_ns is None:
+            self._first_ns = sample.stamp_ns
+        # seconds since the epoch would resolve 0.2 us only
+        since_first = (sample.stamp_ns - self._first_ns) * NANOSECOND
+        step = self.predictor.observe(ImuSample(since_first, *sample[1:12]))
+        reasons += step.reasons
+        if not step.used:
+            return OutlookStep(reasons, predicted=step)
+        self.used += 1
+        self._follow_heading(sample)
+        stamp_ns = sample.stamp_ns
+        return OutlookStep(
+            reasons,
+            None if step.next is None else self._attitude(step.next, 0, stamp_ns),
+            () if step.forecast is None else self._at_leads(step.forecast, stamp_ns),
+            None if step.horizon is None else horizon_forecast(step.horizon, stamp_ns),
+            step,
+        )
+
+    def _follow_heading(self, sample):
+        """Heading and its rate are not forecast: the last measured are held."""
+        if sample.yaw == sample.yaw:
+            self._yaw = sample.yaw
+        if sample.yaw_rate == sample.yaw_rate:
+            self._yaw_rate = sample.yaw_rate
+
+    def _at_leads(self, forecast, stamp_ns):
+        return tuple(
+            (lead, self._attitude(forecast, index, stamp_ns)) for index, lead in enumerate(forecast.leads.tolist())
+        )
+
+    def _attitude(self, forecast: Forecast, index, stamp_ns):
+        return attitude_forecast(forecast, index, stamp_ns, self._yaw, self._yaw_rate)
+
+
+def attitude_forecast(forecast, index, stamp_ns, yaw, yaw_rate):
+    """The forecast at one lead as an attitude with covariance.
+
+    Parameters
+    ----------
+    forecast : Forecast
+    index : int
+        Of the lead.
+    stamp_ns : int
+        When issued.
+    yaw, yaw_rate : float
+        Held heading, rad, and its rate, rad/s.
+
+    Returns
+    -------
+    AttitudeForecast
+    """
+    angles, rates, angle_variances, rate_variances = [], [], [], []
+    for axis in AXES:
+        given = forecast.axes.get(axis)
+        if given is None:
+            angle, rate, angle_variance, rate_variance = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, UNKNOWN_RATE_VARIANCE
+        else:
+            angle, rate = float(given.angle[index]), float(given.rate[index])
+            angle_variance = float(given.covariance[index, 0, 0])
+            rate_variance = float(given.covariance[index, 1, 1])
+        angles.append(angle)
+        rates.append(rate)
+        angle_variances.append(angle_variance)
+        rate_variances.append(rate_variance)
+    orientation = tuple(map(float, attitude.quaternion(*angles, yaw)))
+    body = tuple(map(float, attitude.body_rates(*angles, *rates, yaw_rate)))
+    known = bool(forecast.axes)
+    return AttitudeForecast(
+        stamp_ns + round(float(forecast.leads[index]) / NANOSECOND),
+        orientation,
+        _diagonal(*angle_variances, UNKNOWN_ANGLE_VARIANCE) if known else NOT_GIVEN,
+        body,
+        _diagonal(*rate_variances, UNKNOWN_RATE_VARIANCE) if known else NOT_GIVEN,
+    )
+
+
+def horizon_forecast(forecast, stamp_ns):
+    """The forecast over the horizon as a table.
+
+    Parameters
+    ----------
+    forecast : Forecast
+    stamp_ns : int
+        When issued.
+
+    Returns
+    -------
+    HorizonForecast
+    """
+    positions, velocities = [], []
+    for given in forecast.axes.values():
+        positions += [given.angle, np.sqrt(given.covariance[:, 0, 0])]
+        velocities += [given.rate, np.sqrt(given.covariance[:, 1, 1])]
+    return HorizonForecast(
+        stamp_ns,
+        tuple(f'{axis}{kind}' for axis in forecast.axes for kind in ('', '_std')),
+        tuple(round(lead / NANOSECOND) for lead in forecast.leads.tolist()),
+        np.stack(positions, axis=1),
+        np.stack(velocities, axis=1),
+    )
+
+
+def _diagonal(about_x, about_y, about_z):
+    return (about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z)
