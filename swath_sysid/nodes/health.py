@@ -1,0 +1,235 @@
+"""What a node tells about itself: counts by reason, and what to do about each. Without ROS."""
+from dataclasses import dataclass, field
+
+from swath_sysid.motion import intake, stamps
+from swath_sysid.prediction import predictor
+
+OK, WARN, ERROR = range(3)
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
+
+SEVERAL_PUBLISHERS = 'several-publishers'
+QOS_MISMATCH = 'qos-mismatch'
+SILENT = 'sensor-silent'
+BAD_MODEL = 'bad-model'
+BAD_WINDOW = 'bad-window'
+WORKER_DIED = 'worker-died'
+NOT_SAVED = 'model-not-saved'
+
+NODE_REASONS = {
+    SEVERAL_PUBLISHERS: 'more than one node publishes the IMU topic: stop one, or remap them apart',
+    QOS_MISMATCH: 'a publisher and a subscription have incompatible QoS and do not connect: compare both with '
+    '`ros2 topic info --verbose`',
+    SILENT: 'the sensor stopped publishing: check its driver and cable',
+    BAD_MODEL: 'a model description could not be read, the model before it stays: publish what `identify` writes',
+    BAD_WINDOW: 'a motion window could not be read: publish what imu_buffer publishes',
+    WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
+    NOT_SAVED: 'the model file could not be written: check model_path, its folder and its permissions',
+}
+
+REASON_ADVICE = {
+    stamps.DUPLICATE: 'samples with the stamp of one before were left out: if many, let the driver stamp its messages',
+    stamps.OUT_OF_ORDER: 'late samples were left out: look at the transport, or for a second publisher',
+    stamps.STRAY: 'single samples with a stamp far away were left out: look at what stamps them',
+    stamps.JUMPED_BACK: 'the clock was set back (a bag that looped?): window and filters began anew',
+    stamps.GAP: 'samples are missing: look at the load of the machine and of the network',
+    stamps.LONG_GAP: 'the sensor was silent for long and came back: the filters began anew',
+    stamps.RATE_CHANGED: 'the sample rate changed and is followed: look at the driver if that was not meant',
+    intake.NOT_FINITE: 'NaN or infinite values were left out: look at the driver',
+    intake.ABSURD: 'values that no craft reaches were left out: check that rates are rad/s and accelerations m/s^2',
+    intake.BAD_QUATERNION: 'quaternions that are no orientation were left out, rates were used: if the sensor has no '
+    'orientation, let the driver set orientation_covariance[0] to -1',
+    intake.NO_ORIENTATION: 'the sensor gives no orientation, rates alone are used',
+    intake.UNKNOWN_COVARIANCE: 'the sensor does not tell its noise, which is therefore measured',
+    intake.EMPTY: 'messages with nothing usable in them were left out: look at the driver',
+    predictor.GAP: 'samples are missing and were predicted through: look at the load of the machine and of the network',
+    **{reason: 'samples that contradict the forecast were rejected: look for shocks or magnetic disturbance'
+       for reason in predictor.REJECTED.values()},
+    **{reason: 'the sensor contradicted the filter until that began anew: identify again if this repeats'
+       for reason in predictor.RESTARTED.values()},
+    **NODE_REASONS,
+}
+"""Every reason that is counted in /diagnostics, and what to do about it."""
+
+HARMLESS = {intake.NO_ORIENTATION, intake.UNKNOWN_COVARIANCE}
+
+LARGEST_STAMP_AGE = 1.0
+"""s between the stamp of a message and its arrival; more means that clocks differ, or a replay without /clock."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """One status, as diagnostic_msgs/DiagnosticStatus has it.
+
+    Attributes
+    ----------
+    name : str
+    level : int
+        `OK`, `WARN` or `ERROR`.
+    message : str
+        What is wrong and what to do; else what goes on.
+    values : dict of str to object
+    """
+
+    name: str
+    level: int
+    message: str
+    values: dict = field(default_factory=dict)
+
+
+class StreamHealth:
+    """How the messages of one topic come in; time is what the caller says.
+
+    Parameters
+    ----------
+    topic : str
+        Its name for people.
+    """
+
+    def __init__(self, topic):
+        self.topic = topic
+        self.node_counts = dict.fromkeys((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT), 0)
+        self.received = 0
+        self._stamp_ns = None
+        self._arrival = None
+        self._spent = self._longest = 0.0
+        self._since_report = 0
+        self._silent = self._several = False
+        self._reported_counts = {}
+        self._reported_at = None
+
+    def note(self, stamp_ns, begun, ended):
+        """A message was handled between two readings of the same clock, s."""
+        spent = ended - begun
+        self.received += 1
+        self._since_report += 1
+        self._stamp_ns, self._arrival = stamp_ns, begun
+        self._spent += spent
+        if spent > self._longest:
+            self._longest = spent
+
+    def note_publishers(self, count):
+        """So many nodes publish the topic now."""
+        if count > 1 and not self._several:
+            self.node_counts[SEVERAL_PUBLISHERS] += 1
+        self._several = count > 1
+
+    def note_qos_mismatch(self):
+        """A publisher or subscription was refused."""
+        self.node_counts[QOS_MISMATCH] += 1
+
+    def report(self, name, now, now_ns, counts, used):
+        """What to tell now, and begin a new period.
+
+        Parameters
+        ----------
+        name : str
+        now : float
+            Of the clock of `note`, s.
+        now_ns : int
+            Of the clock that stamps are compared with.
+        counts : dict of str to int
+            By the node's core, since its start.
+        used : int
+            Messages the core used.
+
+        Returns
+        -------
+        Report
+        """
+        silence = None if self._arrival is None else now - self._arrival
+        silent = silence is not None and silence > max(1.0, 5.0 * self._mean_interval(now))
+        if silent and not self._silent:
+            self.node_counts[SILENT] += 1
+        self._silent = silent
+        age = None if silence is None else (now_ns - self._stamp_ns) * 1e-9 - silence
+        counts = {**counts, **self.node_counts}
+        fresh = {
+            reason: count - self._reported_counts.get(reason, 0)
+            for reason, count in counts.items()
+            if count > self._reported_counts.get(reason, 0) and reason not in HARMLESS
+        }
+        level, message = self._verdict(silence, age, fresh)
+        period = None if self._reported_at is None else now - self._reported_at
+        values = {
+            'rate_hz': 0.0 if not period else self._since_report / period,
+            'received': self.received,
+            'used': used,
+            **counts,
+            'stamp_age_s': 'unknown' if age is None else age,
+            'processing_ms_mean': 1e3 * self._spent / max(self._since_report, 1),
+            'processing_ms_max': 1e3 * self._longest,
+        }
+        self._reported_counts, self._reported_at = counts, now
+        self._spent = self._longest = 0.0
+        self._since_report = 0
+        return Report(name, level, message, values)
+
+    def _mean_interval(self, now):
+        if self._reported_at is None or not self._since_report:
+            return 0.0
+        return (now - self._reported_at) / self._since_report
+
+    def _verdict(self, silence, age, fresh):
+        if silence is None:
+            return ERROR, f'no message on {self.topic} yet: check that the sensor publishes there, or remap the topic'
+        if self._silent:
+            return ERROR, f'no message on {self.topic} for {silence:.1f} s: {REASON_ADVICE[SILENT]}'
+        if self._several:
+            return WARN, REASON_ADVICE[SEVERAL_PUBLISHERS]
+        if fresh:
+            reason = max(fresh, key=fresh.get)
+            return WARN, f'{reason} ({fresh[reason]} times lately): {REASON_ADVICE[reason]}'
+        if abs(age) > LARGEST_STAMP_AGE:
+            return WARN, (
+                f'stamps differ from the clock by {age:.1f} s: synchronise the clocks, or replay with --clock and set '
+                f'use_sim_time'
+            )
+        return OK, f'receiving {self.topic}'
+
+
+class IdentifierHealth:
+    """How identification goes."""
+
+    def __init__(self):
+        self.counts = dict.fromkeys((BAD_WINDOW, WORKER_DIED, NOT_SAVED, QOS_MISMATCH), 0)
+        self.progress = 0.0
+        self.refits = self.published = 0
+        self.last = 'none yet'
+        self._reported_counts = dict(self.counts)
+
+    def note(self, reason):
+        """Count one more of a reason."""
+        self.counts[reason] += 1
+
+    def note_qos_mismatch(self):
+        """A publisher or subscription was refused."""
+        self.note(QOS_MISMATCH)
+
+    def begin(self):
+        """A refit begins."""
+        self.progress = 0.0
+        self.refits += 1
+
+    def end(self, published, message):
+        """It has ended: whether a model was published, and one line about it."""
+        self.published += published
+        self.last = message
+
+    def report(self, models, steps_back, is_busy):
+        """What to tell now, and begin a new period; see `StreamHealth.report`."""
+        fresh = [reason for reason, count in self.counts.items() if count > self._reported_counts[reason]]
+        self._reported_counts = dict(self.counts)
+        doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
+        level, message = (WARN, REASON_ADVICE[fresh[0]]) if fresh else (OK, doing)
+        values = {
+            'state': 'identifying' if is_busy else 'ready', 'progress': self.progress, 'models': models,
+            'rollbacks_kept': steps_back, 'refits': self.refits, 'published': self.published, 'last_verdict': self.last,
+            **self.counts,
+        }
+        return Report('identification', level, message, values)
+
+
+def reasons_table():
+    """Every reason that is counted and what to do about it, as a Markdown table."""
+    rows = [f'| `{reason}` | {advice} |' for reason, advice in REASON_ADVICE.items()]
+    return '\n'.join(['| Counted as | What it means, what to do |', '|---|---|', *rows]) + '\n'

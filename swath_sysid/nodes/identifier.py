@@ -1,0 +1,162 @@
+"""The node identifier: refits the model on a window in a worker process, while it goes on answering."""
+import hashlib
+import sys
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import Float32
+from std_srvs.srv import Trigger
+
+from swath_sysid import __version__
+from swath_sysid.identification.refit import Refitter, refit, warm_up
+from swath_sysid.identification.search import Cancelled
+from swath_sysid.nodes.connections import watched_publisher
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.health import WORKER_DIED, IdentifierHealth
+from swath_sysid.nodes.model_publisher import ModelPublisher
+from swath_sysid.nodes.parameter_tables import IDENTIFIER, refit_settings
+from swath_sysid.nodes.parameters import NodeParameters
+from swath_sysid.nodes.spinning import run
+from swath_sysid.nodes.window_client import WindowClient
+from swath_sysid.nodes.worker import Worker
+
+BUSY = 'an identification is running: wait for it or call ~/cancel'
+CANCELLED = 'the identification was cancelled'
+
+
+class Identifier(Node):
+    """motion/window in, model/* and ~/progress out, services ~/identify, ~/cancel and ~/rollback."""
+
+    def __init__(self):
+        super().__init__('identifier')
+        self.parameters = NodeParameters(self, IDENTIFIER, refit_settings, self._change)
+        self.health = IdentifierHealth()
+        self._models = ModelPublisher(self, self.parameters['model_path'], self.health)
+        self.refitter = Refitter(self.parameters.settings, self._models.known())
+        self._busy = False
+        self._ended = Future()
+        self._waiting_table = None
+        self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
+        self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
+        # an async service holds its group while it waits: in the node's own it would lock out all else
+        waiting = ReentrantCallbackGroup()
+        self.create_service(Trigger, '~/identify', self._on_identify, callback_group=waiting)
+        self.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=waiting)
+        self.create_service(Trigger, '~/rollback', self._on_rollback)
+        self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
+        self.worker = Worker(warm_up, lambda: self.health.note(WORKER_DIED))
+        if self.refitter.models:
+            self._models.publish(self.refitter.models)
+
+    def destroy_node(self):
+        """Also end the worker."""
+        self.worker.close()
+        super().destroy_node()
+
+    def _change(self, settings):
+        self.refitter.settings = settings
+
+    def _on_window(self, table):
+        if self.parameters['auto_identify'] and len(table.rows):
+            self._waiting_table = table
+            self._begin_waiting()
+
+    def _begin_waiting(self):
+        if self._waiting_table is not None and not self._busy:
+            table, self._waiting_table = self._waiting_table, None
+            self._busy = True
+            self.executor.create_task(self._refit(table))
+
+    async def _on_identify(self, request, response):
+        if self._busy:
+            response.success, response.message = False, BUSY
+            return response
+        self._busy = True
+        problem = await self._windows.fetch(self.parameters['window_timeout_s'])
+        if problem:
+            response.success, response.message = self._end(False, problem)
+        else:
+            response.success, response.message = await self._refit(self._windows.newest)
+        return response
+
+    async def _refit(self, table):
+        """Refit on a window in the worker; success and one line about it."""
+        ended, executor = Future(), self.executor
+
+        def end(outcome, error):
+            ended.set_result((outcome, error))
+            # without this an idle executor never comes to look
+            executor.wake()
+
+        self.health.begin()
+        request = self.refitter.request(table, _provenance(table))
+        self.worker.submit(refit, (request,), end, self._on_progress)
+        outcome, error = await ended
+        if error is not None:
+            return self._end(False, CANCELLED if isinstance(error, Cancelled) else str(error))
+        if not self.refitter.take(outcome):
+            return self._end(False, outcome.message)
+        return self._end(True, outcome.message + self._models.publish(self.refitter.models))
+
+    def _on_progress(self, share):
+        self.health.progress = share
+        self._progress.publish(Float32(data=float(share)))
+
+    def _end(self, published, message):
+        """Ready for the next; what the service answers."""
+        self._busy = False
+        self.health.end(published, message)
+        self.get_logger().info(message)
+        ended, self._ended = self._ended, Future()
+        ended.set_result(None)
+        self._begin_waiting()
+        return published, message
+
+    async def _on_cancel(self, request, response):
+        response.success, response.message = self._busy, 'nothing is running'
+        if self._busy:
+            ended = self._ended
+            self._waiting_table = None
+            self._windows.stop_waiting(CANCELLED)
+            self.worker.cancel()
+            await ended
+            response.message = 'the identification has ended'
+        return response
+
+    def _on_rollback(self, request, response):
+        if self._busy:
+            response.success, response.message = False, BUSY
+        elif self.refitter.rollback():
+            remark = self._models.publish(self.refitter.models)
+            response.success = True
+            response.message = f'back to {self._held()}; {self.refitter.steps_back} more are kept{remark}'
+        else:
+            response.success, response.message = False, 'there is no model before this one'
+        return response
+
+    def _held(self):
+        return ', '.join(f'{axis} {m.model.equation.name}' for axis, m in self.refitter.models.items()) or 'no model'
+
+    def _reports(self):
+        return [self.health.report(self._held(), self.refitter.steps_back, self._busy)]
+
+
+def _provenance(table):
+    """What is known of where a window came from."""
+    digest = hashlib.sha256(table.rows.tobytes()).hexdigest()
+    first = float(table.rows[0, 0]) if len(table.rows) else None
+    return {
+        'software': f'swath_sysid {__version__}',
+        'sources': [{'topic': 'motion/window', 'first_stamp_s': first, 'sha256': digest}],
+    }
+
+
+def main(args=None):
+    """Run the node until it is told to stop."""
+    return run([(SingleThreadedExecutor, [Identifier])], args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

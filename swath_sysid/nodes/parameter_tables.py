@@ -1,0 +1,355 @@
+"""The parameters of the nodes, declared once: name, default, range, unit and meaning; and what they turn into.
+
+Nothing here needs ROS: the same tables make the nodes' declarations, the configuration file, the
+documentation, and the settings of the cores.
+"""
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+
+import yaml
+
+from swath_sysid.errors import InputError
+from swath_sysid.identification.identify import OBJECTIVES, IdentificationSettings
+from swath_sysid.identification.refit import RefitSettings
+from swath_sysid.identification.search import ALGORITHMS, SearchSettings
+from swath_sysid.motion.sensing import FRAMES, Installation
+from swath_sysid.motion.stamps import StampSettings
+from swath_sysid.motion.trial import AXES
+from swath_sysid.motion.window import WindowSettings
+from swath_sysid.prediction.ekf import FilterSettings
+from swath_sysid.prediction.outlook import OutlookSettings
+from swath_sysid.prediction.predictor import PredictorSettings
+
+
+@dataclass(frozen=True)
+class NodeParameter:
+    """One parameter of a node.
+
+    Attributes
+    ----------
+    name : str
+        With its unit, where it has one that is not plain from the meaning.
+    default : bool, int, float, str or list
+        Its type is the parameter's.
+    meaning : str
+    unit : str
+    lowest, highest : int, float or None
+        Bounds, both included; of every element where the parameter is a list.
+    choices : tuple of str
+        Of the value, or of every element.
+    read_only : bool
+        Set at the start only.
+    """
+
+    name: str
+    default: object
+    meaning: str
+    unit: str = ''
+    lowest: float | None = None
+    highest: float | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+
+    @property
+    def range_text(self):
+        """The allowed values, for people."""
+        if self.choices:
+            return ', '.join(self.choices)
+        if self.lowest is None:
+            return ''
+        return f'{_number(self.lowest)} to {_number(self.highest)}'
+
+    def check(self, value):
+        """Raise `InputError` unless the value is allowed."""
+        for element in value if isinstance(value, list | tuple) else [value]:
+            if self.choices and element not in self.choices:
+                raise InputError(f"the parameter {self.name} cannot be '{element}': choose from {self.range_text}")
+            if self.lowest is not None and not self.lowest <= element <= self.highest:
+                raise InputError(
+                    f'the parameter {self.name} cannot be {element}: give {self.range_text} {self.unit}'.rstrip()
+                )
+
+
+def _number(value):
+    return str(value) if isinstance(value, int) else f'{value:g}'
+
+
+SENSOR = (
+    NodeParameter(
+        'frame', 'flu',
+        'Axes of the sensor: forward-left-up in an ENU world (REP 103), or forward-right-down in a NED world',
+        choices=FRAMES, read_only=True,
+    ),
+    NodeParameter(
+        'mounting_deg', [0.0, 0.0, 0.0],
+        "Roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's", 'deg', -180.0, 180.0, read_only=True,
+    ),
+    NodeParameter('frame_id', 'base_link', 'frame_id of what is published: the axes of the craft', read_only=True),
+    NodeParameter(
+        'gap_limit_s', 1.0, 'After a longer silence (and five sample intervals) the sensor begins anew', 's',
+        0.05, 60.0, read_only=True,
+    ),
+    NodeParameter(
+        'backward_jump_s', 1.0, 'A stamp further back is a clock that was set back (a bag that looped); a nearer one '
+        'is late and left out', 's', 0.05, 60.0, read_only=True,
+    ),
+    NodeParameter(
+        'queue_depth', 1000, 'IMU messages that may wait while the node is busy', 'messages', 1, 100000, read_only=True,
+    ),
+)
+"""What imu_buffer and predictor must agree on."""
+
+DIAGNOSTICS = (
+    NodeParameter('diagnostics_period_s', 1.0, 'Time between diagnostics (wall clock)', 's', 0.1, 60.0, read_only=True),
+)
+
+IMU_BUFFER = (
+    *SENSOR,
+    NodeParameter('window_s', 60.0, 'Length of the motion window', 's', 1.0, 3600.0, read_only=True),
+    NodeParameter(
+        'max_rate_hz', 1000.0, 'Memory is taken for so many samples a second; faster ones shorten the window', 'Hz',
+        1.0, 10000.0, read_only=True,
+    ),
+    NodeParameter('record_at_start', True, 'Fill the window from the start (else after ~/record)', read_only=True),
+    NodeParameter('auto_detect_decay', True, 'Publish the window by itself when a free decay has ended'),
+    NodeParameter(
+        'smallest_decay_deg', 1.0, 'A decay of a smaller first amplitude is not published by itself', 'deg', 0.05, 45.0,
+        read_only=True,
+    ),
+    *DIAGNOSTICS,
+)
+
+IDENTIFIER = (
+    NodeParameter('axes', list(AXES), 'Axes to identify', choices=AXES),
+    NodeParameter(
+        'equation', 'odd-cubic',
+        'Equation to fit: a name of the catalogue, or damping|restoring terms as in linear,quadratic|linear,cubic',
+    ),
+    NodeParameter('objective', 'simulation', 'What the fit minimises', choices=OBJECTIVES),
+    NodeParameter('search', 'ga', 'Search algorithm', choices=ALGORITHMS),
+    NodeParameter('generations', 0, "Generations of the search; 0: the algorithm's default", '', 0, 100000),
+    NodeParameter('population', 0, "Candidates a generation; 0: the algorithm's default", '', 0, 100000),
+    NodeParameter('seed', 1, 'Seed of the search', '', 0, 2**31 - 1),
+    NodeParameter(
+        'least_improvement', 0.001, 'A refit is believed if its residuals on the window are smaller than the current '
+        "model's by this part", '', 0.0, 0.9,
+    ),
+    NodeParameter('auto_identify', True, 'Refit whenever a window arrives'),
+    NodeParameter(
+        'window_service', 'imu_buffer/publish_window', 'Service that makes the buffer publish its window',
+        read_only=True,
+    ),
+    NodeParameter('window_timeout_s', 2.0, 'How long ~/identify waits for the window', 's', 0.1, 60.0),
+    NodeParameter(
+        'model_path', '', 'Model file, read at the start if it exists and replaced whenever the model changes; '
+        'empty: none', read_only=True,
+    ),
+    *DIAGNOSTICS,
+)
+
+PREDICTOR = (
+    *SENSOR,
+    NodeParameter(
+        'leads_s', list(PredictorSettings().leads), 'Leads with a topic of their own, increasing', 's', 0.01, 120.0,
+        read_only=True,
+    ),
+    NodeParameter('horizon_s', 5.0, 'Length of forecast/horizon', 's', 0.1, 120.0, read_only=True),
+    NodeParameter('horizon_step_s', 0.1, 'Step of forecast/horizon', 's', 0.005, 10.0, read_only=True),
+    NodeParameter(
+        'forecast_rate_hz', 10.0, 'Forecasts at the leads and over the horizon a second (forecast/next comes with '
+        'every sample)', 'Hz', 0.1, 1000.0, read_only=True,
+    ),
+    NodeParameter(
+        'gate_probability', FilterSettings().gate_probability,
+        'A true measurement is taken for an outlier with this probability', '', 1e-30, 0.01, read_only=True,
+    ),
+    NodeParameter(
+        'gate_patience', FilterSettings().gate_patience,
+        'After so many rejected samples in a row the sensor is believed again', 'samples', 1, 1000, read_only=True,
+    ),
+    *DIAGNOSTICS,
+)
+
+TABLES = {'imu_buffer': IMU_BUFFER, 'identifier': IDENTIFIER, 'predictor': PREDICTOR}
+"""Node name to its parameters."""
+
+
+def defaults(table):
+    """Name to default value of a node's parameters."""
+    return {parameter.name: parameter.default for parameter in table}
+
+
+def check(table, values):
+    """Raise `InputError` unless every value is allowed."""
+    for parameter in table:
+        parameter.check(values[parameter.name])
+
+
+def installation(values):
+    """How the sensor sits in the craft."""
+    if len(values['mounting_deg']) != 3:
+        raise InputError('the parameter mounting_deg takes three angles (roll, pitch, yaw), as in [0.0, 0.0, 90.0]')
+    return Installation(values['frame'], tuple(radians(angle) for angle in values['mounting_deg']))
+
+
+def window_settings(values):
+    """Settings of imu_buffer's core.
+
+    Parameters
+    ----------
+    values : dict
+        Value of every parameter in `IMU_BUFFER`.
+
+    Returns
+    -------
+    WindowSettings
+
+    Raises
+    ------
+    InputError
+    """
+    check(IMU_BUFFER, values)
+    return WindowSettings(
+        window=values['window_s'],
+        max_rate=values['max_rate_hz'],
+        detect_decay=values['auto_detect_decay'],
+        smallest_decay=radians(values['smallest_decay_deg']),
+        installation=installation(values),
+        stamps=StampSettings(values['backward_jump_s'], values['gap_limit_s']),
+    )
+
+
+def refit_settings(values):
+    """Settings of identifier's core; see `window_settings`."""
+    check(IDENTIFIER, values)
+    identification = IdentificationSettings(
+        equation=values['equation'] or None,
+        objective=values['objective'],
+        search=SearchSettings(
+            algorithm=values['search'],
+            generations=values['generations'] or None,
+            population=values['population'] or None,
+            seed=values['seed'],
+        ),
+    )
+    equation = identification.chosen_equation
+    if not equation.terms:
+        raise InputError(f'the equation {equation.name} has no terms: name another')
+    return RefitSettings(tuple(values['axes']), identification, values['least_improvement'])
+
+
+def outlook_settings(values):
+    """Settings of predictor's core; see `window_settings`."""
+    check(PREDICTOR, values)
+    return OutlookSettings(
+        installation=installation(values),
+        predictor=PredictorSettings(
+            filter=FilterSettings(
+                gate_probability=values['gate_probability'], gate_patience=values['gate_patience']
+            ),
+            leads=tuple(values['leads_s']),
+            horizon=values['horizon_s'],
+            horizon_step=values['horizon_step_s'],
+            forecast_rate=values['forecast_rate_hz'],
+            gap_limit=values['gap_limit_s'],
+            backward_jump=values['backward_jump_s'],
+        ),
+    )
+
+
+def values_from_file(path, node_name):
+    """The values of a node's parameters as a ROS parameter file sets them, without ROS.
+
+    Parameters
+    ----------
+    path : str or Path or None
+        None: the defaults.
+    node_name : str
+        A key of `TABLES`. The sections ``/**``, ``NAME``, ``/NAME`` and ``/**/NAME`` of the file apply, in
+        its order.
+
+    Returns
+    -------
+    dict of str to value
+        Of every parameter of the node.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is no parameter file, or sets a parameter that does not exist or
+        is of another type.
+    """
+    values = defaults(TABLES[node_name])
+    if path is None:
+        return values
+    applying = ('/**', node_name, f'/{node_name}', f'/**/{node_name}')
+    for section, content in _sections(path).items():
+        if section in applying:
+            for name, value in content.items():
+                if name in values:
+                    values[name] = _of_type(values[name], value, name, path)
+                elif section != '/**' and name != 'use_sim_time':
+                    raise InputError(f'{path}: {node_name} has no parameter {name}; it has {", ".join(values)}')
+    return values
+
+
+def _sections(path):
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except OSError as error:
+        raise InputError(f'cannot read the parameter file {path}: {error.strerror}') from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f'{path} is not YAML: give a ROS parameter file') from error
+    sections = content if isinstance(content, dict) else {}
+    if not sections or any(not isinstance(s, dict) or 'ros__parameters' not in s for s in sections.values()):
+        raise InputError(f'{path} is no ROS parameter file: every section needs ros__parameters')
+    return {name: section['ros__parameters'] or {} for name, section in sections.items()}
+
+
+def _of_type(default, value, name, path):
+    kind = type(default[0]) if isinstance(default, list) else type(default)
+    elements = value if isinstance(value, list) else [value]
+    if isinstance(value, list) != isinstance(default, list) or any(type(e) is not kind for e in elements):
+        example = ', as in 1.0 instead of 1' if kind is float else ''
+        raise InputError(f'{path}: the parameter {name} must be of the type of {default}{example}, not {value}')
+    return value
+
+
+def configuration_file():
+    """Text of the parameter file with every default, section by node."""
+    lines = ['# Every parameter of the nodes with its default; made by swath_sysid.nodes.parameter_tables.']
+    for node_name, table in TABLES.items():
+        lines += ['', f'/**/{node_name}:', '  ros__parameters:']
+        for parameter in table:
+            allowed = f' ({parameter.range_text}{f" {parameter.unit}" if parameter.unit else ""})'
+            lines.append(f'    # {parameter.meaning}{allowed if parameter.range_text else ""}')
+            lines.append(f'    {parameter.name}: {_yaml_value(parameter.default)}')
+    return '\n'.join(lines) + '\n'
+
+
+def markdown_table(node_name):
+    """The parameters of a node as a Markdown table.
+
+    Parameters
+    ----------
+    node_name : str
+
+    Returns
+    -------
+    str
+    """
+    lines = ['| Parameter | Default | Range | Unit | Meaning |', '|---|---|---|---|---|']
+    for p in TABLES[node_name]:
+        fixed = '' if not p.read_only else ' (set at the start)'
+        meaning = f'{p.meaning}{fixed}'.replace('|', '\\|')
+        lines.append(f'| `{p.name}` | `{_yaml_value(p.default)}` | {p.range_text} | {p.unit} | {meaning} |')
+    return '\n'.join(lines) + '\n'
+
+
+def _yaml_value(value):
+    if isinstance(value, float):
+        # YAML 1.1 reads a float by its dot
+        text = repr(value)
+        return text if '.' in text else text.replace('e', '.0e')
+    return yaml.safe_dump(value, default_flow_style=True).replace('\n...', '').strip()

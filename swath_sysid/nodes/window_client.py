@@ -1,0 +1,77 @@
+"""The identifier's side of motion/window: the newest window, and how to get a fresh one."""
+from rclpy.clock import Clock, ClockType
+from rclpy.task import Future
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from swath_sysid.errors import InputError
+from swath_sysid.nodes.connections import LATCHED, watched_subscription
+from swath_sysid.nodes.health import BAD_WINDOW
+from swath_sysid.nodes.messages import window_table
+
+
+class WindowClient:
+    """Receives windows, and asks the buffer for one.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    service : str
+        Makes the buffer publish its window.
+    health : IdentifierHealth
+    on_window : callable
+        Called with the `MotionTable` of every window that was not asked for by `fetch`.
+    """
+
+    def __init__(self, node, service, health, on_window):
+        self.newest = None
+        self._node = node
+        self._health = health
+        self._on_window = on_window
+        self._awaited = None
+        self._client = node.create_client(Trigger, service)
+        watched_subscription(node, PointCloud2, 'motion/window', self._receive, LATCHED, health)
+
+    async def fetch(self, timeout):
+        """Have the buffer publish its window and wait for it, at most so many seconds.
+
+        Returns
+        -------
+        str
+            What stands in the way; empty: `newest` is fresh, or there is no buffer and it is the last one.
+        """
+        if not self._client.service_is_ready():
+            if self.newest is not None:
+                return ''
+            return f'there is no window: start imu_buffer (its service is {self._client.service_name})'
+        self._awaited = Future()
+        timer = self._node.create_timer(timeout, self._give_up, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._client.call_async(Trigger.Request()).add_done_callback(self._on_answer)
+        problem = await self._awaited
+        self._awaited = None
+        self._node.destroy_timer(timer)
+        return problem
+
+    def stop_waiting(self, problem):
+        """End a `fetch` that waits, if there is one."""
+        if self._awaited is not None and not self._awaited.done():
+            self._awaited.set_result(problem)
+            return True
+        return False
+
+    def _receive(self, message):
+        try:
+            self.newest = window_table(message)
+        except InputError as error:
+            self._health.note(BAD_WINDOW)
+            self._node.get_logger().error(str(error))
+            return
+        if not self.stop_waiting(''):
+            self._on_window(self.newest)
+
+    def _give_up(self):
+        self.stop_waiting('no window came within window_timeout_s: check that imu_buffer publishes motion/window')
+
+    def _on_answer(self, future):
+        if not future.result().success:
+            self.stop_waiting(future.result().message)
