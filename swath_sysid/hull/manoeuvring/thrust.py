@@ -4,7 +4,7 @@ from scipy.signal import lfilter
 
 from swath_sysid.hull.manoeuvring.terms import BALANCE, DEAD_BAND, DELAY, EXPONENT, GAIN, LAG, REVERSE_RATIO
 
-SHORTEST_LAG = 1e-3
+SHORTEST_LAG = 1e-6
 """s; a thruster below this answers at once."""
 
 

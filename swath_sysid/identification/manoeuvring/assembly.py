@@ -340,7 +340,7 @@ def _candidates(runs, thrust_input, rows, settings):
     if 'Y' in rows:
         found += [(name,) for name in _CANDIDATES['N-sway']]
     elif 'N' in rows and 'X' in rows:
-        found.append(('Yv',))
+        found += [(name,) for name in ('Yv', *_CANDIDATES['N-sway'][:3])]
     found.append(('advance',))
     if 'N' in rows:
         found.append(('balance',))

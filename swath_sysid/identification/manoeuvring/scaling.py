@@ -14,6 +14,9 @@ SWAY_SHARE = 0.3
 WIDE = 50.0
 """Largest value of a term in its natural unit."""
 
+LEAST_DAMPING = 0.01
+"""Least linear damping in its natural unit, so that every motion dies away however small."""
+
 _THRUST_RANGES = {
     'reverse_ratio': (0.05, 2.0), 'dead_band': (0.0, 0.6), 'exponent': (0.4, 3.0), 'balance': (-0.5, 0.5),
     'advance': (0.0, 0.5), 'lag': (0.0, 3.0), 'delay': (0.0, 2.0), 'deduction': (0.0, 0.9),
@@ -69,6 +72,8 @@ class Scales:
         if name in ('Yr_dot', 'Nv_dot'):
             limit = 0.5 * np.sqrt(self.mass * self.inertia)
             return -limit, limit
+        if name in ('Xu', 'Yv', 'Nr'):
+            return -WIDE * unit, -LEAST_DAMPING * unit
         if parameter.kind == DAMPING:
             return -WIDE * unit, 0.0
         if parameter.kind in (CROSS, OFFSET):

@@ -7,7 +7,6 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from swath_sysid.hull.manoeuvring.model import active_terms
 from swath_sysid.hull.manoeuvring.simulation import runge_kutta_columns
@@ -35,6 +34,7 @@ from swath_sysid.hull.manoeuvring.terms import (
     M,
 )
 from swath_sysid.hull.manoeuvring.thrust import acting_thrust
+from swath_sysid.identification.manoeuvring.least_squares import minimise
 
 THRUSTER = {GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, LAG, DELAY}
 CURRENT = ('current_east', 'current_north')
@@ -185,10 +185,8 @@ class MultipleShooting:
         return np.concatenate([projected.reshape(n, -1).T, state_part.reshape(n, -1).T, prior])
 
     def refine(self, values, max_evaluations=20, tolerance=1e-5):
-        """Bounded least squares (scipy's trust-region reflective) over the unknowns."""
+        """Bounded least squares over the unknowns."""
         lower, upper, units = self.unknowns.lower, self.unknowns.upper, self.unknowns.units
-        margin = 1e-9 * (upper - lower)
-        start = np.clip(values, lower + margin, upper - margin)
 
         def scaled_residuals(x):
             found = self.residuals(x * units)
@@ -198,11 +196,9 @@ class MultipleShooting:
             found = self.jacobian(x * units) * units
             return np.where(np.isfinite(found), np.clip(found, -1e9, 1e9), 0.0)
 
-        found = least_squares(
-            scaled_residuals, start / units, scaled_jacobian, bounds=(lower / units, upper / units), x_scale='jac',
-            ftol=tolerance, xtol=1e-5, gtol=1e-8, max_nfev=max_evaluations,
-        )  # fmt: skip
-        return ShootingFit(found.x * units, float(found.cost), int(found.nfev))
+        found = minimise(
+            scaled_residuals, scaled_jacobian, values / units, lower / units, upper / units, max_evaluations, tolerance)
+        return ShootingFit(found.x * units, found.cost, found.evaluations)
 
     def weigh(self, values):
         """Take the weights of the robust loss from the residuals at these values."""

@@ -1,0 +1,105 @@
+"""Bounded Levenberg-Marquardt for many residuals and few unknowns.
+
+scipy's least_squares decomposes the whole Jacobian at every step; here it is condensed to its
+triangular factor first, and scipy's lsq_linear solves the small bounded problem that is left.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+FIRST_DAMPING = 1e-3
+LARGEST_DAMPING = 1e8
+JITTER = 1e-12
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Outcome of `minimise`.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+    cost : float
+        Half the sum of squares.
+    evaluations : int
+        Of the residuals.
+    """
+
+    x: np.ndarray
+    cost: float
+    evaluations: int
+
+
+def minimise(residuals, jacobian, start, lower, upper, max_evaluations=30, tolerance=1e-5):
+    """Minimise half the sum of squares of the residuals within bounds.
+
+    Parameters
+    ----------
+    residuals : callable
+        (n,) to (m,).
+    jacobian : callable
+        (n,) to (m, n); called only at points where the residuals were just computed.
+    start, lower, upper : ndarray, shape (n,)
+    max_evaluations : int
+    tolerance : float
+        Relative decrease of the cost below which it has converged.
+
+    Returns
+    -------
+    Minimum
+    """
+    x = np.clip(start, lower, upper)
+    residual = residuals(x)
+    cost, evaluations = 0.5 * float(residual @ residual), 1
+    damping = FIRST_DAMPING
+    while evaluations < max_evaluations:
+        slopes = jacobian(x)
+        factor, right, size = _condensed(slopes, residual)
+        promised = cost
+        while evaluations < max_evaluations:
+            move = _bounded_step(factor, right, size, damping, lower - x, upper - x)
+            promised = float(right @ (factor @ move) * -1.0 - 0.5 * np.sum((factor @ move) ** 2))
+            if promised <= tolerance * cost:
+                return Minimum(x, cost, evaluations)
+            tried = np.clip(x + move, lower, upper)
+            found = residuals(tried)
+            evaluations += 1
+            new_cost = 0.5 * float(found @ found)
+            if np.isfinite(new_cost) and cost - new_cost > 0.01 * promised:
+                break
+            damping *= 8.0
+            if damping > LARGEST_DAMPING:
+                return Minimum(x, cost, evaluations)
+        else:
+            break
+        decrease = cost - new_cost
+        x, residual, cost = tried, found, new_cost
+        damping *= 0.1 if decrease > 0.5 * promised else 1.0
+        if decrease < tolerance * cost:
+            break
+    return Minimum(x, cost, evaluations)
+
+
+def _condensed(jacobian, residual):
+    """Triangular factor of the Jacobian, the residual seen through it, and the columns' sizes."""
+    size = np.sqrt(np.einsum('mn,mn->n', jacobian, jacobian))
+    size = np.where(size > 0.0, size, 1.0)
+    scaled = jacobian / size
+    normal = scaled.T @ scaled
+    factor = np.linalg.cholesky(normal + JITTER * len(residual) * np.eye(size.size)).T
+    right = np.linalg.solve(factor.T, scaled.T @ residual)
+    return factor * size, right, size
+
+
+def _bounded_step(factor, right, size, damping, lower, upper):
+    """The damped Gauss-Newton step that stays within bounds."""
+    matrix = np.concatenate([factor, np.sqrt(damping) * np.diag(size)]) / size
+    target = np.concatenate([-right, np.zeros(size.size)])
+    step = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    low, high = lower * size, upper * size
+    if np.any(step < low) or np.any(step > high):
+        room = 1e-12 * (1.0 + np.abs(high))
+        step = lsq_linear(matrix, target, bounds=(np.minimum(low, -room), np.maximum(high, room))).x
+        step = np.clip(step, low, high)
+    return step / size
