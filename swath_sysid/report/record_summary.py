@@ -1,0 +1,81 @@
+"""What is in a record, in words and in plain data."""
+import numpy as np
+
+from swath_sysid.motion.quality import check_decay, check_motion
+from swath_sysid.motion.segmentation import explain_absence, find_decays
+from swath_sysid.report.fit_summary import finite_or_none
+
+
+def record_as_data(trial, motions):
+    """What ``inspect --json`` prints.
+
+    Parameters
+    ----------
+    trial : Trial
+    motions : sequence of AxisMotion
+        The axes to describe.
+    """
+    interval = float(np.median(np.diff(trial.time)))
+    return finite_or_none({
+        'source': trial.source,
+        'samples': int(trial.time.size),
+        'start_s': float(trial.time[0]),
+        'end_s': float(trial.time[-1]),
+        'rate_hz': 1.0 / interval,
+        'longest_interval_s': float(np.diff(trial.time).max()),
+        'channels': list(trial.channels),
+        'axes': {motion.axis: _axis_as_data(motion) for motion in motions},
+        'warnings': [{'code': a.code, 'message': a.message} for a in trial.advice],
+    })  # fmt: skip
+
+
+def _axis_as_data(motion):
+    decays = find_decays(motion)
+    values = motion.rate if motion.angle is None else motion.angle
+    advice = list(check_motion(motion))
+    advice += [a for decay in decays for a in (*decay.advice, *check_decay(motion, decay))]
+    if not decays:
+        advice.append(explain_absence(motion))
+    return {
+        'samples': motion.size,
+        'measured': [name for name in ('angle', 'rate') if getattr(motion, name) is not None],
+        'largest': float(values.max()),
+        'smallest': float(values.min()),
+        'std': float(values.std()),
+        'decays': [
+            {
+                'start_s': decay.start,
+                'end_s': decay.end,
+                'period_s': decay.period,
+                'cycles': decay.cycles,
+                'initial_amplitude': decay.initial_amplitude,
+                'final_amplitude': decay.final_amplitude,
+                'beginning': decay.beginning,
+                'ending': decay.ending,
+            }
+            for decay in decays
+        ],
+        'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)],
+    }
+
+
+def record_in_words(trial, motions):
+    """Lines for a reader; see `record_as_data`."""
+    data = record_as_data(trial, motions)
+    lines = [
+        f'{data["source"]}: {data["samples"]} samples from {data["start_s"]:.2f} to {data["end_s"]:.2f} s, '
+        f'{data["rate_hz"]:.1f} Hz, longest interval {data["longest_interval_s"]:.3g} s',
+        f'  channels: {", ".join(data["channels"])}',
+    ]
+    for axis, found in data['axes'].items():
+        unit = 'deg' if 'angle' in found['measured'] else 'deg/s'
+        low, high, std = (np.degrees(found[key]) for key in ('smallest', 'largest', 'std'))
+        lines.append(f'  {axis}: {low:.2f} to {high:.2f} {unit}, standard deviation {std:.2f} {unit}')
+        lines += [
+            f'    {axis} decay from {d["start_s"]:.2f} to {d["end_s"]:.2f} s: {d["cycles"]:.1f} cycles of '
+            f'{d["period_s"]:.3f} s, from {np.degrees(d["initial_amplitude"]):.2f} to '
+            f'{np.degrees(d["final_amplitude"]):.2f} {unit} ({d["beginning"]}, ended by {d["ending"]})'
+            for d in found['decays']
+        ]
+        lines += [f'    [{w["code"]}] {w["message"]}' for w in found['warnings']]
+    return lines

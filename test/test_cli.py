@@ -1,0 +1,240 @@
+"""The command line: what it prints, what it writes, and how it answers bad input."""
+
+import json
+
+import numpy as np
+import pytest
+
+from swath_sysid.cli.main import VERBS, main, module_of
+from swath_sysid.files.model_file import read_model
+from swath_sysid.files.reading import read_trial
+from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+
+
+@pytest.fixture(scope='module')
+def trial_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp('trials') / 'pitch_6deg.csv'
+    assert (
+        main(['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--hold', '1', '--output', str(path)])
+        == 0
+    )
+    return path
+
+
+def table(path, header, rows):
+    path.write_text(header + '\n' + ''.join(','.join(map(str, row)) + '\n' for row in rows))
+    return path
+
+
+def last_line(text):
+    return text.strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize('verb', VERBS)
+def test_every_verb_has_help(verb, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([verb, '--help'])
+    assert end.value.code == 0
+    assert 'usage: swath-sysid' in capsys.readouterr().out
+    assert callable(module_of(verb).run)
+
+
+def test_identify_prints_one_json_object(trial_file, capsys):
+    assert main(['identify', str(trial_file), '--axis', 'pitch', '--equation', 'swath-pitch-2', '--json']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {
+        'equation', 'axis', 'ratios', 'trim_rad', 'natural_period_s', 'damping_ratio', 'r2', 'rmse', 'objective',
+        'segment_s', 'generations', 'evaluations', 'wall_s', 'warnings',
+    } <= set(found)  # fmt: skip
+    assert (found['equation'], found['axis'], found['objective']['name']) == ('swath-pitch-2', 'pitch', 'simulation')
+    assert found['ratios']['b1']['value'] == pytest.approx(1.533, rel=0.05)
+    assert found['ratios']['r1']['std'] > 0
+    assert found['natural_period_s'] == pytest.approx(1.975, rel=0.01)
+    start, end = found['segment_s']
+    assert 0.9 <= start < 1.3 < end
+    assert all(set(w) == {'code', 'message'} for w in found['warnings'])
+
+
+def test_identify_writes_model_and_picture_and_says_the_published_form(trial_file, tmp_path, capsys):
+    model, picture = tmp_path / 'model.yaml', tmp_path / 'fit.png'
+    command = ['identify', str(trial_file), '--equation', 'swath-pitch-2', '--inertia', '0.09']
+    assert main([*command, '--output', str(model), '--plot', str(picture)]) == 0
+    words = capsys.readouterr().out
+    assert 'pitch: swath-pitch-2' in words
+    assert 'published form: inertia 0.09' in words
+    identified = read_model(model)['pitch']
+    assert identified.model.terms['r1'] == pytest.approx(10.12, rel=0.02)
+    (source,) = identified.provenance['sources']
+    assert source['file'] == str(trial_file)
+    assert len(source['sha256']) == 64
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    assert (
+        main(['simulate', '--model', str(model), '--initial-angle-deg', '3', '--output', str(tmp_path / 'a.csv')]) == 0
+    )
+    assert 'true ratios b1' in capsys.readouterr().out
+
+
+def test_one_step_objective_and_preset(trial_file, capsys):
+    command = ['identify', str(trial_file), '--objective', 'one-step', '--preset', 'swath-pitch', '--json']
+    assert main([*command, '--equation', 'swath-pitch-1', '--generations', '300']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['generations'] == 300
+    assert found['evaluations'] == 200 + 299 * 190
+    assert found['search']['value'] == pytest.approx(found['objective']['value'], rel=1e-4)
+
+
+def test_compare_ranks_and_chooses(trial_file, tmp_path, capsys):
+    names = 'linear,swath-pitch-3,swath-pitch-2'
+    command = ['compare', str(trial_file), '--equations', names, '--jobs', '1']
+    assert main([*command, '--json', '--output', str(tmp_path / 'm.yaml')]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {r['equation'] for r in found['ranked']} == set(names.split(','))
+    assert found['choice'] == 'swath-pitch-3'
+    assert read_model(tmp_path / 'm.yaml')['pitch'].model.equation.name == 'swath-pitch-3'
+    by_name = {r['equation']: r['objective']['value'] for r in found['ranked']}
+    assert by_name['swath-pitch-2'] <= by_name['swath-pitch-3'] <= by_name['linear']
+    assert main(command) == 0
+    assert 'Choice: swath-pitch-3 has 4 terms' in capsys.readouterr().out
+
+
+def test_compare_in_processes_gives_the_same(trial_file, capsys):
+    answers = []
+    for jobs in ('1', '2'):
+        assert main(['compare', str(trial_file), '--equations', 'linear,odd-cubic', '--jobs', jobs, '--json']) == 0
+        ranked = json.loads(capsys.readouterr().out)['ranked']
+        answers.append([(r['equation'], r['ratios'], r['criterion']) for r in ranked])
+    assert answers[0] == answers[1]
+
+
+def test_inspect_names_the_decay(trial_file, tmp_path, capsys):
+    picture = tmp_path / 'record.png'
+    assert main(['inspect', str(trial_file), '--plot', str(picture)]) == 0
+    words = capsys.readouterr().out
+    assert '1600 samples' in words
+    assert '100.0 Hz' in words
+    assert 'pitch decay' in words
+    assert picture.stat().st_size > 10_000
+    assert main(['inspect', str(trial_file), '--json']) == 0
+    found = json.loads(capsys.readouterr().out)
+    (decay,) = found['axes']['pitch']['decays']
+    assert decay['start_s'] == pytest.approx(1.1, abs=0.2)
+
+
+@pytest.mark.parametrize('ending', ['csv', 'mcap', 'db3'])
+def test_simulated_trials_read_back(ending, tmp_path):
+    path = tmp_path / f'trial.{ending}'
+    command = ['simulate', '--hull', 'swath-roll', '--initial-angle-deg', '3', '--noise', 'none', '--output', str(path)]
+    assert main([*command, '--duration', '5', '--rate', '50', '--trim-deg', '0.5']) == 0
+    roll = read_trial(path).axis('roll')
+    assert roll.size == 250
+    assert np.degrees(roll.angle[0]) == pytest.approx(3.5)
+
+
+@pytest.mark.parametrize('name', EQUATIONS)
+def test_every_equation_can_be_simulated_and_identified(name, tmp_path, capsys):
+    path = tmp_path / 'trial.csv'
+    assert main(['simulate', '--equation', name, '--initial-angle-deg', '2', '--output', str(path)]) == 0
+    assert main(['identify', str(path), '--equation', name, '--generations', '20', '--json']) == 0
+    assert json.loads(capsys.readouterr().out.partition('\n')[2])['equation'] == name
+
+
+def test_simulate_with_given_ratios(tmp_path, capsys):
+    command = ['simulate', '--equation', 'b1|r1', '--initial-angle-deg', '5', '--output', str(tmp_path / 'a.csv')]
+    assert main([*command, '--ratio', 'b1=0.4', '--ratio', 'r1=9', '--axis', 'roll']) == 0
+    assert 'of roll, b1|r1, true ratios b1 0.4, r1 9' in capsys.readouterr().out
+    assert main([*command, '--ratio', 'b1=0.4']) == 2
+    assert 'give --ratio r1=VALUE too' in capsys.readouterr().err
+
+
+RAMP = [(k / 100, 1.0) for k in range(2000)]
+
+
+def bad_files(folder):
+    """Name to file of everything that is no trial."""
+    wave = [(k / 10, 5 * np.sin(k / 10) + 4 * np.sin(0.83 * k / 10 + 1)) for k in range(6000)]
+    (folder / 'folder').mkdir()
+    (folder / 'empty.csv').touch()
+    (folder / 'text.txt').write_text('the quick brown fox\njumps over\n')
+    (folder / 'binary.csv').write_bytes(bytes(range(256)) * 40)
+    table(folder / 'nan.csv', 'time_s,roll_deg', [(k / 100, 'nan') for k in range(500)])
+    table(folder / 'two.csv', 'time_s,roll_deg', RAMP[:2])
+    table(folder / 'constant.csv', 'time_s,roll_deg', RAMP)
+    table(folder / 'waves.csv', 'time_s,roll_deg', wave)
+    table(folder / 'other.csv', 'zeit,winkel', RAMP)
+    return sorted(folder.iterdir())
+
+
+@pytest.mark.parametrize('verb', ['identify', 'compare'])
+def test_bad_files_are_answered_with_one_sentence(verb, tmp_path, capsys):
+    for path in [*bad_files(tmp_path), tmp_path / 'absent.csv']:
+        assert main([verb, str(path)]) == 2, path
+        error = capsys.readouterr().err
+        assert last_line(error).startswith(f'swath-sysid {verb}: '), path
+        assert 'Traceback' not in error
+
+
+def test_truncated_bag_is_read_as_far_as_it_goes_or_refused(tmp_path, capsys):
+    whole = tmp_path / 'whole.mcap'
+    assert main(['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--output', str(whole)]) == 0
+    for share in (0.0, 0.001, 0.1, 0.5, 0.9):
+        part = tmp_path / 'part.mcap'
+        part.write_bytes(whole.read_bytes()[: int(share * whole.stat().st_size)])
+        code = main(['identify', str(part)])
+        assert code in (0, 2)
+        assert 'Traceback' not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        (['--axis', 'yaw'], "no axis 'yaw'"),
+        (['--equation', 'swath-pitch-99'], "no equation 'swath-pitch-99'"),
+        (['--generations', '0'], 'generations must be at least 1'),
+        (['--population', '1'], 'population must be at least 8'),
+        (['--seed', '-1'], 'seed must not be negative'),
+        (['--start', '9', '--end', '3'], 'start must lie before the end'),
+        (['--start', '100'], 'the record runs from'),
+        (['--search', 'pso', '--preset', 'swath-roll'], 'genetic algorithm'),
+        (['--mass', '30'], 'give both --mass and --metacentric-height'),
+        (['--inertia', '-1'], 'greater than zero'),
+        (['--plot', 'fit.bmp'], '.png'),
+        (['--output', 'absent/model.yaml'], 'cannot write'),
+        (['--topic', '/imu'], 'has no topic'),
+    ],
+)
+def test_bad_options_are_answered_with_one_sentence(options, words, trial_file, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(['identify', str(trial_file), *options]) == 2
+    assert words in last_line(capsys.readouterr().err)
+    assert not list(tmp_path.iterdir())
+
+
+def test_numbers_must_be_finite(trial_file, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(['identify', str(trial_file), '--start', 'nan'])
+    assert end.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        (['--hull', 'titanic', '--initial-angle-deg', '5'], "no hull 'titanic'"),
+        (['--hull', 'swath-roll', '--initial-angle-deg', '-30'], 'does not return'),
+        (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--rate', '0'], 'greater than zero'),
+        (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--duration', '1e9'], 'cannot be simulated'),
+        (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--rate-noise', '-1'], 'noise cannot be negative'),
+        (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--ratio', 'b1=2'], '--ratio goes with --equation'),
+        (['--equation', 'linear', '--initial-angle-deg', '3', '--ratio', 'b1:2'], 'write NAME=VALUE'),
+        (['--model', 'absent.yaml', '--initial-angle-deg', '3'], 'cannot read the model file'),
+    ],
+)
+def test_what_cannot_be_simulated_is_said(options, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(['simulate', *options, '--output', 'a.csv']) == 2
+    assert words in last_line(capsys.readouterr().err)
+    assert not list(tmp_path.iterdir())
+
+
+def test_published_hulls_all_simulate(tmp_path):
+    for name in PUBLISHED_HULLS:
+        assert main(['simulate', '--hull', name, '--initial-angle-deg', '2', '--output', str(tmp_path / 'a.csv')]) == 0
