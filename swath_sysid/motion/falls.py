@@ -400,35 +400,42 @@ def _end_of_fall(swings, halves, least, bridged, first, settings):
     recent, periods = [], []
     known = first
     floor = max(least, settings.faintest_swing * swings[first])
-    background = settings.background * swings[first]
+    background = max(2.0 * least, settings.background * swings[first])
     for at in range(first + 1, len(swings)):
         if bridged[at]:
             continue
+        loss = swings[known] - swings[at]
+        whole = at < len(swings) - 1
+        judged = known == at - 1 and whole
+        if judged and _loses_more(loss, recent, least, settings):
+            return at, swings[known] > background
         if swings[at] < floor:
             return at, False
-        loss = swings[known] - swings[at]
         if loss < -(settings.growth * swings[known] + 0.5 * least):
             return at, swings[at] > background
-        partial = at == len(swings) - 1
-        if partial and periods and halves[at] > 0.75 * median(periods):
+        if not whole and periods and halves[at] > 0.75 * median(periods):
             return at, False
-        if known == at - 1 and not partial:
-            if _loss_jumps(loss, swings[at - 1], recent, least, settings):
-                return at, swings[known] > background
+        if judged:
+            if _loses_less(loss, swings[known], recent, least, settings):
+                return at, swings[at] > background
             if not _keeps_rhythm(halves, at, first, periods, settings):
-                return at, swings[known] > background
-            recent = [*recent, (loss, swings[at - 1])][-settings.recent:]
+                return at, swings[at] > background
+            recent = [*recent, (loss, swings[known])][-settings.recent:]
         known = at
     return len(swings), False
 
 
-def _loss_jumps(loss, swing, recent, least, settings):
-    """Whether a swing loses far more, or far less, than the recent ones."""
+def _loses_more(loss, recent, least, settings):
+    """Whether a swing loses far more than the recent ones."""
+    return len(recent) >= 2 and loss > settings.loss_growth * median(lost for lost, _ in recent) + least
+
+
+def _loses_less(loss, swing, recent, least, settings):
+    """Whether a swing loses far less than quadratic damping would take after the recent ones."""
     if len(recent) < 2:
         return False
     usual, usual_swing = (median(column) for column in zip(*recent, strict=True))
-    expected = usual * min(1.0, swing / usual_swing) ** 2
-    return loss > settings.loss_growth * usual + least or loss < settings.loss_drop * expected - least
+    return loss < settings.loss_drop * usual * min(1.0, swing / usual_swing) ** 2 - least
 
 
 def _keeps_rhythm(halves, at, first, periods, settings):

@@ -13,7 +13,6 @@ from swath_sysid.motion.cycles import (
     quantum,
     spikes,
 )
-from swath_sysid.motion.falls import FallSettings, find_falls
 from swath_sysid.motion.segmentation import explain_absence, find_decays
 
 
@@ -24,8 +23,8 @@ class QualityLimits:
     Attributes
     ----------
     fewest_cycles : float
-        Two cycles show four losses: one more than linear, quadratic and cubic damping have
-        coefficients.
+        Four swings, less the part of the first that is left out at the release: one loss for
+        each of linear, quadratic and cubic damping.
     smallest_angle, smallest_rate : float
         rad, rad/s. First amplitude, 0.5 deg and 1 deg/s: published tests begin at 1 deg, and
         below half of that friction and the basin's own motion rule the damping.
@@ -42,11 +41,12 @@ class QualityLimits:
         Equal samples at an extreme; noise and rounding make two, rarely three.
     spike_part : float
         Part of the largest swing that a spike must reach to bend a fit.
-    late_part : float
-        Part of given bounds that may lie before or after the decay found in them.
+    late_periods : float
+        Periods by which given bounds may reach beyond the decay that is found in them: what is
+        left out after a push, and before a disturbance.
     """
 
-    fewest_cycles: float = 2.0
+    fewest_cycles: float = 1.75
     smallest_angle: float = float(np.radians(0.5))
     smallest_rate: float = float(np.radians(1.0))
     least_over_noise: float = 5.0
@@ -55,7 +55,7 @@ class QualityLimits:
     fewest_steps: float = 50.0
     shortest_clip: int = 4
     spike_part: float = 0.05
-    late_part: float = 0.15
+    late_periods: float = 1.6
 
 
 DEFAULTS = QualityLimits()
@@ -104,15 +104,17 @@ def check_decay(motion, segment, limits=DEFAULTS):
     inside = motion.between(segment.start, segment.end)
     if inside.size < 3:
         return ()
+    saturation = _saturation(inside, segment.period, limits)
     advice = (
         *_cycles(segment, limits),
         *_size(inside, segment, limits),
         *_sampling(inside, segment, limits),
-        *_saturation(inside, segment.period, limits),
+        *saturation,
         *_resolution(inside, segment, limits),
         *_spikes(inside, limits),
     )
-    if 'given' in (segment.beginning, segment.ending):
+    # Swings that are cut off do not fall, so nothing would be found between the bounds.
+    if 'given' in (segment.beginning, segment.ending) and not saturation:
         advice += _bounds(inside, segment, limits)
     return advice
 
@@ -122,9 +124,9 @@ def _cycles(segment, limits):
         return ()
     return (Advice(
         'too-few-cycles',
-        f'the decay shows only {segment.cycles:.1f} cycles, and {limits.fewest_cycles:g} are needed to tell how the '
-        'damping depends on the amplitude: release from a larger angle, fit several trials jointly, or choose an '
-        'equation with linear damping',
+        f'the decay shows only {segment.cycles:.1f} cycles, too few to tell how the damping depends on the amplitude '
+        '(that takes two): release from a larger angle, fit several trials jointly, or choose an equation with linear '
+        'damping',
     ),)  # fmt: skip
 
 
@@ -142,8 +144,8 @@ def _size(inside, segment, limits):
     if segment.initial_amplitude < limits.least_over_noise * noise:
         return (Advice(
             'too-small',
-            f'the decay begins with an amplitude of {amplitude}, only {segment.initial_amplitude / noise:.1f} times the '
-            f'noise of {np.degrees(noise):.2g} {unit}: release from a larger angle, or use a quieter sensor',
+            f'the decay begins with an amplitude of {amplitude}, only {segment.initial_amplitude / noise:.1f} times '
+            f'the noise of {np.degrees(noise):.2g} {unit}: release from a larger angle, or use a quieter sensor',
         ),)  # fmt: skip
     return ()
 
@@ -154,16 +156,17 @@ def _sampling(inside, segment, limits):
     if samples < limits.fewest_samples:
         advice += (Advice(
             'low-rate',
-            f'the record has {samples:.1f} samples a period, and {limits.fewest_samples:g} are needed for the motion to be '
-            f'followed: record at {limits.fewest_samples / segment.period:.3g} Hz or more',
+            f'the record has {samples:.1f} samples a period, and {limits.fewest_samples:g} are needed to follow the '
+            f'motion: record at {limits.fewest_samples / segment.period:.3g} Hz or more',
         ),)  # fmt: skip
     gaps = find_gaps(inside, longer_than=max(limits.longest_gap * segment.period, 1.5 * inside.sample_interval))
     if len(gaps):
         longest = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
         advice += (Advice(
             'gaps',
-            f'{_count(len(gaps), "gap")} in the decay hide more than a quarter of a period, the longest {np.ptp(longest):.2g} s at '
-            f'{longest[0]:.1f} s: the fit bridges them, but record again if they cover the first cycles',
+            f'the decay has {_count(len(gaps), "gap")} longer than a quarter of its period, the longest of '
+            f'{np.ptp(longest):.2g} s at {longest[0]:.1f} s: the fit bridges this, but record again if the first '
+            'cycles are missing',
         ),)  # fmt: skip
     return advice
 
@@ -242,46 +245,38 @@ def _spikes(inside, limits):
         if number:
             advice += (Advice(
                 'spikes',
-                f'{_count(number, "sample")} of the {inside.axis} {name} in the decay lie far from their neighbours: a fit '
-                'takes them for motion; remove them, or look for lost or broken packets',
+                f'the {inside.axis} {name} of the decay has {_count(number, "sample")} far from the neighbours, '
+                'which a fit takes for motion: remove them, or look for lost or broken packets',
             ),)  # fmt: skip
     return advice
 
 
 def _bounds(inside, segment, limits):
-    """Advice on bounds that the user gave: does the motion between them fall from begin to end?"""
-    falls = [fall for fall in find_falls(inside, FallSettings()) if fall.is_suited and fall.swings.size >= 3]
-    if not falls:
-        return ()
-    best = max(falls, key=lambda fall: fall.weight)
-    begin, end = float(best.time[best.first]), best.end
-    covered = (end - begin) / inside.duration
-    if covered < 0.5 and best.at_record_end is False and _keeps_moving_after(best):
+    """Advice on bounds that the user gave: what would have been found between them?"""
+    decays = find_decays(inside)
+    if not decays:
+        if explain_absence(inside).code != 'forced-motion':
+            return ()
         return (Advice(
             'forced-motion',
-            f'between {segment.start:.1f} and {segment.end:.1f} s the swings do not fall steadily (the longest fall is '
-            f'{end - begin:.1f} s): this may be motion in waves; give the bounds of a free decay',
+            f'between {segment.start:.1f} and {segment.end:.1f} s the motion swings from begin to end and nowhere dies '
+            'out, as it does in waves: give the bounds of a free decay',
         ),)  # fmt: skip
-    advice = ()
-    if segment.beginning == 'given' and begin - segment.start > max(
-        limits.late_part * inside.duration, segment.period
-    ):
+    found, advice = decays[0], ()
+    late = limits.late_periods * segment.period
+    if segment.beginning == 'given' and found.start > inside.time[0] + late:
         advice += (Advice(
             'late-start',
-            f'the swings fall only from {begin:.1f} s on, and before that the motion is not free: give '
-            f'--start {begin:.1f}, unless the craft was free from {segment.start:.1f} s',
+            f'the motion after the given start seems free only from {found.start:.1f} s on: give '
+            f'--start {found.start:.1f}, unless the craft was free from {segment.start:.1f} s',
         ),)  # fmt: skip
-    if segment.ending == 'given' and best.broken and inside.time[-1] - end > limits.late_part * inside.duration:
+    if segment.ending == 'given' and found.ending == 'disturbed' and found.end < inside.time[-1] - late:
         advice += (Advice(
             'disturbed-tail',
-            f'after {end:.1f} s the swings no longer fall steadily: give --end {end:.1f}, unless the motion is free '
-            'until the given end',
+            f'the motion before the given end seems free only until {found.end:.1f} s, where its swings or its period '
+            f'jump: give --end {found.end:.1f}, unless the craft was free until {segment.end:.1f} s',
         ),)  # fmt: skip
     return advice
-
-
-def _keeps_moving_after(fall):
-    return fall.activity_after() > 0.5
 
 
 def _usual_period(motion):

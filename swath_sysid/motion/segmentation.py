@@ -130,7 +130,8 @@ class DecaySegment:
     cycles : float
         Length in periods, as far as the swings stand out of the noise.
     initial_amplitude, final_amplitude : float
-        First and last amplitude about the trim; rad, or rad/s where ``quantity`` is ``rate``.
+        First (within given bounds the largest) and last amplitude about the trim; rad, or
+        rad/s where ``quantity`` is ``rate``.
     trim : float
         What it swings about, same unit.
     quantity : str
@@ -507,7 +508,7 @@ def _measured(motion, start, end):
         end=end,
         period=period,
         cycles=motion.duration / period,
-        initial_amplitude=float(max(amplitudes[:2])),
+        initial_amplitude=float(amplitudes.max()),
         final_amplitude=float(amplitudes[-1]) if points.time.size else 0.0,
         trim=centre,
         quantity=signal.quantity,
