@@ -4,6 +4,7 @@ import math
 
 from swath_sysid.hull.published_form import inertia_from_metacentric_height, to_published
 from swath_sysid.hull.terms import RATIO_UNITS
+from swath_sysid.identification.uncertainty import correlation
 
 
 def fit_as_data(identification, wall_s=None, inertia=None):
@@ -26,6 +27,7 @@ def fit_as_data(identification, wall_s=None, inertia=None):
             name: {'value': value, 'std': identification.std[name], 'unit': RATIO_UNITS[name]}
             for name, value in model.terms.items()
         },
+        'correlation': correlation(identification.covariance).tolist(),
         'trim_rad': model.trim,
         'trim_std_rad': identification.trim_std,
         'natural_period_s': model.natural_period,
