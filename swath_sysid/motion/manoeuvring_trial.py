@@ -286,36 +286,43 @@ def _in_enu(trial, advice):
     return _agreeing_thrusters(trial, stated, advice)
 
 
+def _even(trial, *names):
+    """Channels at even times, s and values, gaps bridged; None where a channel was not measured."""
+    time = np.arange(trial.time[0], trial.time[-1], USUAL_STEP)
+    found = []
+    for name in names:
+        values = getattr(trial, name)
+        known = np.isfinite(values) if values is not None else np.zeros(1, dtype=bool)
+        if known.sum() < 2:
+            found.append(None)
+            continue
+        values = np.unwrap(values[known]) if name == 'heading' else values[known]
+        found.append(np.interp(time, trial.time[known], values))
+    return time, found
+
+
 def _agreeing_heading(trial, stated, advice):
     """Heading and position in one frame: the course over ground tells."""
-    if trial.heading is None or trial.x is None or trial.y is None:
+    _, (heading, x, y, surge) = _even(trial, 'heading', 'x', 'y', 'surge')
+    span = round(2.0 / USUAL_STEP)
+    if heading is None or x is None or y is None or heading.size < 4 * span:
         return trial
-    known = np.isfinite(trial.x) & np.isfinite(trial.y) & np.isfinite(trial.heading)
-    if known.sum() < 20:
+    ahead, aside = x[2 * span :] - x[: -2 * span], y[2 * span :] - y[: -2 * span]
+    moving = np.hypot(ahead, aside) > 2 * span * USUAL_STEP * MOVING
+    if surge is not None:
+        moving &= surge[span:-span] > 0
+    if moving.sum() < 2 * span:
         return trial
-    time, x, y = trial.time[known], trial.x[known], trial.y[known]
-    heading = _unwrapped(trial.heading[known])
-    lead = 2.0
-    ahead = np.interp(time + lead, time, x) - np.interp(time - lead, time, x)
-    aside = np.interp(time + lead, time, y) - np.interp(time - lead, time, y)
-    moving = np.hypot(ahead, aside) > 2 * lead * MOVING
-    moving &= (time > time[0] + lead) & (time < time[-1] - lead)
-    if trial.surge is not None:
-        surge = trial.surge[known]
-        moving &= ~(surge < 0)
-    if moving.sum() < 20:
-        return trial
-    course = np.arctan2(aside, ahead)[moving]
-    heading = heading[moving]
+    course, heading = np.arctan2(aside, ahead)[moving], heading[span:-span][moving]
     straight, reverse = np.mean(np.exp(1j * (course - heading))), np.mean(np.exp(1j * (course + heading)))
-    if abs(reverse) > 0.9 and abs(reverse) > abs(straight) + 0.2:
+    if abs(reverse) > 0.85 and abs(reverse) > abs(straight) + 0.2:
         offset = round(np.angle(reverse) / (math.pi / 2)) * math.pi / 2
         advice.append(Advice('mixed-frames', (
             f'{trial.source}: heading and position are in different frames (one in NED, one in ENU): the heading is '
             f'taken as {math.degrees(offset):.0f} deg minus what was recorded; give both in one frame')))  # fmt: skip
         return replace(trial, heading=offset - trial.heading)
     offset = round(np.angle(straight) / (math.pi / 2)) * math.pi / 2
-    if abs(straight) > 0.9 and offset != 0.0:
+    if abs(straight) > 0.85 and offset != 0.0:
         advice.append(Advice('mixed-frames', (
             f'{trial.source}: the heading is off the course by {math.degrees(offset):.0f} deg and was turned by that '
             f'much: check which axis heading and position are measured from')))  # fmt: skip
@@ -325,29 +332,31 @@ def _agreeing_heading(trial, stated, advice):
 
 def _agreeing_yaw_rate(trial, advice):
     """Yaw rate and heading with one sign."""
-    if trial.heading is None or trial.yaw_rate is None:
+    _, (heading, rate) = _even(trial, 'heading', 'yaw_rate')
+    if heading is None or rate is None:
         return trial
-    heading = np.interp(trial.time, trial.time, _bridged(_unwrapped(trial.heading)))
-    slope = np.gradient(_lowpass(trial.time, heading, 0.5), trial.time)
-    rate = _lowpass(trial.time, _bridged(trial.yaw_rate), 0.5)
-    if np.std(rate) > 0.005 and _correlation(slope, rate) < -SEEN:
+    slope, rate = np.gradient(_lowpass(heading, 0.5), USUAL_STEP), _lowpass(rate, 0.5)
+    if np.std(rate) < 0.01 or np.std(slope) < 0.01:
+        return trial
+    likeness = _correlation(slope, rate)
+    if likeness < -SEEN:
         advice.append(Advice('yaw-rate-reversed', (
             f'{trial.source}: yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
             f'reversed; give both in one frame')))  # fmt: skip
         return replace(trial, yaw_rate=-trial.yaw_rate)
-    if np.std(rate) > 0.005 and _correlation(slope, rate) < SEEN and np.std(slope) > 0.02:
+    if likeness < SEEN and np.std(slope) > 0.05:
         advice.append(Advice('yaw-rate-strange', (
-            f'{trial.source}: yaw rate and change of heading do not agree: check the channels')))  # fmt: skip
+            f'{trial.source}: yaw rate and change of heading do not agree (correlation {likeness:.2f}): check both '
+            f'channels')))  # fmt: skip
     return trial
 
 
 def _agreeing_surge(trial, advice):
     """Surge positive ahead: total thrust tells."""
-    if trial.surge is None:
+    _, (surge, port, starboard) = _even(trial, 'surge', 'port', 'starboard')
+    if surge is None or port is None or starboard is None:
         return trial
-    total = _bridged(trial.port + trial.starboard)
-    surge = _bridged(trial.surge)
-    best = max((_correlation(_lowpass(trial.time, total, tau), surge) for tau in (0.5, 2.0, 5.0)), key=abs)
+    best = max((_correlation(_lowpass(port + starboard, tau), surge) for tau in (0.5, 2.0, 5.0)), key=abs)
     if best < -0.7:
         advice.append(Advice('surge-reversed', (
             f'{trial.source}: the speed falls when thrust rises (correlation {best:.2f}): the speed is reversed; check '
@@ -358,16 +367,15 @@ def _agreeing_surge(trial, advice):
 
 def _agreeing_thrusters(trial, stated, advice):
     """More thrust to starboard turns to port; if it does not, thrusters are swapped or yaw is in NED."""
-    rate = trial.yaw_rate
-    if rate is None:
-        if trial.heading is None:
-            return trial
-        rate = np.gradient(_lowpass(trial.time, _bridged(_unwrapped(trial.heading)), 0.5), trial.time)
-    rate = _bridged(rate)
-    difference = _bridged(trial.starboard - trial.port)
-    if np.std(difference) == 0 or np.std(rate) < 0.01:
+    _, (rate, heading, port, starboard) = _even(trial, 'yaw_rate', 'heading', 'port', 'starboard')
+    if rate is None and heading is not None:
+        rate = np.gradient(_lowpass(heading, 0.5), USUAL_STEP)
+    if rate is None or port is None or starboard is None:
         return trial
-    best = max((_correlation(_lowpass(trial.time, difference, tau), rate) for tau in (0.3, 1.0, 3.0)), key=abs)
+    difference = starboard - port
+    if np.std(difference) == 0.0 or np.std(rate) < 0.01:
+        return trial
+    best = max((_correlation(_lowpass(difference, tau), rate) for tau in (0.3, 1.0, 3.0)), key=abs)
     if best > -SEEN:
         return trial
     if stated is None:
@@ -494,9 +502,8 @@ def _unwrapped(heading):
     return found
 
 
-def _lowpass(time, values, tau):
-    step = float(np.median(np.diff(time)))
-    decay = math.exp(-step / tau)
+def _lowpass(values, tau):
+    decay = math.exp(-USUAL_STEP / tau)
     return lfilter([1.0 - decay], [1.0, -decay], values, zi=[decay * values[0]])[0]
 
 

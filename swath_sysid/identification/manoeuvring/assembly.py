@@ -190,8 +190,8 @@ def assemble(runs, settings):
     noise = np.array([max(0.05 * scale, _white(runs, c)) for c, scale in enumerate(
         (scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))])  # fmt: skip
     return Problem(
-        tuple(runs), thrust_input, parameter_values(values), tuple(free), tuple(tentative), tuple(candidates), scales, length,
-        dict(settings.towards), tuple(assumed), flags, region, noise, tuple(advice),
+        tuple(runs), thrust_input, parameter_values(values), tuple(free), tuple(tentative), tuple(candidates), scales,
+        length, dict(settings.towards), tuple(assumed), flags, region, noise, tuple(advice),
     )  # fmt: skip
 
 

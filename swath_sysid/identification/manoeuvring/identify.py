@@ -24,11 +24,16 @@ from swath_sysid.identification.manoeuvring.selection import (
 from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
 from swath_sysid.identification.manoeuvring.shooting import CURRENT
 from swath_sysid.identification.manoeuvring.validation import Scores, score
+from swath_sysid.identification.noise import white_noise
 from swath_sysid.identification.search import Cancelled
 from swath_sysid.identification.uncertainty import NOT_SEPARABLE, correlation
+from swath_sysid.motion.manoeuvring_trial import CHANNELS
 
 UNCERTAIN = 0.5
 """A standard deviation beyond this share of a value makes it uncertain."""
+
+MORE_THAN_NOISE = 2.0
+"""A simulation within so many times the sensor's own noise is not called poor."""
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
 
@@ -170,7 +175,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
         [np.abs(run.smooth[0]) for run in runs])), 0.05, None)) if 'Xu' in found.names else 1.0)  # fmt: skip
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
-    advice += more + stability_advice + _verdicts(stability, scores, validated, model)
+    advice += more + stability_advice + _verdicts(stability, scores, validated, _white(runs))
     fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
     note(1.0)
@@ -196,11 +201,13 @@ def split(runs, share=1.0 / 3.0):
     for _ in range(max(1, round(share * len(runs)))):
         whole = np.nanmax(spans[kept], axis=0)
 
-        def loss(k, whole=whole):
+        def rank(k, whole=whole):
             rest = np.nanmax(spans[[j for j in kept if j != k]], axis=0)
-            return float(np.nansum((whole - rest) / np.where(whole == 0.0, 1.0, np.abs(whole))))
+            size = np.where(whole == 0.0, 1.0, np.abs(whole))
+            # first what the others would lack, in steps of a tenth; then the livelier run makes the better test
+            return round(float(np.nansum((whole - rest) / size)), 1), -float(np.nansum(spans[k] / size))
 
-        kept.remove(min(kept, key=lambda k: (round(loss(k), 3), spans[k][-1])))
+        kept.remove(min(kept, key=rank))
     return tuple(runs[k] for k in kept), tuple(run for k, run in enumerate(runs) if k not in kept)
 
 
@@ -276,13 +283,22 @@ def _derivatives(problem, found, units):
     return derivatives, tuple(advice)
 
 
+def _white(runs):
+    """Noise of the sensors by channel, by differences."""
+    found = {}
+    for c, name in enumerate(CHANNELS):
+        series = [run.channels[c][np.isfinite(run.channels[c])] for run in runs]
+        found[name] = float(np.median([white_noise(s) for s in series]))
+    return found
+
+
 def _separating(*names):
     """The manoeuvre that would tell terms apart."""
     found = dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX)
     return ' and '.join(found) or 'runs in opposite directions'
 
 
-def _verdicts(stability, scores, validated, model):
+def _verdicts(stability, scores, validated, white):
     """Advice on stability and on how well the runs are reproduced."""
     advice = []
     if not stability.stable:
@@ -297,7 +313,8 @@ def _verdicts(stability, scores, validated, model):
             advice.append(Advice('diverged', (
                 f'{found.diverged} of {found.windows} windows of the {label} runs ran away in free simulation: look at '
                 f'their thrust and speed')))  # fmt: skip
-        low = [f'{name} {found.r2[name]:.2f}' for name, good in GOOD_R2.items() if found.r2[name] < good]
+        low = [f'{name} {found.r2[name]:.2f}' for name, good in GOOD_R2.items()
+               if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white[name]]  # fmt: skip
         if low:
             advice.append(Advice('poor-fit', (
                 f'free simulation explains little of the {label} runs ({", ".join(low)}; r2): wind, waves, a wrong '

@@ -262,7 +262,8 @@ def _without_weak(problem, now):
         with np.errstate(invalid='ignore', divide='ignore'):
             shift = np.abs(now.values - _neutral(now.names))
             certainty = np.where(std > 0.0, shift / std, 0.0)
-        weak = [k for k, n in enumerate(now.names) if n not in problem.free and n not in CURRENT and not certainty[k] > WEAK]
+        kept = {*problem.free, *CURRENT}
+        weak = [k for k, n in enumerate(now.names) if n not in kept and not certainty[k] > WEAK]
         if not weak:
             return now
         worst = min(weak, key=lambda k: np.nan_to_num(certainty[k]))

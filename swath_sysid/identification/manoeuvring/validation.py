@@ -46,6 +46,8 @@ class Scores:
     ----------
     r2 : dict of str to float
         Of surge, sway, yaw_rate over all windows together; NaN where not measured.
+    rmse : dict of str to float
+        m/s and rad/s; NaN where not measured.
     position_error : dict of float to float
         Root mean square by lead, m; NaN where no window is as long.
     heading_error : dict of float to float
@@ -55,6 +57,7 @@ class Scores:
     """
 
     r2: dict[str, float]
+    rmse: dict[str, float]
     position_error: dict[float, float]
     heading_error: dict[float, float]
     windows: int
@@ -109,22 +112,23 @@ def score(model, runs, length=20.0):
     """
     found = simulate_windows(model, runs, length)
     windows = found.windows
-    r2 = {}
+    r2, rmse = {}, {}
     for c, name in enumerate(CHANNELS):
         known = np.isfinite(windows.measured[c])
         measured, simulated = windows.measured[c][known], found.states[:, c][known]
         spread = np.sum((measured - measured.mean()) ** 2) if known.any() else 0.0
         if spread <= 0.0:
-            r2[name] = float('nan')
+            r2[name] = rmse[name] = float('nan')
             continue
         with np.errstate(over='ignore', invalid='ignore'):
             error = np.sum((measured - simulated) ** 2)
         r2[name] = float(1.0 - error / spread) if np.isfinite(error) else float('-inf')
+        rmse[name] = float(np.sqrt(error / measured.size)) if np.isfinite(error) else float('inf')
     position, heading = {}, {}
     references = [_reference_track(run) for run in runs]
     for lead in LEADS:
         position[lead], heading[lead] = _errors_at(found, references, lead)
-    return Scores(r2, position, heading, windows.count, _diverged(found))
+    return Scores(r2, rmse, position, heading, windows.count, _diverged(found))
 
 
 def _errors_at(found, references, lead):

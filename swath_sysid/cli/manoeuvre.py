@@ -1,0 +1,288 @@
+"""``swath-sysid manoeuvre``: identify, forecast and simulate a twin-thruster craft."""
+
+import argparse
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.sources import finite, provenance_of
+from swath_sysid.errors import InputError
+from swath_sysid.files.bags import is_bag
+from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
+from swath_sysid.files.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
+from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
+from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.hull.manoeuvring.model import COMMAND, INPUTS
+from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
+from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.hull.manoeuvring.standard_tests import TESTS, DriveSettings, run_test
+from swath_sysid.identification.manoeuvring.assembly import seen_region
+from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
+from swath_sysid.identification.manoeuvring.settings import CURRENT_CHOICES, ManoeuvringSettings
+from swath_sysid.motion.manoeuvring_trial import prepare
+from swath_sysid.report.figures import save_figure
+from swath_sysid.report.fit_summary import finite_or_none
+from swath_sysid.report.manoeuvring_figures import run_figures, summary_figures, test_figure
+from swath_sysid.report.manoeuvring_summary import (
+    condensed,
+    identification_as_data,
+    identification_in_words,
+    test_as_data,
+    test_in_words,
+)
+
+PROGRAMME = 'programme'
+
+
+def add_arguments(parser):
+    """The sub-verbs and their arguments."""
+    verbs = parser.add_subparsers(dest='task', metavar='TASK', required=True)
+    _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
+    _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
+
+
+def run(arguments):
+    """Run the sub-verb; returns the exit code."""
+    return {'identify': _identify, 'simulate': _simulate}[arguments.task](arguments)
+
+
+def add_run_arguments(parser):
+    """How to read runs; shared by the sub-verbs that take them."""
+    parser.add_argument('runs', nargs='+', metavar='RUN', help='CSV file or rosbag2 bag')
+    parser.add_argument('--frame', choices=FRAMES, help='of yaw, sway and position (default: as the file states)')
+    parser.add_argument(
+        '--gap-means-zero', action='store_true',
+        help='commands are published only while driving: where there are none the thrust is zero',
+    )  # fmt: skip
+    parser.add_argument('--thrust-input', choices=INPUTS, help='of a bag: forces in N, or commands (default: found)')
+    parser.add_argument('--odometry-topic', metavar='TOPIC')
+    parser.add_argument('--imu-topic', metavar='TOPIC')
+    parser.add_argument('--port-topic', metavar='TOPIC', help='thrust of the port thruster')
+    parser.add_argument('--starboard-topic', metavar='TOPIC')
+
+
+def read_runs(paths, arguments):
+    """Read and prepare runs, all in one step."""
+    twice = {path for path in paths if paths.count(path) > 1}
+    if twice:
+        raise InputError(f'{sorted(twice)[0]} is given twice: name each run once')
+    trials = [_read(path, arguments) for path in paths]
+    runs = [prepare(trial, arguments.gap_means_zero) for trial in trials]
+    steps = [run.step for run in runs]
+    if max(steps) - min(steps) > 1e-9:
+        common = float(np.median(steps))
+        runs = [run if run.step == common else prepare(trial, arguments.gap_means_zero, common)
+                for run, trial in zip(runs, trials, strict=True)]  # fmt: skip
+    return runs
+
+
+def _read(path, arguments):
+    if not Path(path).exists():
+        raise InputError(f'there is no file {path}: check the name')
+    if is_bag(path):
+        trial = read_manoeuvring_bag(
+            path, arguments.odometry_topic, arguments.imu_topic, arguments.port_topic, arguments.starboard_topic,
+            arguments.thrust_input,
+        )  # fmt: skip
+        return trial if arguments.frame is None else replace(trial, frame=arguments.frame)
+    if Path(path).is_dir():
+        raise InputError(f'{path} is a folder and no bag: give CSV files or bags')
+    return read_manoeuvring_csv(path, arguments.frame)
+
+
+def _add_identify(parser):
+    add_run_arguments(parser)
+    parser.add_argument(
+        '--validate', nargs='+', metavar='RUN', help='runs kept out of the fit (default: a third, of three or more)'
+    )
+    parser.add_argument('--no-validation', action='store_true', help='identify from all runs')
+    parser.add_argument('--mass', type=finite, metavar='KG', help='of the craft, cargo included')
+    parser.add_argument('--inertia', type=finite, metavar='KGM2', help='yaw inertia of the craft without added inertia')
+    parser.add_argument(
+        '--thrust-per-command', type=finite, metavar='N', help='thrust of one thruster at full command ahead'
+    )
+    parser.add_argument('--lever', type=finite, metavar='M', help='half the distance between the thrusters')
+    parser.add_argument('--length', type=finite, metavar='M', help='of the hulls, for the prime system')
+    parser.add_argument('--terms', metavar='A,B,..', help='exactly these parameters (default: the simplest adequate)')
+    parser.add_argument('--fix', action='append', default=[], metavar='NAME=VALUE', help='a known parameter')
+    parser.add_argument(
+        '--towards', action='append', default=[], metavar='NAME=VALUE:STD',
+        help='regularise a parameter towards a value',
+    )  # fmt: skip
+    parser.add_argument('--current', choices=CURRENT_CHOICES, default=CURRENT_CHOICES[0], help='default: %(default)s')
+    parser.add_argument('--window', type=finite, default=20.0, metavar='S', help='default: %(default)s')
+    parser.add_argument('--generations', type=int, default=15, metavar='N', help='default: %(default)s')
+    parser.add_argument('--population', type=int, default=24, metavar='N', help='default: %(default)s')
+    parser.add_argument('--seed', type=int, default=1, metavar='N', help='default: %(default)s')
+    parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
+    parser.add_argument('--plot', metavar='DIR', help='write the pictures into this folder')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def _identify(arguments):
+    began = time.perf_counter()
+    if arguments.validate and arguments.no_validation:
+        raise InputError('give --validate or --no-validation, not both')
+    if arguments.seed < 0:
+        raise InputError('the seed must not be negative')
+    settings = ManoeuvringSettings(
+        mass=arguments.mass, inertia=arguments.inertia, thrust_per_command=arguments.thrust_per_command,
+        lever=arguments.lever, length=arguments.length,
+        terms=tuple(arguments.terms.split(',')) if arguments.terms else None,
+        fixed=dict(_assignment(text) for text in arguments.fix),
+        towards=dict(_target(text) for text in arguments.towards), current=arguments.current, window=arguments.window,
+        generations=arguments.generations, population=arguments.population, seed=arguments.seed,
+    )  # fmt: skip
+    both = [*arguments.runs, *(arguments.validate or [])]
+    runs = read_runs(both, arguments)
+    validation = None
+    if arguments.validate or arguments.no_validation:
+        runs, validation = runs[: len(arguments.runs)], runs[len(arguments.runs) :]
+    with progress_of('identify') as progress:
+        found = identify_manoeuvring(runs, settings, validation, progress=progress)
+    data = identification_as_data(found, time.perf_counter() - began)
+    if arguments.output:
+        write_manoeuvring_model(arguments.output, _for_file(found, data, both))
+    if arguments.plot:
+        folder = Path(arguments.plot)
+        folder.mkdir(parents=True, exist_ok=True)
+        figures = {**run_figures(found, arguments.window), **summary_figures(found, arguments.window)}
+        for name, figure in figures.items():
+            save_figure(figure, folder / f'{name}.png')
+    show_advice(condensed(found.advice))
+    if arguments.json:
+        print(json.dumps(data, indent=2))
+    else:
+        print('\n'.join(identification_in_words(found)))
+    return 0
+
+
+def _for_file(found, data, paths):
+    told = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
+    metrics = {key: data[key] for key in told}
+    provenance = {**provenance_of(paths), 'runs': data['runs']}
+    return IdentifiedManoeuvringModel(
+        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance)
+
+
+def _assignment(text):
+    name, sign, value = text.partition('=')
+    try:
+        return name.strip(), finite(value)
+    except ValueError as error:
+        raise InputError(f"'{text}' is no NAME=VALUE: write, as an example, Xu_dot=-18") from error
+
+
+def _target(text):
+    name, _, rest = text.partition('=')
+    value, _, spread = rest.partition(':')
+    try:
+        target = finite(value), finite(spread)
+    except ValueError as error:
+        raise InputError(f"'{text}' is no NAME=VALUE:STD: write, as an example, Yv_dot=-90:30") from error
+    if not target[1] > 0.0:
+        raise InputError(f"'{text}': the standard deviation must be positive")
+    return name.strip(), target
+
+
+def _add_simulate(parser):
+    choice = parser.add_mutually_exclusive_group(required=True)
+    choice.add_argument('--model', metavar='MODEL', help=f'model file, or one of {", ".join(PRESETS)}')
+    choice.add_argument('--hull', choices=tuple(PRESETS), help='a ready-made craft')
+    parser.add_argument(
+        '--test', choices=(*TESTS, PROGRAMME), required=True,
+        help='a standard test, or a whole programme of trials to identify from',
+    )  # fmt: skip
+    parser.add_argument('--base', type=finite, default=0.6, metavar='SHARE', help='mean input (default: %(default)s)')
+    parser.add_argument(
+        '--difference', type=finite, default=0.3, metavar='SHARE',
+        help='half the difference of the inputs, positive to starboard (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument('--angle-deg', type=finite, default=20.0, metavar='DEG', help='of the zig-zag')
+    parser.add_argument('--current', type=finite, nargs=2, metavar=('EAST', 'NORTH'), help='m/s; programme only')
+    parser.add_argument(
+        '--command', nargs='*', metavar='NAME=VALUE',
+        help='drive by normalised commands: gain, dead_band, reverse_ratio, lag, delay, exponent, balance; programme '
+        'only',
+    )  # fmt: skip
+    parser.add_argument(
+        '--noise', type=finite, nargs=2, metavar=('SPEED', 'YAW_RATE'),
+        help='standard deviations, m/s and rad/s (default of the programme: 0.05 0.005; of a test: none)',
+    )  # fmt: skip
+    parser.add_argument('--seed', type=int, default=1, metavar='N', help='of the noise')
+    parser.add_argument('--output', metavar='FILE', help='.csv, .mcap, .db3; of the programme a folder')
+    parser.add_argument('--format', choices=('csv', 'mcap', 'db3'), default='csv', help='of the programme')
+    parser.add_argument('--plot', metavar='FILE.png')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def _simulate(arguments):
+    if arguments.seed < 0:
+        raise InputError('the seed must not be negative')
+    name = arguments.hull or arguments.model
+    model = preset(name) if name in PRESETS else read_manoeuvring_model(name).model
+    if arguments.test == PROGRAMME:
+        return _programme(model, arguments)
+    for option in ('current', 'command'):
+        if getattr(arguments, option) is not None:
+            raise InputError(f'--{option} is for the programme: standard tests are in still water, with the model as '
+                             f'it is')  # fmt: skip
+    settings = DriveSettings(arguments.base, arguments.difference, float(np.radians(arguments.angle_deg)))
+    report = run_test(arguments.test, model, settings)
+    if arguments.output:
+        noise = SensorNoise(*arguments.noise) if arguments.noise else SensorNoise(0.0, 0.0, 0.0, 0.0)
+        _write(arguments.output, with_noise(report.manoeuvre, noise, arguments.seed), model)
+    if arguments.plot:
+        save_figure(test_figure(report, model), arguments.plot)
+    if arguments.json:
+        print(json.dumps(test_as_data(report, model), indent=2))
+    else:
+        print('\n'.join(test_in_words(report)))
+    return 0
+
+
+def _programme(model, arguments):
+    if not arguments.output:
+        raise InputError('the programme writes several runs: name a folder with --output')
+    if arguments.plot:
+        raise InputError('the programme has no picture: identify from it with --plot')
+    if arguments.command is not None:
+        values = dict(_assignment(text) for text in arguments.command)
+        values.setdefault('gain', model.largest_input if model.thrust_input != COMMAND else model['gain'])
+        model = replace(model.with_values(**values), thrust_input=COMMAND, largest_input=1.0)
+    if arguments.current is not None:
+        model = replace(model, current=tuple(arguments.current))
+    noise = SensorNoise(*arguments.noise) if arguments.noise else SensorNoise()
+    folder = Path(arguments.output)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for number, (name, manoeuvre) in enumerate(trial_programme(model).items()):
+        path = folder / f'{name}.{arguments.format}'
+        _write(path, with_noise(manoeuvre, noise, 100 * arguments.seed + number), model)
+        written.append({'file': str(path), 'duration_s': float(manoeuvre.time[-1])})
+    if arguments.json:
+        print(json.dumps(finite_or_none({'model': model.name, 'runs': written}), indent=2))
+    else:
+        print('\n'.join(f'{row["file"]}: {row["duration_s"]:.0f} s' for row in written))
+    return 0
+
+
+def _write(path, manoeuvre, model):
+    ending = Path(path).suffix
+    if ending == '.csv':
+        write_manoeuvring_csv(path, manoeuvre, model)
+    elif ending in ('.mcap', '.db3', ''):
+        write_manoeuvring_bag(path, manoeuvre)
+    else:
+        raise InputError(f"'{path}' is neither .csv nor a bag (.mcap, .db3, or a folder name): choose one of these")
+
+
+def main(argv=None):
+    """The sub-verbs as a program of their own (for trying out)."""
+    parser = argparse.ArgumentParser(prog='manoeuvre')
+    add_arguments(parser)
+    return run(parser.parse_args(argv))

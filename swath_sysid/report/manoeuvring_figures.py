@@ -1,0 +1,196 @@
+"""Pictures of manoeuvring: trajectories, histories, derivatives, residuals, standard tests."""
+
+import numpy as np
+
+from swath_sysid.hull.manoeuvring.terms import INDEX, PARAMETERS, THRUST
+from swath_sysid.identification.manoeuvring.validation import simulate_windows
+from swath_sysid.motion.manoeuvring_trial import CHANNELS, smoothed
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
+from swath_sysid.report.manoeuvring_summary import short
+
+LABELS = ('surge (m/s)', 'sway (m/s)', 'yaw rate (deg/s)')
+SIZES = np.array([1.0, 1.0, np.degrees(1.0)])
+MOST_PARAMETERS = 30
+
+
+def run_figures(found, window=20.0):
+    """Trajectory and time histories, measured and freely simulated, of every run.
+
+    Parameters
+    ----------
+    found : ManoeuvringIdentification
+    window : float
+        s.
+
+    Returns
+    -------
+    dict of str to Figure
+        File name without ending to figure.
+    """
+    figures = {}
+    for label, runs in (('identification', found.identified_on), ('validation', found.validated_on)):
+        for number, run in enumerate(runs, 1):
+            simulated = simulate_windows(found.model, [run], window)
+            figures[f'{label}_{number:02d}_{_file_name(run.source)}'] = _run_figure(run, simulated, label)
+    return figures
+
+
+def summary_figures(found, window=20.0):
+    """Derivatives with error bars, and residuals.
+
+    Returns
+    -------
+    dict of str to Figure
+    """
+    return {'derivatives': _derivatives_figure(found), 'residuals': _residuals_figure(found, window)}
+
+
+def test_figure(report, model):
+    """Track, histories, and, where a test makes one, its curve."""
+    figure = new_figure(10, 6)
+    track_axes, *others = _grid(figure)
+    m = report.manoeuvre
+    if report.name == 'spiral':
+        track_axes.plot(report.curve['difference'], report.curve['yaw_rate_deg_s'], 'o-', color=MODEL, markersize=4)
+        track_axes.set(xlabel='starboard less port input, half', ylabel='steady yaw rate (deg/s)', title='spiral')
+    elif report.name == 'speed':
+        track_axes.plot(report.curve['input'], report.curve['speed_m_s'], 'o-', color=MODEL)
+        track_axes.set(xlabel='input of each thruster', ylabel='steady speed (m/s)', title='speed curve')
+        track_axes.set_xlim(left=0)
+        track_axes.set_ylim(bottom=0)
+    else:
+        track_axes.plot(m.x, m.y, color=MODEL)
+        track_axes.plot(m.x[0], m.y[0], 'o', color=MEASURED, markersize=5)
+        track_axes.set_aspect('equal', adjustable='datalim')
+        track_axes.set(xlabel='x (m)', ylabel='y (m)', title=report.name.replace('-', ' '))
+    quiet(track_axes)
+    series = (
+        (np.hypot(m.u, m.v), 'speed (m/s)'), (np.degrees(m.heading), 'heading (deg)'),
+        (np.degrees(m.yaw_rate), 'yaw rate (deg/s)'),
+    )  # fmt: skip
+    for axes, (values, label) in zip(others, series, strict=False):
+        axes.plot(m.time, values, color=MODEL)
+        axes.set_ylabel(label)
+    if report.name == 'zigzag':
+        for sign in (-1, 1):
+            others[1].axhline(sign * report.numbers['angle_deg'], color=MEASURED, linewidth=0.7, linestyle=':')
+    others[-1].step(m.time, m.port, where='post', color=SERIES[0], label='port')
+    others[-1].step(m.time, m.starboard, where='post', color=SERIES[2], label='starboard')
+    others[-1].set_ylabel('thrust (N)' if model.thrust_input == 'force' else 'command')
+    others[-1].legend(frameon=False, ncols=2, fontsize='small')
+    others[-1].set_xlabel('time (s)')
+    figure.suptitle(model.name or 'manoeuvring model')
+    return figure
+
+
+def _grid(figure):
+    grid = figure.add_gridspec(4, 2, width_ratios=(1.1, 1.4))
+    histories = [quiet(figure.add_subplot(grid[row, 1])) for row in range(4)]
+    for axes in histories[:-1]:
+        axes.tick_params(labelbottom=False)
+    for axes in histories[1:]:
+        axes.sharex(histories[0])
+    return [figure.add_subplot(grid[:, 0]), *histories]
+
+
+def _run_figure(run, simulated, label):
+    figure = new_figure(12, 6.5)
+    track_axes, *histories = _grid(figure)
+    time = run.time - run.time[0]
+    windows = simulated.windows
+    for c, axes in enumerate(histories[:3]):
+        axes.plot(time, run.channels[c] * SIZES[c], color=MEASURED, linewidth=0.8, label='measured')
+        axes.set_ylabel(LABELS[c])
+    _draw_track(track_axes, run)
+    for w in range(windows.count):
+        start, steps = windows.start[w], windows.steps[w]
+        span = slice(start, start + steps + 1)
+        for c, axes in enumerate(histories[:3]):
+            if np.isfinite(run.channels[c]).any() or c == 1:
+                axes.plot(time[span], simulated.states[: steps + 1, c, w] * SIZES[c], color=MODEL, linewidth=1.4,
+                          label='simulated' if w == 0 else None)  # fmt: skip
+                axes.axvline(time[start], color=MEASURED, alpha=0.12, linewidth=0.8)
+        if run.x is not None and run.y is not None:
+            # from the smoothed position, as the scores compare it
+            shift = [smoothed(p, run.step, 0.8)[start] - p[start] for p in (run.x, run.y)]
+            track_axes.plot(simulated.x[: steps + 1, w] + shift[0], simulated.y[: steps + 1, w] + shift[1],
+                            color=MODEL, linewidth=1.4)  # fmt: skip
+    histories[0].legend(frameon=False, ncols=2, fontsize='small', loc='upper right')
+    histories[3].step(time, run.port, where='post', color=SERIES[0], label='port')
+    histories[3].step(time, run.starboard, where='post', color=SERIES[2], label='starboard')
+    histories[3].set(ylabel='thrust (N)' if run.thrust_input == 'force' else 'command', xlabel='time (s)')
+    histories[3].legend(frameon=False, ncols=2, fontsize='small')
+    figure.suptitle(f'{short(run.source)} ({label}): free simulation, each window from its own start')
+    return figure
+
+
+def _draw_track(axes, run):
+    if run.x is not None and run.y is not None:
+        axes.plot(run.x, run.y, color=MEASURED, linewidth=0.8)
+        axes.plot(run.x[0], run.y[0], 'o', color=MEASURED, markersize=5)
+        axes.set_aspect('equal', adjustable='datalim')
+        axes.set(xlabel='east (m)', ylabel='north (m)', title='track: measured and simulated')
+        quiet(axes)
+        return
+    axes.axis('off')
+    axes.text(0.5, 0.5, 'no position in this run', ha='center', va='center', color=MEASURED)
+
+
+def _derivatives_figure(found):
+    items = [(n, d) for n, d in found.derivatives.items()][:MOST_PARAMETERS]
+    figure = new_figure(8, 1.6 + 0.32 * len(items))
+    axes = quiet(figure.subplots())
+    for row, (_, derivative) in enumerate(items):
+        spread = 3.0 * derivative.std / max(abs(derivative.value), 1e-12)
+        color = RESIDUAL if not derivative.flags else MODEL
+        axes.errorbar(1.0, row, xerr=min(spread, 5.0), fmt='o', color=color, capsize=3, markersize=4)
+    axes.axvline(0.0, color=MEASURED, linewidth=0.7)
+    names = [f'{n} = {d.value:.4g} {_unit(n)}' for n, d in items]
+    axes.set_yticks(range(len(items)), names)
+    axes.invert_yaxis()
+    reach = max([3.0 * d.std / max(abs(d.value), 1e-12) for _, d in items if not d.flags] + [0.1])
+    axes.set_xlim(-0.15 if reach < 1 else -reach, 1.0 + max(min(2.0, 1.2 * reach), 0.3))
+    axes.set_xlabel('share of the value; bars: 3 standard deviations; red: see the warnings')
+    axes.set_title('identified parameters')
+    return figure
+
+
+def _unit(name):
+    parameter = PARAMETERS[INDEX[name]]
+    return '' if parameter.kind == THRUST and parameter.unit == '-' else parameter.unit
+
+
+def _residuals_figure(found, window):
+    figure = new_figure(11, 6)
+    rows = figure.subplots(3, 2, gridspec_kw={'width_ratios': (2.2, 1)})
+    groups = [('identification', found.identified_on, RESIDUAL), ('validation', found.validated_on, MODEL)]
+    for label, runs, color in groups:
+        if not runs:
+            continue
+        simulated = simulate_windows(found.model, runs, window)
+        measured = simulated.windows.measured
+        step = simulated.windows.step
+        for c in range(len(CHANNELS)):
+            residual = (simulated.states[:, c] - measured[c]) * SIZES[c]
+            if not np.isfinite(residual).any():
+                continue
+            history, spread = rows[c]
+            time = step * np.arange(len(residual))
+            known = np.isfinite(residual).any(axis=1)
+            history.plot(time[known], np.sqrt(np.nanmean(residual[known] ** 2, axis=1)), color=color, label=label)
+            values = residual[np.isfinite(residual)]
+            limit = 4.0 * max(np.std(values), 1e-9)
+            spread.hist(np.clip(values, -limit, limit), bins=60, density=True, histtype='step', color=color)
+    for c, (history, spread) in enumerate(rows):
+        history.set_ylabel(LABELS[c])
+        quiet(history)
+        quiet(spread)
+    rows[0][0].set_title('root mean square of simulated less measured, against time in the window', fontsize='medium')
+    rows[0][1].set_title('distribution', fontsize='medium')
+    rows[0][0].legend(frameon=False)
+    rows[2][0].set_xlabel('time since the start of the window (s)')
+    return figure
+
+
+def _file_name(source):
+    return ''.join(letter if letter.isalnum() or letter in '-_' else '_' for letter in short(source).rsplit('.', 1)[0])

@@ -1,0 +1,148 @@
+"""Manoeuvring results in words and in plain data."""
+
+from pathlib import PurePath
+
+from swath_sysid.advice import Advice
+from swath_sysid.identification.manoeuvring.shooting import CURRENT
+from swath_sysid.report.fit_summary import finite_or_none
+
+MOST_ALIKE = 2
+"""So many warnings of one kind are shown before the others are only counted."""
+
+
+def condensed(advice):
+    """Warnings without repetitions; of many runs with the same, the first few and how many more.
+
+    Parameters
+    ----------
+    advice : sequence of Advice
+
+    Returns
+    -------
+    tuple of Advice
+    """
+    advice = tuple(dict.fromkeys(advice))
+    shown, counts = [], {}
+    per_run = {a.code for a in advice} - {'not-separable', 'uncertain', 'at-bound'}
+    for item in advice:
+        counts[item.code] = counts.get(item.code, 0) + 1
+        if item.code not in per_run or counts[item.code] <= MOST_ALIKE:
+            shown.append(item)
+    for code, count in counts.items():
+        if code in per_run and count > MOST_ALIKE:
+            last = max(k for k, item in enumerate(shown) if item.code == code)
+            shown[last] = Advice(code, f'{shown[last].message} (and {count - MOST_ALIKE} more runs)')
+    return tuple(shown)
+
+
+def identification_as_data(found, wall_s=None):
+    """What ``manoeuvre identify --json`` prints.
+
+    Parameters
+    ----------
+    found : ManoeuvringIdentification
+    wall_s : float, optional
+
+    Returns
+    -------
+    dict
+    """
+    model = found.model
+    std = dict(zip(found.names, found.covariance.diagonal() ** 0.5, strict=True))
+
+    def both(pick):
+        validation = None if found.validation is None else pick(found.validation)
+        return {'identification': pick(found.identification), 'validation': validation}
+
+    leads = tuple(found.identification.position_error)
+    current = None
+    if CURRENT[0] in found.names:
+        current = {name: {'value': value, 'std': float(std[key])}
+                   for name, key, value in zip(('east', 'north'), CURRENT, model.current, strict=True)}  # fmt: skip
+    return finite_or_none({
+        'thrust_input': model.thrust_input,
+        'derivatives': {
+            name: {'value': d.value, 'std': d.std, 'prime': d.prime, 'unit': d.unit, 'flags': list(d.flags)}
+            for name, d in found.derivatives.items()
+        },
+        'given': found.fixed,
+        'prime_units': {'length_m': found.prime_units.length, 'speed_m_s': found.prime_units.speed,
+                        'density_kg_m3': found.prime_units.density},
+        'current_m_s': current,
+        'r2': {channel: both(lambda scores, c=channel: scores.r2[c]) for channel in found.identification.r2},
+        'position_error_m': {f'{lead:g}': both(lambda scores, s=lead: scores.position_error[s]) for lead in leads},
+        'heading_error_rad': {f'{lead:g}': both(lambda scores, s=lead: scores.heading_error[s]) for lead in leads},
+        'windows': both(lambda scores: scores.windows),
+        'diverged_windows': both(lambda scores: scores.diverged),
+        'runs': {'identification': [run.source for run in found.identified_on],
+                 'validation': [run.source for run in found.validated_on]},
+        'stability': {'stable': found.stability.stable, 'largest_growth_1_s': found.stability.largest_growth},
+        'noise': dict(zip(('surge_m_s', 'sway_m_s', 'yaw_rate_rad_s'), found.noise.tolist(), strict=True)),
+        'refused_terms': found.rejected,
+        'effective_samples': found.effective_samples,
+        'wall_s': wall_s,
+        'warnings': [{'code': a.code, 'message': a.message} for a in condensed(found.advice)],
+    })  # fmt: skip
+
+
+def identification_in_words(found):
+    """Lines for a reader."""
+    model = found.model
+    held = f', {len(found.validated_on)} held out for validation' if found.validated_on else ''
+    lines = [f'manoeuvring model from {len(found.identified_on)} run(s){held}; thrust as {model.thrust_input}',
+             f'  {"":<14}{"value":>12}    {"std":<10}{"prime":>11}  unit']  # fmt: skip
+    for name, d in found.derivatives.items():
+        prime = '' if d.prime is None else f'{d.prime:.3e}'
+        flags = f'  [{", ".join(d.flags)}]' if d.flags else ''
+        lines.append(f'  {name:<14}{d.value:>12.5g} +- {d.std:<10.3g}{prime:>11}  {d.unit}{flags}')
+    if found.fixed:
+        lines.append('  given or assumed: ' + ', '.join(f'{n} {v:.5g}' for n, v in found.fixed.items()))
+    if CURRENT[0] in found.names:
+        lines.append(f'  current {model.current[0]:+.3f} m/s east, {model.current[1]:+.3f} m/s north')
+    for label, scores in (('identification', found.identification), ('validation', found.validation)):
+        if scores is None:
+            continue
+        r2 = ', '.join(f'{name.replace("_", " ")} {value:.4f}' for name, value in scores.r2.items() if value == value)
+        lines.append(f'  {label}: R2 of free simulation over {scores.windows} windows: {r2}')
+        if scores.diverged:
+            lines.append(f'    {scores.diverged} windows DIVERGED')
+        errors = [f'{lead:g} s: {scores.position_error[lead]:.2f} m, {scores.heading_error[lead]:.3f} rad'
+                  for lead in scores.position_error if scores.heading_error[lead] == scores.heading_error[lead]]
+        lines.append(f'    error after {"; ".join(errors)}')
+    verdict = 'stable' if found.stability.stable else 'NOT stable'
+    lines.append(f'  {verdict} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)')
+    return lines
+
+
+def test_as_data(report, model):
+    """What ``manoeuvre simulate --json`` prints."""
+    curve = {name: values.tolist() for name, values in report.curve.items()}
+    return finite_or_none({'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': curve})
+
+
+def test_in_words(report):
+    """Lines for a reader."""
+    lines = [report.name.replace('-', ' ')]
+    for name, value in report.numbers.items():
+        label, unit = _label_and_unit(name)
+        told = f'{round(value, 3) + 0.0:>10.3f} {unit}' if value == value else '  not reached'
+        lines.append(f'  {label:<34}{told}')
+    return lines
+
+
+def short(source):
+    """Name of a run for titles: the last part of its path."""
+    return PurePath(source).name or source
+
+
+_UNITS = {
+    '_deg_s_per_input': 'deg/s per unit of input', '_deg_s': 'deg/s', '_m_s': 'm/s', '_deg': 'deg', '_m': 'm',
+    '_s': 's',
+}  # fmt: skip
+
+
+def _label_and_unit(name):
+    for ending, unit in _UNITS.items():
+        if name.endswith(ending):
+            return name.removesuffix(ending).replace('_', ' '), unit
+    return name.replace('_', ' '), ''
