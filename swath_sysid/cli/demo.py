@@ -1,0 +1,357 @@
+"""``swath-sysid demo``: a simulated craft, the three nodes, and forecasts that sharpen."""
+
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import deque
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+
+import numpy as np
+import yaml
+from rich.console import Console
+from rich.live import Live
+
+import swath_sysid
+from swath_sysid.errors import InputError
+from swath_sysid.hull.catalogue import PUBLISHED_HULLS, hull_named
+from swath_sysid.hull.simulated_craft import returns
+from swath_sysid.motion.intake import NANOSECOND
+from swath_sysid.motion.trial import AXES
+from swath_sysid.prediction.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
+from swath_sysid.prediction.outlook import OutlookSettings
+from swath_sysid.prediction.predictor import PredictorSettings
+from swath_sysid.report.demo_figure import demo_figure
+from swath_sysid.report.figures import save_figure
+from swath_sysid.report.terminal_view import ViewState, line, render
+
+HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
+EQUATIONS = {'roll': 'swath-roll-1', 'pitch': 'swath-pitch-1'}
+"""The published polynomials with all their terms, whatever the true hull is."""
+
+ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)
+"""The first from which the hull returns is used."""
+
+STILL_S = 1.5
+START_TIMEOUT_S = 30.0
+MODEL_TIMEOUT_S = 18.0
+ATTEMPTS = 2
+BETWEEN_S = 1.0
+EVERY_S = 20.0
+"""Between releases with --keep-running."""
+
+FRAME_S = 0.2
+LINE_S = 2.0
+STOP_TIMEOUT_S = 5.0
+ERROR_SPAN_S = 3.0
+EXIT_FAILED = 1
+
+
+def add_arguments(parser):
+    """The craft, and where the picture goes."""
+    parser.add_argument('--axis', choices=AXES, help='default: that of the hull, else roll')
+    parser.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)} (default: one of the axis)')
+    parser.add_argument('--keep-running', action='store_true', help='go on releasing the craft until Ctrl-C')
+    parser.add_argument('--output', default='.', metavar='DIR', help='folder of demo.png and demo.log (default: here)')
+    parser.add_argument('--domain', type=int, metavar='ID', help='ROS domain (default: a random one from 1 to 100)')
+    parser.add_argument('--seed', type=int, default=1, help='of the sensor noise (default: %(default)s)')
+
+
+def run(arguments):
+    """Run the demonstration; 0 if its forecasts are as good as promised."""
+    try:
+        import rclpy
+        from rclpy.signals import SignalHandlerOptions
+
+        from swath_sysid.nodes.listener import Listener
+    except ImportError as error:
+        raise InputError(
+            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
+        ) from error
+    craft = _Craft(arguments.hull, arguments.axis)
+    if arguments.seed < 0:
+        raise InputError('the seed must not be negative')
+    domain = arguments.domain or random.SystemRandom().randint(1, 100)
+    if not 0 <= domain <= 101:
+        raise InputError(f'the ROS domain must lie between 0 and 101, not {domain}')
+    output = Path(arguments.output)
+    output.mkdir(parents=True, exist_ok=True)
+    os.environ.update(_environment(domain))
+    began = time.monotonic()
+    rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        listener = Listener(craft.axis, craft.leads)
+        with _stopping_on_sigterm(), _processes(craft, arguments.seed, output / 'demo.log') as processes:
+            with _shown(craft) as show:
+                stage = _Stage(listener, processes, show, rclpy.spin_once)
+                print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
+                demonstration = _demonstrate(craft, stage)
+            passed = _conclude(demonstration, output, began)
+            if arguments.keep_running:
+                with _shown(craft) as show:
+                    stage.show = show
+                    _keep_running(stage)
+    finally:
+        listener.destroy_node()
+        rclpy.try_shutdown()
+    return 0 if passed else EXIT_FAILED
+
+
+class _Craft:
+    """The hull, how it is released, and what the nodes are to do."""
+
+    def __init__(self, hull, axis):
+        self.hull = hull or HULLS[axis or 'roll']
+        self.model = hull_named(self.hull).model
+        self.axis = self.model.axis
+        if axis not in (None, self.axis):
+            fitting = ', '.join(name for name, held in PUBLISHED_HULLS.items() if held.axis == axis)
+            raise InputError(f'{self.hull} is a hull in {self.axis}: leave --axis out, or choose from {fitting}')
+        self.period = self.model.natural_period
+        angles = [angle for angle in ANGLES_DEG if returns(self.model, math.radians(angle))]
+        if not angles:
+            raise InputError(f'{self.hull} does not return from {ANGLES_DEG[-1]} deg: choose another hull')
+        self.angle_deg = angles[0]
+        self.lead = round(self.period, 2)
+        self.leads = tuple(sorted({0.5, 1.0, self.lead, round(2.0 * self.period, 2)}))
+
+    @property
+    def parameters(self):
+        """The nodes' ROS parameters."""
+        return {
+            '/**/identifier': {'ros__parameters': {'axes': [self.axis], 'equation': EQUATIONS[self.axis]}},
+            '/**/predictor': {'ros__parameters': {'leads_s': list(self.leads), 'horizon_s': max(5.0, self.leads[-1])}},
+        }
+
+    @property
+    def outlook_settings(self):
+        """What the predictor is set to."""
+        return OutlookSettings(predictor=PredictorSettings(leads=self.leads, horizon=max(5.0, self.leads[-1])))
+
+
+def _environment(domain):
+    root = str(Path(swath_sysid.__file__).resolve().parents[1])
+    return {
+        'ROS_DOMAIN_ID': str(domain),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'OMP_NUM_THREADS': '1',
+        'PYTHONPATH': os.pathsep.join(filter(None, [root, os.environ.get('PYTHONPATH')])),
+    }
+
+
+@contextmanager
+def _stopping_on_sigterm():
+    """Let SIGTERM end the demonstration as Ctrl-C does, so that its processes end with it."""
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+@contextmanager
+def _processes(craft, seed, log_path):
+    """The craft and the three nodes, each a process of its own, ended as by Ctrl-C."""
+    with tempfile.TemporaryDirectory() as folder, open(log_path, 'w', encoding='utf-8') as log:
+        parameters = Path(folder) / 'demo.yaml'
+        parameters.write_text(yaml.safe_dump(craft.parameters), encoding='utf-8')
+        ros = ['--ros-args', '--params-file', str(parameters)]
+        words = {
+            'simulated_craft': ['--hull', craft.hull, '--angle-deg', str(craft.angle_deg), '--seed', str(seed)],
+            'imu_buffer': ros, 'identifier': ros, 'predictor': ros,
+        }
+        running = {}
+        try:
+            for name, given in words.items():
+                running[name] = subprocess.Popen(
+                    [sys.executable, '-m', f'swath_sysid.nodes.{name}', *given], stdout=log, stderr=log,
+                    # Ctrl-C is the demonstration's, which then ends them in order
+                    stdin=subprocess.DEVNULL, start_new_session=True,
+                )
+            yield running
+        finally:
+            _stop(running.values())
+
+
+def _stop(processes):
+    for process in processes:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+    deadline = time.monotonic() + STOP_TIMEOUT_S
+    for process in processes:
+        try:
+            process.wait(max(0.1, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+@contextmanager
+def _shown(craft):
+    """A function that shows a `ViewState`: live on a terminal, else a line now and then."""
+    console = Console()
+    live = Live(console=console, refresh_per_second=8, transient=True) if console.is_terminal else None
+    told = [-LINE_S, '']
+
+    def show(state):
+        if live is not None:
+            live.update(render(state))
+            return
+        now = time.monotonic()
+        if now - told[0] >= LINE_S or state.stage != told[1]:
+            told[:] = now, state.stage
+            print(line(state), flush=True)
+
+    with live or nullcontext():
+        yield show
+
+
+class _Stage:
+    """The demonstration as it goes on: spins the listener, shows what it heard, waits for things.
+
+    Parameters
+    ----------
+    listener : Listener
+    processes : dict of str to Popen
+    show : callable
+    spin_once : callable
+    """
+
+    def __init__(self, listener, processes, show, spin_once):
+        self.listener = listener
+        self.show = show
+        self.title = ''
+        self.scale = 0.1
+        self.drawn_lead = 1.0
+        self._processes = processes
+        self._spin_once = spin_once
+        self._drawn = -FRAME_S
+
+    def wait(self, stage, done, timeout):
+        """Go on until ``done()``; False if that took longer than the time-out, s."""
+        deadline = time.monotonic() + timeout
+        while not done():
+            if time.monotonic() >= deadline:
+                return False
+            for name, process in self._processes.items():
+                if process.poll() is not None:
+                    raise InputError(f'the process {name} ended with code {process.returncode}: see demo.log')
+            self._spin_once(self.listener, timeout_sec=0.05)
+            if time.monotonic() >= self._drawn + FRAME_S:
+                self._drawn = time.monotonic()
+                self.show(self._state(stage))
+        return True
+
+    def pause(self, stage, duration):
+        """Go on for a while, s of the sensor's stamps."""
+        end = self.listener.heard.angles[-1][0] + round(duration / NANOSECOND)
+        self.wait(stage, lambda: self.listener.heard.angles[-1][0] >= end, 3.0 * duration + 5.0)
+
+    def release(self, stage):
+        """Have the craft released; the stamp at which it is let go, ns."""
+        answer = self.listener.release()
+        if not self.wait(stage, answer.done, 10.0) or not answer.result().success:
+            raise InputError('the simulated craft does not answer: see demo.log')
+        return int(answer.result().message)
+
+    def _state(self, stage):
+        heard = self.listener.heard
+        angles = _table(list(_last(heard.angles, 1500))[::10], 2)
+        drawn = _table(_last(heard.forecasts[self.drawn_lead], 150), 3)
+        now = angles[-1, 0] if len(angles) else 0.0
+        return ViewState(
+            self.title, stage, now, angles[:, 0], angles[:, 1], drawn[:, 0], drawn[:, 1], self.drawn_lead,
+            tuple(self._lead_row(lead, angles) for lead in heard.forecasts),
+            tuple(_described(heard.models, heard.versions)),
+            tuple((level, name, message) for name, (level, message) in sorted(heard.diagnostics.items())),
+            self.scale,
+        )  # fmt: skip
+
+    def _lead_row(self, lead, angles):
+        made = _table(_last(self.listener.heard.forecasts[lead], 150), 3)
+        if not len(made) or not len(angles):
+            return lead, math.nan, math.nan
+        due = (made[:, 0] <= angles[-1, 0]) & (made[:, 0] > angles[-1, 0] - ERROR_SPAN_S)
+        missed = made[due, 1] - np.interp(made[due, 0], angles[:, 0], angles[:, 1])
+        return lead, made[-1, 1], float(np.sqrt(np.mean(missed**2))) if due.any() else math.nan
+
+
+def _demonstrate(craft, stage):
+    """Release the craft, wait for its model, release it again."""
+    heard = stage.listener.heard
+    stage.title = f'{craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
+    stage.scale, stage.drawn_lead = 1.3 * math.radians(craft.angle_deg), craft.lead
+    if not stage.wait('starting', stage.listener.is_ready, START_TIMEOUT_S):
+        raise InputError(f'the nodes were not heard within {START_TIMEOUT_S:g} s: see demo.log')
+    stage.pause('still water, no model', STILL_S)
+    for attempt in range(ATTEMPTS):
+        first = stage.release('lifting the craft')
+        waiting = 'let go; waiting until the decay is noticed and identified'
+        if stage.wait(waiting, lambda: heard.model_ns is not None, MODEL_TIMEOUT_S):
+            break
+        if attempt == ATTEMPTS - 1:
+            raise InputError(f'no model came within {MODEL_TIMEOUT_S:g} s after either release: see demo.log')
+    stage.pause('identified', BETWEEN_S)
+    second = stage.release('lifting the craft again')
+    stage.pause('forecasting with the identified model', (second - heard.angles[-1][0]) * NANOSECOND + SCORED_SPAN)
+    return _demonstration(craft, heard, first, second)
+
+
+def _demonstration(craft, heard, first, second):
+    start = heard.angles[0][0]
+    constant_rate = without_model(heard.readings, craft.axis, craft.outlook_settings)
+
+    def relative(found):
+        return tuple(LeadForecasts(lead, *_table(rows, 3, start).T) for lead, rows in sorted(found.items()))
+
+    time_, angle = _table(heard.angles, 2, start).T
+    return Demonstration(
+        craft.axis, craft.hull, math.radians(craft.angle_deg), craft.period, time_, angle,
+        tuple((stamp - start) * NANOSECOND for stamp in (first, second)), (heard.model_ns - start) * NANOSECOND,
+        relative(heard.forecasts), relative(constant_rate),
+    )  # fmt: skip
+
+
+def _conclude(demonstration, output, began):
+    """Write the picture, print the verdict."""
+    verdict = verdict_of(demonstration)
+    picture = output / 'demo.png'
+    save_figure(demo_figure(demonstration, verdict), picture)
+    print(f'{picture}, after {time.monotonic() - began:.0f} s')
+    print(verdict.text, flush=True)
+    return verdict.is_good
+
+
+def _keep_running(stage):
+    """Release the craft over and over until Ctrl-C."""
+    while True:
+        stage.release('lifting the craft')
+        stage.pause('running until Ctrl-C', EVERY_S)
+        stage.listener.forget()
+
+
+def _described(models, versions):
+    for axis, held in models.items():
+        yield f'{axis}: {held.model.equation.name}, version {versions}, period {held.model.natural_period:.2f} s'
+        yield ', '.join(f'{name} {value:.3g} ± {held.std[name]:.2g}' for name, value in held.model.terms.items())
+
+
+def _last(rows, count):
+    """The last rows of a deque, oldest first."""
+    return list(deque(rows, maxlen=count))
+
+
+def _table(rows, columns, start=0):
+    """Rows whose first column is a stamp, ns, as an array with seconds since the start."""
+    if not rows:
+        return np.empty((0, columns))
+    return np.array([((row[0] - start) * NANOSECOND, *row[1:]) for row in rows])

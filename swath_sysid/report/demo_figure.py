@@ -1,0 +1,100 @@
+"""The picture of the demonstration: forecasts against what was measured then, before and after identification."""
+
+import numpy as np
+
+from swath_sysid.prediction.demonstration import SCORED_SPAN, UNAWARE
+from swath_sysid.report.figures import MEASURED, new_figure, quiet
+
+BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
+NORMAL_90 = 1.6449
+MOST_LEADS = 4
+
+
+def demo_figure(demonstration, verdict):
+    """The whole run above, each lead below.
+
+    Parameters
+    ----------
+    demonstration : Demonstration
+    verdict : Verdict
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    figure = new_figure(12.0, 7.4)
+    upper, lower = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
+    limit = 1.45 * np.degrees(demonstration.release_angle)
+    _draw_run(quiet(upper.subplots()), demonstration, limit)
+    shown = demonstration.forecasts[:MOST_LEADS]
+    panels = np.atleast_1d(lower.subplots(1, len(shown), sharey=True))
+    for panel, forecasts in zip(panels, shown, strict=True):
+        _draw_lead(quiet(panel), demonstration, forecasts, limit)
+    panels[0].set_ylabel(f'{demonstration.axis} [deg]')
+    panels[0].legend(frameon=False, loc='upper right', fontsize='small', handlelength=1.4)
+    lower.supxlabel('seconds since the craft was let go', fontsize='medium')
+    figure.suptitle(_headline(demonstration, verdict), fontsize='large', fontweight='bold', color=MEASURED)
+    return figure
+
+
+def _draw_run(axes, demonstration, limit):
+    forecasts = next(f for f in demonstration.forecasts if f.lead == demonstration.period_lead)
+    begin = demonstration.releases[0] - 4.0
+    with_model = forecasts.time - forecasts.lead >= demonstration.model_time
+    for chosen, colour, name in (
+        (~with_model, BEFORE, f'forecast {forecasts.lead:g} s before, no model yet'),
+        (with_model, AFTER, f'forecast {forecasts.lead:g} s before, identified model'),
+    ):
+        axes.plot(
+            forecasts.time[chosen] - begin, np.degrees(forecasts.angle[chosen]), '.', color=colour, markersize=4.5,
+            label=name,
+        )  # fmt: skip
+    axes.fill_between(
+        forecasts.time[with_model] - begin,
+        np.degrees(forecasts.angle - NORMAL_90 * forecasts.std)[with_model],
+        np.degrees(forecasts.angle + NORMAL_90 * forecasts.std)[with_model],
+        color=BAND, alpha=0.45, linewidth=0, label='its 90 % interval',
+    )  # fmt: skip
+    axes.plot(
+        demonstration.time - begin, np.degrees(demonstration.angle), color=MEASURED, linewidth=1.5, label='measured'
+    )
+    for moment, what in (
+        (demonstration.releases[0], 'let go'), (demonstration.model_time, 'decay noticed,\nmodel identified'),
+        (demonstration.releases[1], 'let go again'),
+    ):
+        axes.axvline(moment - begin, color=MEASURED, linewidth=0.8, linestyle=':')
+        axes.annotate(
+            what, (moment - begin, -limit), xytext=(5, 6), textcoords='offset points', fontsize='small', color=MEASURED
+        )
+    axes.set_xlim(0.0, demonstration.time[-1] - begin)
+    axes.set_ylim(-limit, limit)
+    axes.set_ylabel(f'{demonstration.axis} [deg]')
+    axes.set_xlabel('time [s]')
+    axes.legend(frameon=False, loc='upper center', ncols=4, fontsize='small', bbox_to_anchor=(0.5, 1.1))
+
+
+def _draw_lead(axes, demonstration, forecasts, limit):
+    first, second = demonstration.releases
+    moving = (demonstration.time >= second - 0.5) & (demonstration.time <= demonstration.end(1))
+    axes.plot(
+        demonstration.time[moving] - second, np.degrees(demonstration.angle[moving]), color=MEASURED, linewidth=1.5,
+        label='measured',
+    )
+    for number, release, colour, name in ((0, first, BEFORE, 'before'), (1, second, AFTER, 'after')):
+        scored = demonstration.during(forecasts, number)
+        axes.plot(scored.time - release, np.degrees(scored.angle), '.', color=colour, markersize=4.5, label=name)
+    axes.axvspan(-0.5, forecasts.lead + UNAWARE, color=MEASURED, alpha=0.05, linewidth=0)
+    before, after = (demonstration.error(forecasts, number) for number in (0, 1))
+    periods = f'{forecasts.lead / demonstration.period:.2g} period'
+    axes.set_title(
+        f'{forecasts.lead:g} s ahead ({periods})\nNRMSE {before:.2f} → {after:.2f}', fontsize='medium', color=MEASURED
+    )
+    axes.set_xlim(-0.5, SCORED_SPAN)
+    axes.set_ylim(-limit, limit)
+
+
+def _headline(demonstration, verdict):
+    return (
+        f'{demonstration.hull}: the next natural period of {demonstration.axis}, forecast with '
+        f'{100 * verdict.after:.0f} % error after one release (constant rate: {100 * verdict.constant_rate:.0f} %)'
+    )
