@@ -1,7 +1,8 @@
 """The model file: YAML, versioned, complete, checked on reading; one or both axes of a craft.
 
 It is what `identify` writes, what the identifier publishes on ``model/description``, and what
-the predictor and `forecast` read.
+the predictor and `forecast` read. A file may also hold a schedule on draft (`scheduled_to_yaml`):
+its ``axes`` are then the models of the middle draft, for readers that know of no schedule.
 """
 
 import yaml
@@ -10,6 +11,7 @@ from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
 from swath_sysid.hull.decay_model import DecayModel, Equation
 from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.hull.scheduled_model import QUANTITIES, ScheduledModel
 from swath_sysid.hull.terms import RATIO_UNITS, TERM_NAMES
 from swath_sysid.motion.trial import AXES
 
@@ -18,6 +20,9 @@ VERSION = 1
 FRAME = 'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)'
 
 _FILE_FIELDS = ('format', 'version', 'frame', 'axes')
+_OPTIONAL_FILE_FIELDS = ('schedule',)
+_SCHEDULE_FIELDS = ('quantity', 'models')
+_SCHEDULED_FIELDS = ('loading', 'model')
 _AXIS_FIELDS = (
     'equation', 'ratios', 'covariance', 'trim_rad', 'trim_std_rad', 'friction_rate_rad_s', 'valid_amplitude_rad',
     'metrics', 'provenance',
@@ -37,9 +42,47 @@ def model_to_yaml(models):
     -------
     str
     """
+    return _dumped(models)
+
+
+def scheduled_to_yaml(schedules):
+    """Text of a model file with a schedule.
+
+    Parameters
+    ----------
+    schedules : mapping of str to ScheduledModel
+        Axis to schedule.
+
+    Returns
+    -------
+    str
+    """
+    plain = {
+        axis: {
+            'quantity': schedule.quantity,
+            'models': [
+                {'loading': loading, 'model': _axis_to_plain(identified)}
+                for loading, identified in zip(schedule.loadings, schedule.models, strict=True)
+            ],
+        }
+        for axis, schedule in schedules.items()
+    }
+    return _dumped({axis: schedule.reference for axis, schedule in schedules.items()}, schedule=plain)
+
+
+def _dumped(models, **more):
     axes = {axis: _axis_to_plain(identified) for axis, identified in models.items()}
-    content = {'format': FORMAT, 'version': VERSION, 'frame': FRAME, 'axes': axes}
-    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    content = {'format': FORMAT, 'version': VERSION, 'frame': FRAME, 'axes': axes, **more}
+    return yaml.dump(
+        content, Dumper=_PlainDumper, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True
+    )
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Writes the middle model of a schedule out instead of referring to it."""
+
+    def ignore_aliases(self, data):
+        return True
 
 
 def model_from_yaml(text, source='the model'):
@@ -61,6 +104,52 @@ def model_from_yaml(text, source='the model'):
         Not a model file, of another version, or with unknown, missing or wrong fields, which
         the sentence names.
     """
+    content = _checked_content(text, source)
+    return {axis: _axis_from_plain(plain, axis, f'{source}, {axis}') for axis, plain in content['axes'].items()}
+
+
+def schedules_from_yaml(text, source='the model'):
+    """The schedules of a model file's text, by axis; empty where it holds none.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Named in the errors.
+
+    Returns
+    -------
+    dict of str to ScheduledModel
+
+    Raises
+    ------
+    InputError
+        As `model_from_yaml`.
+    """
+    content = _checked_content(text, source)
+    schedule = content.get('schedule', {})
+    _check_axes(schedule, 'schedule', source, empty=True)
+    if schedule and set(schedule) != set(content['axes']):
+        raise InputError(f"{source}: the axes of 'schedule' and of 'axes' differ; give the same in both")
+    return {axis: _schedule_from_plain(item, axis, f'{source}, schedule of {axis}') for axis, item in schedule.items()}
+
+
+def _schedule_from_plain(plain, axis, source):
+    _check_fields(plain, _SCHEDULE_FIELDS, source)
+    if plain['quantity'] not in QUANTITIES:
+        raise InputError(f"{source}: there is no quantity '{plain['quantity']}'; choose from {', '.join(QUANTITIES)}")
+    if not isinstance(plain['models'], list):
+        raise InputError(f"{source}: 'models' must be a list")
+    loadings, models = [], []
+    for number, item in enumerate(plain['models'], 1):
+        _check_fields(item, _SCHEDULED_FIELDS, f'{source}, model {number}')
+        loadings.append(_number(item['loading'], f'{source}, model {number}, loading'))
+        models.append(_axis_from_plain(item['model'], axis, f'{source}, model {number}'))
+    return ScheduledModel(plain['quantity'], tuple(loadings), tuple(models))
+
+
+def _checked_content(text, source):
+    """The plain content of a model file, its frame and the names in it checked."""
     try:
         content = yaml.safe_load(text)
     except yaml.YAMLError as error:
@@ -73,21 +162,31 @@ def model_from_yaml(text, source='the model'):
             f'{source} is a model file of version {content.get("version")}; this software reads version {VERSION}: '
             'identify again'
         )
-    _check_fields(content, _FILE_FIELDS, source)
+    _check_fields({k: v for k, v in content.items() if k not in _OPTIONAL_FILE_FIELDS}, _FILE_FIELDS, source)
     if content['frame'] != FRAME:
         raise InputError(f"{source}: the frame '{content['frame']}' is not understood; it must be '{FRAME}'")
-    if not isinstance(content['axes'], dict) or not content['axes']:
-        raise InputError(f"{source}: the field 'axes' holds no axis; give {' or '.join(AXES)}")
-    unknown = [axis for axis in content['axes'] if axis not in AXES]
+    _check_axes(content['axes'], 'axes', source)
+    return content
+
+
+def _check_axes(mapping, name, source, empty=False):
+    if not isinstance(mapping, dict) or not (mapping or empty):
+        raise InputError(f"{source}: the field '{name}' holds no axis; give {' or '.join(AXES)}")
+    unknown = [axis for axis in mapping if axis not in AXES]
     if unknown:
         raise InputError(f"{source}: there is no axis '{unknown[0]}'; axes are {', '.join(AXES)}")
-    return {axis: _axis_from_plain(plain, axis, f'{source}, {axis}') for axis, plain in content['axes'].items()}
 
 
 def write_model(path, models):
     """Write a model file, whole or not at all; see `model_to_yaml`."""
     with replacing(path) as temporary:
         temporary.write_text(model_to_yaml(models), encoding='utf-8')
+
+
+def write_scheduled(path, schedules):
+    """Write a model file with a schedule, whole or not at all; see `scheduled_to_yaml`."""
+    with replacing(path) as temporary:
+        temporary.write_text(scheduled_to_yaml(schedules), encoding='utf-8')
 
 
 def read_model(path):
@@ -98,14 +197,28 @@ def read_model(path):
     InputError
         Also where the file cannot be read.
     """
+    return model_from_yaml(_text_of(path), str(path))
+
+
+def read_schedules(path):
+    """Read the schedules of a model file; see `schedules_from_yaml`.
+
+    Raises
+    ------
+    InputError
+        Also where the file cannot be read.
+    """
+    return schedules_from_yaml(_text_of(path), str(path))
+
+
+def _text_of(path):
     try:
         with open(path, encoding='utf-8') as file:
-            text = file.read()
+            return file.read()
     except OSError as error:
         raise InputError(f'cannot read the model file {path}: {error.strerror}') from error
     except UnicodeDecodeError as error:
         raise InputError(f'{path} is no model file: it is not text') from error
-    return model_from_yaml(text, str(path))
 
 
 def _axis_to_plain(identified):

@@ -1,0 +1,102 @@
+"""``swath-sysid campaign``: a whole trial matrix to tables, figures and a model that knows its draft."""
+
+import contextlib
+import os
+import sys
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.campaign_run import run_campaign
+from swath_sysid.files.executors import executor_of
+from swath_sysid.files.manifest import read_manifest, write_new_manifest
+from swath_sysid.files.result_store import ResultStore
+from swath_sysid.report.campaign_report import write_report
+
+MANIFEST = 'campaign.yaml'
+RESULTS = 'results'
+EXIT_LEFT_OUT = 1
+PLAIN_STEP_S = 5.0
+
+
+def add_arguments(parser):
+    """The manifest, or the folder to make one for; output and workers."""
+    parser.add_argument('manifest', nargs='?', metavar='MANIFEST.yaml', help='what was tried and what to fit')
+    parser.add_argument(
+        '--new', metavar='DIR', help=f'write a commented manifest for the trials in a folder (DIR/{MANIFEST})'
+    )
+    parser.add_argument('--output', metavar='DIR', help='folder of the report; with --new, the file of the manifest')
+    parser.add_argument('--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one a core)')
+    parser.add_argument('--scheduler', metavar='ADDRESS', help='let the Dask scheduler at this address do the work')
+    parser.epilog = (
+        'Stopped or killed, the same command goes on from the finished fits. Exit code 0: all was used; 1: done, but '
+        'something was left out, and is named; 2: nothing could be done.'
+    )
+
+
+def run(arguments):
+    """Write a manifest, or work one off."""
+    if (arguments.new is None) == (arguments.manifest is None):
+        raise InputError('give either a manifest, or --new with the folder of the trials')
+    if arguments.new is not None:
+        path = Path(arguments.output or Path(arguments.new) / MANIFEST)
+        write_new_manifest(arguments.new, path)
+        print(f'{path}: look through it, then: swath-sysid campaign {path} --output FOLDER')
+        return 0
+    if arguments.output is None:
+        raise InputError('give --output with the folder of the report')
+    began = time.perf_counter()
+    manifest = read_manifest(arguments.manifest)
+    for fault in manifest.faults:
+        print(f'warning: {arguments.manifest}, {fault}', file=sys.stderr)
+    store = ResultStore(Path(arguments.output) / RESULTS)
+    with store.alone(), executor_of(arguments.jobs, arguments.scheduler) as executor, _progress() as tell:
+        outcome = run_campaign(manifest, store, executor, tell)
+    report = write_report(outcome, arguments.output, time.perf_counter() - began)
+    left_out = [f'{t.name}, {t.reason}' for t in outcome.trials if t.record is None]
+    for line in (*left_out, *outcome.failures):
+        print(f'left out: {line}', file=sys.stderr)
+    for axis in outcome.axes:
+        print(f'{axis.axis}: {axis.ranking.reason}')
+        print(''.join(f'  {a.message}\n' for a in axis.ranking.findings), end='')
+    print(
+        f'{len(outcome.trials) - len(left_out)} of {len(outcome.trials)} trials, {outcome.computed} tasks done, '
+        f'{outcome.kept} known from before, {time.perf_counter() - began:.1f} s\n{report}'
+    )
+    return EXIT_LEFT_OUT if left_out or manifest.faults or outcome.failures else 0
+
+
+@contextlib.contextmanager
+def _progress():
+    """A function that takes the `Progress` of a campaign: a bar on a terminal, else a line now and then."""
+    if not sys.stderr.isatty():
+        yield _plain()
+        return
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn('{task.description}'))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task('reading trials', total=None)
+
+        def tell(state):
+            running = f'{"; ".join(state.running[:2])}{" ..." if len(state.running) > 2 else ""}'
+            bar.update(task, completed=state.done, total=state.total, description=running)
+
+        yield tell
+
+
+def _plain():
+    told = time.monotonic()
+
+    def tell(state):
+        nonlocal told
+        if time.monotonic() - told < PLAIN_STEP_S:
+            return
+        told = time.monotonic()
+        running = f'; running: {"; ".join(state.running[:2])}' if state.running else ''
+        print(
+            f'campaign: {state.done} of {state.total} done, {state.total - state.done} left{running}', file=sys.stderr
+        )
+
+    return tell

@@ -1,0 +1,36 @@
+"""``swath-sysid scale``: a model at another scale, by Froude's law."""
+
+from swath_sysid.cli.progress import show_advice
+from swath_sysid.files.model_file import read_model, read_schedules, write_model, write_scheduled
+from swath_sysid.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
+
+
+def add_arguments(parser):
+    """The model file, the length ratio, and where to write."""
+    parser.add_argument('model', metavar='MODEL.yaml', help='model file, with or without a schedule on draft')
+    parser.add_argument(
+        '--ratio',
+        required=True,
+        metavar='L',
+        help='length of the result over that of the model given: 25, or 1/25 for the way back',
+    )
+    parser.add_argument('--output', required=True, metavar='FILE.yaml', help='write the scaled model file')
+
+
+def run(arguments):
+    """Scale, warn, and write."""
+    ratio = length_ratio(arguments.ratio)
+    models = read_model(arguments.model)
+    schedules = read_schedules(arguments.model)
+    if schedules:
+        write_scheduled(arguments.output, {axis: scaled_schedule(s, ratio) for axis, s in schedules.items()})
+    else:
+        write_model(arguments.output, {axis: scaled(m, ratio) for axis, m in models.items()})
+    written = read_model(arguments.output)
+    show_advice(dict.fromkeys(a for m in models.values() for a in scaling_advice(m.model, ratio)))
+    for axis, before in models.items():
+        after = written[axis]
+        print(f'{axis}: natural period {before.model.natural_period:.4g} s -> {after.model.natural_period:.4g} s')
+        for name, value in before.model.terms.items():
+            print(f'  {name:<3}{value:>14.6g} -> {after.model.terms[name]:.6g} +- {after.std[name]:.2g}')
+    return 0

@@ -1,0 +1,308 @@
+"""The figures of a campaign; each small, so that a page can lay them out for its width."""
+
+import math
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+
+from swath_sysid.hull.simulation import simulate
+from swath_sysid.hull.terms import RATIO_UNITS
+from swath_sysid.identification.campaign import term_values
+from swath_sysid.identification.uncertainty import correlation
+from swath_sysid.report.campaign_tables import LOADING_NAMES
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
+
+WIDTH, HEIGHT = 4.6, 3.1
+LINE_STYLES = ('-', '--', ':', '-.')
+MOST_POINTS = 500
+TWO_STD = 2.0
+STYLE = {
+    'text.color': MEASURED,
+    'axes.labelcolor': MEASURED,
+    'axes.edgecolor': MEASURED,
+    'xtick.color': MEASURED,
+    'ytick.color': MEASURED,
+    'axes.titlesize': 'medium',
+    'legend.fontsize': 'small',
+    'svg.fonttype': 'none',
+    'axes.prop_cycle': matplotlib.cycler(color=SERIES),
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure with its name and what it shows."""
+
+    name: str
+    caption: str
+    figure: object
+
+
+def campaign_drawings(outcome, axis):
+    """Section name to drawings of one axis.
+
+    Parameters
+    ----------
+    outcome : CampaignOutcome
+    axis : AxisOutcome
+
+    Returns
+    -------
+    dict of str to list of Drawing
+    """
+    with matplotlib.rc_context(STYLE):
+        return {
+            'decays': decay_drawings(outcome, axis),
+            'against_angle': against_angle(outcome, axis),
+            'against_draft': against_draft(outcome, axis),
+            'amplitude': amplitude_drawings(outcome, axis),
+            'records': record_drawings(outcome, axis),
+            'correlations': correlation_drawings(outcome, axis),
+        }
+
+
+def _single():
+    figure = new_figure(WIDTH, HEIGHT)
+    return figure, quiet(figure.subplots())
+
+
+def _shown(motion):
+    """Measured channel and its name: the angle, or the rate where no angle was measured."""
+    if motion.angle is None:
+        return motion.rate, f'{motion.axis} rate [deg/s]'
+    return motion.angle, f'{motion.axis} [deg]'
+
+
+def _thinned(*arrays):
+    step = max(1, arrays[0].size // MOST_POINTS)
+    return [a[::step] for a in arrays]
+
+
+def decay_drawings(outcome, axis):
+    """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
+    loadings = sorted({c.loading for c in axis.best})
+    several = len(loadings) > 1
+    groups = {}
+    for condition, index in axis.best.items():
+        groups.setdefault(condition.initial_angle_deg if several else None, []).append((condition, index))
+    found = []
+    for angle, members in sorted(groups.items(), key=lambda item: item[0] or 0.0):
+        for what in ('angle', 'rate'):
+            motions = [axis.records[index].problem.motions[0] for _, index in members]
+            if any(getattr(m, what) is None for m in motions):
+                continue
+            figure, axes = _single()
+            for condition, index in members:
+                motion = axis.records[index].problem.motions[0]
+                time, value = _thinned(motion.time - motion.time[0], getattr(motion, what))
+                label = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
+                axes.plot(time, np.degrees(value), linewidth=1.1, label=label)
+            axes.set_xlabel('time since release [s]')
+            axes.set_ylabel(f'{axis.axis} [deg]' if what == 'angle' else f'{axis.axis} rate [deg/s]')
+            axes.legend(frameon=False)
+            title = f'from {angle:g} deg' if several else 'all angles'
+            axes.set_title(title)
+            suffix = f'{angle:g}deg' if several else 'all'
+            caption = f'Measured decays {title}, best repeats'
+            found.append(Drawing(f'decays_{axis.axis}_{what}_{suffix}', caption, figure))
+    return found
+
+
+def _loading(outcome, condition):
+    return f'{LOADING_NAMES[outcome.quantity]} {condition.loading:g}'
+
+
+def against_angle(outcome, axis):
+    """Each ratio against initial angle, a curve a draft, with the single repeats behind."""
+    found = []
+    loadings = sorted({c.loading for c in axis.together})
+    for term in axis.schedule.equation.terms:
+        figure, axes = _single()
+        for k, loading in enumerate(loadings):
+            colour = SERIES[k % len(SERIES)]
+            members = sorted(c for c in axis.together if c.loading == loading)
+            values = np.array([axis.together[c][axis.choice].ratio(term) for c in members])
+            axes.errorbar(
+                [c.initial_angle_deg for c in members],
+                values[:, 0],
+                TWO_STD * values[:, 1],
+                color=colour,
+                marker='o',
+                markersize=4,
+                capsize=3,
+                linewidth=1.2,
+                label=f'{LOADING_NAMES[outcome.quantity]} {loading:g}',
+            )
+            single = [
+                (r.condition.initial_angle_deg, fits[axis.choice].ratio(term)[0])
+                for r, fits in zip(axis.records, axis.fits['simulation'], strict=True)
+                if r.condition.loading == loading
+            ]
+            axes.plot(*np.transpose(single), 'x', color=colour, alpha=0.6, markersize=4)
+        _finish_ratio(axes, term, 'initial angle [deg]')
+        found.append(
+            Drawing(
+                f'{term}_against_angle_{axis.axis}',
+                f'{term} against initial angle: repeats together with two standard deviations; crosses: single repeats',
+                figure,
+            )
+        )
+    return found
+
+
+def _finish_ratio(axes, term, below):
+    axes.set_xlabel(below)
+    axes.set_ylabel(f'{term} [{RATIO_UNITS[term]}]')
+    low, high = axes.get_ylim()
+    if low < 0 < high and low > -0.2 * high:
+        axes.axhline(0.0, color=MEASURED, linewidth=0.6)
+    axes.legend(frameon=False)
+
+
+def against_draft(outcome, axis):
+    """Each ratio against loading: a curve an angle, and the scheduled model with its band."""
+    schedule = axis.schedule
+    if len(schedule.loadings) < 2:
+        return []
+    found = []
+    angles = sorted({c.initial_angle_deg for c in axis.together})
+    fine = np.linspace(schedule.loadings[0], schedule.loadings[-1], 101)
+    ratios, stds = schedule.curve(fine)
+    for column, term in enumerate(schedule.equation.terms):
+        figure, axes = _single()
+        value, std = ratios[:, column], stds[:, column]
+        axes.fill_between(fine, value - TWO_STD * std, value + TWO_STD * std, color=MEASURED, alpha=0.15, linewidth=0)
+        axes.plot(fine, value, color=MEASURED, linewidth=1.6, label='all angles: the schedule')
+        for k, angle in enumerate(angles):
+            members = sorted(c for c in axis.together if c.initial_angle_deg == angle)
+            values = np.array([axis.together[c][axis.choice].ratio(term) for c in members])
+            axes.errorbar(
+                [c.loading for c in members],
+                values[:, 0],
+                TWO_STD * values[:, 1],
+                color=SERIES[k % len(SERIES)],
+                marker='o',
+                markersize=4,
+                capsize=3,
+                linewidth=0.9,
+                linestyle='--',
+                label=f'{angle:g} deg',
+            )
+        _finish_ratio(axes, term, LOADING_NAMES[outcome.quantity])
+        found.append(
+            Drawing(
+                f'{term}_against_draft_{axis.axis}',
+                f'{term} against {LOADING_NAMES[outcome.quantity]}, two standard deviations',
+                figure,
+            )
+        )
+    return found
+
+
+def amplitude_drawings(outcome, axis):
+    """Natural period and equivalent damping against amplitude, all conditions on one axis."""
+    found = []
+    loadings = sorted({c.loading for c in axis.together})
+    angles = sorted({c.initial_angle_deg for c in axis.together})
+    for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio')):
+        figure = new_figure(WIDTH, HEIGHT + 0.22 * math.ceil(len(axis.together) / 2))
+        axes = quiet(figure.subplots())
+        for condition, fits in sorted(axis.together.items()):
+            fit = fits[axis.choice]
+            amplitude = np.degrees(fit.amplitude)
+            value, std = _curve(fit, quantity)
+            place = (
+                loadings.index(condition.loading) if len(loadings) > 1 else angles.index(condition.initial_angle_deg)
+            )
+            colour = SERIES[place % len(SERIES)]
+            axes.fill_between(
+                amplitude, value - TWO_STD * std, value + TWO_STD * std, color=colour, alpha=0.12, linewidth=0
+            )
+            style = LINE_STYLES[angles.index(condition.initial_angle_deg) % len(LINE_STYLES)]
+            name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if len(loadings) > 1 else '')
+            axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
+        axes.set_xlabel(f'{axis.axis} amplitude [deg]')
+        axes.set_ylabel(label)
+        _fit_to_curves(axes)
+        if quantity == 'damping':
+            axes.set_ylim(bottom=0.0)
+        figure.legend(loc='outside lower center', ncols=2, frameon=False)
+        caption = (
+            f'{label[0].upper()}{label.partition(" [")[0][1:]} against amplitude, bands of two standard deviations'
+        )
+        found.append(Drawing(f'{quantity}_against_amplitude_{axis.axis}', caption, figure))
+    return found
+
+
+def _curve(fit, quantity):
+    frequency, frequency_std = np.array(fit.frequency), np.array(fit.frequency_std)
+    if quantity == 'period':
+        period = 2.0 * np.pi / frequency
+        return period, period * frequency_std / frequency
+    return np.array(fit.damping_ratio), np.array(fit.damping_ratio_std)
+
+
+def _fit_to_curves(axes):
+    """Limits by the curves: a band that is wide where nothing was measured shall not hide them."""
+    values = np.concatenate([line.get_ydata() for line in axes.lines])
+    values = values[np.isfinite(values)]
+    if values.size:
+        low, high = values.min(), values.max()
+        margin = 0.35 * (high - low) + 0.01 * abs(high)
+        axes.set_ylim(low - margin, high + margin)
+
+
+def record_drawings(outcome, axis):
+    """Measured and identified motion with residual of every record."""
+    found = []
+    for record, fits in zip(axis.records, axis.fits['simulation'], strict=True):
+        fit, motion = fits[axis.choice], record.problem.motions[0]
+        state = fit.initial_states[0]
+        angle, rate = simulate(fit.model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
+        measured, label = _shown(motion)
+        simulated = rate if motion.angle is None else angle
+        figure = new_figure(WIDTH, HEIGHT)
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        time, m, s = _thinned(motion.time, np.degrees(measured), np.degrees(simulated))
+        quiet(above).plot(time, m, color=MEASURED, linewidth=1.3, label='measured')
+        above.plot(time, s, color=MODEL, linewidth=1.0, linestyle='--', label='identified')
+        above.set_ylabel(label)
+        above.legend(frameon=False, ncols=2, loc='upper right')
+        c = record.condition
+        above.set_title(
+            f'{c.initial_angle_deg:g} deg, {_loading(outcome, c)}, repeat {record.repeat}', fontsize='small'
+        )
+        quiet(below).plot(time, m - s, color=RESIDUAL, linewidth=0.7)
+        below.axhline(0.0, color=MEASURED, linewidth=0.5)
+        below.set_ylabel('residual')
+        below.set_xlabel('time [s]')
+        name = f'record_{axis.axis}_{c.initial_angle_deg:g}deg_{c.loading:g}_repeat{record.repeat}'
+        best = ' (best repeat)' if axis.records[axis.best[c]] is record else ''
+        found.append(Drawing(name, f'{record.name}{best}: R² {fit.r2:.5f}', figure))
+    return found
+
+
+def correlation_drawings(outcome, axis):
+    """Correlations between the ratios of the chosen equation, a figure a draft."""
+    found = []
+    for loading, fits in axis.by_draft.items():
+        fit = fits[axis.choice]
+        terms = list(term_values(fit))
+        matrix = correlation(np.array(fit.covariance))
+        figure = new_figure(3.4, 3.1)
+        axes = figure.subplots()
+        axes.pcolormesh(matrix[::-1], cmap='RdBu_r', vmin=-1.0, vmax=1.0, alpha=0.75, edgecolors='none')
+        count = len(terms)
+        for i in range(count):
+            for j in range(count):
+                axes.text(j + 0.5, count - i - 0.5, f'{matrix[i, j]:.2f}', ha='center', va='center', fontsize='small')
+        axes.set_xticks(np.arange(count) + 0.5, terms)
+        axes.set_yticks(np.arange(count) + 0.5, terms[::-1])
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+        axes.set_title(f'{LOADING_NAMES[outcome.quantity]} {loading:g}')
+        found.append(
+            Drawing(f'correlation_{axis.axis}_{loading:g}', 'Correlations, all records of the draft together', figure)
+        )
+    return found

@@ -1,0 +1,155 @@
+"""The page of a campaign: one HTML file that needs nothing else, dark and light, narrow, wide and printed."""
+
+import html
+import io
+import re
+
+import matplotlib
+
+from swath_sysid.report.figures import MEASURED
+
+STYLE_SHEET = """
+:root{color-scheme:light dark;--paper:#ffffff;--ink:#1f2933;--faint:#5c6b7a;--line:#d8dee4;--panel:#f6f8fa;
+--good:#1c7c3c;--good-back:#e2f4e6;--bad:#a3362a;--link:#1f6f92}
+@media (prefers-color-scheme:dark){:root{--paper:#14181d;--ink:#e4e9ee;--faint:#9aa7b4;--line:#333c46;--panel:#1c2229;
+--good:#7bd694;--good-back:#1d3a27;--bad:#f0948a;--link:#6db9dc}}
+*{box-sizing:border-box}
+body{margin:0;background:var(--paper);color:var(--ink);font:16px/1.5 system-ui,sans-serif}
+main{max-width:1560px;margin:0 auto;padding:1rem clamp(.75rem,3vw,2.5rem) 4rem}
+h1{font-size:1.7rem;line-height:1.2;margin:.6rem 0}
+h2{font-size:1.3rem;margin:2.4rem 0 .4rem;padding-top:.5rem;border-top:1px solid var(--line)}
+h3{font-size:1.05rem;margin:1.6rem 0 .3rem}
+p,li{max-width:75ch;overflow-wrap:anywhere}
+a{color:var(--link)}
+nav ul{display:flex;flex-wrap:wrap;gap:.2rem 1.1rem;padding:0;list-style:none}
+.note{color:var(--faint);font-size:.92rem;margin:.2rem 0 .6rem}
+.choice{background:var(--panel);border-left:4px solid var(--good);padding:.6rem 1rem;max-width:90ch}
+.figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,350px),1fr));gap:1rem}
+figure{margin:0;background:var(--panel);border-radius:6px;padding:.5rem;break-inside:avoid;min-width:0}
+figure svg{display:block;width:100%;height:auto;max-height:26rem}
+figcaption{font-size:.85rem;color:var(--faint);overflow-wrap:anywhere}
+table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums;margin:.3rem 0 1rem}
+th,td{padding:.22rem .55rem;text-align:right;border-bottom:1px solid var(--line);overflow-wrap:break-word}
+@media (min-width:821px){td:not(.words){white-space:nowrap}}
+th{font-weight:600;vertical-align:bottom}
+th:first-child,td:first-child,td.words{text-align:left}
+thead th{border-bottom:2px solid var(--line)}
+td.best{background:var(--good-back);color:var(--good);font-weight:650}
+td.beyond{color:var(--bad)}
+.wide{font-size:.78rem}
+.wide th,.wide td{padding:.2rem .32rem}
+@media (max-width:820px){
+table,tbody,tr,td{display:block;width:100%}
+thead{position:absolute;left:-10000px;top:auto;width:1px;height:1px;overflow:hidden}
+tr{border:1px solid var(--line);border-radius:6px;margin:.5rem 0;padding:.25rem .5rem;background:var(--panel)}
+td,td:first-child,td.words{display:flex;gap:1rem;justify-content:space-between;border:0;text-align:right;
+padding:.1rem 0}
+td::before{content:attr(data-name);color:var(--faint);text-align:left;font-weight:400;flex:0 1 55%}
+}
+@media print{
+td:not(.words){white-space:nowrap}
+:root{--paper:#fff;--ink:#111;--faint:#444;--line:#bbb;--panel:#fff;--good:#0b5d25;--good-back:#e6f3e8;--bad:#8c1c10;--link:#111}
+body{font-size:10pt}
+nav{display:none}
+main{max-width:none;padding:0}
+.figures{grid-template-columns:repeat(3,1fr);gap:.5rem}
+table{font-size:7.5pt}
+.wide{font-size:6.2pt}
+tr{break-inside:avoid}
+h2,h3{break-after:avoid}
+@page{size:A4 landscape;margin:12mm}
+}
+"""
+MANY_COLUMNS = 9
+
+
+def escaped(text):
+    """Text for HTML."""
+    return html.escape(str(text)).replace(' %', '\u00a0%')
+
+
+def page(title, body, links):
+    """A whole page.
+
+    Parameters
+    ----------
+    title : str
+    body : sequence of str
+        HTML.
+    links : sequence of (str, str)
+        Anchor and name of each section.
+    """
+    contents = ''.join(f'<li><a href="#{anchor}">{escaped(name)}</a></li>' for anchor, name in links)
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        '<link rel="icon" href="data:,">'
+        f'<title>{escaped(title)}</title><style>{STYLE_SHEET}</style></head>\n<body><main>\n<h1>{escaped(title)}</h1>\n'
+        f'<nav aria-label="Sections"><ul>{contents}</ul></nav>\n' + '\n'.join(body) + '\n</main></body></html>\n'
+    )
+
+
+def section(anchor, name, parts):
+    """A section with its heading; nothing where there are no parts."""
+    parts = [part for part in parts if part]
+    return f'<section id="{anchor}"><h2>{escaped(name)}</h2>\n' + '\n'.join(parts) + '</section>' if parts else ''
+
+
+def paragraph(text, kind=''):
+    """A paragraph of plain text."""
+    return f'<p class="{kind}">{escaped(text)}</p>' if kind else f'<p>{escaped(text)}</p>'
+
+
+def bullets(lines):
+    """A list of plain lines; nothing where there are none."""
+    return f'<ul>{"".join(f"<li>{escaped(line)}</li>" for line in lines)}</ul>' if lines else ''
+
+
+def table_as_html(table):
+    """A table; on a narrow screen every row becomes a card."""
+    kind = ' class="wide"' if len(table.columns) > MANY_COLUMNS else ''
+    head = ''.join(f'<th scope="col">{escaped(c.name)}</th>' for c in table.columns)
+    rows = []
+    for k, row in enumerate(table.rows):
+        cells = []
+        for j, (column, value) in enumerate(zip(table.columns, row, strict=True)):
+            shown = column.show(value)
+            words = isinstance(value, str) and not shown.replace('.', '').isdigit()
+            kinds = [name for name in (table.marks.get((k, j)), 'words' if words else None) if name]
+            css = f' class="{" ".join(kinds)}"' if kinds else ''
+            cells.append(f'<td{css} data-name="{escaped(column.name)}">{escaped(shown)}</td>')
+        rows.append(f'<tr>{"".join(cells)}</tr>')
+    return (
+        f'<h3>{escaped(table.title)}</h3><p class="note">{escaped(table.note)}</p>'
+        f'<table{kind}><thead><tr>{head}</tr></thead><tbody>\n' + '\n'.join(rows) + '\n</tbody></table>'
+    )
+
+
+def svg_of(figure, name):
+    """SVG of a figure, the same every time."""
+    text = io.StringIO()
+    with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': name}):
+        figure.savefig(text, format='svg', metadata={'Date': None, 'Creator': None})
+    return text.getvalue()
+
+
+def inline(svg, name, caption):
+    """An SVG as a figure of the page: its ink takes the page's colour, its names are its own."""
+    body = svg[svg.index('<svg') :]
+    body = re.sub(r'<metadata>.*?</metadata>', '', body, flags=re.DOTALL)
+    referenced = set(re.findall(r'(?:url\(#|xlink:href="#)([^)"]+)', body))
+    body = re.sub(r' id="([^"]+)"', lambda m: f' id="{name}-{m.group(1)}"' if m.group(1) in referenced else '', body)
+    body = re.sub(r'(url\(#|xlink:href="#)', rf'\g<1>{name}-', body)
+    body = body.replace(MEASURED, 'currentColor').replace('fill: #ffffff', 'fill: none')
+    body = re.sub(r'<svg ([^>]*?)>', lambda m: _responsive(m.group(1), caption), body, count=1)
+    return f'<figure>{body.strip()}<figcaption>{escaped(caption)}</figcaption></figure>'
+
+
+def _responsive(attributes, caption):
+    kept = re.sub(r'\b(?:width|height)="[^"]*"\s*', '', attributes)
+    return f'<svg {kept} role="img" aria-label="{escaped(caption)}">'
+
+
+def figures(parts):
+    """A grid of figures; nothing where there are none."""
+    return f'<div class="figures">{"".join(parts)}</div>' if parts else ''

@@ -1,0 +1,250 @@
+"""The report of a campaign: a page, the same tables as CSV, the figures as SVG, and the model file."""
+
+import html
+from dataclasses import asdict
+from pathlib import Path
+
+import matplotlib
+import numpy
+import scipy
+
+from swath_sysid import __version__
+from swath_sysid.errors import InputError
+from swath_sysid.files.atomic import replacing
+from swath_sysid.files.model_file import write_scheduled
+from swath_sysid.identification.campaign import out_of_order
+from swath_sysid.report.campaign_figures import campaign_drawings
+from swath_sysid.report.campaign_page import (
+    bullets,
+    figures,
+    inline,
+    page,
+    paragraph,
+    section,
+    svg_of,
+    table_as_html,
+)
+from swath_sysid.report.campaign_tables import (
+    coefficient_table,
+    coefficients_long_table,
+    errors_table,
+    fits_table,
+    next_step_table,
+    noise_statement,
+    objective_table,
+    ranking_table,
+    schedule_table,
+    spread_statement,
+    spread_table,
+    table_as_csv,
+    trials_table,
+)
+
+PAGE, MODEL = 'report.html', 'model.yaml'
+TABLES, FIGURES = 'tables', 'figures'
+
+
+def write_report(outcome, folder, wall_s):
+    """Write everything that a campaign found.
+
+    ``report.html``, ``tables/*.csv``, ``figures/*.svg`` and ``model.yaml``, each whole or not at all.
+    The tables depend on the trials and settings alone, not on when and where they were made.
+
+    Parameters
+    ----------
+    outcome : CampaignOutcome
+    folder : str or Path
+    wall_s : float
+        How long this run took.
+
+    Returns
+    -------
+    Path
+        Of the page.
+    """
+    folder = Path(folder)
+    try:
+        for name in (TABLES, FIGURES):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
+    trials = trials_table(outcome)
+    tables = [trials, fits_table(outcome), coefficients_long_table(outcome)]
+    body, links = [section('short', 'In short', _in_short(outcome))], [('short', 'In short')]
+    drawn = []
+    for axis in outcome.axes:
+        sections, own_tables, own_drawn = _axis_sections(outcome, axis)
+        tables += own_tables
+        drawn += own_drawn
+        for anchor, name, parts in sections:
+            name = name if len(outcome.axes) == 1 else f'{axis.axis.capitalize()}: {name[0].lower()}{name[1:]}'
+            written = section(f'{axis.axis}-{anchor}', name, parts)
+            if written:
+                body.append(written)
+                links.append((f'{axis.axis}-{anchor}', name))
+    for anchor, name, parts in (
+        ('trials', 'Trials', [table_as_html(trials)]),
+        ('warnings', 'Warnings', _warnings(outcome)),
+        ('made', 'How this was made', _how_made(outcome, wall_s)),
+    ):
+        body.append(section(anchor, name, parts))
+        links.append((anchor, name))
+    for table in tables:
+        _write(folder / TABLES / f'{table.name}.csv', table_as_csv(table))
+    for name, svg in drawn:
+        _write(folder / FIGURES / f'{name}.svg', svg)
+    write_scheduled(folder / MODEL, {axis.axis: axis.schedule for axis in outcome.axes})
+    _write(folder / PAGE, page(f'Campaign: {outcome.manifest.title}', body, links))
+    return folder / PAGE
+
+
+def _write(path, text):
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding='utf-8')
+
+
+def _in_short(outcome):
+    used = sum(t.record is not None for t in outcome.trials)
+    craft = {k: v for k, v in asdict(outcome.manifest.craft).items() if v is not None}
+    parts = [
+        paragraph(
+            f'{outcome.manifest.craft.name}: {used} of {len(outcome.trials)} trials used'
+            + (f', {", ".join(_particular(k, v) for k, v in craft.items() if k != "name")}' if len(craft) > 1 else '')
+            + '.'
+        )
+    ]
+    for axis in outcome.axes:
+        parts.append(
+            f'<div class="choice"><p><strong>{axis.axis.capitalize()}.</strong> '
+            f'{html.escape(axis.ranking.reason)}</p></div>'
+        )
+        lines = [a.message[0].upper() + a.message[1:] + '.' for a in axis.ranking.findings]
+        lines += [spread_statement(axis)] if axis.spreads else []
+        lines += [
+            f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
+            for objective, fits in axis.fits.items()
+        ]
+        lines.append(_order_statement(axis))
+        parts.append(bullets(lines))
+    return parts
+
+
+def _particular(key, value):
+    name, _, unit = key.rpartition('_')
+    return f'{name} {value:g} {unit}'
+
+
+def _order_statement(axis):
+    groups = [*(f for fits in axis.fits.values() for f in fits), *axis.together.values(), *axis.by_draft.values()]
+    wrong = [pair for fits in groups for pair in out_of_order(fits)]
+    if wrong:
+        return (
+            f'In {len(wrong)} cases an equation fits worse than one it contains ({wrong[0][0]}, {wrong[0][1]}): '
+            'the search had not converged.'
+        )
+    return f'No equation fits worse than one that it contains, in any of {len(groups)} rows: the searches converged.'
+
+
+def _axis_sections(outcome, axis):
+    drawings = campaign_drawings(outcome, axis)
+    drawn, shown = [], {}
+    for kind, items in drawings.items():
+        shown[kind] = []
+        for item in items:
+            svg = svg_of(item.figure, item.name)
+            drawn.append((item.name, svg))
+            shown[kind].append(inline(svg, item.name.replace('.', '_'), item.caption))
+    ranking = ranking_table(axis)
+    objectives = [objective_table(outcome, axis, objective) for objective in axis.fits]
+    ratios, repeats = coefficient_table(outcome, axis), spread_table(outcome, axis)
+    errors, check = errors_table(outcome, axis), next_step_table(outcome, axis)
+    schedule = schedule_table(outcome, axis)
+    tables = [ranking, *objectives, ratios, repeats, errors, check, errors_table(outcome, axis, every_equation=True)]
+    tables += [schedule] if schedule else []
+    marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
+    sections = (
+        (
+            'equations',
+            'Which equation',
+            [
+                table_as_html(ranking),
+                paragraph(marks, 'note'),
+                *(table_as_html(t) for t in objectives),
+            ],
+        ),
+        ('decays', 'Decays', [figures(shown['decays'])]),
+        (
+            'ratios',
+            'Coefficients',
+            [
+                figures(shown['against_angle']),
+                table_as_html(ratios),
+                table_as_html(repeats) if axis.spreads else '',
+            ],
+        ),
+        ('draft', 'Against draft', [figures(shown['against_draft']), table_as_html(schedule) if schedule else '']),
+        ('amplitude', 'Period and damping', [figures(shown['amplitude'])]),
+        ('errors', 'Next step, simulation, forecast', [table_as_html(errors), table_as_html(check)]),
+        ('records', 'Every record', [figures(shown['records'])]),
+        (
+            'correlations',
+            'Correlations',
+            [
+                paragraph(
+                    'Ratios whose correlation is beyond 0.95 cannot be told apart: use them together only.', 'note'
+                ),
+                figures(shown['correlations']),
+            ],
+        ),
+    )
+    return sections, tables, drawn
+
+
+def _warnings(outcome):
+    left_out = [f'{t.name}: {t.reason}' for t in outcome.trials if t.record is None]
+    lines = [f'Manifest, {fault}' for fault in outcome.manifest.faults]
+    lines += [f'Left out: {line}' for line in left_out]
+    lines += [f'Failed: {line}' for line in outcome.failures]
+    gathered = {}
+    for t in outcome.trials:
+        for advice in t.advice:
+            gathered.setdefault(f'{advice.message}', []).append(t.name)
+    for axis in outcome.axes:
+        for condition, fits in axis.together.items():
+            own = (a for a in fits[axis.choice].warnings if a.code in ('not-separable', 'term-vanished', 'range-limit'))
+            for advice in own:
+                where = f'{condition.initial_angle_deg:g} deg at {condition.loading:g}'
+                gathered.setdefault(_without_numbers(advice), []).append(where)
+    lines += [f'{_sentence(message)} ({", ".join(dict.fromkeys(names))})' for message, names in gathered.items()]
+    return [bullets(lines) or paragraph('None.')]
+
+
+def _without_numbers(advice):
+    """The same message for all conditions, without the figure that differs."""
+    return (
+        advice.message
+        if advice.code != 'not-separable'
+        else advice.message.partition(' (correlation')[0]
+        + (': use them together only, choose an equation without one of them, or add records of other amplitudes')
+    )
+
+
+def _sentence(text):
+    return f'{text[0].upper()}{text[1:]}'
+
+
+def _how_made(outcome, wall_s):
+    search = outcome.manifest.search
+    lines = [
+        f'swath_sysid {__version__}, numpy {numpy.__version__}, scipy {scipy.__version__}, matplotlib '
+        f'{matplotlib.__version__}.',
+        f'Search {search.algorithm}, preset {search.preset or "none"}, generations '
+        f'{search.generations or "as usual"}, population '
+        f'{search.population or "as usual"}, seed {search.seed}; objectives {", ".join(outcome.manifest.objectives)}.',
+        f'This run took {wall_s:.1f} s for {outcome.computed} tasks; {outcome.kept} were known from before. All '
+        f'tasks together took {outcome.cpu_s:.1f} s of processor time.',
+        'The hashes of the trials are in the table of trials; the complete numbers are in the folder tables, the '
+        'figures in figures, '
+        'the model in model.yaml.',
+    ]
+    return [bullets(lines)]
