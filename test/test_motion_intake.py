@@ -1,0 +1,122 @@
+"""One IMU message to the motion of the craft: what is read, what is left out, what is counted."""
+from math import inf, isnan, nan
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from imu_stream import EPOCH_NS, NOT_GIVEN, UNKNOWN, diagonal, reading
+from scipy.spatial.transform import Rotation
+
+from swath_sysid.motion.intake import (
+    ABSURD,
+    BAD_QUATERNION,
+    EMPTY,
+    INTAKE_REASONS,
+    NO_ORIENTATION,
+    NOT_FINITE,
+    UNKNOWN_COVARIANCE,
+    ImuReading,
+    take_in,
+)
+from swath_sysid.motion.sensing import Installation
+
+STRAIGHT = Installation()
+ANGLES = ('roll', 'pitch', 'yaw')
+RATES = ('roll_rate', 'pitch_rate')
+
+
+def values_of(sample, names):
+    """Some fields of a sample."""
+    return [getattr(sample, name) for name in names]
+
+
+def test_angles_and_euler_rates_come_out_as_they_went_in():
+    sample, reasons = take_in(reading(EPOCH_NS, 0.2, -0.3, 0.5, -0.6, yaw=1.1), STRAIGHT)
+    assert values_of(sample, ANGLES + RATES) == pytest.approx([0.2, -0.3, 1.1, 0.5, -0.6])
+    assert sample.stamp_ns == EPOCH_NS and reasons == ()
+    assert values_of(sample, ['roll_variance', 'pitch_rate_variance']) == [1e-6, 2.5e-5]
+    assert all(type(value) is float for value in sample[1:])
+
+
+def test_a_mounted_sensor_tells_the_motion_of_the_craft():
+    """Against scipy's rotations: the sensor is the craft's attitude times its mounting."""
+    mounting = (0.3, -0.2, 1.4)
+    craft = Rotation.from_euler('ZYX', [0.7, -0.25, 0.15])
+    sits = Rotation.from_euler('ZYX', mounting[::-1])
+    body_rates, force = np.array([0.1, -0.4, 0.2]), np.array([0.5, -0.3, 9.7])
+    spread = np.diag([1e-6, 4e-6, 9e-6])
+    given = ImuReading(
+        EPOCH_NS, tuple((craft * sits).as_quat().tolist()),
+        (sits.as_matrix().T @ spread @ sits.as_matrix()).ravel().tolist(),
+        tuple(sits.inv().apply(body_rates).tolist()), UNKNOWN, tuple(sits.inv().apply(force).tolist()), UNKNOWN,
+    )
+    sample, _ = take_in(given, Installation('flu', mounting))
+    assert values_of(sample, ('yaw', 'pitch', 'roll')) == pytest.approx([0.7, -0.25, 0.15])
+    assert values_of(sample, ('accel_x', 'accel_y', 'accel_z')) == pytest.approx(force)
+    assert values_of(sample, ('roll_variance', 'pitch_variance')) == pytest.approx([1e-6, 4e-6])
+    assert sample.pitch_rate == pytest.approx(-0.4 * np.cos(0.15) - 0.2 * np.sin(0.15))
+
+
+def test_a_sensor_in_ned_is_turned():
+    sample, _ = take_in(reading(EPOCH_NS, 0.2, -0.3, 0.5, -0.6), Installation('frd'))
+    assert values_of(sample, ('roll', 'pitch', 'roll_rate', 'pitch_rate')) == pytest.approx([0.2, 0.3, 0.5, 0.6])
+    assert sample.accel_z == -9.81
+
+
+@pytest.mark.parametrize(('changes', 'counted'), [
+    ({'orientation': (0.0, 0.0, 0.0, 0.0)}, BAD_QUATERNION),
+    ({'orientation': (5e-324, 0.0, 1e-310, 0.0)}, BAD_QUATERNION),
+    ({'orientation': (3.0, 1.0, 0.0, 2.0)}, BAD_QUATERNION),
+    ({'orientation': (nan, 0.0, 0.0, 1.0)}, NOT_FINITE),
+    ({'orientation': (0.0, -inf, 0.0, 1.0)}, NOT_FINITE),
+    ({'orientation_covariance': NOT_GIVEN}, NO_ORIENTATION),
+])
+def test_without_a_usable_orientation_body_rates_stand_for_euler_rates(changes, counted):
+    sample, reasons = take_in(reading(EPOCH_NS, 0.2, 0.1, **changes)._replace(rates=(0.1, 0.2, 0.3)), STRAIGHT)
+    assert all(isnan(value) for value in values_of(sample, ANGLES))
+    assert values_of(sample, RATES) == [0.1, 0.2]
+    assert reasons == (counted,)
+
+
+@pytest.mark.parametrize(('changes', 'counted'), [
+    ({'rates': (nan, 0.0, 0.0)}, NOT_FINITE),
+    ({'rates': (0.0, inf, 0.0)}, NOT_FINITE),
+    ({'rates': (0.0, 0.0, 1e3)}, ABSURD),
+])
+def test_without_usable_rates_the_angles_stay(changes, counted):
+    sample, reasons = take_in(reading(EPOCH_NS, 0.2, 0.1, **changes), STRAIGHT)
+    assert values_of(sample, ('roll', 'pitch')) == pytest.approx([0.2, 0.1])
+    assert all(isnan(value) for value in values_of(sample, RATES)) and reasons == (counted,)
+
+
+def test_a_force_that_cannot_be_costs_the_force_only():
+    sample, reasons = take_in(reading(EPOCH_NS, 0.2, force=(nan, 0.0, 1e9)), STRAIGHT)
+    assert isnan(sample.accel_z) and sample.roll == pytest.approx(0.2) and reasons == (NOT_FINITE,)
+
+
+def test_nothing_usable_leaves_the_sample_out():
+    sample, reasons = take_in(reading(EPOCH_NS, rates=(nan,) * 3, orientation=(0.0,) * 4), STRAIGHT)
+    assert sample is None and set(reasons) == {NOT_FINITE, BAD_QUATERNION, EMPTY}
+
+
+@pytest.mark.parametrize('covariance', [UNKNOWN, diagonal(nan), diagonal(-1e-6), diagonal(inf)])
+def test_covariances_that_say_nothing_are_unknown(covariance):
+    # -1 in the first place has a meaning of its own
+    sample, reasons = take_in(reading(EPOCH_NS, rates_covariance=covariance), STRAIGHT)
+    assert isnan(sample.roll_rate_variance) and sample.roll_variance == 1e-6
+    assert reasons == (UNKNOWN_COVARIANCE,)
+
+
+numbers = st.floats(width=64)
+
+
+@given(st.tuples(*[numbers] * 4), st.tuples(*[numbers] * 9), st.tuples(*[numbers] * 3), st.tuples(*[numbers] * 9),
+       st.tuples(*[numbers] * 3), st.sampled_from([STRAIGHT, Installation('frd', (0.1, 0.2, 0.3))]))
+def test_any_message_is_taken_in_without_an_error(orientation, covariance, rates, rates_covariance, force, sits):
+    sample, reasons = take_in(
+        ImuReading(EPOCH_NS, orientation, covariance, rates, rates_covariance, force, UNKNOWN), sits)
+    assert set(reasons) <= set(INTAKE_REASONS)
+    if sample is not None:
+        assert not np.isinf(sample[1:]).any()
+        assert not (np.array(values_of(sample, ('roll_variance', 'pitch_rate_variance'))) <= 0.0).any()

@@ -1,0 +1,113 @@
+"""The order of stamps: what is left out, what is counted, and when the clock has moved."""
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath_sysid.errors import InputError
+from swath_sysid.motion.stamps import (
+    DUPLICATE,
+    GAP,
+    JUMPED_BACK,
+    LONG_GAP,
+    OUT_OF_ORDER,
+    RATE_CHANGED,
+    STAMP_REASONS,
+    STRAY,
+    StampOrder,
+    StampSettings,
+)
+
+EPOCH = 1_700_000_000
+
+
+def even(rate, duration, start=0.0):
+    """Even stamps, ns."""
+    return EPOCH * 10**9 + np.round((start + np.arange(round(duration * rate)) / rate) * 1e9).astype(np.int64)
+
+
+def place_all(stamps):
+    """Indices kept, and the counts."""
+    order, counts, kept = StampOrder(), Counter(), []
+    for index, stamp in enumerate(np.asarray(stamps).tolist()):
+        placed = order.place(stamp)
+        counts.update(placed.reasons)
+        if placed.kept:
+            kept.append(index)
+    return kept, dict(counts), order
+
+
+@pytest.mark.parametrize('rate', [0.2, 1, 25, 100, 1000])
+def test_even_stamps_all_follow(rate):
+    kept, counts, order = place_all(even(rate, 200 / rate))
+    assert len(kept) == 200 and counts == {}
+    assert order.interval == pytest.approx(1 / rate, rel=1e-6)
+
+
+def test_jittered_stamps_all_follow():
+    stamps = even(100, 60) + np.random.default_rng(1).integers(-4_000_000, 4_000_000, 6000)
+    kept, counts, _ = place_all(stamps)
+    assert len(kept) == 6000 and counts == {}
+
+
+def test_repeated_and_late_stamps_are_left_out():
+    stamps = even(100, 2)
+    stamps[50], stamps[80] = stamps[49], stamps[60]
+    kept, counts, _ = place_all(stamps)
+    assert counts == {DUPLICATE: 1, OUT_OF_ORDER: 1}
+    assert set(range(200)) - set(kept) == {50, 80}
+
+
+def test_a_bag_that_loops_is_followed_after_one_sample():
+    kept, counts, _ = place_all(np.tile(even(100, 3), 3))
+    assert counts == {JUMPED_BACK: 2}
+    assert set(range(900)) - set(kept) == {300, 600}
+
+
+def test_a_gap_is_counted_and_a_long_one_is_a_new_beginning():
+    kept, counts, _ = place_all(np.concatenate([even(100, 2), even(100, 2, 2.5), even(100, 2, 60.0)]))
+    assert counts == {GAP: 1, LONG_GAP: 1}
+    assert set(range(600)) - set(kept) == {400}
+
+
+def test_stray_packets_move_nothing():
+    stamps = even(100, 3)
+    stamps[100], stamps[200] = 0, 2 * stamps[0]
+    kept, counts, _ = place_all(stamps)
+    assert counts == {OUT_OF_ORDER: 1, STRAY: 1}
+    assert set(range(300)) - set(kept) == {100, 200}
+
+
+@pytest.mark.parametrize('behind', [0.053, 0.5, 7.0, 1e6])
+def test_of_two_publishers_the_one_ahead_is_followed(behind):
+    stamps = np.stack([even(100, 3), even(100, 3, -behind)], axis=1).ravel()
+    kept, counts, _ = place_all(stamps)
+    assert all(index % 2 == 0 for index in kept) and len(kept) == 300
+    assert set(counts) == {OUT_OF_ORDER}
+
+
+@pytest.mark.parametrize('rate', [10, 25, 400, 1000])
+def test_a_new_rate_is_counted_once_and_followed(rate):
+    _, counts, order = place_all(np.concatenate([even(100, 5), even(rate, 500 / rate, 5.0)]))
+    assert counts[RATE_CHANGED] == 1
+    assert order.interval == pytest.approx(1 / rate, rel=0.05)
+    assert set(counts) <= {RATE_CHANGED, GAP}
+
+
+@given(st.lists(st.integers(-2**31 * 10**9, 2**31 * 10**9), max_size=60))
+def test_any_stamps_are_placed_and_two_even_ones_are_kept_afterwards(stamps):
+    """Whatever came before, a sensor that stamps evenly is heard again at its second sample."""
+    order = StampOrder()
+    for stamp in stamps:
+        assert set(order.place(stamp).reasons) <= set(STAMP_REASONS)
+    following = [order.place(int(stamp)).kept for stamp in even(100, 2.5)]
+    # a sensor that lies back by less than backward_jump is late until it has caught up
+    assert all(following[-120:])
+
+
+@pytest.mark.parametrize('fields', [{'gap_limit': 0.0}, {'backward_jump': -1.0}, {'gap_limit': float('nan')}])
+def test_settings_that_make_no_sense_are_refused(fields):
+    with pytest.raises(InputError, match=next(iter(fields))):
+        StampSettings(**fields)

@@ -1,0 +1,136 @@
+"""What the nodes tell about themselves, without ROS."""
+import pytest
+from imu_stream import EPOCH_NS, reading
+
+from swath_sysid.motion.window import WINDOW_REASONS, MotionWindow
+from swath_sysid.nodes.health import (
+    BAD_MODEL,
+    ERROR,
+    HARMLESS,
+    OK,
+    REASON_ADVICE,
+    SILENT,
+    WARN,
+    BufferHealth,
+    IdentifierHealth,
+    PredictorHealth,
+    StreamHealth,
+    reasons_table,
+)
+from swath_sysid.prediction.outlook import Outlook
+from swath_sysid.prediction.predictor import REASONS
+
+COUNTS = {'gap': 0, 'no-orientation': 0}
+
+
+def report(health, now, age=0.0, counts=COUNTS, used=0, interval=0.01):
+    return health.report(now, EPOCH_NS + round((now + age) * 1e9), counts, used, interval)
+
+
+def receive(health, begin, end, rate=100.0, spent=1e-3):
+    """Messages with the stamps of their arrival."""
+    for k in range(round((end - begin) * rate)):
+        now = begin + k / rate
+        health.note_message(EPOCH_NS + round(now * 1e9), now, now + spent)
+
+
+def test_every_reason_has_an_advice():
+    assert set(WINDOW_REASONS) | set(REASONS) <= set(REASON_ADVICE)
+    assert all(f'`{reason}`' in reasons_table() for reason in REASON_ADVICE)
+    assert HARMLESS < set(REASON_ADVICE)
+
+
+def test_a_sensor_never_heard_is_waited_for_and_then_an_error():
+    health = StreamHealth('imu/data')
+    levels = [report(health, now).level for now in (0.0, 1.0, 4.0, 6.0)]
+    assert levels == [WARN, WARN, WARN, ERROR]
+    assert 'remap' in report(health, 7.0).message
+
+
+def test_a_healthy_stream_is_told_with_its_rate():
+    health = StreamHealth('imu/data')
+    report(health, 0.0)
+    receive(health, 0.0, 1.0)
+    told = report(health, 1.0, used=100)
+    assert told.level == OK and told.values['rate_hz'] == 100.0 and told.values['used'] == 100
+    assert told.values['processing_ms_max'] == pytest.approx(1.0)
+    assert told.values['stamp_age_s'] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_silence_is_an_error_counted_once_each_time():
+    health = StreamHealth('imu/data')
+    counted = []
+    for second in range(12):
+        if second % 6 < 2:
+            receive(health, second, second + 1.0)
+        counted.append((report(health, second + 1.0).level, health.counts[SILENT]))
+    assert counted[1] == (OK, 0) and counted[4] == (ERROR, 1) and counted[7] == (OK, 1) and counted[10] == (ERROR, 2)
+
+
+def test_a_slow_sensor_is_not_silent():
+    health = StreamHealth('imu/data')
+    for second in range(0, 30, 1):
+        if second % 2 == 0:
+            receive(health, second, second + 1, rate=1.0)
+        report(health, second + 1.0, interval=2.0)
+    assert health.counts[SILENT] == 0
+
+
+def test_new_counts_warn_once_and_harmless_ones_never():
+    health = StreamHealth('imu/data')
+    receive(health, 0.0, 1.0)
+    report(health, 1.0)
+    receive(health, 1.0, 3.0)
+    assert report(health, 2.0, counts={'gap': 3, 'no-orientation': 100}).level == WARN
+    assert report(health, 3.0, counts={'gap': 3, 'no-orientation': 200}).level == OK
+
+
+def test_several_publishers_warn_while_there_are_and_count_once():
+    health = StreamHealth('imu/data')
+    levels = []
+    for second, publishers in enumerate([1, 2, 2, 1, 3]):
+        receive(health, second, second + 1.0)
+        health.note_publishers(publishers)
+        levels.append(report(health, second + 1.0).level)
+    assert levels == [OK, WARN, WARN, OK, WARN] and health.counts['several-publishers'] == 2
+
+
+def test_stamps_of_another_clock_warn():
+    health = StreamHealth('imu/data')
+    receive(health, 0.0, 1.0)
+    told = report(health, 1.0, age=86400.0)
+    assert told.level == WARN and 'use_sim_time' in told.message
+
+
+def test_the_buffer_tells_its_window():
+    window = MotionWindow()
+    health = BufferHealth('imu/data', window)
+    for k in range(100):
+        window.add(reading(EPOCH_NS + k * 10_000_000))
+    stream, state = health.reports(1.0, EPOCH_NS)
+    assert stream.name == 'imu' and state.values['samples'] == 100 and state.level == OK
+    assert set(WINDOW_REASONS) <= set(stream.values)
+
+
+def test_the_predictor_tells_that_it_has_no_model():
+    outlook = Outlook()
+    health = PredictorHealth('imu/data', outlook)
+    for k in range(100):
+        outlook.add(reading(EPOCH_NS + k * 10_000_000))
+    stream, state = health.reports(1.0, EPOCH_NS)
+    assert state.level == WARN and 'no pitch model' in state.message and state.values['model_age_s'] == 'no model'
+    assert set(REASONS) | {BAD_MODEL} <= set(stream.values)
+    assert 'nrmse_roll_1.0s' in state.values and 'coverage90_pitch_5.0s' in state.values
+
+
+def test_the_identifier_tells_what_it_does():
+    health = IdentifierHealth()
+    assert health.report('no model', 0, False).level == OK
+    health.begin()
+    health.progress = 0.4
+    assert '40 %' in health.report('no model', 0, True).message
+    health.end(True, 'pitch: odd-cubic')
+    assert 'pitch: odd-cubic' in health.report('pitch odd-cubic', 1, False).message
+    health.note('worker-died')
+    assert health.report('pitch odd-cubic', 1, False).level == WARN
+    assert health.report('pitch odd-cubic', 1, False).level == OK

@@ -1,0 +1,146 @@
+"""The parameters: declared once, checked, and the same in table, file and settings."""
+from math import radians
+from pathlib import Path
+
+import pytest
+import yaml
+
+from swath_sysid.errors import InputError
+from swath_sysid.identification.refit import RefitSettings
+from swath_sysid.motion.window import WindowSettings
+from swath_sysid.nodes.parameter_tables import (
+    IDENTIFIER,
+    IMU_BUFFER,
+    PREDICTOR,
+    SENSOR,
+    TABLES,
+    configuration_file,
+    defaults,
+    markdown_table,
+    outlook_settings,
+    refit_settings,
+    values_from_file,
+    window_settings,
+)
+from swath_sysid.prediction.outlook import OutlookSettings
+
+SETTINGS_OF = {'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': outlook_settings}
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def changed(node, **values):
+    """The default values of a node with some changed."""
+    return {**defaults(TABLES[node]), **values}
+
+
+def test_the_defaults_are_those_of_the_cores():
+    assert window_settings(defaults(IMU_BUFFER)) == WindowSettings()
+    assert outlook_settings(defaults(PREDICTOR)) == OutlookSettings()
+    found = refit_settings(defaults(IDENTIFIER))
+    assert found.axes == RefitSettings().axes and found.least_improvement == RefitSettings().least_improvement
+    assert found.identification.chosen_equation == RefitSettings().identification.chosen_equation
+
+
+def test_what_both_hear_is_set_alike():
+    for parameter in SENSOR:
+        assert parameter in IMU_BUFFER and parameter in PREDICTOR
+
+
+@pytest.mark.parametrize(('node', 'name', 'value'), [
+    ('imu_buffer', 'frame', 'ned'), ('imu_buffer', 'window_s', 0.0), ('imu_buffer', 'mounting_deg', [0.0, 90.0]),
+    ('imu_buffer', 'mounting_deg', [0.0, 0.0, float('nan')]), ('imu_buffer', 'max_rate_hz', -5.0),
+    ('identifier', 'axes', ['roll', 'yaw']), ('identifier', 'axes', []), ('identifier', 'equation', 'swath-pitch-10'),
+    ('identifier', 'objective', 'best'), ('identifier', 'search', 'magic'), ('identifier', 'population', 3),
+    ('identifier', 'least_improvement', 1.5),
+    ('predictor', 'leads_s', [1.0, 0.5]), ('predictor', 'leads_s', []), ('predictor', 'horizon_s', 1e6),
+    ('predictor', 'forecast_rate_hz', 0.0), ('predictor', 'gate_patience', 0),
+])
+def test_what_makes_no_sense_is_refused_by_a_sentence(node, name, value):
+    with pytest.raises(InputError) as refused:
+        SETTINGS_OF[node](changed(node, **{name: value}))
+    assert name.split('_')[0].rstrip('s') in str(refused.value)
+
+
+def test_values_reach_the_settings():
+    window = window_settings(changed('imu_buffer', mounting_deg=[0.0, 10.0, 90.0], frame='frd', gap_limit_s=2.0))
+    assert window.installation.mounting == (0.0, radians(10.0), radians(90.0)) and window.installation.frame == 'frd'
+    assert window.stamps.gap_limit == 2.0
+    refit = refit_settings(changed('identifier', equation='linear|linear', generations=7, seed=5, axes=['pitch']))
+    assert refit.identification.search.generations == 7 and refit.identification.search.seed == 5
+    assert refit.identification.chosen_equation.terms == ('b1', 'r1') and refit.axes == ('pitch',)
+    outlook = outlook_settings(changed('predictor', leads_s=[2.5], horizon_s=10.0))
+    assert outlook.predictor.leads == (2.5,) and outlook.predictor.horizon == 10.0
+
+
+def test_every_parameter_matters():
+    """No option does nothing: a changed value changes the settings, or the node reads it by name."""
+    others = {
+        'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0], 'axes': ['roll'], 'equation': 'swath-pitch-1',
+        'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7],
+    }
+    for node, table in TABLES.items():
+        source = ''.join(path.read_text() for path in (ROOT / 'swath_sysid' / 'nodes').glob('*.py')
+                         if path.stem != 'parameter_tables')
+        before = SETTINGS_OF[node](defaults(table))
+        for parameter in table:
+            default = parameter.default
+            if parameter.name in others:
+                other = others[parameter.name]
+            elif isinstance(default, bool):
+                other = not default
+            elif isinstance(default, int | float):
+                other = type(default)(min(2 * default + 10, parameter.highest) if default < 1e-3 or default >= 1
+                                      else default / 2)
+            else:
+                other = 'another'
+            after = SETTINGS_OF[node](changed(node, **{parameter.name: other}))
+            assert after != before or f"parameters['{parameter.name}']" in source, parameter.name
+
+
+def test_the_configuration_file_holds_the_defaults():
+    path = ROOT / 'config' / 'swath_sysid.yaml'
+    assert path.read_text(encoding='utf-8') == configuration_file(), (
+        'write it anew: python -c "from swath_sysid.nodes.parameter_tables import configuration_file; '
+        'print(configuration_file(), end=\'\')" > config/swath_sysid.yaml'
+    )
+    for node, table in TABLES.items():
+        assert values_from_file(path, node) == defaults(table)
+
+
+def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(yaml.safe_dump({
+        '/**': {'ros__parameters': {'frame': 'frd', 'use_sim_time': True, 'of_another_node': 1}},
+        'predictor': {'ros__parameters': {'leads_s': [2.0], 'frame': 'flu'}},
+        '/imu_buffer': {'ros__parameters': {'window_s': 30.0}},
+    }))
+    assert values_from_file(path, 'predictor') == changed('predictor', frame='flu', leads_s=[2.0])
+    assert values_from_file(path, 'imu_buffer') == changed('imu_buffer', frame='frd', window_s=30.0)
+    assert values_from_file(None, 'identifier') == defaults(IDENTIFIER)
+
+
+@pytest.mark.parametrize(('text', 'sentence'), [
+    ('predictor: {ros__parameters: {leads: [1.0]}}', 'has no parameter leads'),
+    ('predictor: {ros__parameters: {horizon_s: 5}}', '1.0 instead of 1'),
+    ('predictor: {ros__parameters: {leads_s: 1.0}}', 'must be of the type of'),
+    ('predictor: {leads_s: [1.0]}', 'is no ROS parameter file'),
+    ('[1, 2]', 'is no ROS parameter file'),
+    ('', 'is no ROS parameter file'),
+    ('a: [', 'is not YAML'),
+])
+def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentence):
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(text)
+    with pytest.raises(InputError, match=sentence):
+        values_from_file(path, 'predictor')
+    with pytest.raises(InputError, match='cannot read'):
+        values_from_file(tmp_path / 'missing.yaml', 'predictor')
+
+
+@pytest.mark.parametrize('node', TABLES)
+def test_the_documentation_tells_every_parameter(node):
+    lines = markdown_table(node).splitlines()
+    assert len(lines) == 2 + len(TABLES[node])
+    for parameter, line in zip(TABLES[node], lines[2:], strict=True):
+        assert line.startswith(f'| `{parameter.name}` |') and parameter.meaning.replace('|', '\\|') in line
+        assert len(line.replace('\\|', '').split('|')) == 7

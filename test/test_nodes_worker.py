@@ -1,0 +1,206 @@
+"""The worker process: warm, cancelled, killed, never left behind."""
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from swath_sysid.errors import InputError
+from swath_sysid.identification.search import Cancelled
+from swath_sysid.nodes.worker import Worker, WorkerError
+
+TEST_FOLDER = str(Path(__file__).parent)
+PATIENCE = 20.0
+
+
+def warm_up():
+    """Nothing to warm up."""
+
+
+def double(value):
+    return 2 * value
+
+
+def process_id(*, progress, should_cancel):
+    progress(0.5)
+    progress(1.0)
+    return os.getpid()
+
+
+def until_cancelled(*, progress, should_cancel):
+    progress(0.1)
+    while not should_cancel():
+        time.sleep(0.01)
+    raise Cancelled
+
+
+def deaf(*, progress, should_cancel):
+    progress(0.1)
+    time.sleep(60.0)
+
+
+def refusing(sentence):
+    raise InputError(sentence)
+
+
+def broken():
+    return 1 / 0
+
+
+def dying():
+    os._exit(3)
+
+
+@pytest.fixture(scope='module')
+def python_path():
+    """The worker imports this module too."""
+    before = os.environ.get('PYTHONPATH')
+    os.environ['PYTHONPATH'] = os.pathsep.join(filter(None, [TEST_FOLDER, before]))
+    yield
+    if before is None:
+        del os.environ['PYTHONPATH']
+    else:
+        os.environ['PYTHONPATH'] = before
+
+
+@pytest.fixture(scope='module')
+def worker(python_path):
+    deaths = []
+    worker = Worker(warm_up, lambda: deaths.append(time.monotonic()))
+    worker.deaths = deaths
+    yield worker
+    worker.close()
+
+
+class Ending:
+    """What a job ended in."""
+
+    def __init__(self):
+        self.shares, self.result, self.error = [], None, None
+        self._ended, self._moved = threading.Event(), threading.Event()
+
+    def on_progress(self, share):
+        self.shares.append(share)
+        self._moved.set()
+
+    def on_end(self, result, error):
+        self.result, self.error = result, error
+        self._ended.set()
+
+    def wait(self):
+        assert self._ended.wait(PATIENCE)
+        return self
+
+    def wait_for_progress(self):
+        assert self._moved.wait(PATIENCE)
+
+
+def submit(worker, function, *arguments, reports=False):
+    ending = Ending()
+    worker.submit(function, arguments, ending.on_end, ending.on_progress if reports else None)
+    return ending
+
+
+def is_alive(pid):
+    """Whether a process runs (a zombie does not)."""
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+    except FileNotFoundError:
+        return False
+
+
+def wait_until(condition, seconds=PATIENCE):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_functions_run_one_after_the_other_in_one_other_process(worker):
+    endings = [submit(worker, process_id, reports=True) for _ in range(3)] + [submit(worker, double, 21)]
+    pids = {ending.wait().result for ending in endings[:3]}
+    assert pids == {worker.pid} and worker.pid != os.getpid()
+    assert endings[0].shares == [0.5, 1.0] and endings[3].wait().result == 42
+
+
+def test_errors_come_back_as_errors(worker):
+    refused, failed = submit(worker, refusing, 'no such decay'), submit(worker, broken)
+    assert isinstance(refused.wait().error, InputError) and str(refused.error) == 'no such decay'
+    assert isinstance(failed.wait().error, WorkerError) and 'ZeroDivisionError' in str(failed.error)
+    assert submit(worker, double, 4).wait().result == 8
+
+
+@pytest.mark.parametrize('function', [until_cancelled, deaf])
+def test_cancelled_within_half_a_second(worker, function):
+    ending = submit(worker, function, reports=True)
+    ending.wait_for_progress()
+    begun = time.monotonic()
+    worker.cancel()
+    ending.wait()
+    assert time.monotonic() - begun < 0.5
+    assert isinstance(ending.error, Cancelled)
+    assert submit(worker, double, 5).wait().result == 10
+
+
+def test_to_cancel_nothing_does_nothing(worker):
+    worker.cancel()
+    assert submit(worker, double, 6).wait().result == 12
+
+
+def test_a_worker_that_dies_at_work_is_reported_and_started_again(worker):
+    before = len(worker.deaths)
+    ending = submit(worker, dying).wait()
+    assert isinstance(ending.error, WorkerError) and 'started again' in str(ending.error)
+    assert len(worker.deaths) == before + 1
+    assert submit(worker, double, 7).wait().result == 14
+
+
+def test_an_idle_worker_that_is_killed_is_started_again(worker):
+    submit(worker, double, 1).wait()
+    before, killed = len(worker.deaths), worker.pid
+    os.kill(killed, signal.SIGKILL)
+    wait_until(lambda: len(worker.deaths) > before)
+    assert worker.pid != killed and submit(worker, double, 8).wait().result == 16
+
+
+def test_closing_ends_what_runs(python_path):
+    worker = Worker(warm_up)
+    ending = submit(worker, deaf, reports=True)
+    ending.wait_for_progress()
+    pid = worker.pid
+    worker.close()
+    assert isinstance(ending.error, Cancelled) and not is_alive(pid)
+
+
+def test_closing_during_the_warm_up(python_path):
+    worker = Worker(time.sleep)
+    ending = submit(worker, double, 1)
+    worker.close()
+    assert isinstance(ending.wait().error, Cancelled | WorkerError)
+
+
+@pytest.mark.parametrize('how', [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_the_worker_ends_with_its_node(python_path, how):
+    """Even where the node has no time to say farewell."""
+    code = textwrap.dedent('''
+        import test_nodes_worker as t
+        worker = t.Worker(t.warm_up)
+        ending = t.submit(worker, t.until_cancelled, reports=True)
+        ending.wait_for_progress()
+        print(worker.pid, flush=True)
+        t.time.sleep(60)
+    ''')
+    with subprocess.Popen(
+        [sys.executable, '-c', code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(Path(TEST_FOLDER).parent), os.environ['PYTHONPATH']])},
+    ) as node:
+        pid = int(node.stdout.readline())
+        assert is_alive(pid)
+        node.send_signal(how)
+        node.wait(PATIENCE)
+        wait_until(lambda: not is_alive(pid))
