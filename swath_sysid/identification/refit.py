@@ -1,8 +1,10 @@
 """Refitting a craft's model on a new window: what is fitted, what is believed, and the way back."""
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import chi2
 
 from swath_sysid.errors import InputError
 from swath_sysid.hull.identified_model import IdentifiedModel
@@ -19,6 +21,9 @@ COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')
 
 LONGEST_HISTORY = 20
 
+BY_CHANCE = 0.01
+"""Probability of taking the luck of a new fit on its own window for an improvement."""
+
 
 @dataclass(frozen=True)
 class RefitSettings:
@@ -31,7 +36,7 @@ class RefitSettings:
     identification : IdentificationSettings
     least_improvement : float
         Part by which the new model's residuals must be smaller than the current model's, or more
-        where chance alone does as much: its number of ratios over the effective number of samples.
+        where chance alone does as much.
     """
 
     axes: tuple[str, ...] = AXES
@@ -190,15 +195,38 @@ def _refit_axis(axis, trial, request, progress, should_cancel):
     summary = f'{found.model.equation.name}, r2 {found.r2:.5f}, period {found.model.natural_period:.3f} s'
     if not np.isfinite(new):
         return AxisVerdict(axis, None, f'not published, the fit runs away ({summary})', new, current)
-    by_chance = len(found.model.equation.terms) / found.effective_samples
-    if held is not None and not new < (1.0 - max(request.settings.least_improvement, by_chance)) * current:
+    worth = min(1.0 - request.settings.least_improvement, _chance_ratio(found))
+    if held is not None and not new < worth * current:
         message = f'not published, the current model explains the window as well (misfit {current:.4g}, new {new:.4g})'
         return AxisVerdict(axis, None, message, new, current)
     better = '' if held is None else f', misfit {new:.4g} instead of {current:.4g}'
     return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', new, current)
 
 
-def warm_up(*, progress=None, should_cancel=None):
+def window_provenance(table, software):
+    """What is known of where a window came from.
+
+    Parameters
+    ----------
+    table : MotionTable
+    software : str
+        Name and version.
+
+    Returns
+    -------
+    dict
+    """
+    return {
+        'software': software,
+        'sources': [{
+            'topic': 'motion/window',
+            'first_stamp_s': float(table.rows[0, 0]) if len(table.rows) else None,
+            'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
+        }],
+    }
+
+
+def warm_up():
     """A small refit of simulated decays, so that the next one finds everything loaded and compiled."""
     time = np.arange(0.0, 12.0, 0.05)
     decay = 0.1 * np.exp(-0.2 * time)
@@ -208,7 +236,18 @@ def warm_up(*, progress=None, should_cancel=None):
         rows[:, 1 + index] = decay * np.cos(3.0 * time)
         rows[:, 3 + index] = -decay * (0.2 * np.cos(3.0 * time) + 3.0 * np.sin(3.0 * time))
     settings = RefitSettings(identification=IdentificationSettings(search=SearchSettings(generations=2)))
-    refit(RefitRequest(MotionTable(rows, 0), {}, settings), progress=progress, should_cancel=should_cancel)
+    refit(RefitRequest(MotionTable(rows, 0), {}, settings))
+
+
+def _chance_ratio(found):
+    """Ratio of the misfits, new over current, that chance alone undercuts with probability `BY_CHANCE`.
+
+    Two models of the same craft, each fitted with k ratios to its own window: on the new one's window their
+    sums of squared residuals, over the noise variance, differ by twice a chi-squared variable of k
+    degrees of freedom (Wilks 1938; twice, because both are uncertain).
+    """
+    excess = 2.0 * chi2.isf(BY_CHANCE, len(found.model.equation.terms)) / found.effective_samples
+    return float(1.0 / np.sqrt(1.0 + excess))
 
 
 class Refitter:

@@ -167,6 +167,12 @@ class MotionWindow:
         return float(self._ring[self._end - 1, 0] - self._ring[self._first, 0]) if self._size else 0.0
 
     @property
+    def described(self):
+        """What the window holds, for people."""
+        state = 'recording' if self.recording else 'not recording'
+        return f'{state}, {self._size} samples, {self.duration:.1f} s'
+
+    @property
     def is_short_of_memory(self):
         """Whether samples come faster than memory was taken for, so that the window is shorter than asked."""
         return self._size == len(self._ring) and self.duration < 0.95 * self.settings.window

@@ -2,6 +2,7 @@
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from swath_sysid.nodes.diagnostics import publisher_events, subscription_events
+from swath_sysid.nodes.health import QOS_MISMATCH
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Reliable, transient local, depth 1: who comes late gets the last one."""
@@ -21,17 +22,17 @@ def imu_subscription(node, kind, callback, depth, health):
     """
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     return node.create_subscription(
-        kind, IMU_TOPIC, callback, qos, event_callbacks=subscription_events(health.note_qos_mismatch)
+        kind, IMU_TOPIC, callback, qos, event_callbacks=subscription_events(lambda: health.note(QOS_MISMATCH))
     )
 
 
 def watched_publisher(node, kind, topic, qos, health):
     """A publisher whose refused subscriptions are counted."""
-    return node.create_publisher(kind, topic, qos, event_callbacks=publisher_events(health.note_qos_mismatch))
+    return node.create_publisher(kind, topic, qos, event_callbacks=publisher_events(lambda: health.note(QOS_MISMATCH)))
 
 
 def watched_subscription(node, kind, topic, callback, qos, health):
     """A subscription whose refused publishers are counted."""
     return node.create_subscription(
-        kind, topic, callback, qos, event_callbacks=subscription_events(health.note_qos_mismatch)
+        kind, topic, callback, qos, event_callbacks=subscription_events(lambda: health.note(QOS_MISMATCH))
     )

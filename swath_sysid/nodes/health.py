@@ -1,7 +1,9 @@
 """What a node tells about itself: counts by reason, and what to do about each. Without ROS."""
 from dataclasses import dataclass, field
+from math import isnan
 
 from swath_sysid.motion import intake, stamps
+from swath_sysid.motion.trial import AXES
 from swath_sysid.prediction import predictor
 
 OK, WARN, ERROR = range(3)
@@ -52,6 +54,10 @@ REASON_ADVICE = {
 
 HARMLESS = {intake.NO_ORIENTATION, intake.UNKNOWN_COVARIANCE}
 
+LONGEST_SILENCE = 1.0
+STARTING_TIME = 5.0
+"""s; a sensor that has never been heard is an error after so long: discovery takes up to three."""
+
 LARGEST_STAMP_AGE = 1.0
 """s between the stamp of a message and its arrival; more means that clocks differ, or a replay without /clock."""
 
@@ -87,7 +93,7 @@ class StreamHealth:
 
     def __init__(self, topic):
         self.topic = topic
-        self.node_counts = dict.fromkeys((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT), 0)
+        self.counts = dict.fromkeys((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT), 0)
         self.received = 0
         self._stamp_ns = None
         self._arrival = None
@@ -95,9 +101,9 @@ class StreamHealth:
         self._since_report = 0
         self._silent = self._several = False
         self._reported_counts = {}
-        self._reported_at = None
+        self._begun = self._reported_at = None
 
-    def note(self, stamp_ns, begun, ended):
+    def note_message(self, stamp_ns, begun, ended):
         """A message was handled between two readings of the same clock, s."""
         spent = ended - begun
         self.received += 1
@@ -110,39 +116,42 @@ class StreamHealth:
     def note_publishers(self, count):
         """So many nodes publish the topic now."""
         if count > 1 and not self._several:
-            self.node_counts[SEVERAL_PUBLISHERS] += 1
+            self.note(SEVERAL_PUBLISHERS)
         self._several = count > 1
 
-    def note_qos_mismatch(self):
-        """A publisher or subscription was refused."""
-        self.node_counts[QOS_MISMATCH] += 1
+    def note(self, reason):
+        """Count one more of a reason."""
+        self.counts[reason] += 1
 
-    def report(self, name, now, now_ns, counts, used):
+    def report(self, now, now_ns, core_counts, used, interval=None):
         """What to tell now, and begin a new period.
 
         Parameters
         ----------
-        name : str
         now : float
-            Of the clock of `note`, s.
+            Of the clock of `note_message`, s.
         now_ns : int
             Of the clock that stamps are compared with.
-        counts : dict of str to int
+        core_counts : dict of str to int
             By the node's core, since its start.
         used : int
             Messages the core used.
+        interval : float, optional
+            Usual time between messages, s, once it is known.
 
         Returns
         -------
         Report
         """
-        silence = None if self._arrival is None else now - self._arrival
-        silent = silence is not None and silence > max(1.0, 5.0 * self._mean_interval(now))
-        if silent and not self._silent:
-            self.node_counts[SILENT] += 1
-        self._silent = silent
-        age = None if silence is None else (now_ns - self._stamp_ns) * 1e-9 - silence
-        counts = {**counts, **self.node_counts}
+        if self._begun is None:
+            self._begun = now
+        silence = now - (self._begun if self._arrival is None else self._arrival)
+        is_silent = self.received > 0 and silence > max(LONGEST_SILENCE, 5.0 * (interval or 0.0))
+        if is_silent and not self._silent:
+            self.note(SILENT)
+        self._silent = is_silent
+        age = None if self._arrival is None else (now_ns - self._stamp_ns) * 1e-9 - silence
+        counts = {**core_counts, **self.counts}
         fresh = {
             reason: count - self._reported_counts.get(reason, 0)
             for reason, count in counts.items()
@@ -151,7 +160,7 @@ class StreamHealth:
         level, message = self._verdict(silence, age, fresh)
         period = None if self._reported_at is None else now - self._reported_at
         values = {
-            'rate_hz': 0.0 if not period else self._since_report / period,
+            'rate_hz': self._since_report / period if period else 0.0,
             'received': self.received,
             'used': used,
             **counts,
@@ -162,16 +171,12 @@ class StreamHealth:
         self._reported_counts, self._reported_at = counts, now
         self._spent = self._longest = 0.0
         self._since_report = 0
-        return Report(name, level, message, values)
-
-    def _mean_interval(self, now):
-        if self._reported_at is None or not self._since_report:
-            return 0.0
-        return (now - self._reported_at) / self._since_report
+        return Report('imu', level, message, values)
 
     def _verdict(self, silence, age, fresh):
-        if silence is None:
-            return ERROR, f'no message on {self.topic} yet: check that the sensor publishes there, or remap the topic'
+        if self.received == 0:
+            level = ERROR if silence > STARTING_TIME else WARN
+            return level, f'no message on {self.topic} yet: check that the sensor publishes there, or remap the topic'
         if self._silent:
             return ERROR, f'no message on {self.topic} for {silence:.1f} s: {REASON_ADVICE[SILENT]}'
         if self._several:
@@ -187,6 +192,82 @@ class StreamHealth:
         return OK, f'receiving {self.topic}'
 
 
+class BufferHealth(StreamHealth):
+    """How imu_buffer does.
+
+    Parameters
+    ----------
+    topic : str
+    window : MotionWindow
+    """
+
+    def __init__(self, topic, window):
+        super().__init__(topic)
+        self.decays = 0
+        self._window = window
+
+    def reports(self, now, now_ns):
+        """The statuses of now; see `StreamHealth.report`."""
+        window = self._window
+        level, message = OK, window.described
+        if window.is_short_of_memory:
+            level = WARN
+            message += ': samples come faster than max_rate_hz, which makes the window shorter: raise max_rate_hz'
+        values = {
+            'samples': window.size, 'duration_s': window.duration, 'recording': window.recording,
+            'decays_noticed': self.decays,
+        }
+        return [
+            self.report(now, now_ns, window.counts, window.samples, window.interval),
+            Report('window', level, message, values),
+        ]
+
+
+class PredictorHealth(StreamHealth):
+    """How predictor does.
+
+    Parameters
+    ----------
+    topic : str
+    outlook : Outlook
+    """
+
+    def __init__(self, topic, outlook):
+        super().__init__(topic)
+        self.counts.update(dict.fromkeys((BAD_MODEL, WORKER_DIED), 0))
+        self._outlook = outlook
+        self._model_arrival = None
+
+    def note_model(self, now):
+        """A model came, s of the clock of `note_message`."""
+        self._model_arrival = now
+
+    def reports(self, now, now_ns):
+        """The statuses of now; see `StreamHealth.report`."""
+        state = self._outlook.predictor.diagnostics()
+        counts = dict(state.counts)
+        for reason, count in self._outlook.counts.items():
+            counts[reason] = counts.get(reason, 0) + count
+        interval = None if isnan(state.sample_interval) else state.sample_interval
+        level, message = OK, 'forecasting with the identified model'
+        if state.advice:
+            level, message = WARN, '; '.join(advice.message for advice in state.advice)
+        values = {
+            **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
+            'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
+            'has_waves': state.has_waves,
+            **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
+        }
+        for a, axis in enumerate(AXES):
+            for number, lead in enumerate(self._outlook.settings.predictor.leads):
+                values[f'nrmse_{axis}_{lead}s'] = float(state.skill[a, number])
+                values[f'coverage90_{axis}_{lead}s'] = float(state.coverage[a, number, 1])
+        return [
+            self.report(now, now_ns, counts, self._outlook.used, interval),
+            Report('forecast', level, message, values),
+        ]
+
+
 class IdentifierHealth:
     """How identification goes."""
 
@@ -200,10 +281,6 @@ class IdentifierHealth:
     def note(self, reason):
         """Count one more of a reason."""
         self.counts[reason] += 1
-
-    def note_qos_mismatch(self):
-        """A publisher or subscription was refused."""
-        self.note(QOS_MISMATCH)
 
     def begin(self):
         """A refit begins."""

@@ -1,5 +1,4 @@
 """The node identifier: refits the model on a window in a worker process, while it goes on answering."""
-import hashlib
 import sys
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -10,7 +9,7 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid import __version__
-from swath_sysid.identification.refit import Refitter, refit, warm_up
+from swath_sysid.identification.refit import Refitter, refit, warm_up, window_provenance
 from swath_sysid.identification.search import Cancelled
 from swath_sysid.nodes.connections import watched_publisher
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
@@ -91,7 +90,7 @@ class Identifier(Node):
             executor.wake()
 
         self.health.begin()
-        request = self.refitter.request(table, _provenance(table))
+        request = self.refitter.request(table, window_provenance(table, f'swath_sysid {__version__}'))
         self.worker.submit(refit, (request,), end, self._on_progress)
         outcome, error = await ended
         if error is not None:
@@ -141,16 +140,6 @@ class Identifier(Node):
 
     def _reports(self):
         return [self.health.report(self._held(), self.refitter.steps_back, self._busy)]
-
-
-def _provenance(table):
-    """What is known of where a window came from."""
-    digest = hashlib.sha256(table.rows.tobytes()).hexdigest()
-    first = float(table.rows[0, 0]) if len(table.rows) else None
-    return {
-        'software': f'swath_sysid {__version__}',
-        'sources': [{'topic': 'motion/window', 'first_stamp_s': first, 'sha256': digest}],
-    }
 
 
 def main(args=None):

@@ -161,6 +161,14 @@ PREDICTOR = (
         'every sample)', 'Hz', 0.1, 1000.0, read_only=True,
     ),
     NodeParameter(
+        'waves_window_s', PredictorSettings().window, 'The past that the waves are learnt from', 's', 10.0, 3600.0,
+        read_only=True,
+    ),
+    NodeParameter(
+        'waves_refit_interval_s', PredictorSettings().refit_interval, 'Least time between fits of the waves, which run '
+        'in the background', 's', 1.0, 600.0, read_only=True,
+    ),
+    NodeParameter(
         'gate_probability', FilterSettings().gate_probability,
         'A true measurement is taken for an outlier with this probability', '', 1e-30, 0.01, read_only=True,
     ),
@@ -254,6 +262,8 @@ def outlook_settings(values):
             forecast_rate=values['forecast_rate_hz'],
             gap_limit=values['gap_limit_s'],
             backward_jump=values['backward_jump_s'],
+            window=values['waves_window_s'],
+            refit_interval=values['waves_refit_interval_s'],
         ),
     )
 

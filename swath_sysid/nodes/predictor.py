@@ -1,5 +1,6 @@
 """The node predictor: attitude one sample ahead, at the leads and over the horizon, with covariance."""
 import sys
+from collections import deque
 from time import perf_counter
 
 from rclpy.node import Node
@@ -9,7 +10,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import model_from_yaml
-from swath_sysid.motion.trial import AXES
 from swath_sysid.nodes.connections import (
     LATCHED,
     NEWEST,
@@ -18,24 +18,24 @@ from swath_sysid.nodes.connections import (
     watched_subscription,
 )
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
-from swath_sysid.nodes.health import BAD_MODEL, OK, WARN, Report, StreamHealth
+from swath_sysid.nodes.health import BAD_MODEL, WORKER_DIED, PredictorHealth
 from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
 from swath_sysid.nodes.parameter_tables import PREDICTOR, outlook_settings
 from swath_sysid.nodes.parameters import NodeParameters
 from swath_sysid.nodes.spinning import events_executor, run
-from swath_sysid.prediction.outlook import HORIZON_TOPIC, NEXT_TOPIC, Outlook, lead_topic
+from swath_sysid.nodes.worker import Worker
+from swath_sysid.prediction.outlook import HORIZON_TOPIC, NEXT_TOPIC, Outlook, lead_topic, warm_up
+from swath_sysid.prediction.waves import fit_waves
 
 
 class Predictor(Node):
-    """See DESIGN: imu/data and model/description in, forecast/* out."""
+    """imu/data and model/description in, forecast/* out."""
 
     def __init__(self):
         super().__init__('predictor')
         self.parameters = NodeParameters(self, PREDICTOR, outlook_settings)
         self.outlook = Outlook(self.parameters.settings)
-        self.health = StreamHealth('imu/data')
-        self.bad_models = 0
-        self._model_arrival = None
+        self.health = PredictorHealth('imu/data', self.outlook)
         self._message = AttitudeMessage(self.parameters['frame_id'])
         self._next = watched_publisher(self, Imu, NEXT_TOPIC, NEWEST, self.health)
         self._leads = {
@@ -46,9 +46,19 @@ class Predictor(Node):
         watched_subscription(self, String, 'model/description', self._on_model, LATCHED, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
+        self._fits = deque()
+        self._fitting = False
+        self.worker = Worker(warm_up, lambda: self.health.note(WORKER_DIED))
+
+    def destroy_node(self):
+        """Also end the worker."""
+        self.worker.close()
+        super().destroy_node()
 
     def _on_imu(self, message):
         begun = perf_counter()
+        while self._fits:
+            self._install(*self._fits.popleft())
         reading = imu_reading(message)
         step = self.outlook.add(reading)
         if step.next is not None:
@@ -57,40 +67,34 @@ class Predictor(Node):
             self._leads[lead].publish(self._message.filled(forecast))
         if step.horizon is not None:
             self._horizon.publish(horizon_message(step.horizon, self.parameters['frame_id']))
-        self.health.note(reading.stamp_ns, begun, perf_counter())
+        if step.waves is not None and not self._fitting:
+            self._fitting = True
+            # the end comes in the worker's thread: a deque hands it over to this one
+            self.worker.submit(fit_waves, (step.waves,), lambda *ending: self._fits.append(ending))
+        self.health.note_message(reading.stamp_ns, begun, perf_counter())
+
+    def _install(self, fit, error):
+        self._fitting = False
+        if error is None:
+            self.outlook.install(fit)
+        else:
+            self.get_logger().error(f'the waves were not fitted, {error}')
 
     def _on_model(self, message):
         try:
             models = model_from_yaml(message.data, 'model/description') if message.data else {}
         except InputError as error:
-            self.bad_models += 1
+            self.health.note(BAD_MODEL)
             self.get_logger().error(f'{error}; the model before it stays')
             return
         self.outlook.set_models(models)
-        self._model_arrival = perf_counter()
+        self.health.note_model(perf_counter())
         known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in models.items()) or 'none'
         self.get_logger().info(f'new model: {known}')
 
     def _reports(self):
-        now = perf_counter()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
-        state = self.outlook.predictor.diagnostics()
-        counts = {**state.counts}
-        for reason, count in self.outlook.counts.items():
-            counts[reason] = counts.get(reason, 0) + count
-        stream = self.health.report('imu', now, self.get_clock().now().nanoseconds, counts, self.outlook.used)
-        level, message = OK, 'forecasting with the identified model'
-        if self.bad_models:
-            level, message = WARN, 'a model description could not be read; the model before it stays'
-        if state.advice:
-            level, message = WARN, '; '.join(advice.message for advice in state.advice)
-        values = {
-            **{f'model_{axis}': state.has_model[axis] for axis in AXES},
-            'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
-            **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
-            BAD_MODEL: self.bad_models,
-        }
-        return [stream, Report('forecast', level, message, values)]
+        return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
 
 
 def main(args=None):

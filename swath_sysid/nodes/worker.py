@@ -35,9 +35,8 @@ class WorkerError(RuntimeError):
 
 
 class _Job:
-    def __init__(self, function, arguments, on_progress, on_end):
-        self.function = function
-        self.arguments = arguments
+    def __init__(self, work, on_progress, on_end):
+        self.work = work
         self.on_progress = on_progress
         self.on_end = on_end
         self.cancelled = threading.Event()
@@ -72,7 +71,7 @@ class Worker:
         return self._process.pid
 
     def submit(self, function, arguments, on_end, on_progress=None):
-        """Have ``function(*arguments, progress=..., should_cancel=...)`` run.
+        """Have ``function(*arguments)`` run; with ``on_progress`` also given ``progress=`` and ``should_cancel=``.
 
         Parameters
         ----------
@@ -86,7 +85,7 @@ class Worker:
         on_progress : callable, optional
             Called from the worker's thread with 0 to 1.
         """
-        self._jobs.put(_Job(function, arguments, on_progress, on_end))
+        self._jobs.put(_Job((function, arguments, on_progress is not None), on_progress, on_end))
 
     def cancel(self):
         """Have the work that runs now end with `Cancelled`, within half a second."""
@@ -116,7 +115,7 @@ class Worker:
             )
         self._connection = Connection(ours.detach())
         self._ready = False
-        self._connection.send((self._warm_up, ()))
+        self._connection.send((self._warm_up, (), False))
 
     def _end_process(self):
         self._connection.close()
@@ -162,7 +161,7 @@ class Worker:
         kind, content = self._connection.recv()
         if kind == FAILED:
             raise WorkerError(content)
-        self._ready = kind != PROGRESS
+        self._ready = True
 
     def _revive(self):
         self._restart()
@@ -184,7 +183,7 @@ class Worker:
         sent, asked_at = False, None
         while True:
             if self._ready and not sent:
-                self._connection.send((job.function, job.arguments))
+                self._connection.send(job.work)
                 sent = True
             if self._connection.poll(POLL_PERIOD):
                 if not sent:
@@ -193,8 +192,7 @@ class Worker:
                 kind, content = self._connection.recv()
                 if kind != PROGRESS:
                     return _ending(kind, content)
-                if job.on_progress is not None:
-                    job.on_progress(content)
+                job.on_progress(content)
             if job.cancelled.is_set() or self._closing.is_set():
                 now = time.monotonic()
                 if not sent:
@@ -229,7 +227,7 @@ def serve(connection):
             return
 
 
-def _carried_out(connection, function, arguments):
+def _carried_out(connection, function, arguments, reports):
     """Run a function and say how it ended."""
     reported = [0.0]
 
@@ -246,7 +244,8 @@ def _carried_out(connection, function, arguments):
         return False
 
     try:
-        return DONE, function(*arguments, progress=progress, should_cancel=should_cancel)
+        reporting = {'progress': progress, 'should_cancel': should_cancel} if reports else {}
+        return DONE, function(*arguments, **reporting)
     except InputError as error:
         return REFUSED, str(error)
     except Cancelled:

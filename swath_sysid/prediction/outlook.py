@@ -12,7 +12,9 @@ from swath_sysid.motion import attitude
 from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, take_in
 from swath_sysid.motion.sensing import Installation
 from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.predictor import Forecast, ImuSample, Predictor, PredictorSettings, Step
+from swath_sysid.prediction.forecast import Forecast
+from swath_sysid.prediction.predictor import ImuSample, Predictor, PredictorSettings, Step
+from swath_sysid.prediction.waves import WaveRequest, fit_waves
 
 UNKNOWN_ANGLE_VARIANCE = pi * pi
 """rad^2; of a heading, which is not forecast but held, and of an axis that the sensor does not give."""
@@ -114,6 +116,8 @@ class OutlookStep:
         Lead, s, and what is for its topic; empty unless due.
     horizon : HorizonForecast or None
         For ``forecast/horizon``; None unless due.
+    waves : WaveRequest or None
+        To be fitted by `fit_waves`, in the background or at once; the result is for `Outlook.install`.
     predicted : Step or None
         What the predictor said; None where the message held nothing usable.
     """
@@ -122,6 +126,7 @@ class OutlookStep:
     next: AttitudeForecast | None = None
     leads: tuple[tuple[float, AttitudeForecast], ...] = ()
     horizon: HorizonForecast | None = None
+    waves: WaveRequest | None = None
     predicted: Step | None = None
 
 
@@ -156,6 +161,15 @@ class Outlook:
             held = models.get(axis)
             self.predictor.set_model(axis, None if held is None else held.model)
 
+    def install(self, fit):
+        """Take in the fit of the waves that a step asked for.
+
+        Parameters
+        ----------
+        fit : WaveFit
+        """
+        self.predictor.install(fit)
+
     def add(self, reading: ImuReading):
         """Take in one message.
 
@@ -188,6 +202,7 @@ class Outlook:
             None if step.next is None else self._attitude(step.next, 0, stamp_ns),
             () if step.forecast is None else self._at_leads(step.forecast, stamp_ns),
             None if step.horizon is None else horizon_forecast(step.horizon, stamp_ns),
+            step.refit,
             step,
         )
 
@@ -277,3 +292,10 @@ def horizon_forecast(forecast, stamp_ns):
 
 def _diagonal(about_x, about_y, about_z):
     return (about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z)
+
+
+def warm_up():
+    """A small fit of simulated waves, so that the next one finds everything loaded."""
+    time = np.arange(0.0, 12.0, 0.1)
+    values = np.stack([np.sin((1.0 + 0.3 * c) * time + np.sin((2.0 + c) * time)) for c in range(7)], axis=1)
+    fit_waves(WaveRequest(float(time[-1]), 0.1, values, np.array([0.5])))
