@@ -24,11 +24,14 @@ from swath_sysid.identification.manoeuvring.assembly import seen_region
 from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
 from swath_sysid.identification.manoeuvring.settings import CURRENT_CHOICES, ManoeuvringSettings
 from swath_sysid.motion.manoeuvring_trial import prepare
+from swath_sysid.prediction.manoeuvring_skill import LEADS, score_forecasts
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_summary import finite_or_none
-from swath_sysid.report.manoeuvring_figures import run_figures, summary_figures, test_figure
+from swath_sysid.report.manoeuvring_figures import forecast_figure, run_figures, summary_figures, test_figure
 from swath_sysid.report.manoeuvring_summary import (
     condensed,
+    forecast_as_data,
+    forecast_in_words,
     identification_as_data,
     identification_in_words,
     test_as_data,
@@ -42,12 +45,13 @@ def add_arguments(parser):
     """The sub-verbs and their arguments."""
     verbs = parser.add_subparsers(dest='task', metavar='TASK', required=True)
     _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
+    _add_forecast(verbs.add_parser('forecast', help='score forecasts of runs by lead'))
     _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
 
 
 def run(arguments):
     """Run the sub-verb; returns the exit code."""
-    return {'identify': _identify, 'simulate': _simulate}[arguments.task](arguments)
+    return {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate}[arguments.task](arguments)
 
 
 def add_run_arguments(parser):
@@ -187,6 +191,48 @@ def _target(text):
     if not target[1] > 0.0:
         raise InputError(f"'{text}': the standard deviation must be positive")
     return name.strip(), target
+
+
+def _add_forecast(parser):
+    add_run_arguments(parser)
+    parser.add_argument('--model', required=True, metavar='MODEL.yaml', help='model file of manoeuvre identify')
+    parser.add_argument(
+        '--train', nargs='+', metavar='RUN', default=[],
+        help='runs that the ARX learns from (default: the other runs, or the first half of a single one)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--future', choices=('held', 'supplied'), default='held',
+        help='inputs to come: held at their last value, or known (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument('--leads', metavar='S,S,..', help='default: ' + ','.join(f'{lead:g}' for lead in LEADS))
+    parser.add_argument('--plot', metavar='FILE.png')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def _forecast(arguments):
+    identified = read_manoeuvring_model(arguments.model)
+    leads = _leads(arguments.leads) if arguments.leads else LEADS
+    runs = read_runs([*arguments.runs, *arguments.train], arguments)
+    scored, training = runs[: len(arguments.runs)], runs[len(arguments.runs) :]
+    scores = score_forecasts(identified, scored, training, arguments.future == 'supplied', leads=leads)
+    if arguments.plot:
+        save_figure(forecast_figure(scores, arguments.future), arguments.plot)
+    show_advice(condensed([a for run in runs for a in run.advice]))
+    if arguments.json:
+        print(json.dumps(forecast_as_data(scores, arguments.future), indent=2))
+    else:
+        print('\n'.join(forecast_in_words(scores, arguments.future)))
+    return 0
+
+
+def _leads(text):
+    try:
+        leads = tuple(finite(part) for part in text.split(','))
+    except ValueError as error:
+        raise InputError(f"'{text}' is no list of leads: write, as an example, 1,5,10") from error
+    if not leads or leads[0] <= 0.0 or any(b <= a for a, b in zip(leads, leads[1:], strict=False)):
+        raise InputError(f'the leads must be positive and rising, not {text}')
+    return leads
 
 
 def _add_simulate(parser):

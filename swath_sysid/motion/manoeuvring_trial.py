@@ -31,6 +31,9 @@ ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'he
 SMOOTHING = 0.4
 """s; width of the Gaussian that gives smooth states."""
 
+NOISY = 0.1
+"""A noise of this share of the motion asks for the full smoothing."""
+
 MOVING = 0.3
 """m/s; above this a course tells a heading."""
 
@@ -203,7 +206,7 @@ def smoothed(values, step, width=SMOOTHING):
     if not known.any():
         return np.full(values.size, np.nan)
     spacing = values.size / known.sum()
-    sigma = max(width / step, 0.8 * spacing)
+    sigma = max(width * _noisiness(values[known]) / step, 0.8 * spacing)
     place = np.arange(values.size, dtype=float)
     filled = np.where(known, values, 0.0)
 
@@ -218,6 +221,14 @@ def smoothed(values, step, width=SMOOTHING):
     with np.errstate(invalid='ignore', divide='ignore'):
         fit = np.where(w0 * s2 - s1**2 > 1e-6 * w0, (s2 * y0 - s1 * t1) / (w0 * s2 - s1**2), y0 / w0)
     return np.where(w0 > 1e-3 / spacing, fit, np.nan)
+
+
+def _noisiness(values):
+    """Share of the full smoothing that a channel needs, 0.3 to 1, by its third differences (see noise.white_noise)."""
+    if values.size < 8 or np.std(values) == 0.0:
+        return 1.0
+    white = np.median(np.abs(np.diff(values, 3))) / (0.6745 * np.sqrt(20.0))
+    return float(np.clip(white / (NOISY * np.std(values)), 0.3, 1.0))
 
 
 def _in_order(trial, advice):

@@ -83,6 +83,26 @@ def test_figure(report, model):
     return figure
 
 
+def forecast_figure(scores, future):
+    """Errors against lead, a panel a quantity, a line a method."""
+    figure = new_figure(12, 6.5)
+    panels = figure.subplots(2, 3).ravel()
+    labels = {'surge_m_s': 'surge (m/s)', 'sway_m_s': 'sway (m/s)', 'yaw_rate_rad_s': 'yaw rate (rad/s)',
+              'heading_rad': 'heading (rad)', 'position_m': 'position (m)'}  # fmt: skip
+    for axes, (quantity, label) in zip(panels, labels.items(), strict=False):
+        for color, (method, table) in zip((MODEL, *SERIES[2:]), scores.rmse.items(), strict=False):
+            axes.plot(scores.leads, table[quantity], 'o-', color=color, markersize=3, label=method.replace('-', ' '))
+        axes.set(xscale='log', xlabel='lead (s)', title=label)
+        axes.set_ylim(bottom=0)
+        axes.set_xticks(scores.leads, [f'{lead:g}' for lead in scores.leads], minor=False)
+        axes.minorticks_off()
+        quiet(axes)
+    panels[-1].axis('off')
+    panels[-1].legend(*panels[0].get_legend_handles_labels(), frameon=False, loc='center')
+    figure.suptitle(f'root mean square error of {scores.count} forecasts; thrust to come {future}')
+    return figure
+
+
 def _grid(figure):
     grid = figure.add_gridspec(4, 2, width_ratios=(1.1, 1.4))
     histories = [quiet(figure.add_subplot(grid[row, 1])) for row in range(4)]
@@ -149,8 +169,8 @@ def _derivatives_figure(found):
     axes.set_yticks(range(len(items)), names)
     axes.invert_yaxis()
     reach = max([3.0 * d.std / max(abs(d.value), 1e-12) for _, d in items if not d.flags] + [0.1])
-    axes.set_xlim(-0.15 if reach < 1 else -reach, 1.0 + max(min(2.0, 1.2 * reach), 0.3))
-    axes.set_xlabel('share of the value; bars: 3 standard deviations; red: see the warnings')
+    axes.set_xlim(1.0 - min(1.3 * reach, 1.3), 1.0 + min(1.3 * reach, 1.3))
+    axes.set_xlabel('share of the value; bars: 3 standard deviations (may pass the edge); red: see the warnings')
     axes.set_title('identified parameters')
     return figure
 

@@ -130,14 +130,47 @@ def test_in_words(report):
     return lines
 
 
+def forecast_as_data(scores, future):
+    """What ``manoeuvre forecast --json`` prints: root mean square errors by method, quantity and lead."""
+
+    def by_lead(values):
+        return {f'{lead:g}': float(value) for lead, value in zip(scores.leads, values, strict=True)}
+
+    return finite_or_none({
+        'future': future,
+        'forecasts': scores.count,
+        'leads_s': list(scores.leads),
+        'rmse': {method: {q: by_lead(v) for q, v in table.items()} for method, table in scores.rmse.items()},
+        'within_two_std': {q: by_lead(v) for q, v in scores.spread.items()},
+    })  # fmt: skip
+
+
+def forecast_in_words(scores, future):
+    """A table a quantity: methods by leads."""
+    lines = [f'{scores.count} forecasts, thrust to come {future}; root mean square errors by lead']
+    heads = ''.join(f'{lead:>9g} s' for lead in scores.leads)
+    for quantity in next(iter(scores.rmse.values())):
+        if all((table[quantity] != table[quantity]).all() for table in scores.rmse.values()):
+            continue
+        label, unit = _label_and_unit(quantity)
+        lines.append(f'  {f"{label} ({unit})":<22}{heads}')
+        for method, table in scores.rmse.items():
+            values = ''.join(f'{value:>11.3f}' if value == value else f'{"-":>11}' for value in table[quantity])
+            lines.append(f'    {method:<20}{values}')
+        if quantity in scores.spread:
+            values = ''.join(f'{value:>11.0%}' if value == value else f'{"-":>11}' for value in scores.spread[quantity])
+            lines.append(f'    {"model within 2 std":<20}{values}')
+    return lines
+
+
 def short(source):
     """Name of a run for titles: the last part of its path."""
     return PurePath(source).name or source
 
 
 _UNITS = {
-    '_deg_s_per_input': 'deg/s per unit of input', '_deg_s': 'deg/s', '_m_s': 'm/s', '_deg': 'deg', '_m': 'm',
-    '_s': 's',
+    '_rad_s': 'rad/s', '_rad': 'rad', '_deg_s_per_input': 'deg/s per unit of input',
+    '_deg_s': 'deg/s', '_m_s': 'm/s', '_deg': 'deg', '_m': 'm', '_s': 's',
 }  # fmt: skip
 
 
