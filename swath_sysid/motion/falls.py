@@ -5,7 +5,7 @@ damping made of friction, linear, quadratic and cubic terms, none of them negati
 per half cycle never grows while the amplitude falls, so a free decay is a fall. Waves make
 falls too; `segmentation` tells them apart.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import median
 
@@ -84,6 +84,9 @@ FAR_BAND = 0.35
 REST_BAND = 0.1
 """Rest means within this part of the first swing about a level."""
 
+SMOOTHED_SAMPLES = 3.0
+"""How far the smoothing of a grid reaches, samples."""
+
 LONGEST_REST = 8.0
 """Rest is looked for over so many periods: more proves nothing further."""
 
@@ -105,6 +108,8 @@ class Fall:
         Indices of its first and last turning point.
     broken : bool
         Whether something other than the noise or the record's end ended it.
+    bridged : ndarray of bool, shape (M - 1,)
+        The swings that touch a gap, which say little.
     """
 
     signal: EvenSignal
@@ -113,6 +118,7 @@ class Fall:
     first: int
     last: int
     broken: bool
+    bridged: np.ndarray
 
     @cached_property
     def swings(self):
@@ -158,11 +164,13 @@ class Fall:
         """Times between turning points of one side, s, and the swings they span.
 
         The first turning point may have been held and the record's end is none, so neither
-        counts.
+        counts; nor do those that span a gap, unless all do.
         """
         inner = slice(self.first + 1, self.last if self.at_record_end else self.last + 1)
-        time = self.time[inner]
-        return time[2:] - time[:-2], np.abs(np.diff(self.value[inner]))[1:]
+        time, bridged = self.time[inner], self.bridged[inner][:-1]
+        periods, swings = time[2:] - time[:-2], np.abs(np.diff(self.value[inner]))[1:]
+        sure = ~(bridged[:periods.size] | bridged[1:1 + periods.size])
+        return (periods[sure], swings[sure]) if sure.any() else (periods, swings)
 
     @cached_property
     def period(self):
@@ -191,7 +199,7 @@ class Fall:
 
     def first_swing(self):
         """The fall cut to its first swing."""
-        return Fall(self.signal, self.time, self.value, self.first, self.first + 1, False)
+        return replace(self, last=self.first + 1, broken=False)
 
     @property
     def is_suited(self):
@@ -228,9 +236,11 @@ class Fall:
         The law gives each swing by a parabola in the one before: friction, linear and
         quadratic damping.
         """
-        if self.swings.size < 6:
+        bridged = self.bridged[self.first:self.last]
+        sure = ~(bridged[:-1] | bridged[1:])
+        before, after = self.swings[:-1][sure] / self.swings[0], self.swings[1:][sure] / self.swings[0]
+        if after.size < 5:
             return np.inf
-        before, after = self.swings[:-1] / self.swings[0], self.swings[1:] / self.swings[0]
         law = np.vander(before, 3)
         residual = after - law @ np.linalg.lstsq(law, after, rcond=None)[0]
         return float(np.sqrt(np.sum(residual**2) / (after.size - 3)))
@@ -242,6 +252,12 @@ class Fall:
         band = max(RELEASE_BAND * abs(self.value[turn + 1] - self.value[turn]), 2.0 * signal.noise)
         near = np.flatnonzero(np.abs(signal.value[begin:end + 1] - self.value[turn]) <= band)
         return float(max(self.time[turn], signal.start + signal.interval * (begin + (near[-1] if near.size else 0))))
+
+    def leaves_in_gap(self, turn):
+        """Whether samples are missing on the way from a turning point to the next, not only while held there."""
+        begin, end = self.leaving_time(turn), self.time[turn + 1]
+        gaps = self.signal.gaps
+        return bool(self.bridged[turn] and np.any((gaps[:, 0] < end) & (gaps[:, 1] > begin)))
 
     def arriving_time(self, turn):
         """First time near turning point ``turn`` on the way from the one before, s."""
@@ -347,14 +363,15 @@ def find_falls(motion, settings):
         points = turning_points_of(signal)
         time = np.concatenate([[signal.start], points.time, [signal.end]])
         value = np.concatenate([signal.value[:1], points.value, signal.value[-1:]])
-        for first, last, broken in split_into_falls(time, value, least, signal.gaps, settings):
-            fall = Fall(signal, time, value, first, last, broken)
+        bridged = bridged_swings(time, signal, settings.bridged_gap)
+        for first, last, broken in split_into_falls(time, value, least, bridged, settings):
+            fall = Fall(signal, time, value, first, last, broken, bridged)
             if fall.swings[0] > 0.0:
                 falls.append(fall)
     return falls
 
 
-def split_into_falls(time, value, least, gaps, settings):
+def split_into_falls(time, value, least, bridged, settings):
     """Split turning points into maximal falls.
 
     Parameters
@@ -363,8 +380,8 @@ def split_into_falls(time, value, least, gaps, settings):
         Turning points.
     least : float
         Smallest swing that is not noise.
-    gaps : ndarray, shape (K, 2)
-        Begin and end of the stretches without samples, s. Swings that touch one are not judged.
+    bridged : ndarray of bool, shape (M - 1,)
+        Swings that are not judged.
     settings : FallSettings
 
     Yields
@@ -375,10 +392,10 @@ def split_into_falls(time, value, least, gaps, settings):
         Whether something other than the noise or the record's end ended it.
     """
     swings, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
-    bridged = _bridged(time, gaps, settings.bridged_gap).tolist()
+    bridged = bridged.tolist()
     first = 0
     while first < len(swings):
-        if first + 1 < len(swings) and swings[first + 1] > swings[first] and not bridged[first + 1]:
+        if first + 1 < len(swings) and swings[first + 1] > swings[first]:
             first += 1
             continue
         last, broken = _end_of_fall(swings, halves, least, bridged, first, settings)
@@ -386,11 +403,26 @@ def split_into_falls(time, value, least, gaps, settings):
         first = last
 
 
-def _bridged(time, gaps, part):
-    """Mask of the half cycles that touch a gap long enough to hide a turning point."""
+def bridged_swings(time, signal, part):
+    """Mask of the swings that touch a gap long enough to hide a turning point.
+
+    Parameters
+    ----------
+    time : ndarray, shape (M,)
+        Turning points, s.
+    signal : EvenSignal
+        Its smoothing carries the straight line across a gap a few samples beyond it.
+    part : float
+        Part of a half cycle that is long enough.
+
+    Returns
+    -------
+    ndarray of bool, shape (M - 1,)
+    """
     bridged = np.zeros(time.size - 1, dtype=bool)
-    for begin, end in gaps:
-        touched = (time[:-1] <= end) & (time[1:] >= begin)
+    reach = SMOOTHED_SAMPLES * signal.interval
+    for begin, end in signal.gaps:
+        touched = (time[:-1] <= end + reach) & (time[1:] >= begin - reach)
         bridged |= touched & (end - begin > part * np.diff(time))
     return bridged
 
@@ -420,7 +452,9 @@ def _end_of_fall(swings, halves, least, bridged, first, settings):
                 return at, swings[at] > background
             if not _keeps_rhythm(halves, at, first, periods, settings):
                 return at, swings[at] > background
-            recent = [*recent, (loss, swings[known])][-settings.recent:]
+            # The record may begin in the middle of a swing, which then loses too little.
+            if known > 0:
+                recent = [*recent, (loss, swings[known])][-settings.recent:]
         known = at
     return len(swings), False
 

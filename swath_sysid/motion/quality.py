@@ -35,6 +35,9 @@ class QualityLimits:
         Samples a period. At 20 the straight line between two samples errs by 1 % of the amplitude.
     longest_gap : float
         Periods; a longer gap hides a turning point.
+    missing_samples : float
+        Sample intervals between two samples from where on the record has a gap: single losses
+        harm nothing.
     fewest_steps : float
         Resolution steps in the first amplitude. At 50 rounding alone is noise of 0.6 %.
     shortest_clip : int
@@ -52,6 +55,7 @@ class QualityLimits:
     least_over_noise: float = 5.0
     fewest_samples: float = 20.0
     longest_gap: float = 0.25
+    missing_samples: float = 5.0
     fewest_steps: float = 50.0
     shortest_clip: int = 4
     spike_part: float = 0.05
@@ -74,11 +78,19 @@ def check_motion(motion, decays=None, limits=DEFAULTS):
     Returns
     -------
     tuple of Advice
-        ``too-small``, ``forced-motion`` or ``no-decay`` where it holds no free decay, and
-        ``saturation``.
+        ``too-small``, ``forced-motion`` or ``no-decay`` where it holds no free decay,
+        ``gaps`` and ``saturation``.
     """
     decays = find_decays(motion) if decays is None else decays
     advice = [] if decays else [explain_absence(motion)]
+    gaps = find_gaps(motion, longer_than=limits.missing_samples * motion.sample_interval) if motion.size > 2 else ()
+    if len(gaps):
+        begin, end = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
+        advice.append(Advice(
+            'gaps',
+            f'the {motion.axis} has {_count(len(gaps), "gap")}, the longest of {end - begin:.2g} s at {begin:.1f} s: '
+            'look for lost messages, and keep them out of the decay',
+        ))  # fmt: skip
     return (*advice, *_saturation(motion, decays[0].period if decays else _usual_period(motion), limits))
 
 

@@ -32,9 +32,12 @@ class SegmentationSettings:
     fall : FallSettings
         What counts as a steady fall.
     smallest_angle_swing : float
-        rad, peak to peak. 0.2 deg: what an attitude sensor shows of a craft at rest.
+        rad, peak to peak. 0.4 deg: below, an axis only shivers with the other's motion.
     smallest_rate_swing : float
-        rad/s, peak to peak. 0.5 deg/s: the same for a gyro.
+        rad/s, peak to peak. 1 deg/s: the same for a gyro.
+    smallest_reach : float
+        A record without a decay that reaches no further than so many times that (1 deg) is too
+        small, whatever moved it.
     fewest_swings : int
         Three swings show two losses and one rhythm; fewer are taken only where nothing else moves.
     smooth_swings, smooth_roughness, smooth_scatter : int, float, float
@@ -82,8 +85,9 @@ class SegmentationSettings:
     """
 
     fall: FallSettings = field(default_factory=FallSettings)
-    smallest_angle_swing: float = float(np.radians(0.2))
-    smallest_rate_swing: float = float(np.radians(0.5))
+    smallest_angle_swing: float = float(np.radians(0.4))
+    smallest_rate_swing: float = float(np.radians(1.0))
+    smallest_reach: float = 2.5
     fewest_swings: int = 3
     smooth_swings: int = 8
     smooth_roughness: float = 0.005
@@ -258,7 +262,7 @@ def explain_absence(motion, settings=DEFAULTS):
     """
     signal = even_signal(motion)
     name, reach = _name(motion), float(np.ptp(signal.value))
-    if reach < settings.smallest_swing(signal.quantity):
+    if reach < settings.smallest_reach * settings.smallest_swing(signal.quantity):
         return Advice(
             'too-small',
             f'{name} hardly moves ({_in_degrees(reach, signal.quantity)} peak to peak): '
@@ -425,6 +429,8 @@ def _segment_of(fall, settings):
 
 def _free_start(fall, settings):
     """Index of the turning point after which the motion is free, and how it began."""
+    if fall.leaves_in_gap(fall.first) and fall.swings.size > 1:
+        return fall.first + 1, 'under-way'
     if _was_held(fall, settings):
         return fall.first, 'released'
     if fall.arrival <= fall.signal.start + fall.signal.interval:
@@ -440,7 +446,10 @@ def _free_start(fall, settings):
 
 def _free_end(fall, first, settings):
     """Index of the last turning point, end time (s) and kind of ending of the free motion."""
-    faint = np.flatnonzero(fall.swings < settings.plentiful_tail * fall.swings[0])
+    whole = fall.swings[:-1] if fall.at_record_end else fall.swings
+    faint = np.flatnonzero(
+        (whole < settings.plentiful_tail * whole.max(initial=0.0)) & ~fall.bridged[fall.first:fall.first + whole.size]
+    )
     if faint.size and faint[0] >= settings.plenty_of_swings:
         last = fall.first + int(faint[0])
         return last, float(fall.time[last]), 'faded'

@@ -1,14 +1,24 @@
 """The picture of a record: the motion with its decays and gaps, and its spectrum."""
+
 import numpy as np
 from scipy.signal import welch
 
-from swath_sysid.motion.cycles import find_gaps
+from swath_sysid.motion.cycles import even_signal, find_gaps, find_turning_points, mean_period
 from swath_sysid.motion.segmentation import find_decays
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
 
+MOST_POINTS = 20000
+"""More samples are drawn as the smallest and largest of each stretch: no eye sees more."""
+
+SPECTRUM_PERIODS = 16.0
+"""Each stretch of the averaged spectrum is so many mean periods long: narrow enough to place a peak."""
+
+SPECTRUM_REACH = 4.0
+"""The spectrum is drawn to so many times the frequency of the mean period."""
+
 
 def record_figure(motions):
-    """Motion and spectrum of each axis; decays shaded, gaps marked.
+    """Motion and spectrum of each axis; decays shaded with their turning points, gaps marked.
 
     Parameters
     ----------
@@ -21,40 +31,68 @@ def record_figure(motions):
     figure = new_figure(11.0, 3.4 * len(motions))
     grid = figure.subplots(len(motions), 2, width_ratios=(3, 1), squeeze=False)
     for (motion_axes, spectrum_axes), motion in zip(grid, motions, strict=True):
-        _draw_motion(quiet(motion_axes), motion)
-        _draw_spectrum(quiet(spectrum_axes), motion)
+        decays = find_decays(motion)
+        _draw_motion(quiet(motion_axes), motion, decays)
+        _draw_spectrum(quiet(spectrum_axes), motion, decays)
     figure.suptitle(motions[0].source.replace('\\', '/').rsplit('/', 1)[-1], fontsize='medium')
     return figure
 
 
-def _quantity(motion):
-    return (motion.rate, 'rate [deg/s]') if motion.angle is None else (motion.angle, '[deg]')
-
-
-def _draw_motion(axes, motion):
-    values, label = _quantity(motion)
-    for index, decay in enumerate(find_decays(motion)):
+def _draw_motion(axes, motion, decays):
+    values, unit = (motion.rate, 'rate [deg/s]') if motion.angle is None else (motion.angle, '[deg]')
+    time, values = _thinned(motion.time, np.degrees(values))
+    axes.plot(time, values, color=MEASURED, linewidth=0.9)
+    for begin, end in find_gaps(motion, longer_than=3.0 * motion.sample_interval) if motion.size > 2 else ():
+        axes.axvspan(begin, end, color=MODEL, alpha=0.5, linewidth=1)
+    for index, decay in enumerate(decays):
         axes.axvspan(decay.start, decay.end, color=BAND, alpha=0.35, linewidth=0)
+        _draw_turning_points(axes, motion, decay)
         axes.text(
-            decay.start, 1.0, f' decay {index + 1}: {decay.cycles:.1f} cycles of {decay.period:.2f} s',
+            decay.start, 0.985, f' decay {index + 1}: {decay.cycles:.1f} cycles of {decay.period:.2f} s',
             transform=axes.get_xaxis_transform(), va='top', fontsize='small',
         )  # fmt: skip
-    for begin, end in find_gaps(motion):
-        axes.axvspan(begin, end, color=MODEL, alpha=0.5, linewidth=1)
-    axes.plot(motion.time, np.degrees(values), color=MEASURED, linewidth=0.9)
-    axes.set_ylabel(f'{motion.axis} {label}')
+    # Room for the words above the motion.
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.1 * (high - low) if decays else high)
+    axes.set_ylabel(f'{motion.axis} {unit}')
     axes.set_xlabel('time [s]')
 
 
-def _draw_spectrum(axes, motion):
-    values, _ = _quantity(motion)
-    interval = motion.sample_interval
-    even = np.arange(motion.time[0], motion.time[-1], interval)
-    if even.size < 16:
+def _draw_turning_points(axes, motion, decay):
+    inside = motion.between(decay.start, decay.end)
+    if inside.size < 3:
+        return
+    points = find_turning_points(inside, decay.period)
+    axes.plot(points.time, np.degrees(points.value), '.', color=MODEL, markersize=4)
+
+
+def _thinned(time, values):
+    """The samples, or the smallest and largest of each stretch in order of time."""
+    if time.size <= MOST_POINTS:
+        return time, values
+    stretch = int(np.ceil(2.0 * time.size / MOST_POINTS))
+    whole = time.size // stretch * stretch
+    blocks = values[:whole].reshape(-1, stretch)
+    begins = np.arange(0, whole, stretch)
+    at = np.sort(np.stack([begins + blocks.argmin(axis=1), begins + blocks.argmax(axis=1)], axis=1), axis=1).ravel()
+    return time[at], values[at]
+
+
+def _draw_spectrum(axes, motion, decays):
+    signal = even_signal(motion)
+    points = find_turning_points(motion)
+    if signal.value.size < 16 or points.time.size < 2:
         axes.set_visible(False)
         return
-    frequency, density = welch(np.interp(even, motion.time, values), 1 / interval, nperseg=min(even.size, 8192))
-    shown = slice(1, max(2, np.searchsorted(np.cumsum(density), 0.999 * density.sum()) + 2))
-    axes.plot(frequency[shown], density[shown] / density.max(), color=SERIES[0])
+    period = decays[0].period if decays else mean_period(points)
+    length = int(np.clip(SPECTRUM_PERIODS * period / signal.interval, 16, signal.value.size))
+    frequency, density = welch(
+        signal.value, 1.0 / signal.interval, nperseg=length, nfft=4 * length, detrend='linear'
+    )
+    shown = slice(1, max(3, int(np.searchsorted(frequency, SPECTRUM_REACH / period))))
+    axes.plot(frequency[shown], density[shown] / density[shown].max(), color=SERIES[0])
+    for decay in decays[:1]:
+        axes.axvline(1.0 / decay.period, color=MODEL, linewidth=0.9, linestyle='--', label=f'{decay.period:.2f} s')
+        axes.legend(frameon=False, fontsize='small', loc='upper right')
     axes.set_xlabel('frequency [Hz]')
     axes.set_ylabel('relative density')
