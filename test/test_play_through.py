@@ -1,0 +1,333 @@
+"""Play-through: deterministic, equal to the cores by themselves, and readable by anyone."""
+from math import radians
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from swath_sysid.cli.main import main
+from swath_sysid.errors import InputError
+from swath_sysid.files.bags import opened_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.files.csv_trials import write_csv
+from swath_sysid.files.imu_readings import read_readings
+from swath_sysid.files.model_file import model_from_yaml, read_model, write_model
+from swath_sysid.files.output_bag import OutputBag, _Template, writing_output_bag
+from swath_sysid.hull.catalogue import hull_named
+from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.identification.refit import AxisVerdict, RefitOutcome
+from swath_sysid.motion.attitude import euler_angles
+from swath_sysid.motion.window import COLUMNS, MotionWindow
+from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast, Outlook
+from swath_sysid.prediction.play_through import PlayThrough, PlayThroughSettings
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
+
+
+@pytest.fixture(scope='module')
+def trial():
+    """A release: held for 2 s, then 14 s of decay at 50 Hz."""
+    return simulated_trial(HULL.model, radians(5.0), 14.0, 50.0, SensorNoise(0.0005, 0.003), seed=3, hold=2.0)
+
+
+@pytest.fixture(scope='module')
+def bag(trial, tmp_path_factory):
+    """The release as an IMU's bag."""
+    path = tmp_path_factory.mktemp('bag') / 'release.mcap'
+    write_imu_bag(path, trial, start_stamp_ns=1_700_000_000_123_456_789)
+    return path
+
+
+@pytest.fixture(scope='module')
+def played(bag, tmp_path_factory):
+    """What the command line makes of it."""
+    path = tmp_path_factory.mktemp('played') / 'out.mcap'
+    assert main(['play-through', str(bag), '--output', str(path), '--refit-delay', '0.5']) == 0
+    return path
+
+
+def messages_of(path):
+    """Topic, type, time and bytes of every message of a bag."""
+    with opened_bag(path) as (readers, advice):
+        assert advice == []
+        return [
+            (c.topic, c.msgtype, time, bytes(raw)) for reader in readers
+            for c, time, raw in reader.messages(reader.connections)
+        ]
+
+
+def decoded(path, topic):
+    """Time and message of everything on a topic."""
+    return [(time, STORE.deserialize_cdr(raw, kind)) for name, kind, time, raw in messages_of(path) if name == topic]
+
+
+def stub_fit(calls, message='stub'):
+    """A fit that finds the true hull at once and notes what it was given."""
+
+    def fit(request):
+        calls.append(request)
+        return RefitOutcome((AxisVerdict('roll', HULL, message),))
+
+    return fit
+
+
+def test_two_runs_give_the_same_messages_bit_for_bit(bag, played, tmp_path):
+    again = tmp_path / 'out.mcap'
+    assert main(['play-through', str(bag), '--output', str(again), '--refit-delay', '0.5']) == 0
+    first, second = messages_of(played), messages_of(again)
+    assert len(first) > 800
+    assert first == second
+
+
+def test_every_message_is_what_a_type_system_writes(played):
+    """Also that padding is zero: a message written anew from its values has the same bytes."""
+    kinds = set()
+    for _, kind, _, raw in messages_of(played):
+        kinds.add(kind.rpartition('/')[2])
+        assert bytes(STORE.serialize_cdr(STORE.deserialize_cdr(raw, kind), kind)) == raw
+    assert kinds == {'Imu', 'JointTrajectory', 'PointCloud2', 'String', 'Float64MultiArray'}
+
+
+def test_forecasts_are_those_of_the_predictor_core(bag, played):
+    outlook = Outlook()
+    expected = []
+    model_time = decoded(played, '/model/description')[0][0]
+    for reading in read_readings(bag):
+        if reading.stamp_ns == model_time:
+            break
+        step = outlook.add(reading)
+        if step.next is not None:
+            expected.append((reading.stamp_ns, step.next.stamp_ns, step.next.orientation, step.next.rates))
+    found = [
+        (time, m.header.stamp.sec * 10**9 + m.header.stamp.nanosec,
+         (m.orientation.x, m.orientation.y, m.orientation.z, m.orientation.w),
+         (m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z))
+        for time, m in decoded(played, '/forecast/next') if time < model_time
+    ]  # fmt: skip
+    assert len(expected) > 300
+    assert found == expected
+
+
+def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
+    (window_time, window), = decoded(played, '/motion/window')
+    (model_time, description), = decoded(played, '/model/description')
+    assert model_time - window_time == 500_000_000
+    model = model_from_yaml(description.data)['roll'].model
+    assert model.natural_period == pytest.approx(HULL.model.natural_period, rel=0.05)
+    rows = np.frombuffer(window.data.tobytes(), '<f8').reshape(window.width, len(COLUMNS))
+    assert [field.name for field in window.fields] == list(COLUMNS)
+    core = MotionWindow()
+    finished = next(filter(None, (core.add(reading).finished for reading in read_readings(bag))))
+    np.testing.assert_array_equal(rows, finished.table.rows)
+    (_, numbers), = decoded(played, '/model/coefficients')
+    assert numbers.layout.dim[0].label == 'roll'
+    assert numbers.data[4] == model.terms['r1']
+
+
+def test_the_model_is_in_use_from_its_stamp_on(bag):
+    calls = []
+    pipeline = PlayThrough(PlayThroughSettings(refit_delay=1.0), fit=stub_fit(calls))
+    bare = Outlook()
+    begun = known = None
+    for reading in read_readings(bag):
+        step, without = pipeline.add(reading), bare.add(reading)
+        begun = begun or (reading.stamp_ns if step.window is not None else None)
+        if step.models is not None:
+            known = reading.stamp_ns
+            assert step.models == {'roll': HULL}
+            assert step.verdict == 'roll: stub'
+        if known is None:
+            assert step.outlook.next == without.next
+    assert len(calls) == 1
+    assert known - begun == 1_000_000_000
+
+
+def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
+    calls = []
+    pipeline = PlayThrough(PlayThroughSettings(refit_delay=30.0), fit=stub_fit(calls))
+    readings = list(read_readings(bag))
+    length = readings[-1].stamp_ns - readings[0].stamp_ns + 1_000_000_000
+    took = []
+    for turn in range(4):
+        for reading in readings:
+            step = pipeline.add(reading._replace(stamp_ns=reading.stamp_ns + turn * length))
+            if step.verdict is not None:
+                took.append(step.stamp_ns)
+    assert len(calls) == 2
+    # the second window in turn was fitted with the model that the first fit had found
+    assert calls[0].current == {} and calls[1].current == {'roll': HULL}
+    assert calls[1].table.stamp_ns - calls[0].table.stamp_ns > length / 2
+    assert len(took) == 1
+
+
+def test_a_clock_that_is_set_back_ends_a_waiting_fit(bag):
+    pipeline = PlayThrough(PlayThroughSettings(refit_delay=1e6), fit=stub_fit([]))
+    readings = list(read_readings(bag))
+    for reading in readings:
+        pipeline.add(reading)
+    assert pipeline.refitter.models == {}
+    pipeline.add(readings[0])
+    assert pipeline.refitter.models == {'roll': HULL}
+
+
+def test_nothing_is_identified_where_that_is_off(bag):
+    calls = []
+    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit=stub_fit(calls))
+    windows = [played.window for played in map(pipeline.add, read_readings(bag)) if played.window is not None]
+    assert len(windows) == 1 and calls == []
+
+
+def test_a_known_model_is_published_first_and_used(bag, tmp_path):
+    model_file, out = tmp_path / 'hull.yaml', tmp_path / 'out.mcap'
+    write_model(model_file, {'roll': HULL})
+    params = tmp_path / 'params.yaml'
+    params.write_text('/**:\n  ros__parameters: {auto_identify: false, frame_id: hull, leads_s: [0.25, 1.0]}\n')
+    given = ['--params', str(params), '--model', str(model_file), '--with-imu']
+    assert main(['play-through', str(bag), '--output', str(out), *given]) == 0
+    (time, description), = decoded(out, '/model/description')
+    assert model_from_yaml(description.data) == read_model(model_file)
+    sent = messages_of(out)
+    assert time == min(message[2] for message in sent)
+    topics = {message[0] for message in sent}
+    assert {'/forecast/lead_0_25s', '/forecast/lead_1_0s', '/imu/data'} <= topics
+    assert '/forecast/lead_0_5s' not in topics
+    assert {m.header.frame_id for _, m in decoded(out, '/forecast/lead_1_0s')} == {'hull'}
+    np.testing.assert_array_equal(read_imu(out, '/imu/data').values, read_imu(bag).values)
+
+
+def test_the_model_path_of_the_nodes_is_read_but_never_written(bag, tmp_path):
+    model_file, out, params = tmp_path / 'hull.yaml', tmp_path / 'out.mcap', tmp_path / 'params.yaml'
+    params.write_text(f'identifier:\n  ros__parameters: {{model_path: {model_file}}}\n')
+    assert main(['play-through', str(bag), '--output', str(out), '--params', str(params)]) == 0
+    assert not model_file.exists()
+    write_model(model_file, {'roll': HULL})
+    before = model_file.read_bytes()
+    assert main(['play-through', str(bag), '--output', str(out), '--params', str(params)]) == 0
+    assert model_file.read_bytes() == before
+    assert model_from_yaml(decoded(out, '/model/description')[0][1].data)['roll'] == HULL
+
+
+def test_a_csv_trial_plays_like_the_bag_of_the_same_motion(trial, tmp_path):
+    table, bag, out = tmp_path / 'trial.csv', tmp_path / 'trial.mcap', tmp_path / 'out.mcap'
+    write_csv(table, trial)
+    write_imu_bag(bag, trial)
+    from_table, from_bag = read_readings(table), read_readings(bag)
+    np.testing.assert_allclose(from_table.values, from_bag.values, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(from_table.stamps, from_bag.stamps, rtol=0, atol=2000)
+    assert from_table.in_craft_axes and not from_bag.in_craft_axes
+    assert main(['play-through', str(table), '--output', str(out)]) == 0
+    assert len(decoded(out, '/forecast/next')) == trial.time.size - 1
+
+
+def test_frames_are_turned_once_whatever_the_record(trial, tmp_path):
+    """A CSV trial is turned by its reader, a bag by the cores: both give the same forecasts."""
+    params = tmp_path / 'params.yaml'
+    params.write_text('/**:\n  ros__parameters: {frame: frd, auto_identify: false}\n')
+    angles = []
+    for name, write in (('t.csv', write_csv), ('t.mcap', write_imu_bag)):
+        record, out = tmp_path / name, tmp_path / 'out.mcap'
+        write(record, trial)
+        assert main(['play-through', str(record), '--output', str(out), '--params', str(params)]) == 0
+        turns = [m.orientation for _, m in decoded(out, '/forecast/lead_0_5s')]
+        angles.append([euler_angles(q.x, q.y, q.z, q.w)[:2] for q in turns])
+    np.testing.assert_allclose(angles[0], angles[1], rtol=0, atol=1e-6)
+    assert np.abs(angles).max() > 0.05
+
+
+def test_the_output_is_a_bag_of_trials_itself(played):
+    forecast = read_bag(played, '/forecast/next')
+    assert forecast.roll.size == forecast.time.size > 700
+
+
+@pytest.mark.parametrize(('words', 'sentence'), [
+    (['--output', 'out.db3'], 'ends in .mcap'),
+    (['--output', 'out.mcap', '--refit-delay', '-1'], 'must not be negative'),
+    (['--output', 'nowhere/out.mcap'], 'cannot write'),
+    (['--output', 'out.mcap', '--topic', '/other'], 'holds no topic /other'),
+    (['--output', 'out.mcap', '--model', 'none.yaml'], 'cannot read the model file'),
+])
+def test_mistakes_are_told_in_one_sentence(bag, words, sentence, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(['play-through', str(bag), *words]) == 2
+    told = capsys.readouterr().err
+    assert sentence in told
+    assert list(tmp_path.iterdir()) == []
+
+
+def forecast(stamp_ns, seed):
+    """An attitude forecast of random numbers."""
+    numbers = np.random.default_rng(seed).normal(size=25).tolist()
+    return AttitudeForecast(stamp_ns, tuple(numbers[:4]), tuple(numbers[4:13]), tuple(numbers[13:16]), tuple(numbers[16:]))
+
+
+@pytest.mark.parametrize('frame_id', ['', 'a', 'base_link', 'hull/imu_7'])
+def test_templates_write_what_the_type_system_writes(frame_id, tmp_path):
+    """Whatever the length of the strings before the numbers, and so their places."""
+    horizon = HorizonForecast(
+        2_000_000_007, ('roll', 'roll_std', 'pitch', 'pitch_std'), (100_000_000, 1_100_000_000, 2_000_000_000),
+        np.random.default_rng(5).normal(size=(3, 4)), np.random.default_rng(6).normal(size=(3, 4)),
+    )  # fmt: skip
+    path = tmp_path / 'out.mcap'
+    with writing_output_bag(path, frame_id=frame_id, namespace='ship') as bag:
+        for number in range(3):
+            bag.add_attitude('forecast/next', number, forecast(-5 + 10**9 * number, number))
+        bag.add_horizon(3, horizon)
+    for number, (_, message) in enumerate(decoded(path, '/ship/forecast/next')):
+        expected = forecast(-5 + 10**9 * number, number)
+        assert message.header.frame_id == frame_id
+        assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == expected.stamp_ns
+        assert (message.orientation.x, message.orientation.w) == (expected.orientation[0], expected.orientation[3])
+        assert tuple(message.orientation_covariance) == expected.orientation_covariance
+        assert message.angular_velocity.z == expected.rates[2]
+        assert tuple(message.angular_velocity_covariance) == expected.rates_covariance
+        assert message.linear_acceleration.x == 0.0 and message.linear_acceleration_covariance[0] == -1.0
+    (_, message), = decoded(path, '/ship/forecast/horizon')
+    assert message.joint_names == list(horizon.columns)
+    for row, point in enumerate(message.points):
+        np.testing.assert_array_equal(point.positions, horizon.positions[row])
+        np.testing.assert_array_equal(point.velocities, horizon.velocities[row])
+        since = point.time_from_start.sec * 10**9 + point.time_from_start.nanosec
+        assert since == horizon.leads_ns[row]
+
+
+def test_horizons_of_changing_shape_are_each_right(tmp_path):
+    path = tmp_path / 'out.mcap'
+    shapes = [('roll', 'roll_std'), ('roll', 'roll_std', 'pitch', 'pitch_std'), ('roll', 'roll_std')]
+    with writing_output_bag(path) as bag:
+        for number, columns in enumerate(shapes):
+            values = np.full((2, len(columns)), float(number))
+            bag.add_horizon(number, HorizonForecast(number, columns, (10, 20), values, -values))
+    assert [tuple(m.joint_names) for _, m in decoded(path, '/forecast/horizon')] == shapes
+    assert [m.points[1].velocities[0] for _, m in decoded(path, '/forecast/horizon')] == [0.0, -1.0, -2.0]
+
+
+def test_diagnostics_are_written(tmp_path):
+    path = tmp_path / 'out.mcap'
+    with writing_output_bag(path) as bag:
+        bag.add_diagnostics(7, [(1, 'predictor: imu', 'samples are missing', {'rate_hz': '99.5'})])
+    (time, message), = decoded(path, '/diagnostics')
+    status, = message.status
+    assert (time, status.level, status.name, status.values[0].value) == (7, 1, 'predictor: imu', '99.5')
+
+
+def test_an_output_that_fails_leaves_nothing(tmp_path):
+    with pytest.raises(InputError, match='stop'), writing_output_bag(tmp_path / 'out.mcap') as bag:
+        assert isinstance(bag, OutputBag)
+        raise InputError('stop')
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_latched_topics_say_so(played):
+    with opened_bag(played) as (readers, _):
+        durability = {c.topic: c.ext.offered_qos_profiles[0].durability.name for c in readers[0].connections}
+    assert durability['/model/description'] == durability['/motion/window'] == 'TRANSIENT_LOCAL'
+    assert durability['/forecast/next'] == 'VOLATILE'
+
+
+def test_stamps_before_1970_are_kept():
+    """The seconds are signed in the message."""
+    template = _Template(STORE, 'sensor_msgs/msg/Imu', OutputBag(None)._imu_message)
+    raw = template.filled(-1, np.zeros(37))
+    stamp = STORE.deserialize_cdr(raw, 'sensor_msgs/msg/Imu').header.stamp
+    assert (stamp.sec, stamp.nanosec) == (-1, 999_999_999)
