@@ -26,7 +26,7 @@ class Calibrator:
         Step of the log quantile for one miss, for errors a second apart.
     """
 
-    def __init__(self, shape, rate=0.08):
+    def __init__(self, shape, rate=0.15):
         self._rate = rate
         self._start = np.broadcast_to(np.log(NORMAL_QUANTILES), (*shape, LEVELS.size))
         self.forget()

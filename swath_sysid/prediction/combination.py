@@ -74,35 +74,32 @@ class Combiner:
 
         Returns
         -------
-        ndarray, shape (A, L, E)
-            The weights; zero where there is no forecast.
+        weights : ndarray, shape (A, L, E)
+            Zero where there is no forecast.
+        variance : ndarray, shape (A, L)
+            Of the combined error, in the errors' unit.
         """
         present = np.isfinite(nominal)
-        nominal = np.where(present, nominal, 0.0)
         covariance = self._sum.copy()
-        covariance[..., self._diagonal, self._diagonal] += self._trust * nominal
+        covariance[..., self._diagonal, self._diagonal] += self._trust * np.where(present, nominal, 0.0)
         covariance /= self._time + self._trust[..., None]
         weights = self.weights
         new = present & (weights <= 0.0)
+        rounds = 2
         if new.any():
             count = np.maximum(present.sum(axis=2, keepdims=True), 1)
             weights = np.where(new, 1.0 / count, weights)
-        weights = weights * present
-        weights /= np.maximum(weights.sum(axis=2, keepdims=True), 1e-30)
-        for _ in range(40 if new.any() else 2):
+            rounds = 40
+        weights = _normalised(weights * present)
+        for _ in range(rounds):
             slope = (covariance @ weights[..., None])[..., 0]
             level = (weights * slope).sum(axis=2, keepdims=True)
             relative = slope / np.maximum(level, 1e-30) - 1.0
-            weights = weights * np.exp(-_STEP * np.clip(relative, -_LARGEST_SLOPE, _LARGEST_SLOPE))
-            weights = np.maximum(weights, _LEAST_WEIGHT) * present
-            weights /= np.maximum(weights.sum(axis=2, keepdims=True), 1e-30)
+            np.clip(relative, -_LARGEST_SLOPE, _LARGEST_SLOPE, out=relative)
+            weights = _normalised(np.maximum(weights * np.exp(-_STEP * relative), _LEAST_WEIGHT) * present)
         self.weights = weights
-        return weights
+        return weights, (weights * (covariance @ weights[..., None])[..., 0]).sum(axis=2)
 
-    def variance(self, nominal):
-        """Variance of the combined error, shape (A, L), in the errors' unit."""
-        covariance = self._sum.copy()
-        covariance[..., self._diagonal, self._diagonal] += self._trust * np.where(np.isfinite(nominal), nominal, 0.0)
-        covariance /= self._time + self._trust[..., None]
-        w = self.weights
-        return (w * (covariance @ w[..., None])[..., 0]).sum(axis=2)
+
+def _normalised(weights):
+    return weights / np.maximum(weights.sum(axis=2, keepdims=True), 1e-30)

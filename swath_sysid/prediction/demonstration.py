@@ -7,6 +7,7 @@ import numpy as np
 from swath_sysid.motion.attitude import euler_angles
 from swath_sysid.motion.trial import AXES
 from swath_sysid.prediction.outlook import Outlook, OutlookSettings
+from swath_sysid.prediction.waves import fit_waves
 
 UNAWARE = 0.3
 """s after letting go; no forecast issued earlier can know that the craft is free."""
@@ -191,6 +192,9 @@ def without_model(readings, axis, settings: OutlookSettings):
     outlook = Outlook(settings)
     found = {lead: [] for lead in settings.predictor.leads}
     for reading in readings:
-        for lead, forecast in outlook.add(reading).leads:
+        step = outlook.add(reading)
+        if step.waves is not None:
+            outlook.install(fit_waves(step.waves))
+        for lead, forecast in step.leads:
             found[lead].append((forecast.stamp_ns, *attitude_at(forecast, axis)))
     return found

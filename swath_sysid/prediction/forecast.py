@@ -1,4 +1,5 @@
 """Forecasts as values."""
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +44,11 @@ class Forecast:
         s.
     axes : dict of str to AxisForecast
         The axes that the sensor gives.
+    quiescence : float
+        Probability that the craft stays inside the configured limits; NaN where none are configured.
     """
 
     stamp: float
     leads: np.ndarray
     axes: dict[str, AxisForecast]
+    quiescence: float = math.nan

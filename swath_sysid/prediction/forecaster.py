@@ -1,12 +1,13 @@
 """From the filters and the past to calibrated forecasts at every lead.
 
-Five experts forecast each axis: its mean, constant rate, the hull alone, the waves (a regression on
-all channels), and the hull driven by the moments of the waves.  Their past errors weigh them lead
+Six experts forecast each axis: its mean, constant rate, the hull alone, the waves (a regression on
+all channels), the axis by itself (a regression on its own past), and the hull driven by the moments
+of the waves.  Their past errors weigh them lead
 by lead and calibrate the result.  What an expert lacks (a hull, enough past, a gap-free stretch)
 only takes that expert away.
 """
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,15 +17,18 @@ from swath_sysid.prediction.combination import Combiner
 from swath_sysid.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.prediction.free_forecast import carry_on, longest_horizon_step, spread_table
 from swath_sysid.prediction.history import History
+from swath_sysid.prediction.quiescence import Quiescence, reliability
 from swath_sysid.prediction.waves import CHANNELS, WaveRequest
 
-EXPERTS = ('mean', 'constant-rate', 'hull', 'waves', 'hull-and-waves')
-MEAN, RATE, HULL, WAVES, HULL_AND_WAVES = range(len(EXPERTS))
+EXPERTS = ('mean', 'constant-rate', 'hull', 'waves', 'axis-alone', 'hull-and-waves')
+MEAN, RATE, HULL, WAVES, ALONE, HULL_AND_WAVES = range(len(EXPERTS))
 
 _FINEST = 0.009
 _ACTIVITY_TIME = 5.0
 _LEAST_ACTIVITY = 1e-4
 _LARGEST_FORECAST = math.pi
+_PRIOR_TRUST = 5.0
+_EARLY = 5.0
 _FASTEST_EVEN = 0.05
 
 
@@ -60,11 +64,15 @@ class Forecaster:
         self._all = np.unique(np.round(np.concatenate([self._leads, self._horizon]), 9))
         self._at_leads = np.searchsorted(self._all, self._leads - 1e-6)
         self._at_horizon = np.searchsorted(self._all, self._horizon - 1e-6)
-        self._between = _interpolation(self._leads, self._all)
+        # weights change over ratios of leads, deviations grow from now on
+        self._between = _interpolation(np.log(self._leads), np.log(self._all))
+        self._from_now = _interpolation(np.concatenate([[0.0], self._leads]), self._all)
         shape = len(AXES), self._leads.size
         self._combiner = Combiner(*shape, len(EXPERTS), settings.skill_memory, 5.0 + 3.0 * self._leads)
         self._calibrator = Calibrator(shape)
         self._history = History(settings.window + 2.0 * self._all[-1] + 10.0, _FINEST, len(CHANNELS) + 2)
+        limits = settings.quiescence
+        self._quiescence = None if limits is None else Quiescence(limits, self._horizon)
         self._steps = {}
         self._tables = {}
         self._fit = self._waiting = None
@@ -73,6 +81,8 @@ class Forecaster:
     def clear(self):
         """Forget the past motion (the clock has jumped); what was learnt of the sea stays."""
         self._history.clear()
+        if self._quiescence is not None:
+            self._quiescence.clear()
         self._issued = []
         self._first_issued = 0
         self._next_due = np.zeros(self._leads.size, dtype=int)
@@ -91,9 +101,7 @@ class Forecaster:
     def set_model(self, axis):
         """Take notice of the filter's new model."""
         attitude, place = self._filters[axis], AXES.index(axis)
-        step = self.settings.horizon_step
-        count = math.ceil(self._all[-1] / step - 1e-9)
-        self._tables[axis] = spread_table(attitude.model, self.settings.filter.disturbance_time, step, count)
+        self._tables[axis] = spread_table(attitude.model, self.settings.filter.disturbance_time, self._leads)
         self._steps.clear()
         for expert in (HULL, HULL_AND_WAVES):
             self._combiner.forget_expert(place, expert)
@@ -196,16 +204,41 @@ class Forecaster:
         self._score(stamp, interval, elapsed)
         angles, rates = self._experts(interval)
         activity = np.maximum(np.sqrt(self._activity_square), _LEAST_ACTIVITY)
-        nominal = self._nominal(angles) / activity[:, None, None] ** 2
-        weights = self._combiner.follow(nominal)
+        spread = {
+            axis: table.covariance(self._filters[axis].P, self._filters[axis].disturbance_variance)
+            for axis, table in self._tables.items()
+        }  # fmt: skip
+        nominal = self._nominal(angles, spread) / activity[:, None, None] ** 2
+        weights, variance = self._combiner.follow(nominal)
         angle, rate = _combine(angles, rates, weights, self._between)
-        deviation = np.sqrt(np.maximum(self._combiner.variance(nominal), 1e-12)) * activity[:, None]
+        deviation = np.sqrt(np.maximum(variance, 1e-12)) * activity[:, None]
         at = self._at_leads
         quantiles = self._calibrator.quantiles
         self._issued.append(
             _Issued(stamp, angles[:, :, at], angle[:, at], rate[:, at], deviation, quantiles, activity)
         )
-        return self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles)
+        at_leads, over_horizon = self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles, spread)
+        if self._quiescence is None:
+            return at_leads, over_horizon
+        quiet = self._stays_quiet(over_horizon, activity, interval)
+        return replace(at_leads, quiescence=quiet), replace(over_horizon, quiescence=quiet)
+
+    def _stays_quiet(self, horizon, activity, interval):
+        motion, deviation = np.zeros((2, self._horizon.size, len(AXES), 2))
+        for place, axis in enumerate(AXES):
+            told = horizon.axes.get(axis)
+            if told is not None:
+                motion[:, place] = np.column_stack([told.angle, told.rate])
+                deviation[:, place] = np.sqrt(told.covariance[:, (0, 1), (0, 1)])
+        tolerance = 0.6 * interval
+        self._quiescence.learn(
+            horizon.stamp, lambda stamps: self._history.at(stamps, tolerance)[:, [[7, 2], [8, 3]]]
+        )
+        return self._quiescence.probability(horizon.stamp, motion, deviation, activity)
+
+    def quiescence_reliability(self):
+        """How the told probabilities came true so far; None where no limits are configured."""
+        return None if self._quiescence is None else reliability(self._quiescence.told, self._quiescence.happened)
 
     def _adopt(self):
         fit, self._waiting = self._waiting, None
@@ -216,7 +249,7 @@ class Forecaster:
     def _follow_motion(self, stamp, elapsed):
         """Running mean, size and speed of the motion."""
         age = stamp - self._begun
-        slow = min(1.0, elapsed / max(min(self.settings.window, age), 1e-9)) if age > 0.0 else 1.0
+        slow = min(1.0, elapsed / min(self.settings.window, age + _EARLY))
         quick = max(slow, min(1.0, elapsed / _ACTIVITY_TIME))
         for place, axis in enumerate(AXES):
             attitude = self._filters[axis]
@@ -225,7 +258,8 @@ class Forecaster:
             angle, rate, trim, disturbance = attitude.x.tolist()
             acceleration = disturbance + float(attitude.model.acceleration(angle + attitude.model.trim - trim, rate))
             if self._mean[place] != self._mean[place]:
-                self._mean[place] = angle
+                # before anything is known of it, the craft is taken to lie at the trim it was identified at
+                self._mean[place] = trim
             self._mean[place] += slow * (angle - self._mean[place])
             square = (angle - self._mean[place]) ** 2
             self._variance[place] += slow * (square - self._variance[place])
@@ -259,30 +293,34 @@ class Forecaster:
         due = np.array(due)
         stamps = np.array([r.stamp for r in records]) + self._leads[due]
         rows = self._history.at(stamps, tolerance)
-        measured, rates = rows[:, 7:9].T, rows[:, 2:4].T
-        errors = np.full((len(AXES), self._leads.size, len(EXPERTS)), np.nan)
-        combined = np.full(errors.shape[:2], np.nan)
-        issued = np.ones((*combined.shape, 3))
-        for k, (lead, record) in enumerate(zip(due, records, strict=True)):
-            errors[:, lead] = (record.experts[:, :, lead] - measured[:, k, None]) / record.activity[:, None]
-            error = record.angles[:, lead] - measured[:, k]
-            combined[:, lead] = error / record.deviation[:, lead]
-            issued[:, lead] = record.quantiles[:, lead]
-            rate_error = (record.rates[:, lead] - rates[:, k]) / record.activity
-            error = error / record.activity
-            products = np.stack([error * error, error * rate_error, rate_error * rate_error], axis=1)
-            whole = np.isfinite(products).all(axis=1)
-            gain = elapsed / np.minimum(self.settings.skill_memory, self._joint_time[:, lead] + elapsed + 1e-9)
-            self._joint_time[whole, lead] += elapsed
-            self._joint[whole, lead] += (gain[:, None] * (products - self._joint[:, lead]))[whole]
+        # gathered by record (N, A, ...), then put at their leads
+        activity = np.array([r.activity for r in records])
+        error = np.array([r.angles[:, k] for k, r in zip(due, records, strict=True)]) - rows[:, 7:9]
+        rate_error = np.array([r.rates[:, k] for k, r in zip(due, records, strict=True)]) - rows[:, 2:4]
+        experts = np.array([r.experts[:, :, k] for k, r in zip(due, records, strict=True)]) - rows[:, 7:9, None]
+        deviation = np.array([r.deviation[:, k] for k, r in zip(due, records, strict=True)])
+        shape = len(AXES), self._leads.size
+        errors = np.full((*shape, len(EXPERTS)), np.nan)
+        errors[:, due] = (experts / activity[..., None]).transpose(1, 0, 2)
+        combined = np.full(shape, np.nan)
+        combined[:, due] = (error / deviation).T
+        issued = np.ones((*shape, 3))
+        issued[:, due] = np.array([r.quantiles[:, k] for k, r in zip(due, records, strict=True)]).transpose(1, 0, 2)
         self._combiner.learn(errors, elapsed)
         self._calibrator.learn(combined, issued, elapsed)
+        error, rate_error = error / activity, rate_error / activity
+        products = np.full((*shape, 3), np.nan)
+        products[:, due] = np.array([error * error, error * rate_error, rate_error * rate_error]).transpose(2, 1, 0)
+        whole = np.isfinite(products).all(axis=2)
+        self._joint_time += np.where(whole, elapsed, 0.0)
+        gain = elapsed / np.maximum(np.minimum(self.settings.skill_memory, self._joint_time), 1e-9)
+        self._joint += np.where(whole, gain, 0.0)[..., None] * (np.where(whole[..., None], products, 0.0) - self._joint)
 
     def _experts(self, interval):
         """Forecasts of every expert: angles and rates, shape (A, E, leads), NaN where there is none."""
         angles = np.full((len(AXES), len(EXPERTS), self._all.size), np.nan)
         rates = np.full_like(angles, np.nan)
-        waves, moments = self._waves_ahead(interval)
+        waves, alone, moments = self._waves_ahead(interval)
         for place, axis in enumerate(AXES):
             attitude = self._filters[axis]
             if not attitude.is_started:
@@ -293,37 +331,35 @@ class Forecaster:
             if attitude.has_model:
                 state = angle, rate, trim
                 step, fade = self._grid_of(axis)
-                angles[place, HULL], rates[place, HULL] = self._carry(axis, state, (disturbance * fade).tolist(), step)
-                if moments is not None and axis in moments:
+                angles[place, HULL], rates[place, HULL] = self._carry(axis, state, disturbance * fade, step)
+                if axis in moments:
                     angles[place, HULL_AND_WAVES], rates[place, HULL_AND_WAVES] = self._carry(
-                        axis, state, moments[axis].tolist(), self._fit.step
+                        axis, state, moments[axis], self._fit.step
                     )
-            if waves is not None and place in waves:
-                angles[place, WAVES] = waves[place]
-                given = waves.get(place + len(AXES))
-                rates[place, WAVES] = np.gradient(waves[place], self._all) if given is None else given
+            for expert, ahead in ((WAVES, waves), (ALONE, alone)):
+                if place in ahead:
+                    angles[place, expert] = ahead[place]
+                    given = ahead.get(place + len(AXES))
+                    rates[place, expert] = np.gradient(ahead[place], self._all) if given is None else given
         # a runaway must not reach the average through a small weight
         np.clip(angles, -_LARGEST_FORECAST, _LARGEST_FORECAST, out=angles)
         return angles, rates
 
     def _waves_ahead(self, interval):
+        """What the fit foretells: motion and motion of each axis alone, by channel; moments, by axis."""
         fit = self._fit
         if fit is None:
-            return None, None
+            return {}, {}, {}
         rows = min(fit.reach, int((self._history.time[-1] - self._history.time[0]) / fit.step + 1e-6) + 1)
         lags = self._history.back(fit.step, rows, interval)[:, :len(CHANNELS)]
-        ahead = fit.motion_ahead(lags)
-        waves = None if ahead is None else dict(zip(fit.targets, ahead.T, strict=True))
-        usable = {a for a, model in fit.hulls.items() if self._filters[a].model is model or
-                  self._filters[a].model == model}
-        if not usable:
-            return waves, None
-        trims = {axis: float(self._filters[axis].x[2]) for axis in fit.hulls}
-        ahead = fit.moments_ahead(lags, trims)
-        moments = None if ahead is None else {
-            a: column for a, column in zip(fit.hulls, ahead.T, strict=True) if a in usable
+        moments = None
+        usable = {a for a, model in fit.hulls.items() if self._filters[a].model == model}
+        if usable:
+            moments = fit.moments_ahead(lags, {axis: float(self._filters[axis].x[2]) for axis in fit.hulls})
+        moments = {} if moments is None else {
+            axis: column for axis, column in zip(fit.hulls, moments.T, strict=True) if axis in usable
         }  # fmt: skip
-        return waves, moments
+        return fit.motion_ahead(lags), fit.alone_ahead(lags), moments
 
     def _grid_of(self, axis):
         step = self.settings.horizon_step
@@ -343,7 +379,7 @@ class Forecaster:
         )  # fmt: skip
         return fine, values[2] * rates[before] + values[3] * rates[before + 1]
 
-    def _nominal(self, angles):
+    def _nominal(self, angles, spread):
         """Variance expected of each expert before any experience, shape (A, L, E)."""
         leads = self._leads
         nominal = np.full((len(AXES), leads.size, len(EXPERTS)), np.nan)
@@ -352,51 +388,68 @@ class Forecaster:
             if not attitude.is_started:
                 continue
             p = attitude.P
-            nominal[place, :, MEAN] = self._variance[place] + 1e-8
+            # a mean of a few seconds may be off by all that the craft can swing from here
+            x, w = attitude.x[0] - attitude.x[2], attitude.x[1] / self._pace(attitude)
+            early = _EARLY / (_EARLY + self._last - self._begun)
+            nominal[place, :, MEAN] = self._variance[place] + early * (x * x + w * w) + 1e-8
             strayed = 0.25 * leads**4 * self._acceleration_square[place]
             nominal[place, :, RATE] = p[0, 0] + leads**2 * p[1, 1] + strayed
             if attitude.has_model:
-                rows = self._tables[axis].covariance(p, attitude.disturbance_variance)[:, 0, 0]
-                grid = self.settings.horizon_step * np.arange(rows.size)
-                nominal[place, :, HULL] = np.interp(leads, grid, rows)
-            if self._fit is not None and place in self._fit.targets:
-                column = self._fit.targets.index(place)
-                error = self._fit.motion.error[self._at_leads, column] if self._fit.motion else 0.0
-                nominal[place, :, WAVES] = error**2 + p[0, 0]
-                nominal[place, :, HULL_AND_WAVES] = 1.2 * nominal[place, :, WAVES]
+                nominal[place, :, HULL] = spread[axis][:, 0, 0]
+            for expert, error in self._told_errors(place):
+                nominal[place, :, expert] = error**2 + p[0, 0]
         nominal[np.isnan(angles[:, :, self._at_leads].transpose(0, 2, 1))] = np.nan
         return nominal
 
-    def _as_forecasts(self, stamp, angle, rate, widths):
+    @staticmethod
+    def _pace(attitude):
+        """Natural frequency, or one radian a second where no hull tells it."""
+        stiffness = -float(attitude.model.jacobian(attitude.model.trim, 0.0)[0])
+        return math.sqrt(stiffness) if stiffness > 0.01 else 1.0
+
+    def _told_errors(self, place):
+        """Errors at the leads that the fit itself expects of its experts."""
+        fit = self._fit
+        if fit is None:
+            return
+        if fit.motion is not None and place in fit.targets:
+            error = fit.motion.error[self._at_leads, fit.targets.index(place)]
+            yield WAVES, error
+            # the regression of the moments tells no errors of the motion: those of the motion's stand in
+            yield HULL_AND_WAVES, error
+        if place in fit.alone:
+            error = fit.alone[place].error[self._at_leads, 0]
+            yield ALONE, error
+            if fit.motion is None:
+                yield HULL_AND_WAVES, error
+
+    def _as_forecasts(self, stamp, angle, rate, widths, spread):
         at_leads, over_horizon = {}, {}
         for place, axis in enumerate(AXES):
             attitude = self._filters[axis]
             if not attitude.is_started:
                 continue
-            now = math.sqrt(attitude.P[0, 0]) * NORMAL_QUANTILES
-            wide = _from_now(self._leads, widths[place], now, self._all)
-            correlation, rate_deviation = self._rate_spread(place, axis)
-            covariance = _covariance(
-                wide[:, 1] / NORMAL_QUANTILES[1],
-                _from_now(self._leads, rate_deviation[:, None], math.sqrt(attitude.P[1, 1]), self._all)[:, 0],
-                self._between @ correlation,
-            )
+            now = math.sqrt(attitude.P[0, 0]) * NORMAL_QUANTILES, math.sqrt(attitude.P[1, 1])
+            correlation, rate_deviation = self._rate_spread(place, spread[axis])
+            rows = np.empty((self._leads.size + 1, 5))
+            rows[0, :3], rows[0, 3], rows[0, 4] = *now, correlation[0]
+            rows[1:, :3], rows[1:, 3], rows[1:, 4] = widths[place], rate_deviation, correlation
+            rows = self._from_now @ rows
+            covariance = _covariance(rows[:, 1] / NORMAL_QUANTILES[1], rows[:, 3], rows[:, 4])
             for places, told in ((self._at_leads, at_leads), (self._at_horizon, over_horizon)):
-                told[axis] = AxisForecast(angle[place, places], rate[place, places], covariance[places], wide[places])
+                told[axis] = AxisForecast(
+                    angle[place, places], rate[place, places], covariance[places], rows[places, :3]
+                )
         return Forecast(stamp, self._leads, at_leads), Forecast(stamp, self._horizon, over_horizon)
 
-    def _rate_spread(self, place, axis):
+    def _rate_spread(self, place, prior):
         """Correlation of angle and rate errors and deviation of the rate's, at the leads."""
-        attitude = self._filters[axis]
-        rows = self._tables[axis].covariance(attitude.P, attitude.disturbance_variance)
-        grid = self.settings.horizon_step * np.arange(rows.shape[0])
-        prior = np.array([np.interp(self._leads, grid, rows[:, i, j]) for i, j in ((0, 0), (0, 1), (1, 1))]).T
+        prior = prior.reshape(-1, 4)[:, [0, 1, 3]]
         size = max(self._activity_square[place], _LEAST_ACTIVITY**2)
-        trust = 5.0
         known = self._joint_time[place][:, None]
-        joint = (self._joint[place] * size * known + prior * trust) / (known + trust)
+        joint = (self._joint[place] * size * known + prior * _PRIOR_TRUST) / (known + _PRIOR_TRUST)
         correlation = joint[:, 1] / np.sqrt(np.maximum(joint[:, 0] * joint[:, 2], 1e-30))
-        return np.clip(correlation, -0.99, 0.99), np.sqrt(joint[:, 2])
+        return np.clip(correlation, -0.99, 0.99), np.sqrt(np.maximum(joint[:, 2], 0.0))
 
     @property
     def weights(self):
@@ -424,15 +477,8 @@ class Forecaster:
 
 
 def _interpolation(known, wanted):
-    """Matrix that interpolates from the known leads to the wanted ones, linear in the log of the lead."""
-    return np.array([np.interp(np.log(wanted), np.log(known), unit) for unit in np.eye(known.size)]).T
-
-
-def _from_now(leads, values, now, wanted):
-    """Rows at the wanted leads, from those at the known ones and at lead zero; linear in the lead."""
-    places = np.concatenate([[0.0], leads])
-    rows = np.vstack([np.broadcast_to(now, (1, values.shape[1])), values])
-    return np.array([np.interp(wanted, places, column) for column in rows.T]).T
+    """Matrix that interpolates linearly from the known places to the wanted ones."""
+    return np.array([np.interp(wanted, known, unit) for unit in np.eye(known.size)]).T
 
 
 def _hermite(leads, grid):

@@ -4,10 +4,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.accelerator import accelerated
+from swath_sysid.hull import terms
 from swath_sysid.prediction.ekf import CAPSIZED, process_noise, runge_kutta_step, transition
 
 RADIANS_PER_STEP = 0.35
 """Runge-Kutta steps of a horizon, in radians of the natural oscillation: errors below 1e-4 a period."""
+
+FASTEST = 20.0
+"""rad/s; no hull turns this fast."""
+
+LARGEST_MOMENT = 1e4
+"""rad/s^2; over inertia."""
+
+_damping = accelerated(terms.damping_moment)
+_restoring = accelerated(terms.restoring_moment)
 
 
 def longest_horizon_step(model, grid_step):
@@ -32,15 +43,46 @@ def longest_horizon_step(model, grid_step):
     return grid_step / per_grid, per_grid
 
 
+@accelerated
+def carry_on_kernel(angle, rate, moments, step, per_grid, ratios, active, friction_rate, angles, rates):
+    """Fill angles and rates (from trim) over the grid; see `carry_on`."""
+    half, sixth = 0.5 * step, step / 6.0
+    angles[0], rates[0] = angle, rate
+    held = False
+    for k in range(moments.size):
+        moment = float(moments[k])
+        for _ in range(per_grid):
+            # past any hull's range of stability the equation says nothing: the angle is held
+            held = held or not (abs(angle) < CAPSIZED and abs(rate) < FASTEST)
+            if held:
+                break
+            a1 = moment - _damping(rate, ratios, active, friction_rate) - _restoring(angle, ratios, active)
+            w2 = rate + half * a1
+            x2 = angle + half * rate
+            a2 = moment - _damping(w2, ratios, active, friction_rate) - _restoring(x2, ratios, active)
+            w3 = rate + half * a2
+            x3 = angle + half * w2
+            a3 = moment - _damping(w3, ratios, active, friction_rate) - _restoring(x3, ratios, active)
+            w4 = rate + step * a3
+            x4 = angle + step * w3
+            a4 = moment - _damping(w4, ratios, active, friction_rate) - _restoring(x4, ratios, active)
+            angle = float(angle + sixth * (rate + 2.0 * (w2 + w3) + w4))
+            rate = float(rate + sixth * (a1 + 2.0 * (a2 + a3) + a4))
+        if held:
+            angle, rate = angles[k], 0.0
+        angles[k + 1] = angle = min(max(angle, -CAPSIZED), CAPSIZED)
+        rates[k + 1] = rate
+
+
 def carry_on(model, angle, rate, trim, moments, step, per_grid):
-    """Angles and rates over the grid, from a state and the moments expected.
+    """Angles and rates over the grid, from a state and the moments expected (classical Runge-Kutta).
 
     Parameters
     ----------
-    model : DecayModel or FreeMotion
+    model : DecayModel
     angle, rate, trim : float
         The state now; rad, rad/s, rad.
-    moments : sequence of float, length K
+    moments : ndarray, shape (K,)
         Moment over inertia in each grid interval, rad/s^2.
     step : float
         Of the integration, s.
@@ -52,22 +94,14 @@ def carry_on(model, angle, rate, trim, moments, step, per_grid):
     angles, rates : ndarray, shape (K + 1,)
         At the grid times, the first of them now.
     """
-    acceleration = model.acceleration
-    shift = model.trim - trim
-    angle += shift
-    angles, rates = [angle], [rate]
-    for k, moment in enumerate(moments):
-        if not abs(angle - model.trim) < CAPSIZED:
-            # past any hull's range of stability the equation says nothing: the angle is held
-            angles += [angles[-1]] * (len(moments) - k)
-            rates += [0.0] * (len(moments) - k)
-            break
-        for _ in range(per_grid):
-            angle, rate = runge_kutta_step(acceleration, angle, rate, moment, step)
-        angle, rate = float(angle), float(rate)
-        angles.append(min(max(angle, model.trim - CAPSIZED), model.trim + CAPSIZED))
-        rates.append(rate)
-    return np.array(angles) - shift, np.array(rates)
+    angles, rates = np.empty(moments.size + 1), np.empty(moments.size + 1)
+    x = min(max(angle - trim, -CAPSIZED), CAPSIZED)
+    with np.errstate(over='ignore', invalid='ignore'):
+        carry_on_kernel(
+            x, rate, moments, step, per_grid, tuple(model.ratios.tolist()), model.equation.active,
+            model.friction_rate, angles, rates,
+        )  # fmt: skip
+    return angles + trim, np.where(np.isfinite(rates), rates, 0.0)
 
 
 def mean_moments(model, angles, rates, trim, step, per_grid):
@@ -90,28 +124,30 @@ def mean_moments(model, angles, rates, trim, step, per_grid):
     Returns
     -------
     ndarray, shape (N - 1,)
-        rad/s^2.
+        rad/s^2; NaN where the hull ran away.
     """
     x, w = angles[:-1] + (model.trim - trim), rates[:-1]
     x = np.clip(x, model.trim - CAPSIZED, model.trim + CAPSIZED)
-    for _ in range(per_grid):
-        x, w = runge_kutta_step(model.acceleration, x, w, 0.0, step)
+    with np.errstate(over='ignore', invalid='ignore'):
+        for _ in range(per_grid):
+            x, w = runge_kutta_step(model.acceleration, x, w, 0.0, step)
     middle, speed = (angles[:-1] + angles[1:]) / 2.0 + (model.trim - trim), (rates[:-1] + rates[1:]) / 2.0
     a, c = model.jacobian(np.clip(middle, model.trim - CAPSIZED, model.trim + CAPSIZED), speed)
     h = step * per_grid
     gain = h * (1.0 + c * h / 2.0 + (a + c * c) * h * h / 6.0)
-    return (rates[1:] - w) / np.where(gain > 0.2 * h, gain, h)
+    moments = (rates[1:] - w) / np.where(gain > 0.2 * h, gain, h)
+    return np.where(np.abs(moments) < LARGEST_MOMENT, moments, np.nan)
 
 
 @dataclass(frozen=True)
 class SpreadTable:
-    """How the uncertainty of now and the disturbance to come spread over the grid.
+    """How the uncertainty of now and the disturbance to come spread to L leads.
 
     Attributes
     ----------
-    transitions : ndarray, shape (K + 1, 4, 4)
-        Of the linearised state from now to each grid time.
-    by_disturbance : ndarray, shape (K + 1, 2, 2)
+    transitions : ndarray, shape (L, 2, 4)
+        Of the linearised state, from now to angle and rate at each lead.
+    by_disturbance : ndarray, shape (L, 2, 2)
         Covariance of angle and rate for a disturbance variance of one.
     """
 
@@ -119,12 +155,12 @@ class SpreadTable:
     by_disturbance: np.ndarray
 
     def covariance(self, state_covariance, disturbance_variance):
-        """Covariance of angle and rate at the grid times, shape (K + 1, 2, 2)."""
-        rows = self.transitions[:, :2]
+        """Covariance of angle and rate at the leads, shape (L, 2, 2)."""
+        rows = self.transitions
         return rows @ state_covariance @ rows.transpose(0, 2, 1) + disturbance_variance * self.by_disturbance
 
 
-def spread_table(model, tau, grid_step, count):
+def spread_table(model, tau, leads):
     """The `SpreadTable` of a model, linearised at its trim.
 
     Parameters
@@ -132,22 +168,18 @@ def spread_table(model, tau, grid_step, count):
     model : DecayModel or FreeMotion
     tau : float
         Correlation time of the disturbance, s.
-    grid_step : float
-        s.
-    count : int
-        Grid steps K.
+    leads : ndarray, shape (L,)
+        s, increasing.
     """
     by_angle, by_rate = (float(slope) for slope in model.jacobian(model.trim, 0.0))
-    fastest = max(math.sqrt(abs(by_angle)), abs(by_rate), 0.5 / tau)
-    per_grid = max(1, math.ceil(grid_step * fastest / 0.25))
-    small = transition(by_angle, by_rate, grid_step / per_grid, tau)
-    noise = process_noise(1.0, tau, 0.0, grid_step / per_grid)
-    transitions = np.empty((count + 1, 4, 4))
-    spread = np.zeros((count + 1, 4, 4))
-    transitions[0] = np.eye(4)
-    for k in range(count):
-        transitions[k + 1], spread[k + 1] = transitions[k], spread[k]
-        for _ in range(per_grid):
-            transitions[k + 1] = small @ transitions[k + 1]
-            spread[k + 1] = small @ spread[k + 1] @ small.T + noise
-    return SpreadTable(transitions, spread[:, :2, :2].copy())
+    longest = 0.25 / max(math.sqrt(abs(by_angle)), abs(by_rate), 0.5 / tau)
+    total, spread, rows, spreads = np.eye(4), np.zeros((4, 4)), [], []
+    for span in np.diff(leads, prepend=0.0):
+        count = max(1, math.ceil(span / longest))
+        small = transition(by_angle, by_rate, span / count, tau)
+        noise = process_noise(1.0, tau, 0.0, span / count)
+        for _ in range(count):
+            total, spread = small @ total, small @ spread @ small.T + noise
+        rows.append(total[:2])
+        spreads.append(spread[:2, :2])
+    return SpreadTable(np.array(rows), np.array(spreads))

@@ -12,6 +12,7 @@ from swath_sysid.prediction.ekf import AttitudeEstimate, AttitudeFilter, FilterS
 from swath_sysid.prediction.excitation import ExcitationSettings
 from swath_sysid.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.prediction.forecaster import Forecaster
+from swath_sysid.prediction.quiescence import QuiescenceLimits
 from swath_sysid.prediction.sensor_noise import NoiseMeter
 from swath_sysid.prediction.waves import WaveRequest
 
@@ -105,6 +106,8 @@ class PredictorSettings:
         s from a request's stamp to its fit's use: the time that the background has for it.
     skill_memory : float
         s; past errors that weigh and calibrate the forecasts are forgotten with this time constant.
+    quiescence : QuiescenceLimits or None
+        Limits whose probability of being kept is forecast; None: it is not.
     """
 
     filter: FilterSettings = field(default_factory=FilterSettings)
@@ -121,6 +124,7 @@ class PredictorSettings:
     refit_interval: float = 5.0
     refit_delay: float = 0.5
     skill_memory: float = 300.0
+    quiescence: QuiescenceLimits | None = None
 
     def __post_init__(self):
         if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
@@ -382,6 +386,16 @@ class Predictor:
                 angle, rate, covariance = attitude.ahead(lead)
                 axes[axis] = AxisForecast.normal(np.array([angle]), np.array([rate]), covariance[None])
         return Forecast(stamp, np.array([lead]), axes)
+
+    def quiescence_reliability(self):
+        """How the told probabilities of quiescence came true so far.
+
+        Returns
+        -------
+        Reliability or None
+            None where no limits are configured.
+        """
+        return self._forecaster.quiescence_reliability()
 
     def diagnostics(self):
         """The running state, for people.

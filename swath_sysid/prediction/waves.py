@@ -55,6 +55,8 @@ class WaveFit:
         Places in `CHANNELS` of what ``motion`` forecasts: angles, then rates.
     motion : ForecastTable or None
         Of the motion itself, at the request's leads.
+    alone : dict of int to ForecastTable
+        By the place of an angle: the same from that axis alone, which a short window teaches better.
     others : tuple of int
         Places in `CHANNELS` of what ``moments`` reads beside the moments.
     moments : ForecastTable or None
@@ -68,6 +70,7 @@ class WaveFit:
     channels: tuple[int, ...]
     targets: tuple[int, ...]
     motion: ForecastTable | None
+    alone: dict[int, ForecastTable]
     others: tuple[int, ...]
     moments: ForecastTable | None
     hulls: dict[str, DecayModel]
@@ -75,11 +78,22 @@ class WaveFit:
     @property
     def reach(self):
         """Rows of the past that a forecast reads."""
-        return max(t.order + 1 if t else 1 for t in (self.motion, self.moments))
+        return max(t.order + 1 if t else 1 for t in (self.motion, self.moments, *self.alone.values()))
 
     def motion_ahead(self, lags):
-        """The targets at the leads, shape (L, T), from the newest rows (newest first); None where unknown."""
-        return _ahead(self.motion, lags[:, self.channels])
+        """Each target at the leads, by its place in `CHANNELS`, from the newest rows (newest first)."""
+        ahead = _ahead(self.motion, lags[:, self.channels])
+        return {} if ahead is None else dict(zip(self.targets, ahead.T, strict=True))
+
+    def alone_ahead(self, lags):
+        """As `motion_ahead`, each axis from itself alone."""
+        result = {}
+        for place, table in self.alone.items():
+            own = own_channels(place, self.channels)
+            ahead = _ahead(table, lags[:, own])
+            if ahead is not None:
+                result.update(zip(own, ahead.T, strict=True))
+        return result
 
     def moments_ahead(self, lags, trims):
         """Moments of the hulls in each step to come, shape (K, H); None where unknown."""
@@ -93,6 +107,11 @@ def _ahead(table, lags):
         return None
     lags = lags[:table.order]
     return table.forecast(lags) if np.isfinite(lags).all() else None
+
+
+def own_channels(place, channels):
+    """The angle at a place and its rate, of those in use."""
+    return [c for c in (place, place + len(AXES)) if c in channels]
 
 
 def moment_channels(values, hulls, trims, others, step):
@@ -148,6 +167,14 @@ def fit_waves(request):
         motion = fit_table(
             values[:, useful], request.step, places, request.leads, request.settings, decisive=len(axes)
         )
+    alone = {}
+    for place in axes if len(useful) > 2 or len(axes) > 1 else ():
+        own = own_channels(place, useful)
+        table = fit_table(
+            values[:, own], request.step, range(len(own)), request.leads, request.settings, decisive=1
+        )
+        if table is not None:
+            alone[place] = table
     hulls = {
         axis: model for axis, model in request.models.items()
         if AXES.index(axis) in useful and AXES.index(axis) + len(AXES) in useful
@@ -164,4 +191,4 @@ def fit_waves(request):
         moments = fit_table(
             rows, request.step, range(len(hulls)), request.step * np.arange(1, count + 1), request.settings
         )
-    return WaveFit(request.stamp, request.step, tuple(useful), targets, motion, others, moments, hulls)
+    return WaveFit(request.stamp, request.step, tuple(useful), targets, motion, alone, others, moments, hulls)
