@@ -1,12 +1,12 @@
 # `make demo` and `make test` need nothing but Python 3.11 or 3.12, for which ROS 2 Jazzy exists: each makes its own
-# environment in .venv first. `make PYTHON=python3.12 ...` names another Python.
-SUITABLE := import ensurepip, sys, venv; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
-ifndef PYTHON
-FOUND := $(shell for p in python3 python3.12 python3.11; do $$p -c '$(SUITABLE)' 2>/dev/null && echo $$p && break; done)
-PYTHON := $(or $(FOUND),python3)
-endif
+# environment in .venv first, unless it is there. `make PYTHON=python3.12 ...` names another Python.
 VENV ?= .venv
 JOBS ?= 2
+SUITABLE := import ensurepip, sys, venv; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
+ifndef PYTHON
+FOUND := $(shell for p in $(VENV)/bin/python python3 python3.12 python3.11; do $$p -c '$(SUITABLE)' 2>/dev/null && echo $$p && break; done)
+PYTHON := $(or $(FOUND),python3)
+endif
 
 PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 READY := $(VENV)/ready-$(PYTHON_VERSION)

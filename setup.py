@@ -24,6 +24,8 @@ setup(
     name=NAME,
     version=MANIFEST.findtext('version'),
     description=MANIFEST.findtext('description'),
+    long_description=Path(__file__).with_name('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
     maintainer=MAINTAINER.text,
     maintainer_email=MAINTAINER.get('email'),
     license=MANIFEST.findtext('license'),
