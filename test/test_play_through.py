@@ -258,7 +258,8 @@ def test_mistakes_are_told_in_one_sentence(bag, words, sentence, tmp_path, monke
 def forecast(stamp_ns, seed):
     """An attitude forecast of random numbers."""
     numbers = np.random.default_rng(seed).normal(size=25).tolist()
-    return AttitudeForecast(stamp_ns, tuple(numbers[:4]), tuple(numbers[4:13]), tuple(numbers[13:16]), tuple(numbers[16:]))
+    cuts = zip((0, 4, 13, 16), (4, 13, 16, 25), strict=True)
+    return AttitudeForecast(stamp_ns, *(tuple(numbers[first:end]) for first, end in cuts))
 
 
 @pytest.mark.parametrize('frame_id', ['', 'a', 'base_link', 'hull/imu_7'])

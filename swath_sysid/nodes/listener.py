@@ -80,11 +80,9 @@ class Listener(Node):
     def is_ready(self):
         """Whether the craft, the forecasts and the identifier can all be heard."""
         heard = self.heard
-        return (
-            heard.nexts > 0 and all(heard.forecasts.values()) and self._release.service_is_ready()
-            and any('identifier' in name for name in heard.diagnostics)
-            and any('imu_buffer' in name for name in heard.diagnostics)
-        )
+        nodes = {name.partition(':')[0] for name in heard.diagnostics}
+        streams = (heard.angles, heard.nexts, *heard.forecasts.values())
+        return all(streams) and {'imu_buffer', 'identifier'} <= nodes and self._release.service_is_ready()
 
     def release(self):
         """Have the craft lifted and let go; a future of the service's response, whose message is the stamp (ns)."""

@@ -59,6 +59,8 @@ class Recording:
         if self.path.suffix != '.mcap':
             raise InputError(f"recordings are mcap: give an output name that ends in .mcap, not '{path}'")
         self._folder = self.path.with_suffix('.recording')
+        if not self.path.parent.is_dir():
+            raise InputError(f'cannot write {path}: there is no folder {self.path.parent}; choose one that exists')
         for taken in (self.path, self._folder):
             if taken.exists():
                 raise InputError(f'{taken} exists already: choose another name, or remove it first')

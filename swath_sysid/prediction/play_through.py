@@ -7,6 +7,7 @@ from swath_sysid.identification.refit import RefitOutcome, RefitRequest, RefitSe
 from swath_sysid.motion.intake import NANOSECOND
 from swath_sysid.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.prediction.outlook import Outlook, OutlookSettings, OutlookStep
+from swath_sysid.prediction.waves import WaveFit, WaveRequest, fit_waves
 
 
 @dataclass(frozen=True)
@@ -69,15 +70,21 @@ class PlayThrough:
         Known at the start, by axis.
     fit : callable, optional
         Turns a `RefitRequest` into a `RefitOutcome`.
+    fit_waves : callable, optional
+        Turns a `WaveRequest` into a `WaveFit`.
     """
 
-    def __init__(self, settings=None, models=None, fit: Callable[[RefitRequest], RefitOutcome] = refit):
+    def __init__(
+        self, settings=None, models=None, fit: Callable[[RefitRequest], RefitOutcome] = refit,
+        fit_waves: Callable[[WaveRequest], WaveFit] = fit_waves,
+    ):
         self.settings = settings or PlayThroughSettings()
         self.window = MotionWindow(self.settings.window)
         self.refitter = Refitter(self.settings.refit, models)
         self.outlook = Outlook(self.settings.outlook)
         self.outlook.set_models(self.refitter.models)
         self._fit = fit
+        self._fit_waves = fit_waves
         self._running = None
         self._waiting = None
         self._unpublished = bool(models)
@@ -96,6 +103,9 @@ class PlayThrough:
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
         outlook = self.outlook.add(reading)
+        if outlook.waves is not None:
+            # it comes into use a while after its stamp, so that live, too, it is there by then
+            self.outlook.install(self._fit_waves(outlook.waves))
         finished = self.window.add(reading).finished
         if finished is None:
             return Played(stamp_ns, models, None, outlook, verdict)

@@ -1,0 +1,253 @@
+"""Replay and record over real DDS: what went in comes out, and live nodes forecast as play-through does."""
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from swath_sysid.cli.main import main
+from swath_sysid.files.bags import opened_bag, read_imu, write_imu_bag
+from swath_sysid.files.model_file import write_model
+from swath_sysid.files.output_bag import writing_output_bag
+from swath_sysid.hull.catalogue import hull_named
+from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+
+rclpy = pytest.importorskip('rclpy', reason='replay and record need ROS 2')
+pytestmark = pytest.mark.dds
+
+ROOT = Path(__file__).resolve().parents[1]
+STORE = get_typestore(Stores.ROS2_JAZZY)
+HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
+DISCOVERY = 15.0
+START_NS = 1_700_000_000_000_000_000
+
+
+@contextmanager
+def verb(*words, ends=signal.SIGINT):
+    """A verb in a process of its own, ended by a signal unless it ends by itself; exit code 0."""
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
+    child = subprocess.Popen(
+        [sys.executable, '-m', 'swath_sysid.cli.main', *map(str, words)],
+        env={**os.environ, 'PYTHONPATH': path}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    try:
+        yield child
+        if child.poll() is None and ends is not None:
+            child.send_signal(ends)
+        told, _ = child.communicate(timeout=30.0)
+        assert child.returncode == 0, told
+    finally:
+        if child.poll() is None:
+            child.kill()
+            child.communicate()
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Four seconds of a release at 50 Hz."""
+    path = tmp_path_factory.mktemp('bag') / 'release.mcap'
+    trial = simulated_trial(HULL.model, radians(5.0), 3.0, 50.0, SensorNoise(0.0005, 0.003), seed=3, hold=1.0)
+    write_imu_bag(path, trial, start_stamp_ns=START_NS)
+    return path
+
+
+@pytest.fixture
+def node():
+    """A node to watch the graph with."""
+    rclpy.init()
+    watcher = rclpy.create_node('watcher')
+    yield watcher
+    watcher.destroy_node()
+    rclpy.try_shutdown()
+
+
+def wait_until(done, what, node=None):
+    """Until something is so; spins the node meanwhile."""
+    deadline = time.monotonic() + DISCOVERY
+    while not done():
+        assert time.monotonic() < deadline, f'waited in vain for {what}'
+        if node is None:
+            time.sleep(0.05)
+        else:
+            rclpy.spin_once(node, timeout_sec=0.05)
+
+
+def decoded(path, topic):
+    """Every message on a topic of a bag."""
+    with opened_bag(path) as (readers, advice):
+        assert advice == []
+        return [
+            STORE.deserialize_cdr(raw, c.msgtype) for reader in readers
+            for c, _, raw in reader.messages([c for c in reader.connections if c.topic == topic])
+        ]
+
+
+def stamp_of(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def numbers_of(message):
+    """The floats of a sensor_msgs/Imu that a forecast fills."""
+    turn, rates = message.orientation, message.angular_velocity
+    return (
+        turn.x, turn.y, turn.z, turn.w, rates.x, rates.y, rates.z,
+        *message.orientation_covariance, *message.angular_velocity_covariance,
+    )  # fmt: skip
+
+
+def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, node):
+    model, params = tmp_path / 'hull.yaml', tmp_path / 'params.yaml'
+    write_model(model, {'roll': HULL})
+    params.write_text(
+        f'identifier:\n  ros__parameters: {{model_path: {model}, auto_identify: false}}\n'
+        'predictor:\n  ros__parameters: {frame_id: hull}\n'
+    )
+    offline, live = tmp_path / 'offline.mcap', tmp_path / 'live.mcap'
+    assert main(['play-through', str(bag), '--output', str(offline), '--params', str(params)]) == 0
+    with ExitStack() as stack:
+        nodes = stack.enter_context(verb('run', '--params-file', params))
+        stack.enter_context(verb('record', '--output', live))
+        wait_until(
+            lambda: node.count_subscribers('/forecast/next') and node.count_subscribers('/model/description') >= 2
+            and node.count_subscribers('/imu/data') >= 2, 'the nodes and the recorder',
+        )  # fmt: skip
+        time.sleep(1.5)  # the model reaches the predictor
+        with verb('replay', bag, ends=None):
+            pass
+        time.sleep(1.2)  # the next diagnostics
+        assert nodes.poll() is None
+    assert len(decoded(live, '/imu/data')) == len(read_imu(bag).stamps)
+    for topic in ('/forecast/next', '/forecast/lead_0_5s', '/forecast/lead_2_0s'):
+        expected = {stamp_of(m): numbers_of(m) for m in decoded(offline, topic)}
+        found = {stamp_of(m): numbers_of(m) for m in decoded(live, topic)}
+        assert len(expected) > 30
+        assert found == expected, topic
+    horizons = [decoded(path, '/forecast/horizon') for path in (offline, live)]
+    assert len(horizons[0]) == len(horizons[1])
+    for one, other in zip(*horizons, strict=True):
+        np.testing.assert_array_equal([p.positions for p in one.points], [p.positions for p in other.points])
+        np.testing.assert_array_equal([p.velocities for p in one.points], [p.velocities for p in other.points])
+    shown = {
+        f'/diagnostics/{status.name}/{pair.key}'
+        for message in decoded(live, '/diagnostics') for status in message.status for pair in status.values
+    }
+    layout = (ROOT / 'config' / 'plotjuggler_layout.xml').read_text(encoding='utf-8')
+    drawn = {part.split('"')[0] for part in layout.split('<curve name="')[1:] if part.startswith('/diagnostics/')}
+    assert drawn and drawn <= shown
+
+
+def test_a_recording_holds_what_was_replayed(bag, tmp_path, node):
+    whole, copy = tmp_path / 'whole.mcap', tmp_path / 'copy.mcap'
+    assert main(['play-through', str(bag), '--output', str(whole), '--with-imu']) == 0
+    with verb('record', '--output', copy, ends=signal.SIGTERM) as recorder:
+        wait_until(lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder')
+        with verb('replay', whole, '--rate', 4, ends=None):
+            # it begins once the recorder has subscribed to the IMU, and soon to the rest
+            pass
+        assert recorder.poll() is None
+        assert (tmp_path / 'copy.recording').is_dir() and not copy.exists()
+    assert not (tmp_path / 'copy.recording').exists()
+    for topic in ('/imu/data', '/forecast/next', '/forecast/lead_1_0s'):
+        sent, recorded = decoded(whole, topic), decoded(copy, topic)
+        assert [(stamp_of(m), numbers_of(m)) for m in recorded] == [(stamp_of(m), numbers_of(m)) for m in sent]
+
+
+def test_a_killed_recording_can_be_read(bag, tmp_path, node):
+    with ExitStack() as stack:
+        player = stack.enter_context(verb('replay', bag, '--loop'))
+        recorder = subprocess.Popen(
+            [sys.executable, '-m', 'swath_sysid.cli.main', 'record', '--output', str(tmp_path / 'cut.mcap')],
+            cwd=ROOT, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            growing = tmp_path / 'cut.recording' / 'cut.recording.mcap'
+            wait_until(lambda: growing.exists() and growing.stat().st_size > 50_000, 'what was recorded')
+        finally:
+            recorder.kill()
+            recorder.wait()
+        assert player.poll() is None
+    record = read_imu(tmp_path / 'cut.recording', '/imu/data')
+    assert record.stamps.size > 25
+    assert {advice.code for advice in record.advice} == {'damaged-bag'}
+
+
+def test_replay_tells_the_time_and_loops(bag, node):
+    from rclpy.qos import qos_profile_sensor_data
+    from rosgraph_msgs.msg import Clock
+    from sensor_msgs.msg import Imu
+
+    stamps, clocks = [], []
+    node.create_subscription(Imu, '/imu/data', lambda m: stamps.append(stamp_of(m)), qos_profile_sensor_data)
+    node.create_subscription(
+        Clock, '/clock', lambda m: clocks.append(m.clock.sec * 10**9 + m.clock.nanosec), qos_profile_sensor_data
+    )
+    with verb('replay', bag, '--loop', '--clock', '--rate', 10):
+        wait_until(lambda: sum(np.diff(stamps) < 0) >= 1 and len(clocks) > 20, 'the second round', node)
+    first_round = stamps[:np.flatnonzero(np.diff(stamps) < 0)[0] + 1]
+    known = read_imu(bag).stamps
+    assert set(first_round) <= set(known.tolist()) and len(first_round) > 0.9 * known.size
+    assert known[0] <= min(clocks) and max(clocks) <= known[-1] + 10**9
+
+
+def test_replay_keeps_the_pace(bag, node):
+    from rclpy.qos import qos_profile_sensor_data
+    from sensor_msgs.msg import Imu
+
+    arrivals = []
+    node.create_subscription(Imu, '/imu/data', lambda m: arrivals.append(time.monotonic()), qos_profile_sensor_data)
+    with verb('replay', bag, '--rate', 2, ends=None) as player:
+        wait_until(lambda: player.poll() is not None, 'the end', node)
+    # four seconds of record; the machine may be slow, but nothing comes early
+    assert arrivals[-1] - arrivals[0] > 1.9
+
+
+def test_replay_leaves_out_types_that_are_not_installed(bag, tmp_path, capsys):
+    path = tmp_path / 'other'
+    with writing_output_bag(tmp_path / 'strange.mcap') as out:
+        kind = STORE.types['std_msgs/msg/Header']
+        message = kind(stamp=STORE.types['builtin_interfaces/msg/Time'](sec=0, nanosec=0), frame_id='')
+        connection = out._writer.add_connection(
+            '/strange', 'somebodys_msgs/msg/Thing', msgdef='std_msgs/Header header\n', rihs01='RIHS01_0'
+        )
+        out._writer.write(connection, 0, STORE.serialize_cdr(message, 'std_msgs/msg/Header'))
+    assert main(['replay', str(tmp_path / 'strange.mcap')]) == 2
+    assert 'somebodys_msgs/msg/Thing' in capsys.readouterr().err
+    assert main(['replay', str(path)]) == 2
+    assert 'there is no bag' in capsys.readouterr().err
+    assert main(['replay', str(bag), '--rate', '0']) == 2
+
+
+@pytest.mark.parametrize('name', ['out.db3', 'taken.mcap', 'nowhere/out.mcap'])
+def test_recordings_that_cannot_be_are_told_at_once(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'taken.mcap').write_text('')
+    assert main(['record', '--output', name]) == 2
+    assert name in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ['taken.mcap']
+
+
+@pytest.mark.parametrize('words', [['replay', 'some.mcap'], ['record'], ['demo']])
+def test_without_ros_one_sentence_says_what_to_do(words, tmp_path):
+    code = f'''
+import sys
+sys.modules['rclpy'] = None
+from swath_sysid.cli.main import main
+sys.exit(main({words}))
+'''
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
+    result = subprocess.run(
+        [sys.executable, '-c', code], cwd=tmp_path, capture_output=True, text=True,
+        env={**os.environ, 'PYTHONPATH': path},
+    )  # fmt: skip
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert 'pip install' in result.stderr
+    assert list(tmp_path.iterdir()) == []
