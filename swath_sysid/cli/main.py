@@ -15,7 +15,14 @@ VERBS = {
     'identify': 'from decay records to a hull model',
     'compare': 'fit many equations and choose the simplest adequate one',
     'simulate': 'a trial with known truth, as an IMU would have recorded it',
+    'campaign': 'a whole trial matrix: tables, figures and a model that knows its draft',
+    'scale': "a model at another scale, by Froude's law",
     'inspect': 'what is in a record: rates, gaps, decays, quality',
+    'play-through': 'what the nodes would have published on a record, as fast as the machine can',
+    'run': 'imu_buffer, identifier and predictor in one process',
+    'replay': 'publish the topics of a bag over ROS',
+    'record': 'write our topics from ROS to a bag',
+    'demo': 'a simulated craft, the nodes, and forecasts that sharpen: all of it in a minute',
 }
 EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
