@@ -170,7 +170,8 @@ class MotionWindow:
     def described(self):
         """What the window holds, for people."""
         state = 'recording' if self.recording else 'not recording'
-        return f'{state}, {self._size} samples, {self.duration:.1f} s'
+        held = f'{self._size} samples, {self.duration:.1f} s' if self._size else 'the window is empty'
+        return f'{state}, {held}'
 
     @property
     def is_short_of_memory(self):

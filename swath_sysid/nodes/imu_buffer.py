@@ -57,6 +57,8 @@ class ImuBuffer(Node):
             self._publish(self.window.table())
         response.success = self.window.size > 0
         response.message = self.window.described
+        if not response.success:
+            response.message += ': check that the IMU publishes on imu/data'
         return response
 
     def _on_clear(self, request, response):

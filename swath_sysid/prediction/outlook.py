@@ -11,6 +11,7 @@ import numpy as np
 from swath_sysid.motion import attitude
 from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, take_in
 from swath_sysid.motion.sensing import Installation
+from swath_sysid.motion.stamps import GAP, JUMPED_BACK, LONG_GAP, STAMP_REASONS, StampOrder, StampSettings
 from swath_sysid.motion.trial import AXES
 from swath_sysid.prediction.forecast import Forecast
 from swath_sysid.prediction.predictor import ImuSample, Predictor, PredictorSettings, Step
@@ -24,6 +25,11 @@ UNKNOWN_RATE_VARIANCE = 100.0
 
 NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The covariance of a quantity that a sensor_msgs/Imu does not give."""
+
+COUNTED_BY_PREDICTOR = (JUMPED_BACK, GAP, LONG_GAP)
+"""Of the stamps that follow; those that do not never reach it."""
+
+OUTLOOK_REASONS = (*(reason for reason in STAMP_REASONS if reason not in COUNTED_BY_PREDICTOR), *INTAKE_REASONS)
 
 NEXT_TOPIC = 'forecast/next'
 HORIZON_TOPIC = 'forecast/horizon'
@@ -143,7 +149,10 @@ class Outlook:
     def __init__(self, settings=None):
         self.settings = settings or OutlookSettings()
         self.predictor = Predictor(self.settings.predictor)
-        self.counts = dict.fromkeys(INTAKE_REASONS, 0)
+        self._order = StampOrder(
+            StampSettings(self.settings.predictor.backward_jump, self.settings.predictor.gap_limit)
+        )
+        self.counts = dict.fromkeys(OUTLOOK_REASONS, 0)
         self.used = 0
         self._first_ns = None
         self._yaw = 0.0
@@ -181,7 +190,12 @@ class Outlook:
         -------
         OutlookStep
         """
-        sample, reasons = take_in(reading, self.settings.installation)
+        placed, reasons = self._order.place(reading.stamp_ns)
+        reasons = tuple(reason for reason in reasons if reason not in COUNTED_BY_PREDICTOR)
+        sample = None
+        if placed:
+            sample, more = take_in(reading, self.settings.installation)
+            reasons += more
         for reason in reasons:
             self.counts[reason] += 1
         if sample is None:

@@ -1,0 +1,248 @@
+"""A bench for tests over DDS: it runs the nodes in processes of their own, is their sensor, and hears them."""
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import defaultdict
+from contextlib import contextmanager
+from pathlib import Path
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu, PointCloud2
+from std_msgs.msg import Float32, Float64MultiArray, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from swath_sysid.nodes.spinning import events_executor
+
+ROOT = Path(__file__).resolve().parents[1]
+PATIENCE = 15.0
+"""s; discovery alone takes up to three."""
+
+SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+SEND_RATE = 600.0
+"""Messages a second of wall clock, whatever their stamps say."""
+
+# read by every participant, here and in the processes started
+os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(Path(__file__).with_name('fast_discovery.xml')))
+
+HEARD = {
+    'forecast/next': (Imu, RELIABLE), 'forecast/lead_0_5s': (Imu, RELIABLE),
+    'forecast/horizon': (JointTrajectory, RELIABLE), 'motion/window': (PointCloud2, LATCHED),
+    'model/description': (String, LATCHED), 'model/coefficients': (Float64MultiArray, LATCHED),
+    'identifier/progress': (Float32, RELIABLE),
+}
+
+
+def wait_for(condition, what, seconds=PATIENCE):
+    """Wait until a condition holds; what it returns."""
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < end, f'in {seconds} s: no {what}'
+        time.sleep(0.01)
+    return found
+
+
+def start(*words, ros_args=()):
+    """Start a Python process with ROS arguments."""
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))}
+    return subprocess.Popen(
+        [sys.executable, *words, '--ros-args', '-p', 'diagnostics_period_s:=0.1', *ros_args],
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )
+
+
+def start_together(*ros_args):
+    """Start all three nodes in one process."""
+    return start('-m', 'swath_sysid.cli.main', 'run', ros_args=ros_args)
+
+
+def start_node(name, *ros_args):
+    """Start one node."""
+    return start('-m', f'swath_sysid.nodes.{name}', ros_args=ros_args)
+
+
+def children(pid):
+    """Process ids of the living children of a process."""
+    found = []
+    for stat in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            state, parent = stat.read_text().rpartition(')')[2].split()[:2]
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if int(parent) == pid and state != 'Z':
+            found.append(int(stat.parent.name))
+    return found
+
+
+def stop(process, number=signal.SIGINT, times=1):
+    """Stop a process by a signal; its exit code and output."""
+    for _ in range(times):
+        if process.poll() is None:
+            process.send_signal(number)
+        time.sleep(0.03)
+    output, _ = process.communicate(timeout=PATIENCE)
+    return process.returncode, output
+
+
+class Bench:
+    """A node that publishes IMU messages and keeps what the nodes publish.
+
+    Parameters
+    ----------
+    namespace : str
+    imu_topic : str
+    """
+
+    def __init__(self, namespace='', imu_topic='imu/data'):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node('bench', context=self.context, namespace=namespace)
+        self.heard = defaultdict(list)
+        self.statuses = {}
+        self.reports = 0
+        self.imu = self.publisher(Imu, imu_topic)
+        for topic, (kind, qos) in HEARD.items():
+            self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, RELIABLE)
+        self._clients = {}
+        self._executor = events_executor(context=self.context)
+        self._executor.add_node(self.node)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self):
+        while not self._stop.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def publisher(self, kind, topic, qos=SENSOR):
+        return self.node.create_publisher(kind, topic, qos)
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            self.statuses[status.name] = status.level[0], status.message, {v.key: v.value for v in status.values}
+        self.reports += 1
+
+    # --- the sensor
+
+    def connect(self, listeners=2):
+        """Wait until the nodes hear the sensor and are heard."""
+        wait_for(lambda: self.imu.get_subscription_count() >= listeners, 'subscriptions to the IMU')
+        prefix = self.node.get_namespace().strip('/')
+        names = [f'{prefix}/{name}'.strip('/') for name in ('imu_buffer: imu', 'predictor: imu')]
+        wait_for(lambda: all(name in self.statuses for name in names), 'diagnostics')
+        topic = self.node.resolve_topic_name('forecast/next')
+        wait_for(lambda: self.node.count_publishers(topic) and self.node.count_subscribers(topic), 'forecast/next')
+
+    def send(self, readings, publisher=None):
+        """Publish readings; how many."""
+        begun, count = time.monotonic(), 0
+        for count, reading in enumerate(readings, 1):
+            (publisher or self.imu).publish(imu_message(reading))
+            wait = begun + count / SEND_RATE - time.monotonic()
+            if wait > 0.0:
+                time.sleep(wait)
+        return count
+
+    def counts(self, node, status='imu'):
+        """The values of a status as numbers, those that are."""
+        prefix = self.node.get_namespace().strip('/')
+        _, _, values = self.statuses[f'{prefix}/{node}: {status}'.strip('/')]
+        return {key: float(value) for key, value in values.items() if is_number(value)}
+
+    def newest_stamp(self):
+        """Stamp of the newest forecast/next, ns."""
+        heard = self.heard['forecast/next']
+        return stamp_ns(heard[-1]) if heard else 0
+
+    def wait_for_forecast_after(self, stamp, seconds=PATIENCE):
+        """Wait until the newest forecast is that for the time just after a stamp, ns."""
+        wait_for(lambda: 0 < self.newest_stamp() - stamp < 200_000_000, 'forecast from the newest sample', seconds)
+
+    def settle(self, node, received):
+        """Wait until a node has told that it received so many messages."""
+        wait_for(lambda: self.counts(node)['received'] >= received, f'{received} messages at {node}')
+
+    # --- services
+
+    def call(self, name, kind=Trigger, request=None, seconds=PATIENCE):
+        """Call a service and wait for its answer."""
+        return self.wait_for_answer(self.call_async(name, kind, request), name, seconds)
+
+    def call_async(self, name, kind=Trigger, request=None):
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, name)
+            wait_for(self._clients[name].service_is_ready, f'service {name}')
+        return self._clients[name].call_async(request or kind.Request())
+
+    def wait_for_answer(self, future, name, seconds=PATIENCE):
+        wait_for(future.done, f'answer from {name}', seconds)
+        return future.result()
+
+    def set_parameters(self, node, **values):
+        """Set parameters one by one; the reasons for which they were refused."""
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+        answer = self.call(f'{node}/set_parameters', SetParameters, request)
+        return [result.reason for result in answer.results if not result.successful]
+
+    def describe_parameters(self, node, names):
+        request = DescribeParameters.Request(names=list(names))
+        return self.call(f'{node}/describe_parameters', DescribeParameters, request).descriptors
+
+
+@contextmanager
+def running(bench, process, listeners=2):
+    """A process whose nodes hear the bench; ended by Ctrl-C, with exit code 0."""
+    try:
+        bench.connect(listeners)
+        yield process
+    except BaseException:
+        process.kill()
+        print(process.communicate()[0])
+        raise
+    code, output = stop(process)
+    assert code == 0, output
+
+
+def is_number(text):
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def stamp_ns(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def imu_message(reading):
+    """The sensor_msgs/Imu of a reading."""
+    message = Imu()
+    message.header.frame_id = 'imu_link'
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(reading.stamp_ns, 10**9)
+    turn, rates, force = message.orientation, message.angular_velocity, message.linear_acceleration
+    turn.x, turn.y, turn.z, turn.w = reading.orientation
+    rates.x, rates.y, rates.z = reading.rates
+    force.x, force.y, force.z = reading.force
+    message.orientation_covariance[:] = reading.orientation_covariance
+    message.angular_velocity_covariance[:] = reading.rates_covariance
+    message.linear_acceleration_covariance[:] = reading.force_covariance
+    return message

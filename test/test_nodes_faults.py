@@ -1,0 +1,197 @@
+"""The fault table over DDS: each is counted under its own reason, none stops a node, good data are forecast again."""
+from math import inf, nan
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from imu_stream import EPOCH_NS, NOT_GIVEN, UNKNOWN, reading  # noqa: E402
+from live_bench import LATCHED, Bench, running, start_together, wait_for  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
+from sensor_msgs.msg import Imu, PointCloud2  # noqa: E402
+
+pytestmark = pytest.mark.dds
+
+STEP = 10_000_000
+SECOND = 10**9
+
+
+class Craft:
+    """A craft at rest whose sensor's stamps go on from test to test."""
+
+    def __init__(self, bench, process):
+        self.bench, self.process = bench, process
+        self.stamp = EPOCH_NS
+        self.sent = 0
+
+    def good(self, count=100, step=STEP):
+        """So many good samples."""
+        readings = []
+        for _ in range(count):
+            self.stamp += step
+            readings.append(reading(self.stamp, 0.01, -0.02))
+        self.send(readings)
+
+    def bad(self, stamp=None, **changes):
+        """One sample with something wrong."""
+        if stamp is None:
+            self.stamp += STEP
+            stamp = self.stamp
+        self.send([reading(stamp, 0.01, -0.02, **changes)])
+
+    def send(self, readings, publisher=None):
+        self.sent += self.bench.send(readings, publisher)
+
+    def counts(self):
+        """Counts of both nodes, once they have told of everything that was sent."""
+        found = {}
+        for node in ('imu_buffer', 'predictor'):
+            self.bench.settle(node, self.sent)
+            found[node] = self.bench.counts(node)
+        return found
+
+
+@pytest.fixture(scope='module')
+def craft():
+    bench = Bench()
+    with running(bench, start_together()) as process:
+        yield Craft(bench, process)
+    bench.close()
+
+
+def looped(craft):
+    craft.stamp -= 30 * SECOND
+
+
+def silent_for(seconds):
+    def fault(craft):
+        craft.stamp += round(seconds * SECOND)
+    return fault
+
+
+def each(**changes):
+    return lambda craft: craft.bad(**changes)
+
+
+def late(seconds):
+    return lambda craft: craft.bad(stamp=craft.stamp - round(seconds * SECOND) - STEP // 2)
+
+
+def at_another_rate(step):
+    return lambda craft: craft.good(150, step)
+
+
+def shocked(craft):
+    craft.bad(orientation=(0.0, 0.6, 0.0, 0.8))
+
+
+FAULTS = {
+    'repeated': (lambda craft: craft.bad(stamp=craft.stamp), 'duplicate-stamp', 'duplicate-stamp'),
+    'late': (late(0.1), 'out-of-order', 'out-of-order'),
+    'bag loop': (looped, 'clock-jumped-back', 'clock-jumped-back'),
+    'gap': (silent_for(0.3), 'gap', 'gap-predicted-through'),
+    'long gap': (silent_for(20.0), 'gap-too-long', 'gap-too-long'),
+    'NaN rates': (each(rates=(nan, 0.0, 0.0)), 'not-finite', 'not-finite'),
+    'infinite rates': (each(rates=(0.0, -inf, 0.0)), 'not-finite', 'not-finite'),
+    'NaN quaternion': (each(orientation=(nan, nan, nan, nan)), 'not-finite', 'not-finite'),
+    'all NaN': (each(orientation=(nan,) * 4, rates=(nan,) * 3, force=(nan,) * 3), 'nothing-usable', 'nothing-usable'),
+    'zero quaternion': (each(orientation=(0.0,) * 4), 'bad-quaternion', 'bad-quaternion'),
+    'denormal quaternion': (each(orientation=(5e-324, 0.0, 0.0, 1e-310)), 'bad-quaternion', 'bad-quaternion'),
+    'absurd rates': (each(rates=(1e30, 0.0, 0.0)), 'absurd-value', 'absurd-value'),
+    'absurd force': (each(force=(0.0, 0.0, 1e9)), 'absurd-value', 'absurd-value'),
+    'unknown covariances': (
+        each(orientation_covariance=UNKNOWN, rates_covariance=UNKNOWN), 'unknown-covariance', 'unknown-covariance'),
+    'no orientation': (each(orientation_covariance=NOT_GIVEN), 'no-orientation', 'no-orientation'),
+    'faster': (at_another_rate(STEP // 4), 'rate-changed', 'rate-changed'),
+    'slower': (at_another_rate(STEP * 4), 'rate-changed', 'rate-changed'),
+    'stray future stamp': (late(-3e6), 'stray-stamp', 'stray-stamp'),
+    'stray past stamp': (late(3e6), 'out-of-order', 'out-of-order'),
+    'shock': (shocked, None, 'outlier-pitch'),
+}
+
+
+@pytest.mark.parametrize('name', FAULTS)
+def test_a_fault_is_counted_and_good_data_are_forecast_again_within_a_second(craft, name):
+    inject, at_buffer, at_predictor = FAULTS[name]
+    craft.good()
+    before = craft.counts()
+    inject(craft)
+    craft.good()
+    craft.bench.wait_for_forecast_after(craft.stamp)
+    after = craft.counts()
+    for node, reason in (('imu_buffer', at_buffer), ('predictor', at_predictor)):
+        if reason is not None:
+            assert after[node][reason] > before[node][reason], (node, reason)
+        # all but a few of the good samples were used
+        assert after[node]['used'] - before[node]['used'] >= 97
+    assert craft.process.poll() is None
+
+
+def test_good_data_are_not_counted_as_faults(craft):
+    craft.good(200)
+    before = craft.counts()
+    craft.good(300)
+    after = craft.counts()
+    for node in before:
+        reasons = [key for key in before[node] if '-' in key]
+        assert {key: after[node][key] - before[node][key] for key in reasons} == dict.fromkeys(reasons, 0.0)
+        assert after[node]['used'] - before[node]['used'] == 300
+
+
+def test_a_sensor_that_stops_and_returns(craft):
+    craft.good()
+    before = craft.counts()
+    for name in ('predictor: imu', 'imu_buffer: imu'):
+        wait_for(lambda name=name: craft.bench.statuses[name][0] == 2, 'error about the silence')
+        assert 'no message on imu/data' in craft.bench.statuses[name][1]
+    craft.stamp += 3 * SECOND
+    craft.good()
+    craft.bench.wait_for_forecast_after(craft.stamp)
+    after = craft.counts()
+    assert all(after[node]['sensor-silent'] == before[node]['sensor-silent'] + 1 for node in before)
+
+
+def test_two_publishers(craft):
+    """The second lies seven seconds behind: its samples are left out, those of the first are forecast."""
+    craft.good()
+    before = craft.counts()
+    second = craft.bench.publisher(Imu, 'imu/data')
+    wait_for(lambda: second.get_subscription_count() == 2, 'second connection')
+    wait_for(lambda: craft.counts()['imu_buffer']['several-publishers'] > before['imu_buffer']['several-publishers'],
+             'count of several publishers')
+    for _ in range(100):
+        craft.good(1)
+        craft.send([reading(craft.stamp - 7 * SECOND, 0.3, 0.3)], second)
+    wait_for(lambda: 'more than one node publishes' in craft.bench.statuses['predictor: imu'][1], 'warning')
+    craft.bench.wait_for_forecast_after(craft.stamp)
+    craft.bench.node.destroy_publisher(second)
+    craft.good()
+    craft.bench.wait_for_forecast_after(craft.stamp)
+    after = craft.counts()
+    assert after['imu_buffer']['out-of-order'] - before['imu_buffer']['out-of-order'] >= 98
+    assert after['imu_buffer']['used'] - before['imu_buffer']['used'] >= 200
+
+
+def test_a_qos_mismatch_is_counted(craft):
+    """A subscription that wants old forecasts, and a publisher of windows that keeps none."""
+    before, window_before = craft.counts(), craft.bench.counts('identifier', 'identification')
+    wants_old = craft.bench.node.create_subscription(Imu, 'forecast/next', lambda message: None, LATCHED)
+    keeps_none = craft.bench.publisher(
+        PointCloud2, 'motion/window', QoSProfile(depth=1, durability=DurabilityPolicy.VOLATILE))
+    wait_for(lambda: craft.counts()['predictor']['qos-mismatch'] > before['predictor']['qos-mismatch'], 'count')
+    wait_for(lambda: craft.bench.counts('identifier', 'identification')['qos-mismatch']
+             > window_before['qos-mismatch'], 'count at the identifier')
+    craft.bench.node.destroy_subscription(wants_old)
+    craft.bench.node.destroy_publisher(keeps_none)
+    craft.good()
+    craft.bench.wait_for_forecast_after(craft.stamp)
+
+
+def test_a_window_that_is_none_is_counted(craft):
+    before = craft.bench.counts('identifier', 'identification')
+    publisher = craft.bench.publisher(PointCloud2, 'motion/window', LATCHED)
+    wait_for(lambda: publisher.get_subscription_count() >= 2, 'connection')
+    publisher.publish(PointCloud2(height=1, width=3, point_step=8))
+    wait_for(lambda: craft.bench.counts('identifier', 'identification')['bad-window'] > before['bad-window'], 'count')
+    craft.bench.node.destroy_publisher(publisher)
+    assert craft.process.poll() is None

@@ -1,0 +1,375 @@
+"""The three nodes over DDS: from the sensor to the model and the forecast, and everything that can be asked of them."""
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from imu_stream import EPOCH_NS, decay_stream, reading  # noqa: E402
+from live_bench import (  # noqa: E402
+    HEARD,
+    LATCHED,
+    Bench,
+    children,
+    running,
+    stamp_ns,
+    start,
+    start_node,
+    start_together,
+    stop,
+    wait_for,
+)
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+from std_srvs.srv import SetBool  # noqa: E402
+
+from swath_sysid.files.model_file import model_from_yaml, read_model  # noqa: E402
+from swath_sysid.identification.refit import COEFFICIENT_NAMES  # noqa: E402
+from swath_sysid.motion.window import COLUMNS  # noqa: E402
+from swath_sysid.nodes.messages import time_message, window_table  # noqa: E402
+from swath_sysid.nodes.parameter_tables import TABLES  # noqa: E402
+
+pytestmark = pytest.mark.dds
+
+PERIOD = 2.6
+
+
+class Craft:
+    """A craft whose stamps go on from test to test."""
+
+    def __init__(self, bench, process, model_path):
+        self.bench, self.process, self.model_path = bench, process, model_path
+        self.stamp = EPOCH_NS
+
+    def rest(self, count=100):
+        readings = [reading(self.stamp + (k + 1) * 10_000_000, 0.01, -0.02) for k in range(count)]
+        self.bench.send(readings)
+        self.stamp = readings[-1].stamp_ns
+
+    def swing(self, duration=22.0, **motion):
+        """A release in pitch that dies out, after rest."""
+        first = self.stamp + 10_000_000
+        readings = list(decay_stream(100.0, duration, release=4.0, hold=1.0, first_ns=first, **motion))
+        self.bench.send(readings)
+        self.stamp = readings[-1].stamp_ns
+
+    def identify(self):
+        return self.bench.call('identifier/identify')
+
+
+@pytest.fixture(scope='module')
+def craft(tmp_path_factory):
+    model_path = tmp_path_factory.mktemp('craft') / 'model.yaml'
+    bench = Bench()
+    with running(bench, start_together('-p', f'model_path:={model_path}')) as process:
+        yield Craft(bench, process, model_path)
+    bench.close()
+
+
+@pytest.fixture(scope='module')
+def identified(craft):
+    """The craft after its first decay: noticed, published, identified and forecast without being asked."""
+    for topic in ('motion/window', 'model/description', 'model/coefficients'):
+        craft.bench.heard[topic].clear()
+    craft.swing()
+    wait_for(lambda: craft.bench.heard['model/description'], 'model')
+    wait_for(lambda: craft.bench.counts('identifier', 'identification')['published'], 'report of the model')
+    return craft
+
+
+CONTRACT = {
+    'motion/window': ('sensor_msgs/msg/PointCloud2', 'imu_buffer', True, True, 1),
+    'model/description': ('std_msgs/msg/String', 'identifier', True, True, 1),
+    'model/coefficients': ('std_msgs/msg/Float64MultiArray', 'identifier', True, True, 1),
+    'identifier/progress': ('std_msgs/msg/Float32', 'identifier', True, False, None),
+    'forecast/next': ('sensor_msgs/msg/Imu', 'predictor', True, False, 1),
+    'forecast/lead_0_5s': ('sensor_msgs/msg/Imu', 'predictor', True, False, 1),
+    'forecast/lead_5_0s': ('sensor_msgs/msg/Imu', 'predictor', True, False, 1),
+    'forecast/horizon': ('trajectory_msgs/msg/JointTrajectory', 'predictor', True, False, 1),
+}
+
+
+@pytest.mark.parametrize('topic', CONTRACT)
+def test_topics_are_published_as_agreed(craft, topic):
+    kind, node, reliable, latched, depth = CONTRACT[topic]
+    (found,) = craft.bench.node.get_publishers_info_by_topic(f'/{topic}')
+    qos = found.qos_profile
+    assert (found.topic_type, found.node_name) == (kind, node)
+    assert (qos.reliability == ReliabilityPolicy.RELIABLE) == reliable
+    assert (qos.durability == DurabilityPolicy.TRANSIENT_LOCAL) == latched
+    # DDS does not tell the depth of others everywhere
+    assert qos.history != HistoryPolicy.KEEP_LAST or depth is None or qos.depth == depth
+
+
+def test_the_sensor_is_heard_with_sensor_data_qos(craft):
+    found = craft.bench.node.get_subscriptions_info_by_topic('/imu/data')
+    assert {info.node_name for info in found} == {'imu_buffer', 'predictor'}
+    for info in found:
+        assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert info.qos_profile.durability == DurabilityPolicy.VOLATILE
+
+
+def test_before_a_model_it_says_so_and_forecasts(craft):
+    craft.rest()
+    craft.bench.wait_for_forecast_after(craft.stamp)
+    level, message, values = craft.bench.statuses['predictor: forecast']
+    assert level == 1 and 'no pitch model' in message and values['has_model_pitch'] == 'False'
+
+
+def test_services_before_anything_was_identified(craft):
+    assert craft.bench.call('identifier/rollback').message == 'there is no model before this one'
+    assert not craft.bench.call('identifier/cancel').success
+    answer = craft.identify()
+    assert not answer.success and 'hardly moves' in answer.message
+
+
+def test_a_decay_is_noticed_identified_and_forecast_unasked(identified):
+    bench = identified.bench
+    table = window_table(bench.heard['motion/window'][-1])
+    assert table.rows.shape[1] == len(COLUMNS) and len(table.rows) > 1000
+    models = model_from_yaml(bench.heard['model/description'][-1].data)
+    assert models['pitch'].model.natural_period == pytest.approx(PERIOD, rel=0.02)
+    wait_for(lambda: bench.statuses['predictor: forecast'][2]['has_model_pitch'] == 'True', 'model at the predictor')
+    assert bench.counts('imu_buffer', 'window')['decays_noticed'] >= 1
+    shares = [message.data for message in bench.heard['identifier/progress']]
+    assert shares and shares[-1] == 1.0
+
+
+def test_coefficients_are_labelled(identified):
+    message = wait_for(lambda: identified.bench.heard['model/coefficients'], 'coefficients')[-1]
+    rows, columns = message.layout.dim
+    assert (rows.label, rows.size, rows.stride) == ('pitch', 1, len(COEFFICIENT_NAMES))
+    assert (columns.label, columns.size) == (','.join(COEFFICIENT_NAMES), len(COEFFICIENT_NAMES))
+    model = model_from_yaml(identified.bench.heard['model/description'][-1].data)['pitch'].model
+    assert list(message.data) == [*model.ratios.tolist(), model.trim]
+
+
+def test_the_model_file_is_what_was_published(identified):
+    published = model_from_yaml(identified.bench.heard['model/description'][-1].data)
+    assert read_model(identified.model_path) == published
+
+
+def test_forecasts_carry_time_attitude_and_covariance(identified):
+    bench = identified.bench
+    for heard in bench.heard.values():
+        heard.clear()
+    identified.rest(200)
+    bench.wait_for_forecast_after(identified.stamp)
+    message = bench.heard['forecast/next'][-1]
+    assert stamp_ns(message) == identified.stamp + 10_000_000 and message.header.frame_id == 'base_link'
+    half = message.orientation
+    assert half.x**2 + half.y**2 + half.z**2 + half.w**2 == pytest.approx(1.0)
+    assert 0.0 < message.orientation_covariance[0] < 1e-4 and message.angular_velocity_covariance[4] > 0.0
+    assert message.linear_acceleration_covariance[0] == -1.0
+    ahead = wait_for(lambda: bench.heard['forecast/lead_0_5s'], 'lead')[-1]
+    assert (stamp_ns(ahead) - EPOCH_NS) % 10_000_000 == 0
+    assert ahead.orientation_covariance[4] > message.orientation_covariance[4]
+    horizon = wait_for(lambda: bench.heard['forecast/horizon'], 'horizon')[-1]
+    assert list(horizon.joint_names) == ['roll', 'roll_std', 'pitch', 'pitch_std'] and len(horizon.points) == 50
+    last = horizon.points[-1]
+    assert (last.time_from_start.sec, last.time_from_start.nanosec) == (5, 0) and len(last.positions) == 4
+    assert last.positions[0] == pytest.approx(0.01, abs=0.01) and last.positions[1] > 0.0
+
+
+def test_identify_answers_in_one_line_and_keeps_a_model_that_is_as_good(identified):
+    answer = identified.identify()
+    assert not answer.success and 'not published, the current model explains the window as well' in answer.message
+    assert '\n' not in answer.message
+
+
+def test_a_changed_craft_is_followed_and_rollback_leads_back(identified):
+    bench = identified.bench
+    before = bench.heard['model/description'][-1:] or [String(data=identified.model_path.read_text())]
+    assert bench.set_parameters('identifier', auto_identify=False) == []
+    assert bench.call('imu_buffer/clear').success
+    identified.swing(period=3.1)
+    answer = identified.identify()
+    assert answer.success and 'pitch: odd-cubic' in answer.message and 'misfit' in answer.message
+    wait_for(lambda: bench.heard['model/description'], 'model')
+    assert read_model(identified.model_path)['pitch'].model.natural_period == pytest.approx(3.1, rel=0.02)
+    answer = bench.call('identifier/rollback')
+    assert answer.success and answer.message.startswith('back to pitch odd-cubic')
+    wait_for(lambda: bench.heard['model/description'][-1].data == before[0].data, 'model before')
+    assert read_model(identified.model_path) == model_from_yaml(before[0].data)
+    assert bench.set_parameters('identifier', auto_identify=True) == []
+
+
+def test_while_it_identifies_it_answers_and_forecasts_and_can_be_cancelled(identified):
+    bench = identified.bench
+    assert bench.set_parameters('identifier', population=20000, generations=100000) == []
+    bench.heard['identifier/progress'].clear()
+    running_one = bench.call_async('identifier/identify')
+    wait_for(lambda: bench.statuses['identifier: identification'][2]['state'] == 'identifying', 'work')
+    busy = bench.call('identifier/identify', seconds=2.0)
+    assert not busy.success and 'is running' in busy.message
+    assert 'is running' in bench.call('identifier/rollback', seconds=2.0).message
+    identified.rest(100)
+    bench.wait_for_forecast_after(identified.stamp, 2.0)
+    begun = time.monotonic()
+    assert bench.call('identifier/cancel').success
+    answer = bench.wait_for_answer(running_one, 'identify')
+    assert time.monotonic() - begun < 0.7, 'half a second, and the way there and back'
+    assert not answer.success and answer.message == 'the identification was cancelled'
+    assert bench.set_parameters('identifier', population=0, generations=0) == []
+
+
+def test_a_worker_that_dies_is_reported_and_the_next_identification_works(identified):
+    bench = identified.bench
+    assert bench.set_parameters('identifier', population=20000, generations=100000) == []
+    before = set(children(identified.process.pid))
+    running_one = bench.call_async('identifier/identify')
+    wait_for(lambda: bench.statuses['identifier: identification'][2]['state'] == 'identifying', 'work')
+    for pid in before:
+        os.kill(pid, signal.SIGKILL)
+    answer = bench.wait_for_answer(running_one, 'identify')
+    assert not answer.success and 'was started again' in answer.message
+    wait_for(lambda: bench.counts('identifier', 'identification')['worker-died'] == 1, 'report')
+    assert bench.set_parameters('identifier', population=0, generations=0) == []
+    assert 'pitch: ' in identified.identify().message
+    wait_for(lambda: bench.counts('predictor')['worker-died'] == 1, 'report of the predictor')
+    assert len(children(identified.process.pid)) == 2 and not before & set(children(identified.process.pid))
+
+
+def test_who_comes_late_gets_window_and_model(identified):
+    late = Bench()
+    wait_for(lambda: late.heard['model/description'] and late.heard['motion/window'], 'latched messages')
+    assert late.heard['model/description'][-1].data == identified.model_path.read_text()
+    late.close()
+
+
+def test_a_description_that_is_none_is_counted_and_the_model_stays(identified):
+    bench = identified.bench
+    publisher = bench.publisher(String, 'model/description', LATCHED)
+    wait_for(lambda: publisher.get_subscription_count() >= 2, 'connection')
+    publisher.publish(String(data='ratios: {b1: 3}'))
+    wait_for(lambda: bench.counts('predictor')['bad-model'] == 1, 'count')
+    assert bench.statuses['predictor: forecast'][2]['has_model_pitch'] == 'True'
+    bench.node.destroy_publisher(publisher)
+
+
+def test_the_buffer_publishes_clears_and_records_when_asked(identified):
+    bench = identified.bench
+    assert bench.set_parameters('identifier', auto_identify=False) == []
+    assert bench.call('imu_buffer/clear').success
+    answer = bench.call('imu_buffer/publish_window')
+    assert not answer.success and 'window is empty' in answer.message
+    answer = identified.identify()
+    assert not answer.success and 'window is empty' in answer.message
+    first = identified.stamp
+    identified.rest(50)
+    bench.wait_for_forecast_after(identified.stamp)
+    bench.heard['motion/window'].clear()
+    assert '50 samples' in bench.call('imu_buffer/publish_window').message
+    message = wait_for(lambda: bench.heard['motion/window'], 'window')[-1]
+    table = window_table(message)
+    assert stamp_ns(message) == identified.stamp and message.is_dense
+    np.testing.assert_allclose(table.rows[:, 0], (first + 10_000_000 * np.arange(1, 51)) * 1e-9, atol=1e-6)
+    np.testing.assert_allclose(table.rows[:, 2], -0.02, atol=1e-12)
+    assert 'not recording' in bench.call('imu_buffer/record', SetBool, SetBool.Request(data=False)).message
+    identified.rest(50)
+    bench.wait_for_forecast_after(identified.stamp)
+    assert '50 samples' in bench.call('imu_buffer/publish_window').message
+    answer = bench.call('imu_buffer/record', SetBool, SetBool.Request(data=True))
+    assert answer.message == 'recording, the window is empty'
+    assert bench.set_parameters('identifier', auto_identify=True) == []
+
+
+def test_parameters_are_described_and_checked_on_change(craft):
+    for node, table in TABLES.items():
+        for parameter, told in zip(table, craft.bench.describe_parameters(node, [p.name for p in table]), strict=True):
+            assert parameter.meaning in told.description and told.read_only == parameter.read_only
+            assert parameter.unit in told.description
+    refused = craft.bench.set_parameters('identifier', equation='no-such-equation', axes=['yaw'], seed=-1)
+    assert len(refused) == 3 and "there is no equation 'no-such-equation'" in refused[0]
+    (reason,) = craft.bench.set_parameters('imu_buffer', window_s=10.0)
+    assert 'read-only' in reason
+
+
+def test_names_are_relative_and_time_may_be_simulated(craft):
+    """In a namespace, with another topic, on simulated time that is set back; the model comes from the file."""
+    bench = Bench('tank', 'sensor/imu')
+    clock = bench.publisher(Clock, '/clock', 10)
+    process = start_together(
+        '-r', '__ns:=/tank', '-r', 'imu/data:=sensor/imu', '-p', 'use_sim_time:=true',
+        '-p', f'model_path:={craft.model_path}',
+    )
+    with running(bench, process):
+        assert wait_for(lambda: bench.heard['model/description'], 'model')[-1].data == craft.model_path.read_text()
+        for begin in (EPOCH_NS, EPOCH_NS - 100 * 10**9):
+            for k in range(10):
+                stamp = begin + k * 100_000_000
+                clock.publish(Clock(clock=time_message(stamp)))
+                bench.send([reading(stamp + i * 10_000_000) for i in range(10)])
+            bench.wait_for_forecast_after(stamp + 90_000_000)
+            before = bench.reports
+            wait_for(lambda before=before: bench.reports > before + 9, 'diagnostics while the clock stands still')
+        assert bench.counts('predictor')['clock-jumped-back'] == 1
+        assert abs(bench.counts('predictor')['stamp_age_s']) < 1.0
+        assert 'tank/imu_buffer: window' in bench.statuses
+    bench.close()
+
+
+def test_each_node_runs_by_itself_and_ends_cleanly_whatever_the_signal(tmp_path):
+    """Once or twice, SIGINT or SIGTERM: exit code 0, the workers gone."""
+    bench = Bench('alone')
+    apart = ('-r', '__ns:=/alone')
+    processes = [
+        (start_node('imu_buffer', *apart), signal.SIGINT, 2, 0),
+        (start_node('identifier', *apart), signal.SIGTERM, 2, 1),
+        (start_node('predictor', *apart), signal.SIGINT, 1, 1),
+    ]
+    names = {'alone/imu_buffer: imu', 'alone/identifier: identification', 'alone/predictor: imu'}
+    wait_for(lambda: names <= set(bench.statuses), 'diagnostics of all')
+    answer = bench.call('identifier/identify')
+    assert not answer.success and 'window is empty' in answer.message
+    for process, number, times, workers in processes:
+        left = children(process.pid)
+        assert len(left) == workers
+        code, output = stop(process, number, times)
+        assert code == 0, output
+        assert 'Traceback' not in output
+        wait_for(lambda left=left: not any(os.path.exists(f'/proc/{pid}') for pid in left), 'end of the workers')
+    bench.close()
+
+
+def test_without_a_buffer_identify_says_what_to_start_and_a_signal_at_work_ends_it():
+    bench = Bench('lonely')
+    process = start_node('identifier', '-r', '__ns:=/lonely', '-p', 'population:=20000', '-p', 'generations:=100000')
+    wait_for(lambda: 'lonely/identifier: identification' in bench.statuses, 'diagnostics')
+    answer = bench.call('identifier/identify')
+    assert not answer.success and 'start imu_buffer' in answer.message
+    kind, _ = HEARD['motion/window']
+    publisher = bench.publisher(kind, 'motion/window', LATCHED)
+    publisher.publish(a_window())
+    wait_for(lambda: bench.statuses['lonely/identifier: identification'][2]['state'] == 'identifying', 'work')
+    (worker,) = children(process.pid)
+    code, output = stop(process, signal.SIGINT, 2)
+    assert code == 0 and 'Traceback' not in output, output
+    wait_for(lambda: not os.path.exists(f'/proc/{worker}'), 'end of the worker')
+    bench.close()
+
+
+def a_window():
+    """A window with a decay, as imu_buffer publishes it."""
+    from swath_sysid.motion.window import MotionWindow, WindowSettings
+    from swath_sysid.nodes.messages import window_message
+    window = MotionWindow(WindowSettings(detect_decay=False))
+    for one in decay_stream(50.0, 30.0):
+        window.add(one)
+    return window_message(window.table(), 'base_link')
+
+
+@pytest.mark.parametrize(('node', 'arguments', 'sentence'), [
+    ('imu_buffer', ['-p', 'frame:=ned'], "frame cannot be 'ned'"),
+    ('imu_buffer', ['-p', 'window_s:=60'], 'window_s'),
+    ('predictor', ['-p', 'leads_s:=[2.0, 1.0]'], 'leads'),
+    ('identifier', ['-p', 'model_path:=/dev/null'], 'no model file'),
+])
+def test_a_wrong_parameter_at_the_start_is_one_sentence_and_exit_code_2(node, arguments, sentence):
+    process = start('-m', f'swath_sysid.nodes.{node}', ros_args=arguments)
+    output, _ = process.communicate(timeout=20.0)
+    assert process.returncode == 2 and sentence in output and 'Traceback' not in output

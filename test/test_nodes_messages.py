@@ -1,0 +1,119 @@
+"""Between ROS messages and plain values."""
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from imu_stream import EPOCH_NS, reading  # noqa: E402
+from live_bench import imu_message  # noqa: E402
+from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
+
+from swath_sysid.errors import InputError  # noqa: E402
+from swath_sysid.motion.window import COLUMNS, MotionTable  # noqa: E402
+from swath_sysid.nodes.messages import (  # noqa: E402
+    AttitudeMessage,
+    coefficients_message,
+    horizon_message,
+    imu_reading,
+    stamp_ns,
+    time_message,
+    window_message,
+    window_table,
+)
+from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast  # noqa: E402
+
+
+def a_table(rows=20):
+    values = np.random.default_rng(1).normal(size=(rows, len(COLUMNS)))
+    values[3:4, 2] = np.nan
+    return MotionTable(values, EPOCH_NS)
+
+
+@pytest.mark.parametrize('stamp', [0, 1, EPOCH_NS + 999_999_999, -1, -(2**31) * 10**9])
+def test_stamps_go_both_ways(stamp):
+    assert stamp_ns(time_message(stamp)) == stamp
+
+
+def test_an_imu_message_is_read_as_it_was_filled():
+    given = reading(EPOCH_NS + 123, 0.1, 0.2, 0.3, 0.4)
+    found = imu_reading(imu_message(given))
+    assert [list(part) if isinstance(part, tuple) else part for part in found] == [
+        list(part) if isinstance(part, tuple) else part for part in given]
+
+
+def test_a_window_goes_both_ways():
+    message = window_message(a_table(), 'base_link')
+    found = window_table(message)
+    np.testing.assert_array_equal(found.rows, a_table().rows)
+    assert found.stamp_ns == EPOCH_NS and message.header.frame_id == 'base_link'
+    assert (message.height, message.width, message.point_step) == (1, 20, 64) and not message.is_dense
+    assert [field.name for field in message.fields] == list(COLUMNS)
+    assert window_table(window_message(a_table(0), '')).rows.shape == (0, len(COLUMNS))
+
+
+def test_a_window_of_another_maker_is_read():
+    """Other byte order, columns in another order, a column more."""
+    names = ['extra', *reversed(COLUMNS)]
+    order = '>' if sys.byteorder == 'little' else '<'
+    table = np.zeros(20, dtype=[(name, f'{order}f8') for name in names])
+    for index, name in enumerate(COLUMNS):
+        table[name] = a_table().rows[:, index]
+    message = PointCloud2(
+        height=4, width=5, point_step=8 * len(names), is_bigendian=sys.byteorder == 'little', data=table.tobytes(),
+        fields=[PointField(name=n, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, n in enumerate(names)],
+    )
+    np.testing.assert_array_equal(window_table(message).rows, a_table().rows)
+
+
+def cut_off(message):
+    message.data = message.data[:-1]
+
+
+def of_other_type(message):
+    message.fields[3].datatype = PointField.FLOAT32
+
+
+def without_a_column(message):
+    del message.fields[2]
+
+
+def reaching_too_far(message):
+    message.fields[1].offset = 60
+
+
+@pytest.mark.parametrize(('spoil', 'sentence'), [
+    (cut_off, 'ends after'), (of_other_type, 'no FLOAT64 column'), (without_a_column, 'no FLOAT64 column pitch'),
+    (reaching_too_far, 'reaches beyond'),
+])
+def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
+    message = window_message(a_table(), '')
+    spoil(message)
+    with pytest.raises(InputError, match=sentence):
+        window_table(message)
+
+
+def test_the_attitude_message_is_filled_anew_each_time():
+    maker = AttitudeMessage('craft')
+    for sign in (1.0, -1.0):
+        forecast = AttitudeForecast(
+            EPOCH_NS, (0.0, 0.0, 0.0, sign), (1e-4,) + (0.0,) * 8, (sign, 0.0, 0.0), (-1.0,) + (0.0,) * 8)
+        message = maker.filled(forecast)
+        assert message.orientation.w == sign and message.angular_velocity.x == sign
+        assert message.orientation_covariance[0] == 1e-4 and message.angular_velocity_covariance[0] == -1.0
+        assert message.linear_acceleration_covariance[0] == -1.0 and message.header.frame_id == 'craft'
+        assert stamp_ns(message.header.stamp) == EPOCH_NS
+
+
+def test_the_horizon_is_a_trajectory():
+    horizon = HorizonForecast(EPOCH_NS, ('pitch', 'pitch_std'), (500_000_000, 2_000_000_000), np.eye(2), 2 * np.eye(2))
+    message = horizon_message(horizon, 'craft')
+    assert list(message.joint_names) == ['pitch', 'pitch_std'] and stamp_ns(message.header.stamp) == EPOCH_NS
+    assert [p.time_from_start.sec * 10**9 + p.time_from_start.nanosec for p in message.points] == [5 * 10**8, 2 * 10**9]
+    assert list(message.points[1].positions) == [0.0, 1.0] and list(message.points[0].velocities) == [2.0, 0.0]
+
+
+def test_no_model_has_no_rows():
+    message = coefficients_message({})
+    assert list(message.data) == [] and message.layout.dim[0].size == 0 and message.layout.dim[1].size == 10
