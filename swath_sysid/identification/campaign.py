@@ -253,7 +253,9 @@ def joined(problems):
     if len(problems) == 1:
         return problems[0]
     motions = tuple(m for p in problems for m in p.motions)
-    scales = Scales(max(p.scales.amplitude for p in problems), float(np.median([p.scales.frequency for p in problems])))
+    segments = tuple(s for p in problems for s in p.segments)
+    frequency = 2.0 * np.pi / float(np.median([s.period for s in segments]))
+    scales = Scales(max(p.scales.amplitude for p in problems), frequency)
     noise = Noise(
         angle=weighting_noise([m.angle for m in motions if m.angle is not None] or [np.zeros(1)]),
         rate=weighting_noise([m.rate for m in motions if m.rate is not None] or [np.zeros(1)]),
@@ -261,7 +263,7 @@ def joined(problems):
     return Problem(
         axis=problems[0].axis,
         motions=motions,
-        segments=tuple(s for p in problems for s in p.segments),
+        segments=segments,
         states=tuple(s for p in problems for s in p.states),
         scales=scales,
         noise=noise,
@@ -593,8 +595,7 @@ def _reason(choice, ranked, likely, adequate):
     if len(likely) == 1:
         return (
             f'{choice.equation} is the only equation whose criterion, with one set of ratios a draft for all angles '
-            'and '
-            f'repeats, is within {CRITERION_MARGIN:g} of the best: the others leave more than noise.'
+            f'and repeats, is within {CRITERION_MARGIN:g} of the best: the others fit worse, or need more terms for it.'
         )
     words = (
         f'{choice.equation} has {len(choice.terms)} terms, the fewest of the {len(adequate or likely)} equations whose '

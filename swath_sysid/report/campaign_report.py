@@ -68,13 +68,10 @@ def write_report(outcome, folder, wall_s):
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
-    trials = trials_table(outcome)
-    tables = [trials, fits_table(outcome), coefficients_long_table(outcome)]
     body, links = [section('short', 'In short', _in_short(outcome))], [('short', 'In short')]
     drawn = []
     for axis in outcome.axes:
-        sections, own_tables, own_drawn = _axis_sections(outcome, axis)
-        tables += own_tables
+        sections, own_drawn = _axis_sections(outcome, axis)
         drawn += own_drawn
         for anchor, name, parts in sections:
             name = name if len(outcome.axes) == 1 else f'{axis.axis.capitalize()}: {name[0].lower()}{name[1:]}'
@@ -83,19 +80,52 @@ def write_report(outcome, folder, wall_s):
                 body.append(written)
                 links.append((f'{axis.axis}-{anchor}', name))
     for anchor, name, parts in (
-        ('trials', 'Trials', [table_as_html(trials)]),
+        ('trials', 'Trials', [table_as_html(trials_table(outcome))]),
         ('warnings', 'Warnings', _warnings(outcome)),
         ('made', 'How this was made', _how_made(outcome, wall_s)),
     ):
         body.append(section(anchor, name, parts))
         links.append((anchor, name))
-    for table in tables:
+    for table in campaign_tables(outcome):
         _write(folder / TABLES / f'{table.name}.csv', table_as_csv(table))
     for name, svg in drawn:
         _write(folder / FIGURES / f'{name}.svg', svg)
     write_scheduled(folder / MODEL, {axis.axis: axis.schedule for axis in outcome.axes})
     _write(folder / PAGE, page(f'Campaign: {outcome.manifest.title}', body, links))
     return folder / PAGE
+
+
+def campaign_tables(outcome):
+    """Every table of a campaign, as `write_report` writes them.
+
+    Parameters
+    ----------
+    outcome : CampaignOutcome
+
+    Returns
+    -------
+    list of Table
+    """
+    tables = [trials_table(outcome), fits_table(outcome), coefficients_long_table(outcome)]
+    for axis in outcome.axes:
+        tables += _axis_tables(outcome, axis).values()
+        tables.append(errors_table(outcome, axis, every_equation=True))
+    return tables
+
+
+def _axis_tables(outcome, axis):
+    """The tables that the page shows of one axis, by name."""
+    tables = {
+        'ranking': ranking_table(axis),
+        **{objective: objective_table(outcome, axis, objective) for objective in axis.fits},
+        'ratios': coefficient_table(outcome, axis),
+        'repeats': spread_table(outcome, axis),
+        'errors': errors_table(outcome, axis),
+        'next_step': next_step_table(outcome, axis),
+    }
+    if len(axis.schedule.loadings) > 1:
+        tables['schedule'] = schedule_table(outcome, axis)
+    return tables
 
 
 def _write(path, text):
@@ -154,22 +184,16 @@ def _axis_sections(outcome, axis):
             svg = svg_of(item.figure, item.name)
             drawn.append((item.name, svg))
             shown[kind].append(inline(svg, item.name.replace('.', '_'), item.caption))
-    ranking = ranking_table(axis)
-    objectives = [objective_table(outcome, axis, objective) for objective in axis.fits]
-    ratios, repeats = coefficient_table(outcome, axis), spread_table(outcome, axis)
-    errors, check = errors_table(outcome, axis), next_step_table(outcome, axis)
-    schedule = schedule_table(outcome, axis)
-    tables = [ranking, *objectives, ratios, repeats, errors, check, errors_table(outcome, axis, every_equation=True)]
-    tables += [schedule] if schedule else []
+    tables = _axis_tables(outcome, axis)
     marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
     sections = (
         (
             'equations',
             'Which equation',
             [
-                table_as_html(ranking),
+                table_as_html(tables['ranking']),
                 paragraph(marks, 'note'),
-                *(table_as_html(t) for t in objectives),
+                *(table_as_html(tables[objective]) for objective in axis.fits),
             ],
         ),
         ('decays', 'Decays', [figures(shown['decays'])]),
@@ -178,13 +202,21 @@ def _axis_sections(outcome, axis):
             'Coefficients',
             [
                 figures(shown['against_angle']),
-                table_as_html(ratios),
-                table_as_html(repeats) if axis.spreads else '',
+                table_as_html(tables['ratios']),
+                table_as_html(tables['repeats']) if axis.spreads else '',
             ],
         ),
-        ('draft', 'Against draft', [figures(shown['against_draft']), table_as_html(schedule) if schedule else '']),
+        (
+            'draft',
+            'Against draft',
+            [figures(shown['against_draft']), table_as_html(tables['schedule']) if 'schedule' in tables else ''],
+        ),
         ('amplitude', 'Period and damping', [figures(shown['amplitude'])]),
-        ('errors', 'Next step, simulation, forecast', [table_as_html(errors), table_as_html(check)]),
+        (
+            'errors',
+            'Next step, simulation, forecast',
+            [table_as_html(tables['errors']), table_as_html(tables['next_step'])],
+        ),
         ('records', 'Every record', [figures(shown['records'])]),
         (
             'correlations',
@@ -197,7 +229,7 @@ def _axis_sections(outcome, axis):
             ],
         ),
     )
-    return sections, tables, drawn
+    return sections, drawn
 
 
 def _warnings(outcome):

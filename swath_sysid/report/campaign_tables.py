@@ -424,8 +424,6 @@ def _design_condition(axis):
 def schedule_table(outcome, axis):
     """The ratios of the scheduled model at its loadings and between."""
     s = axis.schedule
-    if len(s.loadings) < 2:
-        return None
     between = np.unique(np.round([*s.loadings, *np.linspace(s.loadings[0], s.loadings[-1], SCHEDULE_POINTS)], 9))
     ratios, stds = s.curve(between)
     rows = tuple(

@@ -1,0 +1,175 @@
+"""Manifests: five lines for a folder, and every fault named with its line."""
+
+import pytest
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.manifest import (
+    new_manifest,
+    pattern_expression,
+    pattern_of_name,
+    read_manifest,
+    write_new_manifest,
+)
+
+NAMES = [f'pitch_{angle}deg_repeat{repeat}.csv' for angle in ('3', '8.4') for repeat in (1, 2)]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of named files; a manifest does not look into them."""
+    for name in NAMES:
+        (tmp_path / name).write_text('time_s,pitch_deg\n')
+    return tmp_path
+
+
+def read(folder, text):
+    path = folder / 'campaign.yaml'
+    path.write_text(text)
+    return read_manifest(path)
+
+
+def test_five_lines_for_a_folder(folder):
+    text = (
+        'craft: {name: model, draft_m: 0.15}\n'
+        'axis: pitch\n'
+        'trials:\n'
+        "  - pattern: 'pitch_{angle}deg_repeat{repeat}.csv'\n"
+        '    draft_factor: 0.9\n'
+    )
+    found = read(folder, text)
+    assert found.faults == () and found.title == 'model' and found.craft.draft_m == 0.15
+    told = sorted((t.path.name, t.axis, t.loading, t.initial_angle_deg, t.repeat) for t in found.trials)
+    assert told == [
+        (name, 'pitch', ('draft_factor', 0.9), angle, repeat)
+        for name, angle, repeat in zip(NAMES, (3.0, 3.0, 8.4, 8.4), (1, 2, 1, 2), strict=True)
+    ]
+
+
+def test_patterns_tell_folder_axis_and_draft(tmp_path):
+    for place, name in (('a/x', 'roll_0,9T_5deg_r1.csv'), ('b/y', 'pitch_1.1T_-3deg_r2.csv')):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / name).write_text('')
+    (tmp_path / 'sub').mkdir()
+    found = read(tmp_path / 'sub', "trials: [{pattern: '../*/?/{axis}_{draft_factor}T_{angle}deg_r{repeat}.csv'}]")
+    told = {(t.axis, t.loading[1], t.initial_angle_deg, t.repeat) for t in found.trials}
+    assert told == {('roll', 0.9, 5.0, 1), ('pitch', 1.1, -3.0, 2)}
+    absolute = read(tmp_path / 'sub', f"axis: roll\ntrials: [{{pattern: '{tmp_path}/a/x/*.csv', repeat: 1}}]")
+    assert [t.path.name for t in absolute.trials] == ['roll_0,9T_5deg_r1.csv']
+
+
+FAULTS = [
+    ('  - file: absent.csv\n', 'there is no file'),
+    ('  - file: pitch_3deg_repeat1.csv\n    repeat: 9\n', 'already given in line 3'),
+    ('  - {file: pitch_8.4deg_repeat1.csv, initial_angle_deg: 3, repeat: 1}\n', 'same condition and repeat'),
+    ('  - file: pitch_3deg_repeat2.csv\n    angel_deg: 3\n', "has no key 'angel_deg'"),
+    ('  - {file: pitch_3deg_repeat2.csv, axis: yaw}\n', "no axis 'yaw'"),
+    ('  - {file: pitch_3deg_repeat2.csv, frame: ned}\n', "no frame 'ned'"),
+    ('  - {file: pitch_3deg_repeat2.csv, draft_factor: large}\n', 'must be a number'),
+    ('  - {file: pitch_3deg_repeat2.csv, draft_factor: 1, draft_m: 0.1}\n', 'give one of'),
+    ('  - {file: pitch_3deg_repeat2.csv, repeat: 1.5}\n', 'whole number'),
+    ('  - {file: pitch_3deg_repeat2.csv, repeat: 1, repeat: 2}\n', 'given twice'),
+    ('  - {file: pitch_3deg_repeat2.csv, start_s: 5, end_s: 2}\n', 'start_s must lie before'),
+    ("  - {pattern: 'roll_{angle}.csv'}\n", 'no file matches'),
+    ("  - {pattern: 'pitch_{speed}.csv'}\n", "unknown placeholder '{speed}'"),
+    ("  - {pattern: 'pitch_{angle}deg_repeat2.csv', initial_angle_deg: 3}\n", 'both by the pattern and beside'),
+    ('  - {axis: pitch}\n', "'file:' or 'pattern:'"),
+    ('  - just words\n', 'keys and values'),
+]
+
+
+@pytest.mark.parametrize('entry, words', FAULTS)
+def test_a_bad_entry_is_named_with_its_line_and_the_rest_is_kept(folder, entry, words):
+    good = '  - {file: pitch_3deg_repeat1.csv, initial_angle_deg: 3, repeat: 1}\n'
+    found = read(folder, f'axis: pitch\ntrials:\n{good}{entry}')
+    assert words in found.faults[0].message
+    assert found.faults[0].line in (4, 5) and str(found.faults[0]).startswith(f'line {found.faults[0].line}: ')
+    assert found.trials[0].path.name == 'pitch_3deg_repeat1.csv'
+    assert len(found.trials) == 1
+
+
+def test_unknown_keys_and_equations_are_named_and_left_out(folder):
+    found = read(
+        folder,
+        (
+            'axis: pitch\nequatoins: [linear]\nequations: [linear, cubic-ish, linear]\ncraft: {lenght_m: 1.2}\n'
+            'trials: [{file: pitch_3deg_repeat1.csv}]\n'
+        ),
+    )
+    assert found.equations == ('linear',)
+    told = {fault.line: fault.message for fault in found.faults}
+    assert "'equations' is meant?" in told[2] and "'length_m' is meant?" in told[4]
+    assert "no equation 'cubic-ish'" in ' '.join(f.message for f in found.faults)
+    assert 'named twice' in ' '.join(f.message for f in found.faults)
+
+
+@pytest.mark.parametrize(
+    'text, words',
+    [
+        ('axis: [pitch', 'line 1: this is not YAML'),
+        ('trials:\n  - {file: x\n', 'this is not YAML'),
+        ('- a\n- b\n', "must hold 'trials:'"),
+        ('', "must hold 'trials:'"),
+        ('axis: pitch\n', "'trials:' must list"),
+        ('axis: heave\ntrials: [{file: pitch_3deg_repeat1.csv}]\n', "line 1: there is no axis 'heave'"),
+        (
+            'axis: pitch\nsearch: {preset: unheard}\ntrials: [{file: pitch_3deg_repeat1.csv}]\n',
+            'line 2: there is no preset',
+        ),
+        (
+            'axis: pitch\nobjectives: [luck]\ntrials: [{file: pitch_3deg_repeat1.csv}]\n',
+            "line 2: there is no objective 'luck'",
+        ),
+        ('axis: pitch\nequations: [luck]\ntrials: [{file: pitch_3deg_repeat1.csv}]\n', 'line 2: none of the equations'),
+        ('trials: [{file: absent.csv}]\n', 'no trial is left to use: line 1: there is no file'),
+        ('trials: [{file: pitch_3deg_repeat1.csv}]\n', 'no axis is given'),
+    ],
+)
+def test_what_concerns_all_trials_stops_at_once_with_its_line(folder, text, words):
+    with pytest.raises(InputError, match='campaign.yaml') as caught:
+        read(folder, text)
+    assert words in str(caught.value)
+
+
+def test_a_manifest_that_cannot_be_read(tmp_path):
+    with pytest.raises(InputError, match='cannot read the manifest'):
+        read_manifest(tmp_path / 'absent.yaml')
+    (tmp_path / 'binary.yaml').write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(InputError, match='not text'):
+        read_manifest(tmp_path / 'binary.yaml')
+
+
+def test_the_simulation_objective_is_never_left_out(folder):
+    found = read(folder, 'axis: pitch\nobjectives: [one-step]\ntrials: [{file: pitch_3deg_repeat1.csv}]\n')
+    assert found.objectives == ('simulation', 'one-step')
+
+
+def test_a_new_manifest_reads_back(folder):
+    (folder / 'odd one.csv').write_text('')
+    write_new_manifest(folder, folder / 'new.yaml')
+    found = read_manifest(folder / 'new.yaml')
+    assert found.faults == ()
+    assert {t.path.name for t in found.trials} == {*NAMES, 'odd one.csv'}
+    assert {(t.initial_angle_deg, t.repeat) for t in found.trials} >= {(3.0, 1), (8.4, 2)}
+    with pytest.raises(InputError, match='exists already'):
+        write_new_manifest(folder, folder / 'new.yaml')
+
+
+def test_a_new_manifest_needs_trials(tmp_path):
+    with pytest.raises(InputError, match='holds no trial'):
+        new_manifest(tmp_path)
+    with pytest.raises(InputError, match='is no folder'):
+        new_manifest(tmp_path / 'absent')
+
+
+@pytest.mark.parametrize(
+    'name, pattern',
+    [
+        ('pitch_8.4deg_repeat1.csv', '{axis}_{angle}deg_repeat{repeat}.csv'),
+        ('roll_5deg_0.9T_run12.mcap', '{axis}_{angle}deg_{draft_factor}T_run{repeat}.mcap'),
+        ('30kg-trial3.csv', '{displacement}kg-trial{repeat}.csv'),
+        ('notes.csv', 'notes.csv'),
+    ],
+)
+def test_patterns_are_told_from_names(name, pattern):
+    assert pattern_of_name(name) == pattern
+    assert pattern_expression(pattern).fullmatch(name)

@@ -1,0 +1,344 @@
+"""Campaigns from manifest to report: bad trials, interruption, workers that die, and what is written."""
+
+import csv
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Executor, Future
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swath_sysid.cli.main import main
+from swath_sysid.errors import InputError
+from swath_sysid.files.campaign_run import run_campaign
+from swath_sysid.files.csv_trials import write_csv
+from swath_sysid.files.executors import SerialExecutor, executor_of
+from swath_sysid.files.manifest import read_manifest
+from swath_sysid.files.model_file import read_model, read_schedules
+from swath_sysid.files.result_store import ResultStore
+from swath_sysid.hull.catalogue import hull_named
+from swath_sysid.hull.decay_model import DecayModel
+from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.identification.campaign import out_of_order
+from swath_sysid.report.campaign_report import campaign_tables, write_report
+from swath_sysid.report.campaign_tables import table_as_csv
+
+ROOT = Path(__file__).resolve().parents[1]
+HULL = hull_named('swath-pitch').model
+DRAFTS = (0.9, 1.1)
+MANIFEST = """\
+title: A <small> campaign
+craft: {name: model, draft_m: 0.154}
+axis: pitch
+equations: [linear, swath-pitch-6]
+objectives: [one-step]
+trials:
+  - pattern: 'pitch_{angle}deg_{draft_factor}T_repeat{repeat}.csv'
+"""
+
+
+def hull_at(factor):
+    return DecayModel.from_terms(HULL.equation, HULL.terms | {'r1': HULL.terms['r1'] / factor}, axis='pitch')
+
+
+@pytest.fixture(scope='module')
+def trials(tmp_path_factory):
+    """A folder with two drafts, one angle, two repeats, and the manifest."""
+    folder = tmp_path_factory.mktemp('trials')
+    for k, (factor, repeat) in enumerate((f, r) for f in DRAFTS for r in (1, 2)):
+        made = simulated_trial(hull_at(factor), math.radians(6), 8.0, 50.0, SensorNoise(), k + 1)
+        write_csv(folder / f'pitch_6deg_{factor}T_repeat{repeat}.csv', made)
+    (folder / 'campaign.yaml').write_text(MANIFEST)
+    return folder
+
+
+def work_off(folder, output, executor=None):
+    store = ResultStore(output / 'results')
+    return run_campaign(read_manifest(folder / 'campaign.yaml'), store, executor or SerialExecutor())
+
+
+def tables_of(outcome):
+    return {table.name: table_as_csv(table) for table in campaign_tables(outcome)}
+
+
+@pytest.fixture(scope='module')
+def done(trials, tmp_path_factory):
+    """The campaign worked off and reported: outcome and folder."""
+    output = tmp_path_factory.mktemp('done')
+    outcome = work_off(trials, output)
+    write_report(outcome, output, 1.0)
+    return outcome, output
+
+
+def test_every_record_with_every_equation(done):
+    outcome, _ = done
+    (axis,) = outcome.axes
+    assert len(axis.records) == 4 and axis.names == ('linear', 'swath-pitch-6')
+    assert outcome.failures == () and outcome.kept == 0
+    for objective in ('simulation', 'one-step'):
+        assert [[f.equation for f in fits] for fits in axis.fits[objective]] == [list(axis.names)] * 4
+        assert [out_of_order(fits) for fits in axis.fits[objective]] == [()] * 4
+    assert list(axis.by_draft) == [0.9, 1.1] and len(axis.best) == 2
+    np.testing.assert_allclose(axis.schedule.ratio('r1'), [hull_at(f).terms['r1'] for f in DRAFTS], rtol=0.02)
+
+
+class Interrupting(Executor):
+    """Works serially until it is interrupted."""
+
+    def __init__(self, tasks):
+        self._left = tasks
+
+    def submit(self, function, /, *args, **kwargs):
+        if not self._left:
+            raise KeyboardInterrupt
+        self._left -= 1
+        return SerialExecutor().submit(function, *args, **kwargs)
+
+
+@pytest.mark.parametrize('tasks', [1, 9, 19])
+def test_interrupted_and_continued_gives_the_same_tables(trials, done, tmp_path, tasks):
+    with pytest.raises(KeyboardInterrupt):
+        work_off(trials, tmp_path, Interrupting(tasks))
+    outcome = work_off(trials, tmp_path)
+    assert outcome.kept == tasks
+    assert outcome.kept + outcome.computed == done[0].computed
+    assert tables_of(outcome) == tables_of(done[0])
+    assert outcome.axes[0].schedule == done[0].axes[0].schedule
+
+
+def test_two_processes_killed_and_continued_give_the_same_tables(trials, done, tmp_path):
+    command = [
+        sys.executable, '-m', 'swath_sysid.cli.main', 'campaign', str(trials / 'campaign.yaml'),
+        '--output', str(tmp_path), '--jobs', '2',
+    ]  # fmt: skip
+    environment = os.environ | {'PYTHONPATH': str(ROOT)}
+    running = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while len(list(tmp_path.rglob('*.json'))) < 3 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    assert not (tmp_path / 'report.html').exists()
+    outcome = work_off(trials, tmp_path)
+    assert outcome.kept > 0
+    assert tables_of(outcome) == tables_of(done[0])
+
+
+def test_what_differs_is_computed_again(trials, done, tmp_path):
+    _, output = done
+    manifest = (trials / 'campaign.yaml').read_text().replace('title: A', 'title: B')
+    (trials / 'other.yaml').write_text(manifest.replace('[linear, swath-pitch-6]', '[linear]'))
+    store = ResultStore(output / 'results')
+    same = run_campaign(read_manifest(trials / 'other.yaml'), store, SerialExecutor())
+    assert same.kept >= 8 and not [f for f in same.failures]
+    (trials / 'seeded.yaml').write_text(manifest + 'search: {seed: 2}\n')
+    seeded = run_campaign(read_manifest(trials / 'seeded.yaml'), store, SerialExecutor())
+    assert seeded.kept == 0
+
+
+def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys):
+    for path in trials.glob('*.csv'):
+        (tmp_path / path.name).write_text(path.read_text())
+    (tmp_path / 'torn.mcap').write_bytes(b'\x89MCAP0\r\n' + b'\x07' * 50)
+    (tmp_path / 'noise.csv').write_text('time_s,pitch_deg\n' + ''.join(f'{k / 50},{k % 7}\n' for k in range(400)))
+    (tmp_path / 'roll_only.csv').write_text('time_s,roll_deg\n' + ''.join(f'{k / 50},{k % 7}\n' for k in range(400)))
+    text = (trials / 'campaign.yaml').read_text() + (
+        '  - {file: torn.mcap, initial_angle_deg: 6}\n'
+        '  - {file: noise.csv, initial_angle_deg: 6}\n'
+        '  - {file: roll_only.csv, initial_angle_deg: 6}\n'
+        '  - {file: absent.csv, initial_angle_deg: 6}\n'
+        '  - {file: pitch_6deg_0.9T_repeat1.csv, axis: yaw}\n'
+        '  - {file: pitch_6deg_0.9T_repeat1.csv, drafft: 1}\n'
+        '  - {file: pitch_6deg_0.9T_repeat1.csv, draft_factor: 0.9}\n'
+    )
+    (tmp_path / 'campaign.yaml').write_text(text)
+    output = tmp_path / 'out'
+    assert main(['campaign', str(tmp_path / 'campaign.yaml'), '--output', str(output), '--jobs', '1']) == 1
+    said = capsys.readouterr()
+    for line, words in (
+        (8, 'torn.mcap'),
+        (9, 'noise.csv'),
+        (10, 'no pitch motion'),
+        (11, "no file 'absent.csv'"),
+        (12, "no axis 'yaw'"),
+        (13, "no key 'drafft'"),
+        (14, 'already given in line 7'),
+    ):
+        assert any(f'line {line}' in told and words in told for told in said.err.splitlines()), (line, said.err)
+    assert '4 of 7 trials' in said.out
+    page = (output / 'report.html').read_text()
+    assert 'torn.mcap' in page and 'absent.csv' in page
+    assert len(list(csv.reader((output / 'tables' / 'trials.csv').open()))) == 8
+
+
+def test_an_equation_that_suits_no_record_is_left_out(trials, tmp_path):
+    text = (trials / 'campaign.yaml').read_text().replace('swath-pitch-6]', 'odd-cubic+friction]')
+    (trials / 'preset.yaml').write_text(text + 'search: {preset: swath-pitch, generations: 3, population: 8}\n')
+    outcome = run_campaign(read_manifest(trials / 'preset.yaml'), ResultStore(tmp_path), SerialExecutor())
+    assert outcome.axes[0].names == ('linear',)
+    assert len(outcome.failures) == 8 and 'friction' in outcome.failures[0]
+    assert all(t.record is not None for t in outcome.trials)
+
+
+def test_nothing_usable_is_an_error(tmp_path):
+    (tmp_path / 'bad.csv').write_text('not a trial\n')
+    (tmp_path / 'campaign.yaml').write_text('axis: pitch\ntrials: [{file: bad.csv}]\n')
+    with pytest.raises(InputError, match='no trial of the campaign can be used: bad.csv: line 2'):
+        work_off(tmp_path, tmp_path / 'out')
+
+
+def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
+    names = sorted(p.name for p in trials.glob('*0.9T*.csv'))
+    entries = (
+        f'  - {{file: {trials}/{names[0]}, draft_m: 0.1386}}\n  - {{file: {trials}/{names[1]}, draft_factor: 0.9}}\n'
+    )
+    (tmp_path / 'campaign.yaml').write_text(
+        f'axis: pitch\nequations: [linear]\ncraft: {{draft_m: 0.154}}\ntrials:\n{entries}'
+    )
+    outcome = work_off(tmp_path, tmp_path / 'out')
+    assert outcome.quantity == 'draft_m'
+    assert {t.record.condition.loading for t in outcome.trials} == {0.1386}
+    assert [t.record.repeat for t in outcome.trials] == [1, 2]
+    (tmp_path / 'campaign.yaml').write_text(f'axis: pitch\nequations: [linear]\ntrials:\n{entries}')
+    refused = work_off(tmp_path, tmp_path / 'out').trials[1]
+    assert 'cannot be told as draft_m' in refused.reason
+
+
+def test_the_files_that_are_written(done):
+    outcome, output = done
+    names = {path.name for path in (output / 'tables').iterdir()}
+    assert names == {f'{table.name}.csv' for table in campaign_tables(outcome)}
+    assert names >= {'trials.csv', 'fits.csv', 'coefficients.csv', 'ranking_pitch.csv', 'objective_pitch_one-step.csv'}
+    rows = list(csv.DictReader((output / 'tables' / 'objective_pitch_simulation.csv').open()))
+    axis = outcome.axes[0]
+    for row, index in zip(rows, axis.best.values(), strict=True):
+        for name, fit in zip(axis.names, axis.fits['simulation'][index], strict=True):
+            assert float(row[name]) == fit.objective_value
+    assert read_schedules(output / 'model.yaml')['pitch'] == axis.schedule
+    assert read_model(output / 'model.yaml')['pitch'] == axis.schedule.reference
+    figures = list((output / 'figures').glob('*.svg'))
+    assert len(figures) > 12 and all(path.read_text().rstrip().endswith('</svg>') for path in figures)
+
+
+class PageReader(HTMLParser):
+    """Gathers what a page refers to and whether its tags match."""
+
+    VOID = {'meta', 'link', 'br', 'path', 'use'}
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.ids, self.references, self.tables = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.ids += [given['id']] if 'id' in given else []
+        self.references += [v for k, v in attrs if k in ('src', 'href', 'xlink:href', 'data')]
+        if tag not in ('meta', 'link'):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in ('meta', 'link'):
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_page_needs_nothing_else_and_holds_together(done):
+    page = (done[1] / 'report.html').read_text()
+    reader = PageReader()
+    reader.feed(page)
+    assert reader.open == []
+    assert len(reader.ids) == len(set(reader.ids))
+    outside = [r for r in reader.references if not r.startswith('#') and r != 'data:,']
+    assert outside == []
+    assert {r[1:] for r in reader.references if r.startswith('#')} <= set(reader.ids)
+    assert '<script' not in page and '@import' not in page and 'url(http' not in page
+    assert 'A &lt;small&gt; campaign' in page
+    for words in ('prefers-color-scheme:dark', '@media print', 'Repeats agree to', 'No equation fits worse'):
+        assert words in page
+
+
+def test_the_command_line_scales_there_and_back(done, tmp_path, capsys):
+    _, output = done
+    there, back = tmp_path / 'full.yaml', tmp_path / 'back.yaml'
+    assert main(['scale', str(output / 'model.yaml'), '--ratio', '25', '--output', str(there)]) == 0
+    assert 'viscous-scale-effect' in capsys.readouterr().err
+    assert main(['scale', str(there), '--ratio', '1/25', '--output', str(back)]) == 0
+    assert back.read_text() == (output / 'model.yaml').read_text()
+    period = read_model(there)['pitch'].model.natural_period
+    assert period == pytest.approx(5.0 * read_model(back)['pitch'].model.natural_period)
+
+
+def test_the_command_line_refuses_what_makes_no_sense(trials, tmp_path, capsys):
+    manifest = str(trials / 'campaign.yaml')
+    for arguments, words in (
+        ([manifest], 'give --output'),
+        ([], 'give either a manifest, or --new'),
+        ([manifest, '--output', str(tmp_path), '--jobs', '0'], '--jobs must be at least 1'),
+        ([str(tmp_path / 'absent.yaml'), '--output', str(tmp_path)], 'cannot read the manifest'),
+        (['--new', str(tmp_path / 'absent')], 'is no folder'),
+    ):
+        assert main(['campaign', *arguments]) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_the_command_line_writes_a_manifest(trials, tmp_path, capsys):
+    assert main(['campaign', '--new', str(trials), '--output', str(tmp_path / 'new.yaml')]) == 0
+    assert '{axis}_{angle}deg_{draft_factor}T_repeat{repeat}.csv' in (tmp_path / 'new.yaml').read_text()
+    assert 'look through it' in capsys.readouterr().out
+
+
+def test_a_cluster_that_does_not_answer(monkeypatch):
+    pytest.importorskip('distributed')
+    monkeypatch.setattr('swath_sysid.files.executors.CONNECT_S', 1)
+    with pytest.raises(InputError, match='no Dask scheduler answers'), executor_of(1, 'tcp://127.0.0.1:9'):
+        pass
+
+
+def test_on_a_dask_cluster_a_worker_that_dies_costs_nothing(trials, done, tmp_path):
+    distributed = pytest.importorskip('distributed')
+    killed = []
+
+    def kill_one(progress):
+        if progress.done >= 4 and not killed:
+            worker = next(iter(cluster.workers.values()))
+            os.kill(worker.pid, signal.SIGKILL)
+            killed.append(worker.pid)
+
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        with executor_of(1, cluster.scheduler_address) as executor:
+            store = ResultStore(tmp_path / 'results')
+            outcome = run_campaign(read_manifest(trials / 'campaign.yaml'), store, executor, kill_one)
+    assert killed and outcome.failures == ()
+    assert outcome.computed == done[0].computed
+    assert tables_of(outcome) == tables_of(done[0])
+
+
+def test_futures_of_the_serial_executor_carry_errors():
+    future = SerialExecutor().submit(int, 'x')
+    assert isinstance(future, Future) and isinstance(future.exception(), ValueError)
+
+
+def test_measured_trials(data_folder, tmp_path):
+    """The smallest and the largest angle of the measured platform: friction is found."""
+    (tmp_path / 'campaign.yaml').write_text(
+        'craft: {name: FOSWEC}\naxis: pitch\nequations: [linear, odd-cubic, odd-cubic+friction]\ntrials:\n'
+        f"  - pattern: '{data_folder}/decay/foswec/pitch_{{angle}}deg_repeat{{repeat}}.csv'\n"
+    )
+    outcome = work_off(tmp_path, tmp_path / 'out')
+    (axis,) = outcome.axes
+    assert len(axis.records) == 9 and axis.ranking.choice.equation == 'odd-cubic+friction'
+    assert [a.code for a in axis.ranking.findings] == ['friction-necessary']
+    chosen = [fits[axis.choice] for fits in (*axis.fits['simulation'], *axis.by_draft.values())]
+    assert min(f.ratio(term)[0] for f in chosen for term in ('b0', 'b1', 'b2')) >= 0.0
+    assert axis.by_draft[1.0][axis.choice].r2 > 0.998
+    period = [s for s in axis.spreads if s.quantity == 'natural_period_s']
+    assert len(period) == 3 and max(s.spread / s.mean for s in period) < 0.01

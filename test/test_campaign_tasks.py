@@ -1,0 +1,244 @@
+"""The pure part of campaigns: fits together, order of nested equations, judging, ranking."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from swath_sysid.errors import InputError
+from swath_sysid.hull.catalogue import equation_named, hull_named
+from swath_sysid.hull.decay_model import DecayModel
+from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.identification.campaign import (
+    Condition,
+    FitSummary,
+    Judgement,
+    Record,
+    best_repeats,
+    beyond_noise,
+    fit_one,
+    fit_together,
+    joined,
+    judge,
+    noise_statement,
+    out_of_order,
+    rank_campaign,
+    schedule_of,
+    settings_for,
+    settle,
+    spread_of_repeats,
+)
+from swath_sysid.identification.forecast_check import forecast_errors, measured_states, next_step, simulation_error
+from swath_sysid.identification.motion_fit import InitialState
+from swath_sysid.identification.problem import prepare
+from swath_sysid.identification.search import SearchSettings
+
+HULL = hull_named('swath-pitch').model
+NAMES = ('linear', 'swath-pitch-2', 'swath-pitch-1')
+SIMULATION = settings_for(None, 'simulation', SearchSettings())
+QUIET = SensorNoise(0.0, 0.0, 0.0)
+
+
+def trial(angle_deg, seed, noise=SensorNoise(), hull=HULL):  # noqa: B008 - frozen
+    return simulated_trial(hull, math.radians(angle_deg), 10.0, 50.0, noise, seed)
+
+
+@pytest.fixture(scope='module')
+def problems():
+    """Two repeats from 6 deg and one from 9 deg."""
+    return [prepare([trial(angle, seed).axis('pitch')]) for angle, seed in ((6, 1), (6, 2), (9, 3))]
+
+
+@pytest.fixture(scope='module')
+def fits(problems):
+    return [
+        settle(p, SIMULATION, [fit_one(p, settings_for(name, 'simulation', SearchSettings())) for name in NAMES])
+        for p in problems
+    ]
+
+
+def records_of(problems):
+    conditions = [Condition('pitch', 1.0, 6.0), Condition('pitch', 1.0, 6.0), Condition('pitch', 1.0, 9.0)]
+    return [Record(f'{k}', c, k % 2 + 1, p) for k, (c, p) in enumerate(zip(conditions, problems, strict=True))]
+
+
+def test_a_summary_survives_json(fits):
+    for summary in fits[0]:
+        assert FitSummary.from_plain(json.loads(json.dumps(summary.plain()))) == summary
+
+
+def test_a_summary_is_the_model(fits):
+    summary = fits[0][1]
+    assert summary.model.terms == dict(zip(summary.terms, summary.ratios, strict=True))
+    kept = summary.identified_model({'software': 'test'})
+    assert kept.std == pytest.approx(dict(zip(summary.terms, summary.std, strict=True)))
+    assert kept.metrics['r2'] == summary.r2 and kept.provenance['software'] == 'test'
+
+
+def test_settling_repairs_a_search_that_failed(problems, fits):
+    small, large = fits[0][0], fits[0][1]
+    failed = replace(large, ratios=tuple(1.3 * r for r in large.ratios), objective_value=2.0 * small.objective_value)
+    assert out_of_order((small, failed)) == (('swath-pitch-2', 'linear'),)
+    settled = settle(problems[0], SIMULATION, (small, failed))
+    assert out_of_order(settled) == () and settled[0] == small
+    assert settled[1].objective_value == pytest.approx(large.objective_value, rel=1e-6)
+    assert settled[1].stop == 'refined'
+
+
+def test_together_is_better_known_than_alone(problems, fits):
+    both = joined(problems[:2])
+    assert both.scales.amplitude == max(p.scales.amplitude for p in problems[:2])
+    together = fit_together(both, SIMULATION, 'swath-pitch-2', [f[1] for f in fits[:2]])
+    assert len(together.states) == 2
+    for term in ('b1', 'r1'):
+        value, std = together.ratio(term)
+        assert std < min(f[1].ratio(term)[1] for f in fits[:2])
+        assert abs(value - HULL.terms[term]) < 4.0 * std
+
+
+def test_joining_is_what_preparing_both_records_gives():
+    motions = [trial(angle, 5).axis('pitch') for angle in (6, 9)]
+    one, both = prepare(motions), joined([prepare([m]) for m in motions])
+    assert both.scales == one.scales and both.noise == one.noise and both.friction_rate == one.friction_rate
+    assert [s.start for s in both.segments] == [s.start for s in one.segments]
+
+
+def test_judging_knows_the_truth_from_a_wrong_hull(problems, fits):
+    wrong = replace(
+        fits[0][1],
+        ratios=tuple(r * (1.2 if t == 'r1' else 1.0) for t, r in zip(fits[0][1].terms, fits[0][1].ratios, strict=True)),
+    )
+    right, bad = judge(problems[0], SIMULATION, (fits[0][1], wrong), problems[1])
+    assert right.simulation < 0.1 and right.held_out < 0.1
+    assert bad.simulation > 3 * right.simulation and bad.held_out > 3 * right.held_out
+    assert all(b > r for b, r in zip(bad.forecasts, right.forecasts, strict=True))
+    assert Judgement.from_plain(json.loads(json.dumps(right.plain()))) == right
+
+
+def test_a_lone_record_is_judged_on_its_second_half(problems, fits):
+    (found,) = judge(problems[2], SIMULATION, fits[2][:1], None)
+    assert 0.0 < found.held_out < 1.0
+
+
+def test_next_step_is_the_papers_formula():
+    motion = trial(6, 1).axis('pitch')
+    found = next_step(HULL, motion)
+    k = 37
+    step = motion.time[k + 1] - motion.time[k]
+    expected = motion.rate[k] + step * HULL.acceleration(motion.angle[k], motion.rate[k])
+    assert found.predicted[k] == pytest.approx(expected) and found.measured[k] == motion.rate[k + 1]
+    assert found.error[k] == pytest.approx(expected - motion.rate[k + 1])
+
+
+def test_forecasts_against_another_integrator():
+    motion = trial(9, 1, QUIET).axis('pitch')
+    model = DecayModel.from_terms(HULL.equation, HULL.terms | {'r1': 12.0}, axis='pitch')
+    period = HULL.natural_period
+    (found,) = forecast_errors(model, motion, period, leads=(0.5,))
+    angle, rate, first = measured_states(motion, period)
+    starts = np.unique(np.linspace(first, motion.size - 1, 200).astype(int))
+    errors = []
+    for k in starts:
+        due = motion.time[k] + 0.5 * period
+        if due > motion.time[-1]:
+            continue
+        solved = solve_ivp(
+            lambda t, y: (y[1], model.acceleration(y[0], y[1])),
+            (0, 0.5 * period),
+            (angle[k], rate[k]),
+            rtol=1e-9,
+            atol=1e-12,
+        )
+        errors.append(solved.y[0, -1] - np.interp(due, motion.time, motion.angle))
+    assert found == pytest.approx(np.sqrt(np.mean(np.square(errors))) / np.std(motion.angle), rel=1e-4)
+
+
+def test_the_true_hull_forecasts_a_quiet_record_well_and_short_records_not_at_all():
+    motion = trial(6, 1, QUIET).axis('pitch')
+    errors = forecast_errors(HULL, motion, HULL.natural_period)
+    assert max(errors) < 0.05
+    short = motion.between(None, 1.2 * HULL.natural_period)
+    assert math.isnan(forecast_errors(HULL, short, 1.15 * HULL.natural_period)[-1])
+
+
+def test_measured_states_use_the_past_alone():
+    motion = trial(6, 1).axis('pitch')
+    angle, rate, first = measured_states(motion, 2.0)
+    cut = motion.only(slice(0, 200))
+    assert np.array_equal(measured_states(cut, 2.0)[0][first:], angle[first:200])
+    truth = trial(6, 1, QUIET).axis('pitch')
+    assert np.std((rate - truth.rate)[first:]) < np.std(motion.rate - truth.rate)
+
+
+def test_a_runaway_simulation_is_infinitely_wrong():
+    motion = trial(6, 1).axis('pitch')
+    fleeing = DecayModel.from_terms(equation_named('linear'), {'b1': 0.0, 'r1': -500.0}, axis='pitch')
+    assert simulation_error(fleeing, InitialState(0.1, 0.0, 0.0), motion) > 1e6
+
+
+def test_the_best_repeat_is_the_best_explained(problems, fits):
+    records = records_of(problems)
+    spoilt = [tuple(replace(f, r2=f.r2 - 0.01) for f in fits[0]), *fits[1:]]
+    assert best_repeats(records, spoilt) == {records[0].condition: 1, records[2].condition: 2}
+
+
+def test_differences_within_the_noise_are_told(fits, problems):
+    linear, two, one = fits[2]
+    within = beyond_noise((linear, two, replace(one, objective_value=two.objective_value * (1 - 1e-6))))
+    assert within == (True, False, False)
+    records = records_of(problems)
+    statement = noise_statement(records, [(f[1], f[2]) for f in fits], best_repeats(records, fits))
+    assert 'no difference exceeds the noise' in statement and 'between repeats' in statement
+
+
+def test_ranking_takes_the_simplest_adequate(fits, problems):
+    together = fit_all_together(problems, fits)
+    judgements = [judge(p, SIMULATION, f, problems[0]) for p, f in zip(problems, fits, strict=True)]
+    ranking = rank_campaign('pitch', [together], fits, judgements)
+    assert {r.equation for r in ranking.ranked} == set(NAMES)
+    assert ranking.choice.equation == 'swath-pitch-2' and 'swath-pitch-2' in ranking.reason
+    assert ranking.findings == ()
+    with pytest.raises(InputError, match='no equation could be fitted'):
+        rank_campaign('pitch', [], [], [])
+
+
+def fit_all_together(problems, fits):
+    problem = joined(problems)
+    own = [fit_together(problem, SIMULATION, name, [f[k] for f in fits]) for k, name in enumerate(NAMES)]
+    return settle(problem, SIMULATION, own)
+
+
+def test_friction_is_found_and_said():
+    model = DecayModel.from_terms(
+        equation_named('odd-cubic+friction'), {'b0': 0.05, 'b1': 0.4, 'b2': 0.5, 'r1': 10.0, 'r3': 5.0}, axis='pitch'
+    )
+    quiet = SensorNoise(1e-4, 1e-3, 0.0)
+    problem = prepare([trial(6, 1, quiet, model).axis('pitch')])
+    names = ('odd-cubic', 'odd-cubic+friction')
+    own = settle(
+        problem, SIMULATION, [fit_one(problem, settings_for(n, 'simulation', SearchSettings())) for n in names]
+    )
+    ranking = rank_campaign('pitch', [own], [own], [judge(problem, SIMULATION, own, None)])
+    assert ranking.choice.equation == 'odd-cubic+friction'
+    (finding,) = ranking.findings
+    assert finding.code == 'friction-necessary' and 'quadratic damping' in finding.message
+
+
+def test_spread_between_repeats(fits):
+    condition = Condition('pitch', 1.0, 6.0)
+    by_name = {s.quantity: s for s in spread_of_repeats(condition, [f[1] for f in fits[:2]])}
+    values = [f[1].ratio('r1')[0] for f in fits[:2]]
+    assert by_name['r1'].mean == pytest.approx(np.mean(values))
+    assert by_name['r1'].spread == pytest.approx(abs(values[0] - values[1]) / math.sqrt(2.0))
+    assert by_name['natural_period_s'].mean == pytest.approx(HULL.natural_period, rel=0.03)
+    assert 0.0 < by_name['damping_ratio'].stated < 0.05
+
+
+def test_the_schedule_holds_the_joint_fits(fits):
+    lighter, heavier = fits[0], fits[2]
+    schedule = schedule_of([lighter, heavier], 'swath-pitch-2', (0.9, 1.1), 'draft_factor', [{'n': 1}, {'n': 2}])
+    assert schedule.ratio('r1') == pytest.approx([lighter[1].ratio('r1')[0], heavier[1].ratio('r1')[0]])
+    assert schedule.models[1].provenance['n'] == 2

@@ -1,0 +1,109 @@
+"""Froude scaling: against simulated motion in scaled time, and there and back."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.model_file import model_from_yaml, model_to_yaml
+from swath_sysid.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.hull.decay_model import DecayModel, Equation
+from swath_sysid.hull.froude import TIME_POWERS, length_ratio, scaled, scaled_model, scaled_schedule, scaling_advice
+from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.hull.scheduled_model import ScheduledModel
+from swath_sysid.hull.simulation import simulate
+from swath_sysid.hull.terms import RATIO_UNITS, TERM_NAMES
+
+FULL = DecayModel(
+    Equation('all', TERM_NAMES),
+    [0.01, 0.3, 0.2, 0.1, 8.0, 1.5, 3.0, 0.5, 0.2],
+    trim=0.01,
+    friction_rate=0.02,
+    axis='roll',
+)
+
+
+def identified(model):
+    """A model with a full covariance."""
+    n = len(model.equation.terms)
+    root = np.random.default_rng(1).normal(size=(n, n)) * 0.01
+    metrics = {'r2': 0.999, 'rate_rmse_rad_s': 0.013}
+    return IdentifiedModel(model, root @ root.T, 0.002, (0.01, 0.15), metrics, {'software': 'test'})
+
+
+@pytest.mark.parametrize('ratio', [25.0, 0.3])
+def test_the_scaled_hull_moves_the_same_in_scaled_time(ratio):
+    time = np.linspace(0.0, 12.0, 400)
+    angle, rate = simulate(FULL, 0.15, 0.05, time)
+    root = math.sqrt(ratio)
+    scaled_angle, scaled_rate = simulate(scaled_model(FULL, ratio), 0.15, 0.05 / root, time * root)
+    np.testing.assert_allclose(scaled_angle, angle, atol=1e-9)
+    np.testing.assert_allclose(scaled_rate * root, rate, atol=1e-9)
+
+
+def test_every_power_of_time_is_that_of_the_unit():
+    for name, unit in RATIO_UNITS.items():
+        above, _, below = unit.partition('/')
+        power = (above == 's') - ('s^2' in below) * 2 - (below.strip('()').split()[-1:] == ['s'])
+        assert TIME_POWERS[name] == power, name
+
+
+@given(st.fractions(Fraction(1, 500), 500).filter(lambda f: f > 0))
+def test_the_way_back_gives_the_very_numbers(ratio):
+    start = identified(FULL)
+    there = scaled(start, ratio)
+    through_a_file = model_from_yaml(model_to_yaml({'roll': there}))['roll']
+    assert scaled(through_a_file, 1 / ratio) == start
+
+
+def test_two_steps_are_one():
+    start = identified(PUBLISHED_HULLS['swath-roll'].model)
+    once = scaled(start, length_ratio('20'))
+    twice = scaled(scaled(start, length_ratio('5')), length_ratio('4'))
+    assert once == twice
+
+
+def test_uncertainty_and_metrics_follow():
+    start = identified(FULL)
+    there = scaled(start, length_ratio('16'))
+    for name, std in start.std.items():
+        assert there.std[name] / there.model.terms[name] == pytest.approx(std / start.model.terms[name])
+    assert there.metrics['rate_rmse_rad_s'] == pytest.approx(start.metrics['rate_rmse_rad_s'] / 4.0)
+    assert there.model.natural_period == pytest.approx(4.0 * start.model.natural_period)
+    assert there.model.damping_ratio == pytest.approx(start.model.damping_ratio)
+    assert there.amplitude_range == start.amplitude_range
+
+
+@pytest.mark.parametrize('quantity, factor', [('draft_factor', 1), ('draft_m', 25), ('displacement_kg', 25**3)])
+def test_a_schedule_keeps_its_loadings_in_proportion(quantity, factor):
+    models = [identified(scaled_model(FULL, f)) for f in (0.9, 1.0, 1.1)]
+    schedule = ScheduledModel(quantity, (0.1386, 0.154, 0.1694), models)
+    there = scaled_schedule(schedule, length_ratio('25'))
+    np.testing.assert_allclose(there.loadings, np.array(schedule.loadings) * factor)
+    assert scaled_schedule(there, length_ratio('1/25')) == schedule
+
+
+def test_the_viscous_scale_effect_is_told():
+    codes = [a.code for a in scaling_advice(FULL, Fraction(25))]
+    assert codes == ['viscous-scale-effect', 'dry-friction-scaled']
+    (up,) = scaling_advice(PUBLISHED_HULLS['swath-pitch'].model, Fraction(25))
+    assert 'b1, b2' in up.message and 'smaller' in up.message and '125' in up.message
+    (down,) = scaling_advice(PUBLISHED_HULLS['swath-pitch'].model, Fraction(1, 25))
+    assert 'larger' in down.message
+
+
+@pytest.mark.parametrize('text', ['0', '-3', 'big', '1/0', 'nan'])
+def test_no_length_ratio(text):
+    with pytest.raises(InputError, match='length ratio'):
+        length_ratio(text)
+
+
+def test_a_damaged_history_is_named():
+    there = scaled(identified(FULL), length_ratio('25'))
+    there.provenance['froude_scaling'] = {'length_ratio': 'x'}
+    with pytest.raises(InputError, match='froude_scaling'):
+        scaled(there, length_ratio('2'))

@@ -1,0 +1,140 @@
+"""The model scheduled on draft: exact where identified, honest between, silent nowhere beyond."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.model_file import (
+    model_from_yaml,
+    model_to_yaml,
+    read_model,
+    read_schedules,
+    scheduled_to_yaml,
+    schedules_from_yaml,
+    write_scheduled,
+)
+from swath_sysid.hull.decay_model import DecayModel, Equation
+from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.hull.scheduled_model import ScheduledModel
+
+EQUATION = Equation('test', ('b1', 'r1', 'r3'))
+LOADINGS = (0.9, 1.0, 1.15)
+
+
+def truth(loading):
+    """Ratios that bend with the loading: a parabola, a line, a constant."""
+    return {'b1': 1.0 + 4.0 * (loading - 1.0) ** 2, 'r1': 10.0 - 3.0 * loading, 'r3': 5.0}
+
+
+def identified(loading, std=0.01, axis='pitch'):
+    model = DecayModel.from_terms(EQUATION, truth(loading), trim=0.01 * loading, friction_rate=0.01, axis=axis)
+    return IdentifiedModel(model, np.eye(3) * std**2, 0.001, (0.01, 0.1 * loading), {'r2': 0.99}, {'software': 'test'})
+
+
+@pytest.fixture
+def schedule():
+    return ScheduledModel('draft_factor', LOADINGS, tuple(identified(v) for v in LOADINGS))
+
+
+@pytest.mark.parametrize('loading', LOADINGS)
+def test_exact_where_it_was_identified(schedule, loading):
+    found, advice = schedule.at(loading)
+    assert found == identified(loading) and advice == ()
+
+
+@given(st.floats(0.9, 1.15))
+def test_the_truth_between_lies_within_what_is_said(loading):
+    schedule = ScheduledModel('draft_factor', LOADINGS, tuple(identified(v, std=0.0) for v in LOADINGS))
+    found, advice = schedule.at(loading)
+    assert advice == ()
+    for name, value in truth(loading).items():
+        assert abs(found.model.terms[name] - value) <= found.std[name] + 1e-9
+    assert found.model.terms['r1'] == pytest.approx(truth(loading)['r1'])
+    assert found.model.trim == pytest.approx(0.01 * loading)
+    assert found.amplitude_range[1] == pytest.approx(0.1 * loading)
+
+
+def test_halfway_two_independent_models_are_averaged():
+    schedule = ScheduledModel('draft_m', (0.1, 0.2), (identified(1.0, 0.02), identified(1.1, 0.04)))
+    found, advice = schedule.at(0.15)
+    assert found.std['r1'] == pytest.approx(np.hypot(0.01, 0.02))
+    assert found.model.terms['r1'] == pytest.approx(0.5 * (truth(1.0)['r1'] + truth(1.1)['r1']))
+    assert [a.code for a in advice] == ['loading-curvature-unknown']
+
+
+@pytest.mark.parametrize('loading, nearest', [(0.5, 0.9), (2.0, 1.15)])
+def test_beyond_nothing_is_extrapolated_in_silence(schedule, loading, nearest):
+    found, advice = schedule.at(loading)
+    assert found == identified(nearest)
+    assert [a.code for a in advice] == ['loading-outside']
+    assert f'{loading:g}' in advice[0].message and f'{nearest:g}' in advice[0].message
+
+
+@pytest.mark.parametrize('loading', [0.0, -1.0, float('nan'), float('inf')])
+def test_a_loading_that_is_none(schedule, loading):
+    with pytest.raises(InputError, match='draft_factor must be a number'):
+        schedule.at(loading)
+
+
+def test_the_curve_passes_through_the_models(schedule):
+    ratios, stds = schedule.curve(np.array([0.8, *LOADINGS]))
+    np.testing.assert_allclose(ratios[1:, 1], [truth(v)['r1'] for v in LOADINGS])
+    np.testing.assert_allclose(ratios[0], ratios[1])
+    np.testing.assert_allclose(stds, 0.01)
+
+
+def test_the_middle_model_is_the_reference(schedule):
+    assert schedule.reference == identified(1.0) and schedule.reference_loading == 1.0
+
+
+@pytest.mark.parametrize(
+    'arguments, words',
+    [
+        (('speed', (1.0,), (identified(1.0),)), 'scheduled on'),
+        (('draft_m', (1.0, 0.9), (identified(1.0), identified(0.9))), 'must increase'),
+        (('draft_m', (1.0, 1.0), (identified(1.0), identified(1.0))), 'must increase'),
+        (('draft_m', (0.9, 1.0), (identified(0.9),)), 'one model for each'),
+        (('draft_m', (), ()), 'at least one'),
+        (('draft_m', (-1.0, 1.0), (identified(0.9), identified(1.0))), 'greater than zero'),
+        (('draft_m', (0.9, 1.0), (identified(0.9), identified(1.0, axis='roll'))), 'one axis'),
+    ],
+)
+def test_what_is_no_schedule(arguments, words):
+    with pytest.raises(InputError, match=words):
+        ScheduledModel(*arguments)
+
+
+def test_a_file_holds_it_and_serves_readers_that_know_no_schedule(schedule, tmp_path):
+    path = tmp_path / 'model.yaml'
+    write_scheduled(path, {'pitch': schedule})
+    assert read_schedules(path) == {'pitch': schedule}
+    assert read_model(path) == {'pitch': schedule.reference}
+    assert schedules_from_yaml(model_to_yaml({'pitch': schedule.reference})) == {}
+
+
+@pytest.mark.parametrize(
+    'old, new, words',
+    [
+        ('quantity: draft_factor', 'quantity: speed', 'no quantity'),
+        ('loading: 1.15', 'loading: 0.95', 'must increase'),
+        ('loading: 1.15', 'loading: high', "'high' is not a number"),
+        ('loading: 1.15', 'weight: 1.15', "unknown field 'weight'"),
+        ('schedule:', 'plan:', "unknown field 'plan'"),
+    ],
+)
+def test_a_damaged_schedule_is_named(schedule, old, new, words):
+    text = scheduled_to_yaml({'pitch': schedule})
+    assert old in text
+    with pytest.raises(InputError, match=words):
+        schedules_from_yaml(text.replace(old, new))
+
+
+def test_the_axes_of_file_and_schedule_must_agree(schedule):
+    text = scheduled_to_yaml({'pitch': schedule})
+    before, after = text.split('schedule:')
+    with pytest.raises(InputError, match='differ'):
+        schedules_from_yaml(before + 'schedule:' + after.replace('pitch:', 'roll:', 1))
+    with pytest.raises(InputError, match='axes'):
+        model_from_yaml(text.replace('pitch:', 'yaw:'))
