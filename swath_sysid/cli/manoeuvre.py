@@ -23,7 +23,7 @@ from swath_sysid.hull.manoeuvring.standard_tests import TESTS, DriveSettings, ru
 from swath_sysid.identification.manoeuvring.assembly import seen_region
 from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
 from swath_sysid.identification.manoeuvring.settings import CURRENT_CHOICES, ManoeuvringSettings
-from swath_sysid.motion.manoeuvring_trial import prepare
+from swath_sysid.motion.manoeuvring_trial import prepare_all
 from swath_sysid.prediction.manoeuvring_skill import LEADS, score_forecasts
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_summary import finite_or_none
@@ -74,14 +74,7 @@ def read_runs(paths, arguments):
     twice = {path for path in paths if paths.count(path) > 1}
     if twice:
         raise InputError(f'{sorted(twice)[0]} is given twice: name each run once')
-    trials = [_read(path, arguments) for path in paths]
-    runs = [prepare(trial, arguments.gap_means_zero) for trial in trials]
-    steps = [run.step for run in runs]
-    if max(steps) - min(steps) > 1e-9:
-        common = float(np.median(steps))
-        runs = [run if run.step == common else prepare(trial, arguments.gap_means_zero, common)
-                for run, trial in zip(runs, trials, strict=True)]  # fmt: skip
-    return runs
+    return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 
 
 def _read(path, arguments):

@@ -27,6 +27,9 @@ CLOCKS_APART = 1.0
 SAME_TIME = 3
 """Decimals, s, to which two messages count as simultaneous."""
 
+TWIST_SPAN = 3.0
+"""s over which velocity and change of position are compared."""
+
 LONGEST_HOLD = 1.0
 """s for which one thruster's last message still counts beside the other's."""
 
@@ -295,13 +298,18 @@ def _together(port, starboard):
 def _motion(values, time, path, advice):
     """Channels of the odometry; a twist that is in world axes is turned into body axes."""
     x, y, yaw, surge, sway, rate = values.T
-    if time.size > 50 and np.ptp(x) + np.ptp(y) > 2.0:
-        keep = np.concatenate([[True], np.diff(time) > 1e-6])
-        east, north = (np.gradient(p[keep], time[keep]) for p in (x, y))
-        u, v, psi = surge[keep], sway[keep], yaw[keep]
-        body = np.median(np.hypot(u * np.cos(psi) - v * np.sin(psi) - east, u * np.sin(psi) + v * np.cos(psi) - north))
-        world = np.median(np.hypot(u - east, v - north))
-        if world < 0.5 * body and body > 0.05:
+    span = max(1, round(TWIST_SPAN / max(float(np.median(np.diff(time))), 1e-6))) if time.size > 1 else 1
+    if time.size > 4 * span and np.ptp(x) + np.ptp(y) > 2.0:
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+
+        def missed(east, north):
+            """Median distance of the integrated velocity from the change of position."""
+            way = [np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time))]) for v in (east, north)]
+            return np.median(np.hypot(*((w[span:] - w[:-span]) - (p[span:] - p[:-span])
+                                        for w, p in zip(way, (x, y), strict=True))))  # fmt: skip
+
+        body, world = missed(surge * cosine - sway * sine, surge * sine + sway * cosine), missed(surge, sway)
+        if world < 0.5 * body:
             advice.append(Advice('twist-in-world-axes', (
                 f'{path}: the twist of the odometry is in world axes and was turned into body axes: publish it in '
                 f'child_frame_id, as nav_msgs/Odometry defines')))  # fmt: skip

@@ -141,33 +141,44 @@ class Run:
 
 
 def prepare(trial, gap_means_zero=False, step=None):
-    """Make a trial ready for identification.
+    """Make one trial ready for identification; see `prepare_all`."""
+    return prepare_all([trial], gap_means_zero, step)[0]
+
+
+def prepare_all(trials, gap_means_zero=False, step=None):
+    """Make trials of one craft ready for identification.
+
+    Reversed and swapped channels are found over all trials together: what a trial does not tell by
+    itself is taken from the others.
 
     Parameters
     ----------
-    trial : ManoeuvringTrial
+    trials : sequence of ManoeuvringTrial
     gap_means_zero : bool
         Commands are published only while driving: where there are none the thrust is zero.
     step : float, optional
-        s; by default the record's own, if it is near ``USUAL_STEP``.
+        s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
 
     Returns
     -------
-    Run
+    list of Run
 
     Raises
     ------
     InputError
-        Too few samples, no thrust, or neither speed nor yaw rate in it.
+        Too few samples, no thrust, or neither speed nor yaw rate in one of them.
     """
-    advice = list(trial.advice)
-    trial = _in_order(trial, advice)
-    trial = _without_absurd(trial, advice)
-    trial = _in_enu(trial, advice)
-    interval = float(np.median(np.diff(trial.time)))
+    advice = [list(trial.advice) for trial in trials]
+    trials = [_without_absurd(_in_order(t, a), a) for t, a in zip(trials, advice, strict=True)]
+    trials = _set_right(trials, advice)
     if step is None:
-        step = interval if 0.04 <= interval <= 0.25 else USUAL_STEP
-        step = round(step, 3)
+        interval = float(np.median([np.median(np.diff(trial.time)) for trial in trials]))
+        step = round(interval if 0.04 <= interval <= 0.25 else USUAL_STEP, 3)
+    return [_run(t, gap_means_zero, step, a) for t, a in zip(trials, advice, strict=True)]
+
+
+def _run(trial, gap_means_zero, step, advice):
+    """The run of a trial whose channels have been set right."""
     count = int((trial.time[-1] - trial.time[0]) / step) + 1
     if count < 20:
         raise InputError(f'{trial.source}: {trial.time[-1] - trial.time[0]:.1f} s are too short: record 30 s or more')
@@ -284,17 +295,24 @@ def mirrored(trial):
     return replace(trial, **changed)
 
 
-def _in_enu(trial, advice):
-    """The trial in ENU, reversed and swapped channels set right, and reported."""
-    stated = trial.frame
-    if stated == 'ned':
-        trial = mirrored(trial)
-    elif stated not in (None, 'enu'):
-        raise InputError(f"{trial.source}: there is no frame '{stated}': state enu or ned")
-    trial = _agreeing_heading(trial, stated, advice)
-    trial = _agreeing_yaw_rate(trial, advice)
-    trial = _agreeing_surge(trial, advice)
-    return _agreeing_thrusters(trial, stated, advice)
+def _set_right(trials, advice):
+    """The trials in ENU, reversed and swapped channels set right, and reported."""
+    for trial in trials:
+        if trial.frame not in (None, 'enu', 'ned'):
+            raise InputError(f"{trial.source}: there is no frame '{trial.frame}': state enu or ned")
+    trials = [mirrored(t) if t.frame == 'ned' else t for t in trials]
+    for verdict, remedy in (
+        (_heading_turned, _turn_heading), (_yaw_rate_likeness, _reverse_yaw_rate), (_surge_likeness, _reverse_surge),
+        (_sway_likeness, _reverse_sway), (_thrust_likeness, _reverse_thrust), (_thruster_likeness, _exchange_sides),
+    ):  # fmt: skip
+        found = [verdict(t) for t in trials]
+        told = [f for f in found if f is not None]
+        common = max(told, key=told.count) if told else None
+        trials = [
+            remedy(t, common if f is None else f, a) if (common if f is None else f) else t
+            for t, f, a in zip(trials, found, advice, strict=True)
+        ]
+    return trials
 
 
 def _even(trial, *names):
@@ -312,92 +330,179 @@ def _even(trial, *names):
     return time, found
 
 
-def _agreeing_heading(trial, stated, advice):
-    """Heading and position in one frame: the course over ground tells."""
-    _, (heading, x, y, surge) = _even(trial, 'heading', 'x', 'y', 'surge')
+def _heading_turned(trial):
+    """How the heading must be turned to agree with the course over ground.
+
+    Returns
+    -------
+    None where the trial does not tell, else (mirrored, quarter turns), or () if it agrees.
+    """
+    _, (heading, x, y) = _even(trial, 'heading', 'x', 'y')
     span = round(2.0 / USUAL_STEP)
     if heading is None or x is None or y is None or heading.size < 4 * span:
-        return trial
+        return None
     ahead, aside = x[2 * span :] - x[: -2 * span], y[2 * span :] - y[: -2 * span]
     moving = np.hypot(ahead, aside) > 2 * span * USUAL_STEP * MOVING
-    if surge is not None:
-        moving &= surge[span:-span] > 0
     if moving.sum() < 2 * span:
-        return trial
+        return None
     course, heading = np.arctan2(aside, ahead)[moving], heading[span:-span][moving]
     straight, reverse = np.mean(np.exp(1j * (course - heading))), np.mean(np.exp(1j * (course + heading)))
-    if abs(reverse) > 0.85 and abs(reverse) > abs(straight) + 0.2:
-        offset = round(np.angle(reverse) / (math.pi / 2)) * math.pi / 2
+    quarters, mirrored_quarters = (round(np.angle(mean) / (math.pi / 2)) % 4 for mean in (straight, reverse))
+    if max(abs(straight), abs(reverse)) < 0.8:
+        return None
+    # on a straight course both readings are possible: a heading that agrees, else a compass' (clockwise from north)
+    alike = abs(abs(straight) - abs(reverse)) < 0.2
+    if (abs(straight) > abs(reverse) or alike) and quarters in (0, 2):
+        return ()
+    if abs(reverse) > abs(straight) + 0.2 or (alike and mirrored_quarters == 1):
+        return True, mirrored_quarters
+    return None if alike else (False, quarters)
+
+
+def _turn_heading(trial, verdict, advice):
+    if trial.heading is None:
+        return trial
+    reverse, quarters = verdict
+    if reverse:
         advice.append(Advice('mixed-frames', (
             f'{trial.source}: heading and position are in different frames (one in NED, one in ENU): the heading is '
-            f'taken as {math.degrees(offset):.0f} deg minus what was recorded; give both in one frame')))  # fmt: skip
-        return replace(trial, heading=offset - trial.heading)
-    offset = round(np.angle(straight) / (math.pi / 2)) * math.pi / 2
-    if abs(straight) > 0.85 and offset != 0.0:
-        advice.append(Advice('mixed-frames', (
-            f'{trial.source}: the heading is off the course by {math.degrees(offset):.0f} deg and was turned by that '
-            f'much: check which axis heading and position are measured from')))  # fmt: skip
-        return replace(trial, heading=trial.heading + offset)
-    return trial
+            f'taken as {90 * quarters} deg minus what was recorded; give both in one frame')))  # fmt: skip
+        return replace(trial, heading=quarters * math.pi / 2 - trial.heading)
+    advice.append(Advice('mixed-frames', (
+        f'{trial.source}: the heading is off the course by {90 * quarters} deg and was turned by that much: check '
+        f'which axis heading and position are measured from')))  # fmt: skip
+    return replace(trial, heading=trial.heading + quarters * math.pi / 2)
 
 
-def _agreeing_yaw_rate(trial, advice):
-    """Yaw rate and heading with one sign."""
+def _yaw_rate_likeness(trial):
+    """Whether yaw rate and heading turn opposite ways; None where the trial does not tell."""
     _, (heading, rate) = _even(trial, 'heading', 'yaw_rate')
     if heading is None or rate is None:
-        return trial
+        return None
     slope, rate = np.gradient(_lowpass(heading, 0.5), USUAL_STEP), _lowpass(rate, 0.5)
-    if np.std(rate) < 0.01 or np.std(slope) < 0.01:
+    if np.std(rate) < 0.02 or np.std(slope) < 0.02:
+        return None
+    return _reversed(_correlation(slope, rate))
+
+
+def _reverse_yaw_rate(trial, _, advice):
+    if trial.yaw_rate is None:
         return trial
-    likeness = _correlation(slope, rate)
-    if likeness < -SEEN:
-        advice.append(Advice('yaw-rate-reversed', (
-            f'{trial.source}: yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
-            f'reversed; give both in one frame')))  # fmt: skip
-        return replace(trial, yaw_rate=-trial.yaw_rate)
-    if likeness < SEEN and np.std(slope) > 0.05:
-        advice.append(Advice('yaw-rate-strange', (
-            f'{trial.source}: yaw rate and change of heading do not agree (correlation {likeness:.2f}): check both '
-            f'channels')))  # fmt: skip
-    return trial
+    advice.append(Advice('yaw-rate-reversed', (
+        f'{trial.source}: yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is reversed; '
+        f'give both in one frame')))  # fmt: skip
+    return replace(trial, yaw_rate=-trial.yaw_rate)
 
 
-def _agreeing_surge(trial, advice):
-    """Surge positive ahead: total thrust tells."""
-    _, (surge, port, starboard) = _even(trial, 'surge', 'port', 'starboard')
+def _speeds_of_track(trial):
+    """Surge and sway by position and heading, m/s, at even times; None where not measured."""
+    _, (heading, x, y) = _even(trial, 'heading', 'x', 'y')
+    if heading is None or x is None or y is None:
+        return None
+    east, north = (_slope(p, USUAL_STEP, 3.1) for p in (x, y))
+    return east * np.cos(heading) + north * np.sin(heading), -east * np.sin(heading) + north * np.cos(heading)
+
+
+def _speed_likeness(trial, name, place):
+    """Whether a speed is opposite to that of the track; None where the trial does not tell."""
+    _, (measured,) = _even(trial, name)
+    track = _speeds_of_track(trial)
+    if measured is None or track is None or np.sqrt(np.mean(track[place] ** 2)) < 0.1:
+        return None
+    # about zero, not about the mean: a steady speed tells its sign as well
+    return _reversed(_likeness(measured, track[place]))
+
+
+def _surge_likeness(trial):
+    return _speed_likeness(trial, 'surge', 0)
+
+
+def _sway_likeness(trial):
+    return _speed_likeness(trial, 'sway', 1)
+
+
+def _reverse_speed(trial, name, advice):
+    if getattr(trial, name) is None:
+        return trial
+    advice.append(Advice(f'{name}-reversed', (
+        f'{trial.source}: {name} is opposite to the change of position and is reversed: check its sign')))
+    return replace(trial, **{name: -getattr(trial, name)})
+
+
+def _reverse_surge(trial, _, advice):
+    return _reverse_speed(trial, 'surge', advice)
+
+
+def _reverse_sway(trial, _, advice):
+    return _reverse_speed(trial, 'sway', advice)
+
+
+def _thrust_likeness(trial):
+    """Whether the speed falls when thrust rises: ``surge`` or ``thrust``, whichever is to be reversed."""
+    _, (surge, port, starboard, x) = _even(trial, 'surge', 'port', 'starboard', 'x')
     if surge is None or port is None or starboard is None:
+        return None
+    total = port + starboard
+    best = max((_likeness(_lowpass(total, tau), surge) for tau in (0.5, 2.0, 5.0)), key=abs)
+    if np.std(surge) < 0.1 and abs(np.mean(surge)) < 0.2:
+        return None
+    if abs(best) < 0.7:
+        return None
+    if best > 0.0:
+        return ()
+    turned = _thruster_correlation(trial)
+    confirmed = x is not None and trial.heading is not None
+    return 'thrust' if confirmed or (turned is not None and turned < -SEEN) else 'surge'
+
+
+def _reverse_thrust(trial, what, advice):
+    if what == 'thrust':
+        advice.append(Advice('thrust-reversed', (
+            f'{trial.source}: the craft moves astern under positive thrust: both thrusts are reversed; check their '
+            f'sign')))  # fmt: skip
+        return replace(trial, port=-trial.port, starboard=-trial.starboard)
+    if trial.surge is None:
         return trial
-    best = max((_correlation(_lowpass(port + starboard, tau), surge) for tau in (0.5, 2.0, 5.0)), key=abs)
-    if best < -0.7:
-        advice.append(Advice('surge-reversed', (
-            f'{trial.source}: the speed falls when thrust rises (correlation {best:.2f}): the speed is reversed; check '
-            f'its sign, or that of both thrusts')))  # fmt: skip
-        return replace(trial, surge=-trial.surge)
-    return trial
+    advice.append(Advice('surge-reversed', (
+        f'{trial.source}: the speed is negative under positive thrust and is reversed: check its sign, or that of both '
+        f'thrusts')))  # fmt: skip
+    return replace(trial, surge=-trial.surge)
 
 
-def _agreeing_thrusters(trial, stated, advice):
-    """More thrust to starboard turns to port; if it does not, thrusters are swapped or yaw is in NED."""
+def _thruster_correlation(trial):
+    """Of the thrust difference with the yaw rate; None where the trial does not tell."""
     _, (rate, heading, port, starboard) = _even(trial, 'yaw_rate', 'heading', 'port', 'starboard')
     if rate is None and heading is not None:
         rate = np.gradient(_lowpass(heading, 0.5), USUAL_STEP)
     if rate is None or port is None or starboard is None:
-        return trial
+        return None
     difference = starboard - port
-    if np.std(difference) == 0.0 or np.std(rate) < 0.01:
-        return trial
-    best = max((_correlation(_lowpass(difference, tau), rate) for tau in (0.3, 1.0, 3.0)), key=abs)
-    if best > -SEEN:
-        return trial
-    if stated is None:
+    if not np.any(difference) or np.sqrt(np.mean(rate**2)) < 0.01:
+        return None
+    return max((_likeness(_lowpass(difference, tau), rate) for tau in (0.3, 1.0, 3.0)), key=abs)
+
+
+def _thruster_likeness(trial):
+    """Whether more thrust to starboard turns to starboard; None where the trial does not tell."""
+    found = _thruster_correlation(trial)
+    return None if found is None else _reversed(found)
+
+
+def _exchange_sides(trial, _, advice):
+    if trial.frame is None:
         advice.append(Advice('frame-assumed', (
-            f'{trial.source}: more thrust to starboard turns to negative yaw (correlation {best:.2f}), so yaw is taken '
-            f'as in NED; state the frame (ned or enu): if it is ENU, port and starboard are swapped')))  # fmt: skip
+            f'{trial.source}: more thrust to starboard turns to negative yaw, so yaw is taken as in NED; state the '
+            f'frame (ned or enu): if it is ENU, port and starboard are swapped')))  # fmt: skip
         return mirrored(trial)
     advice.append(Advice('thrusters-swapped', (
-        f'{trial.source}: more thrust to starboard turns to starboard (correlation {best:.2f}) in the frame stated '
-        f'({stated}), so port and starboard were exchanged; check the channels, or the frame')))  # fmt: skip
+        f'{trial.source}: more thrust to starboard turns to starboard in the frame stated ({trial.frame}), so port and '
+        f'starboard were exchanged; check the channels, or the frame')))  # fmt: skip
     return replace(trial, port=trial.starboard, starboard=trial.port)
+
+
+def _reversed(likeness):
+    """True or False where a likeness is clear, else None."""
+    return None if abs(likeness) < SEEN else bool(likeness < 0.0)
 
 
 def _thrust_on(grid, trial, gap_means_zero, advice):
@@ -519,6 +624,10 @@ def _lowpass(values, tau):
 
 
 def _correlation(a, b):
-    a, b = a - np.mean(a), b - np.mean(b)
+    return _likeness(a - np.mean(a), b - np.mean(b))
+
+
+def _likeness(a, b):
+    """Correlation about zero."""
     size = np.sqrt(np.sum(a * a) * np.sum(b * b))
     return float(np.sum(a * b) / size) if size > 0 else 0.0

@@ -226,6 +226,12 @@ def _rows_told(runs, speeds, sways, rates, advice, flags):
     else:
         advice.append(Advice('no-speed', (
             'no run holds a speed: surge is assumed, not identified; add surge_m_s, or position and heading')))
+    if np.std(difference) < 0.05 * _largest(difference):
+        advice.append(Advice('constant-difference', (
+            'the difference of the thrusts is constant, so that nothing tells yaw inertia and added masses apart from '
+            'damping: add zig-zags and turns to both sides')))  # fmt: skip
+        names = ('Iz', 'Nr_dot', 'Yv_dot', 'Nr', 'Yv', 'lag', 'delay')
+        flags.update(dict.fromkeys(names, 'constant-difference'))
     turning = np.isfinite(rates).any() and _largest(rates) > NO_TURN
     if turning and _largest(difference) > 0.02 * size:
         rows.append('N')

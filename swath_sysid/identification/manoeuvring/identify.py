@@ -32,6 +32,9 @@ from swath_sysid.motion.manoeuvring_trial import CHANNELS
 UNCERTAIN = 0.5
 """A standard deviation beyond this share of a value makes it uncertain."""
 
+STRANGE_MASS = 0.6
+"""No hull of a small craft has more added mass in surge than this share of its mass."""
+
 MORE_THAN_NOISE = 2.0
 """A simulation within so many times the sensor's own noise is not called poor."""
 
@@ -272,6 +275,11 @@ def _derivatives(problem, found, units):
                 f'{name} is uncertain by {std[k]:.3g} beside a value of {value:.3g}: add {_separating(name)}')))
         if name in problem.flags:
             flags[name].append(problem.flags[name])
+        if name == 'Xu_dot' and not -STRANGE_MASS * problem.scales.mass < value < 0.2 * problem.scales.mass:
+            flags[name].append('strange-inertia')
+            advice.append(Advice('strange-inertia', (
+                f'the craft answers to thrust as if it weighed {problem.scales.mass - value:.4g} kg, not '
+                f'{problem.scales.mass:.4g} kg: check the mass and the scale of the thrust')))  # fmt: skip
     derivatives = {}
     for k, name in enumerate(found.names):
         if name in CURRENT:

@@ -1,0 +1,95 @@
+"""The verb ``manoeuvre`` as a user runs it."""
+import argparse
+import json
+
+import pytest
+
+from swath_sysid.cli import manoeuvre
+from swath_sysid.errors import InputError
+
+
+def swath(*words):
+    parser = argparse.ArgumentParser()
+    manoeuvre.add_arguments(parser)
+    return manoeuvre.run(parser.parse_args([str(word) for word in words]))
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('manoeuvres')
+    assert swath('simulate', '--model', 'wamv-vrx-old', '--test', 'programme', '--output', folder / 'runs') == 0
+    return folder
+
+
+@pytest.fixture(scope='module')
+def model(folder):
+    runs = [folder / 'runs' / f'{n}.csv' for n in ('speed_up', 'zigzag_20', 'mixed')]
+    outputs = ('--output', folder / 'model.yaml', '--plot', folder / 'plots')
+    assert swath('identify', *runs, '--mass', 180, '--validate', folder / 'runs/turns_fast.csv', *outputs,
+                 '--generations', 3, '--population', 10) == 0  # fmt: skip
+    return folder / 'model.yaml'
+
+
+def test_identify_writes_model_and_pictures(folder, model):
+    assert model.is_file()
+    names = {path.name for path in (folder / 'plots').iterdir()}
+    assert {'derivatives.png', 'residuals.png', 'validation_01_turns_fast.png'} <= names
+    assert sum(name.startswith('identification') for name in names) == 3
+
+
+def test_identify_json(folder, capsys):
+    runs = [folder / 'runs' / f'{n}.csv' for n in ('speed_up', 'zigzag_20', 'mixed', 'turns_slow')]
+    capsys.readouterr()
+    assert swath('identify', *runs, '--mass', 180, '--json', '--generations', 0) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert set(data['derivatives']['Nr']) >= {'value', 'std', 'prime'}
+    assert data['derivatives']['Nr']['value'] == pytest.approx(-400, rel=0.05)
+    for channel in ('surge', 'sway', 'yaw_rate'):
+        assert set(data['r2'][channel]) == {'identification', 'validation'}
+    assert set(data['position_error_m']) == set(data['heading_error_rad']) == {'5', '10', '20'}
+    assert data['r2']['yaw_rate']['validation'] > 0.95
+    assert all(set(w) == {'code', 'message'} for w in data['warnings'])
+    assert len(data['runs']['validation']) == 1
+
+
+def test_forecast(folder, model, capsys):
+    capsys.readouterr()
+    assert swath('forecast', folder / 'runs/zigzag_10.csv', '--train', folder / 'runs/mixed.csv', '--model', model,
+                 '--json', '--leads', '1,5', '--plot', folder / 'forecast.png') == 0  # fmt: skip
+    data = json.loads(capsys.readouterr().out)
+    assert set(data['rmse']) == {'model', 'constant-velocity', 'constant-turn-rate', 'arx'}
+    assert data['rmse']['model']['heading_rad']['1'] < data['rmse']['constant-turn-rate']['heading_rad']['1']
+    assert (folder / 'forecast.png').is_file()
+    assert swath('forecast', folder / 'runs/zigzag_10.csv', '--model', model, '--leads', '1') == 0
+    assert 'position' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('test', ['turning-circle', 'spiral'])
+def test_simulate_from_the_identified_model(folder, model, test, capsys):
+    capsys.readouterr()
+    assert swath('simulate', '--model', model, '--test', test, '--json', '--plot', folder / f'{test}.png',
+                 '--output', folder / f'{test}.mcap') == 0  # fmt: skip
+    assert json.loads(capsys.readouterr().out)['numbers']
+    assert (folder / f'{test}.mcap').stat().st_size > 1000
+    assert swath('simulate', '--hull', 'wamv-vrx-new', '--test', 'zigzag') == 0
+    assert 'first overshoot' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('words, match', [
+    (('identify', 'missing.csv'), 'no file'),
+    (('identify', '{runs}/mixed.csv', '{runs}/mixed.csv'), 'given twice'),
+    (('identify', '{runs}'), 'is a folder'),
+    (('identify', '{runs}/mixed.csv', '--fix', 'Xu'), 'NAME=VALUE'),
+    (('identify', '{runs}/mixed.csv', '--towards', 'Xu=1'), 'NAME=VALUE:STD'),
+    (('identify', '{runs}/mixed.csv', '--terms', 'Xq'), 'no manoeuvring parameter'),
+    (('identify', '{runs}/mixed.csv', '--no-validation', '--validate', '{runs}/reverse.csv'), 'not both'),
+    (('simulate', '--model', 'nothing.yaml', '--test', 'speed'), 'cannot read'),
+    (('simulate', '--hull', 'wamv-vrx-old', '--test', 'programme'), 'name a folder'),
+    (('simulate', '--hull', 'wamv-vrx-old', '--test', 'speed', '--output', 'x.txt'), 'neither .csv'),
+    (('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--base', '2'), 'within 0 and 1'),
+    (('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--current', '1', '0'), 'for the programme'),
+    (('forecast', '{runs}/mixed.csv', '--model', '{runs}/mixed.csv'), 'no manoeuvring model|no YAML'),
+])  # fmt: skip
+def test_one_clear_sentence(folder, words, match):
+    with pytest.raises(InputError, match=match):
+        swath(*(word.format(runs=folder / 'runs') for word in words))

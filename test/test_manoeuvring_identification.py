@@ -1,0 +1,268 @@
+"""Identification of manoeuvring models: truth found, nonsense flagged, nothing unstable."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import approx_fprime, least_squares
+
+from swath_sysid.errors import InputError
+from swath_sysid.hull.manoeuvring.model import COMMAND
+from swath_sysid.hull.manoeuvring.presets import preset
+from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.hull.manoeuvring.simulation import simulate
+from swath_sysid.hull.manoeuvring.stability import check_stability
+from swath_sysid.hull.manoeuvring.standard_tests import run_test
+from swath_sysid.identification.manoeuvring.assembly import assemble, seen_region
+from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring, split
+from swath_sysid.identification.manoeuvring.least_squares import minimise
+from swath_sysid.identification.manoeuvring.selection import (
+    covariance_of,
+    fit,
+    model_of,
+    regularised_to_stable,
+    shooting_of,
+)
+from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
+from swath_sysid.identification.manoeuvring.validation import score
+from swath_sysid.identification.manoeuvring.windows import cut
+from swath_sysid.identification.search import Cancelled
+from swath_sysid.motion.manoeuvring_trial import ManoeuvringTrial, prepare_all
+
+OLD = preset('wamv-vrx-old')
+QUICK = dict(mass=180.0, generations=4, population=12)
+
+
+def trial_of(manoeuvre, name, thrust_input='force'):
+    m = manoeuvre
+    return ManoeuvringTrial(m.time, m.port, m.starboard, thrust_input, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y,
+                            'enu', source=name)  # fmt: skip
+
+
+def runs_of(model, seed=1, names=None):
+    programme = trial_programme(model)
+    return prepare_all([
+        trial_of(with_noise(programme[name], SensorNoise(), 100 * seed + k), name, model.thrust_input)
+        for k, name in enumerate(names or programme)
+    ])  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def force_runs():
+    return runs_of(OLD)
+
+
+@pytest.fixture(scope='module')
+def found(force_runs):
+    return identify_manoeuvring(force_runs, ManoeuvringSettings(**QUICK))
+
+
+def codes(found):
+    return {a.code for a in found.advice}
+
+
+def inside(found, model, names=None):
+    for name, d in found.derivatives.items():
+        if not d.flags or name in (names or ()):
+            assert abs(d.value - model[name]) < 3.5 * d.std, name
+
+
+def diameters(model, truth):
+    measured = run_test('turning-circle', replace(model, largest_input=truth.largest_input, current=(0.0, 0.0))).numbers
+    expected = run_test('turning-circle', truth).numbers
+    return [measured[n] / expected[n] for n in ('steady_diameter_m', 'tactical_diameter_m')]
+
+
+def test_truth_is_found_with_honest_uncertainty(found):
+    inside(found, OLD, ('Xu', 'Xuu'))
+    for name in ('Xu', 'Xuu', 'Nr'):
+        assert found.derivatives[name].value == pytest.approx(OLD[name], rel=0.1)
+    assert set(found.derivatives) <= {'Xu_dot', 'Iz', 'Xu', 'Xuu', 'Nr', 'Yv_dot', 'Yv', 'lag', 'delay'}
+    assert found.stability.stable
+    assert diameters(found.model, OLD) == pytest.approx([1, 1], abs=0.05)
+    assert found.validation.diverged == 0
+    assert found.validation.r2['yaw_rate'] > 0.99
+    assert found.validation.position_error[20.0] < 1.0
+    prime = found.derivatives['Xuu'].prime
+    assert prime == pytest.approx(found.derivatives['Xuu'].value / (0.5 * 1025 * 4.88**2))
+
+
+def test_commands_curve_and_lag():
+    model = OLD.with_values(gain=150.0, dead_band=0.08, lag=0.3, reverse_ratio=0.7)
+    model = replace(model, thrust_input=COMMAND, largest_input=1.0)
+    found = identify_manoeuvring(runs_of(model, 2), ManoeuvringSettings(**QUICK))
+    inside(found, model, ('gain', 'lag', 'dead_band', 'reverse_ratio'))
+    assert found.derivatives['lag'].value == pytest.approx(0.3, abs=0.05)
+    assert found.derivatives['dead_band'].value == pytest.approx(0.08, abs=0.01)
+    assert 'surge-inertia-assumed' in codes(found)
+    assert diameters(found.model, model) == pytest.approx([1, 1], abs=0.05)
+
+
+def test_current_is_found_as_drift():
+    model = replace(OLD, current=(0.25, -0.166))
+    found = identify_manoeuvring(runs_of(model, 3), ManoeuvringSettings(**QUICK))
+    assert np.allclose(found.model.current, model.current, atol=0.05)
+    inside(found, model)
+
+
+def test_added_terms_are_selected():
+    model = replace(preset('wamv-vrx-new').with_values(lag=0.25, Nuv=-60.0), largest_input=250.0)
+    found = identify_manoeuvring(runs_of(model, 4), ManoeuvringSettings(**QUICK))
+    assert {'Nrr', 'lag'} <= set(found.derivatives)
+    assert found.model['lag'] == pytest.approx(0.25, abs=0.06)
+    assert found.stability.stable
+    assert diameters(found.model, model) == pytest.approx([1, 1], abs=0.05)
+
+
+def test_forward_model_is_what_is_differentiated(force_runs):
+    """The Jacobian with eliminated initial states against differences of the minimum over them."""
+    problem = assemble(force_runs[5:7], ManoeuvringSettings(**QUICK))
+    names = ('Xu', 'Nr', 'lag', 'gain', 'current_east')
+    shooting = shooting_of(problem, 20.0).with_unknowns(problem.unknowns(names), problem.base)
+    values = np.array([-55.0, -380.0, 0.2, 1.02, 0.05])
+    for _ in range(4):
+        residual = shooting.residuals(values)
+    gradient = shooting.jacobian(values).T @ residual
+
+    def cost(v):
+        for _ in range(3):
+            r = shooting.residuals(v)
+        return 0.5 * float(r @ r)
+
+    expected = approx_fprime(values, cost, 1e-4 * np.abs(values))
+    assert np.allclose(gradient, expected, rtol=0.05, atol=0.02 * np.max(np.abs(expected)) * 1e-2)
+
+
+def test_least_squares_against_scipy():
+    rng = np.random.default_rng(5)
+    t = np.linspace(0, 4, 200)
+    y = 2.0 * np.exp(-0.7 * t) + 0.3 + 0.01 * rng.normal(size=t.size)
+
+    def residuals(x):
+        return x[0] * np.exp(-x[1] * t) + x[2] - y
+
+    def jacobian(x):
+        e = np.exp(-x[1] * t)
+        return np.stack([e, -x[0] * t * e, np.ones_like(t)], axis=1)
+
+    for upper in (np.full(3, 10.0), np.array([10.0, 0.6, 10.0])):
+        lower = np.zeros(3)
+        ours = minimise(residuals, jacobian, np.ones(3) * 0.5, lower, upper, 60, 1e-12)
+        theirs = least_squares(residuals, np.ones(3) * 0.5, jacobian, bounds=(lower, upper), xtol=1e-14, ftol=1e-14)
+        assert ours.cost == pytest.approx(theirs.cost, rel=1e-6)
+        assert np.allclose(ours.x, theirs.x, atol=1e-4)
+
+
+def test_windows_do_not_cross_gaps(force_runs):
+    run = force_runs[0]
+    driven = np.ones(run.time.size, dtype=bool)
+    driven[300:330] = False
+    windows = cut([replace(run, driven=driven)])
+    ends = windows.start + windows.steps
+    assert np.all((ends < 300) | (windows.start >= 350))
+    assert windows.start[0] == 20
+    with pytest.raises(InputError, match='no run holds'):
+        cut([replace(run, driven=np.zeros_like(driven))])
+
+
+def test_unstable_terms_are_taken_out(force_runs):
+    problem = assemble(force_runs[3:7], ManoeuvringSettings(**QUICK))
+    start = fit(problem, shooting_of(problem, 20.0), problem.free, problem.start(problem.free), rounds=1)
+    names, values = (*start.names, 'Nv'), np.append(start.values, -150.0)
+    assert not check_stability(model_of(problem, names, values), problem.region).stable
+    shooting = start.shooting.with_unknowns(problem.unknowns(names), problem.base)
+    unstable = replace(start, names=names, values=values, shooting=shooting, stable=False,
+                       covariance=covariance_of(shooting, values))  # fmt: skip
+    stable, advice = regularised_to_stable(problem, unstable)
+    assert stable.stable
+    assert check_stability(model_of(problem, stable.names, stable.values), problem.region).stable
+    assert 'Nv' not in stable.names
+    assert [a.code for a in advice] == ['made-stable']
+
+
+def test_the_diverging_model_is_counted(force_runs):
+    runaway = OLD.with_values(Nr=-1.0, Nv=-300.0)
+    found = score(runaway, force_runs[4:6])
+    assert found.diverged > 0
+    assert found.r2['yaw_rate'] < 0
+
+
+def test_split_keeps_the_extremes(force_runs):
+    kept, held_out = split(force_runs)
+    assert len(held_out) == 3
+    assert seen_region(kept).fastest == pytest.approx(seen_region(force_runs).fastest, rel=0.05)
+    assert split(force_runs[:2]) == (tuple(force_runs[:2]), ())
+
+
+def anchored(seed=1):
+    still = simulate(OLD, np.zeros(600), np.zeros(600), 0.1)
+    return trial_of(with_noise(still, SensorNoise(), seed), 'anchored')
+
+
+def test_anchored_runs_are_left_out_or_refused(force_runs):
+    runs = [*force_runs[4:7], *prepare_all([anchored()])]
+    found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK), validation=())
+    assert 'at-anchor' in codes(found)
+    assert len(found.identified_on) == 3
+    with pytest.raises(InputError, match='at anchor'):
+        identify_manoeuvring(prepare_all([anchored()]), ManoeuvringSettings(**QUICK))
+
+
+def test_no_turn_leaves_yaw_and_sway_unidentified(force_runs):
+    found = identify_manoeuvring(force_runs[:2], ManoeuvringSettings(**QUICK))
+    assert 'no-turn' in codes(found)
+    assert not {'Nr', 'Iz', 'Yv', 'Yv_dot'} & set(found.derivatives)
+    assert {'Nr', 'Iz', 'Yv'} <= set(found.fixed)
+    assert found.stability.stable
+
+
+def test_constant_thrust_flags_every_surge_derivative():
+    steady = simulate(OLD, np.full(1200, 60.0), np.full(1200, 60.0), 0.1)
+    runs = prepare_all([trial_of(with_noise(steady, SensorNoise(), 1), 'steady')])
+    found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK))
+    assert {'constant-thrust', 'no-turn'} <= codes(found)
+    assert all('constant-thrust' in d.flags for d in found.derivatives.values())
+
+
+def test_wrong_scale_of_thrust_is_noticed(force_runs):
+    doubled = [replace(run, port=3 * run.port, starboard=3 * run.starboard) for run in force_runs[:6]]
+    found = identify_manoeuvring(doubled, ManoeuvringSettings(**QUICK), validation=())
+    assert 'strange-inertia' in codes(found)
+
+
+def test_what_is_given_stays_given(force_runs):
+    settings = ManoeuvringSettings(**QUICK, terms=('Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'),
+                                   fixed={'Xu_dot': -5.0, 'Yv_dot': 0.0},
+                                   inertia=400.0, lever=1.0)  # fmt: skip
+    found = identify_manoeuvring(force_runs[3:], settings, validation=())
+    assert set(found.derivatives) == {'Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'}
+    assert found.model['Xu_dot'] == -5.0
+    assert found.model['Iz'] == 400.0
+    ratio = 1.0 / 1.027135
+    assert found.model['Nr'] == pytest.approx(-400.0 * ratio, rel=0.02)
+    assert 400.0 - found.model['Nr_dot'] == pytest.approx(446.0 * ratio, rel=0.03)
+
+
+def test_same_seed_same_numbers_and_cancel(force_runs):
+    settings = ManoeuvringSettings(**QUICK)
+    first, second = (identify_manoeuvring(force_runs[4:6], settings) for _ in range(2))
+    assert np.array_equal(first.values, second.values)
+    told = []
+    with pytest.raises(Cancelled):
+        identify_manoeuvring(force_runs[4:6], settings, progress=told.append, should_cancel=lambda: len(told) > 2)
+    assert all(0 <= share <= 1 for share in told)
+
+
+@pytest.mark.parametrize('wrong', [
+    {'mass': -1.0}, {'terms': ('Zw',)}, {'current': 'strong'}, {'generations': -1}, {'population': 3},
+    {'lever': float('nan')},
+])  # fmt: skip
+def test_wrong_settings_are_refused(wrong):
+    with pytest.raises(InputError):
+        ManoeuvringSettings(**wrong)
+
+
+def test_mixed_inputs_are_refused(force_runs):
+    with pytest.raises(InputError, match='separately'):
+        identify_manoeuvring([force_runs[0], replace(force_runs[1], thrust_input=COMMAND)], validation=())
+    with pytest.raises(InputError, match='no run'):
+        identify_manoeuvring([])

@@ -1,0 +1,259 @@
+"""Manoeuvring model, thrusters, simulation, prime system, standard tests."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import approx_fprime, fsolve
+
+from swath_sysid.errors import InputError
+from swath_sysid.hull.manoeuvring.model import ManoeuvringModel, derivative_names, parameter_values
+from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
+from swath_sysid.hull.manoeuvring.prime import PrimeUnits
+from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.hull.manoeuvring.simulation import runge_kutta_columns, simulate, steady_speed
+from swath_sysid.hull.manoeuvring.stability import Region, check_stability
+from swath_sysid.hull.manoeuvring.standard_tests import TESTS, DriveSettings, run_test
+from swath_sysid.hull.manoeuvring.stepping import SteeredCraft
+from swath_sysid.hull.manoeuvring.terms import NAMES
+from swath_sysid.hull.manoeuvring.thrust import command_of_thrust, delayed, lagged, thrust_curve
+
+RICH = dict(
+    m=180.0, Iz=446.0, Xu_dot=-20.0, Yv_dot=-90.0, Yr_dot=5.0, Nv_dot=-7.0, Nr_dot=-100.0, Xu=-50.0, Xuu=-70.0,
+    Yv=-40.0, Yvvv=-30.0, Yr=12.0, Nr=-400.0, Nv=-15.0, Nvvv=-9.0, lever=1.0, deduction=0.25, moment_factor=0.25,
+)  # fmt: skip
+"""The terms of the paper's printed equations."""
+
+
+def printed_equations(u, v, r, port, starboard, p):
+    """PAPERS E, written out and solved as a linear system: an independent oracle."""
+    mass = np.array([
+        [p['m'] - p['Xu_dot'], 0, 0],
+        [0, p['m'] - p['Yv_dot'], -p['Yr_dot']],
+        [0, -p['Nv_dot'], p['Iz'] - p['Nr_dot']],
+    ])  # fmt: skip
+    force = np.array([
+        p['Xu'] * u + p['Xuu'] * abs(u) * u + p['m'] * v * r + (1 - p['deduction']) * (starboard + port),
+        p['Yv'] * v + p['Yr'] * r + p['Yvvv'] * v**3 - p['m'] * u * r,
+        p['Nv'] * v + p['Nr'] * r + p['Nvvv'] * v**3 + (1 + p['moment_factor']) * (starboard - port) * p['lever'],
+    ])  # fmt: skip
+    return np.linalg.solve(mass, force)
+
+
+@given(*[st.floats(-2.0, 2.0)] * 3, *[st.floats(-100.0, 100.0)] * 2)
+@settings(max_examples=60, deadline=None)
+def test_accelerations_are_the_printed_equations(u, v, r, port, starboard):
+    model = ManoeuvringModel(parameter_values(RICH))
+    found = model.accelerations(u, v, r, port, starboard)
+    assert np.allclose(found, printed_equations(u, v, r, port, starboard, RICH), rtol=1e-12, atol=1e-12)
+
+
+def test_every_hull_term_acts_in_its_own_row_only():
+    rows = {'X': 0, 'Y': 1, 'N': 2}
+    plain = ManoeuvringModel(parameter_values({'m': 2.0, 'Iz': 3.0}))
+    from swath_sysid.hull.manoeuvring.terms import INDEX, INERTIA, PARAMETERS
+
+    for name in derivative_names():
+        parameter = PARAMETERS[INDEX[name]]
+        if parameter.kind == INERTIA:
+            continue
+        change = np.subtract(
+            plain.with_values(**{name: 1.5}).accelerations(0.7, 0.4, -0.3, 0.0, 0.0),
+            plain.accelerations(0.7, 0.4, -0.3, 0.0, 0.0),
+        )
+        assert change[rows[parameter.row]] != 0.0
+        assert np.count_nonzero(change) == 1
+
+
+def test_jacobian_against_finite_differences():
+    model = ManoeuvringModel(parameter_values(RICH | {'Nuv': -20.0, 'Yuv': -9.0, 'Nur': -11.0, 'advance': 0.1}))
+    state = np.array([1.1, -0.2, 0.3])
+    found = model.jacobian(*state, 20.0, 35.0)
+    for row in range(3):
+        expected = approx_fprime(state, lambda s, row=row: model.accelerations(*s, 20.0, 35.0)[row], 1e-7)
+        assert np.allclose(found[row], expected, rtol=1e-4, atol=1e-5)
+
+
+def test_coriolis_terms_do_no_work():
+    free = ManoeuvringModel(parameter_values({'m': 5.0, 'Iz': 2.0}))
+    u, v, r = 1.3, -0.6, 0.8
+    du, dv, dr = free.accelerations(u, v, r, 0.0, 0.0)
+    assert 5.0 * (u * du + v * dv) + 2.0 * r * dr == pytest.approx(0.0, abs=1e-12)
+
+
+def test_simulation_against_an_adaptive_integrator():
+    model = preset('wamv-vrx-new')
+    found = simulate(model, np.full(200, 80.0), np.full(200, 140.0), 0.1, state=(0.3, 0.1, -0.05), heading=0.4)
+
+    def slope(_, s):
+        u, v, r, psi = s[:4]
+        return [*model.accelerations(u, v, r, 80.0, 140.0), r,
+                u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)]  # fmt: skip
+
+    exact = solve_ivp(slope, (0, 20), [0.3, 0.1, -0.05, 0.4, 0, 0], rtol=1e-10, atol=1e-12, t_eval=found.time).y
+    assert np.allclose([found.u, found.v, found.yaw_rate], exact[:3], atol=2e-5)
+    assert np.allclose([found.heading, found.x, found.y], exact[3:], atol=5e-3)
+
+
+def test_compiled_and_plain_kernel_agree():
+    model = preset('wamv-vrx-new').with_values(Nuv=-20.0, Xvr=30.0, advance=0.1)
+    rng = np.random.default_rng(1)
+    arguments = (
+        rng.normal(size=(3, 4)) * 0.3, rng.normal(size=(30, 4)) * 50, rng.normal(size=(30, 4)) * 50,
+        np.repeat(model.values[:, None], 4, axis=1), model.active, 0.1, 2,
+    )  # fmt: skip
+    plain = getattr(runge_kutta_columns, 'py_func', runge_kutta_columns)
+    assert np.allclose(runge_kutta_columns(*arguments), plain(*arguments), rtol=1e-12, atol=1e-13)
+
+
+def test_current_carries_the_craft():
+    model = replace(preset('wamv-vrx-old'), current=(0.25, -0.1))
+    found = simulate(model, np.zeros(100), np.zeros(100), 0.1)
+    assert found.x[-1] == pytest.approx(2.5)
+    assert found.y[-1] == pytest.approx(-1.0)
+    assert found.surge[-1] == pytest.approx(0.25)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(10.0, 500.0), st.floats(0.2, 1.5), st.floats(0.0, 0.5), st.floats(0.5, 2.5))
+@settings(max_examples=80, deadline=None)
+def test_thrust_curve_and_its_inverse(command, gain, reverse, dead_band, exponent):
+    thrust = thrust_curve(np.float64(command), gain, reverse, dead_band, exponent)
+    assert abs(thrust) <= gain * max(1.0, reverse) * (1 + 1e-12)
+    if abs(command) <= dead_band:
+        assert thrust == 0.0
+    elif abs(thrust) > 1e-6 * gain:
+        assert command_of_thrust(thrust, gain, reverse, dead_band, exponent) == pytest.approx(command, rel=1e-6)
+
+
+def test_lag_is_the_exact_first_order_response():
+    values = np.concatenate([np.zeros(5), np.full(40, 10.0)])
+    mean = lagged(values, 0.3, 0.1)
+    time = 0.1 * np.arange(40)
+    exact = 10.0 * (1 - 0.3 / 0.1 * (np.exp(-time / 0.3) - np.exp(-(time + 0.1) / 0.3)))
+    assert np.allclose(mean[5:], exact, atol=1e-12)
+
+
+def test_delay_by_parts_of_a_step():
+    values = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    assert np.allclose(delayed(values, 0.15, 0.1), [0, 0, 0, 0.5, 1.0, 0.5])
+
+
+def test_steered_and_given_inputs_move_the_same_craft():
+    model = replace(
+        preset('wamv-vrx-old').with_values(gain=150.0, dead_band=0.05, lag=0.3, delay=0.13, reverse_ratio=0.7,
+                                           balance=0.05, exponent=1.4),
+        thrust_input='command', largest_input=1.0,
+    )  # fmt: skip
+    craft = SteeredCraft(model, 0.1, at_rest=True)
+    for port, starboard in ((0.0, 0.0), (0.5, 0.2), (-0.5, 0.7)):
+        craft.hold(port, starboard, 3.0)
+    steered = craft.manoeuvre()
+    given_inputs = simulate(model, steered.port[:-1], steered.starboard[:-1], 0.1)
+    assert np.allclose(steered.u, given_inputs.u, atol=1e-10)
+    assert np.allclose(steered.y, given_inputs.y, atol=1e-10)
+
+
+@given(st.sampled_from(derivative_names()), st.floats(-1e4, 1e4), st.floats(0.5, 50.0), st.floats(0.1, 20.0))
+@settings(max_examples=80, deadline=None)
+def test_prime_round_trip(name, value, length, speed):
+    units = PrimeUnits(length, speed)
+    assert units.from_prime(name, units.to_prime(name, value)) == pytest.approx(value, rel=1e-12)
+
+
+def test_prime_units_of_the_literature():
+    units = PrimeUnits(length=4.0, speed=2.0, density=1000.0)
+    half = 0.5 * 1000.0
+    expected = {
+        'm': half * 4**3, 'Iz': half * 4**5, 'Xu_dot': half * 4**3, 'Yr_dot': half * 4**4, 'Nr_dot': half * 4**5,
+        'Xu': half * 4**2 * 2, 'Xuu': half * 4**2, 'Yv': half * 4**2 * 2, 'Yr': half * 4**3 * 2,
+        'Yvvv': half * 4**2 / 2, 'Nv': half * 4**3 * 2, 'Nr': half * 4**4 * 2, 'Nvvv': half * 4**3 / 2,
+    }  # fmt: skip
+    assert {name: units.unit(name) for name in expected} == pytest.approx(expected)
+    with pytest.raises(InputError, match='no derivative'):
+        units.unit('lag')
+
+
+def test_presets_reach_the_speed_of_their_resistance():
+    model = preset('wamv-vrx-old')
+    speed = (-51.3 + np.sqrt(51.3**2 + 4 * 72.4 * 200.0)) / (2 * 72.4)
+    assert steady_speed(model, 200.0) == pytest.approx(speed, rel=1e-9)
+    with pytest.raises(InputError, match='wamv-vrx-old'):
+        preset('titanic')
+
+
+def test_turning_circle_ends_in_the_steady_turn():
+    model = preset('wamv-vrx-new')
+    settings_ = DriveSettings(base=0.6, difference=0.3)
+    port, starboard = 0.9 * model.largest_input, 0.3 * model.largest_input
+    u, v, r = fsolve(lambda s: model.accelerations(*s, port, starboard), [1.0, 0.2, -0.2])
+    numbers = run_test('turning-circle', model, settings_).numbers
+    assert numbers['steady_diameter_m'] == pytest.approx(2 * np.hypot(u, v) / abs(r), rel=2e-3)
+    assert numbers['steady_yaw_rate_deg_s'] == pytest.approx(np.degrees(r), rel=2e-3)
+    assert 0 < numbers['transfer_m'] < numbers['tactical_diameter_m']
+    port_turn = run_test('turning-circle', model, DriveSettings(base=0.6, difference=-0.3)).numbers
+    assert port_turn['tactical_diameter_m'] == pytest.approx(numbers['tactical_diameter_m'], rel=1e-9)
+
+
+def test_crash_stop_and_speed_against_the_straight_line_equation():
+    model = preset('wamv-vrx-old')
+    stop = run_test('crash-stop', model).numbers
+
+    def slope(_, s):
+        return [(-300.0 - 51.3 * s[0] - 72.4 * s[0] * abs(s[0])) / 180.0, s[0]]
+
+    def halted(_, s):
+        return s[0]
+
+    halted.terminal = True
+    exact = solve_ivp(slope, (0, 10), [stop['initial_speed_m_s'], 0], events=halted, rtol=1e-10, atol=1e-12)
+    assert stop['stopping_time_s'] == pytest.approx(exact.t[-1], abs=0.11)
+    assert stop['head_reach_m'] == pytest.approx(exact.y[1, -1], abs=0.02)
+    curve = run_test('speed', model).curve
+    resistance = 51.3 * curve['speed_m_s'] + 72.4 * curve['speed_m_s'] ** 2
+    assert np.allclose(resistance, 2 * curve['input'], rtol=5e-3)
+
+
+def test_zigzag_turns_at_its_angle_and_spiral_closes():
+    model = preset('wamv-vrx-new')
+    zigzag = run_test('zigzag', model)
+    assert 0 < zigzag.numbers['first_overshoot_deg'] < 20
+    assert np.degrees(np.max(zigzag.manoeuvre.heading)) > 20
+    assert run_test('spiral', model).numbers['loop_height_deg_s'] < 0.05
+    assert set(TESTS) == {'turning-circle', 'zigzag', 'speed', 'crash-stop', 'spiral'}
+
+
+REGION = Region(0.0, 1.5, 0.5, 0.4, 0.0, 150.0, 100.0)
+
+
+def test_stability_check_knows_the_unstable_craft():
+    stable = preset('wamv-vrx-old')
+    assert check_stability(stable, REGION).stable
+    # the criterion of straight-line stability: Yv Nr - Nv (Yr - m u) > 0
+    critical = 40.0 * 400.0 / (180.0 * 1.5)
+    for share, expected in ((0.9, True), (1.1, False)):
+        found = check_stability(stable.with_values(Nv=-share * critical), REGION)
+        assert (found.largest_growth < 0) == expected
+    assert not check_stability(stable.with_values(Nv=-1.1 * critical), REGION).stable
+
+
+def test_programme_excites_and_noise_is_as_asked():
+    runs = trial_programme(PRESETS['wamv-vrx-old'])
+    assert min(run.port.min() for run in runs.values()) < 0
+    assert 600 < sum(run.time[-1] for run in runs.values()) < 1000
+    clean = runs['mixed']
+    noisy = with_noise(clean, SensorNoise(speed=0.05, yaw_rate=0.005), seed=3)
+    assert np.std(noisy.surge - clean.surge) == pytest.approx(0.05, rel=0.1)
+    assert np.std(noisy.yaw_rate - clean.yaw_rate) == pytest.approx(0.005, rel=0.1)
+
+
+@pytest.mark.parametrize('values, match', [
+    ({'m': 1.0, 'Xu_dot': 2.0}, 'positive'), ({'m': float('nan')}, 'finite'),
+])  # fmt: skip
+def test_impossible_models_are_refused(values, match):
+    with pytest.raises(InputError, match=match):
+        ManoeuvringModel(parameter_values(values))
+    with pytest.raises(InputError, match='no manoeuvring parameter'):
+        parameter_values({'Zw': 1.0})
+    assert len(NAMES) == len(set(NAMES))

@@ -1,0 +1,192 @@
+"""Manoeuvring records: CSV, bags, reversed channels, gaps."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
+from swath_sysid.files.manoeuvring_csv import read_manoeuvring_csv, write_manoeuvring_csv
+from swath_sysid.hull.manoeuvring.presets import preset
+from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.motion.manoeuvring_trial import ManoeuvringTrial, mirrored, prepare, prepare_all, smoothed
+
+MODEL = preset('wamv-vrx-old')
+
+
+@pytest.fixture(scope='module')
+def manoeuvres():
+    runs = trial_programme(MODEL)
+    return {k: with_noise(runs[k], SensorNoise(), seed) for seed, k in enumerate(('mixed', 'speed_up', 'zigzag_20'))}
+
+
+@pytest.fixture(scope='module')
+def trials(manoeuvres):
+    return [
+        ManoeuvringTrial(m.time, m.port, m.starboard, surge=m.surge, sway=m.sway, yaw_rate=m.yaw_rate,
+                         heading=m.heading, x=m.x, y=m.y, frame='enu', source=name)
+        for name, m in manoeuvres.items()
+    ]  # fmt: skip
+
+
+def codes(runs):
+    return {a.code for run in runs for a in run.advice}
+
+
+def same(found, expected):
+    for a, b in zip(found, expected, strict=True):
+        for name in ('port', 'starboard', 'surge', 'sway', 'yaw_rate'):
+            assert np.allclose(getattr(a, name), getattr(b, name), atol=1e-9), name
+
+
+def test_csv_round_trip(tmp_path, manoeuvres):
+    path = tmp_path / 'mixed.csv'
+    write_manoeuvring_csv(path, manoeuvres['mixed'], MODEL)
+    trial = read_manoeuvring_csv(path)
+    assert trial.frame == 'enu'
+    assert trial.lever == MODEL['lever']
+    assert np.allclose(trial.surge, manoeuvres['mixed'].surge, atol=1e-8)
+    assert np.array_equal(trial.port, manoeuvres['mixed'].port)
+
+
+@pytest.mark.parametrize('name', ['run.mcap', 'run.db3', 'run'])
+def test_bag_round_trip(tmp_path, manoeuvres, name):
+    path = tmp_path / name
+    write_manoeuvring_bag(path, manoeuvres['zigzag_20'], start_stamp_ns=1_700_000_000_123_456_789)
+    run = prepare(read_manoeuvring_bag(path))
+    m = manoeuvres['zigzag_20']
+    assert run.thrust_input == 'force'
+    assert np.allclose(run.surge, m.surge, atol=1e-6)
+    assert np.allclose(run.starboard, m.starboard)
+    assert np.allclose(np.angle(np.exp(1j * (run.heading - m.heading))), 0.0, atol=1e-6)
+
+
+def test_bag_with_joint_states_and_a_twist_in_world_axes(tmp_path, manoeuvres):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types, m = store.types, manoeuvres['mixed']
+    odometry, joints = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'
+    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {t: writer.add_connection(f'/{t[-8:]}', t, typestore=store) for t in (odometry, joints)}
+        for k, t in enumerate(m.time):
+            stamp = types['builtin_interfaces/msg/Time'](sec=int(t), nanosec=round((t % 1) * 1e9) % 10**9)
+            header = types['std_msgs/msg/Header'](stamp=stamp, frame_id='odom')
+            vector = types['geometry_msgs/msg/Vector3']
+            c, s = np.cos(m.heading[k]), np.sin(m.heading[k])
+            message = types[odometry](
+                header=header, child_frame_id='base_link',
+                pose=types['geometry_msgs/msg/PoseWithCovariance'](
+                    pose=types['geometry_msgs/msg/Pose'](
+                        position=types['geometry_msgs/msg/Point'](x=m.x[k], y=m.y[k], z=0.0),
+                        orientation=types['geometry_msgs/msg/Quaternion'](
+                            x=0.0, y=0.0, z=np.sin(m.heading[k] / 2), w=np.cos(m.heading[k] / 2))),
+                    covariance=np.zeros(36)),
+                twist=types['geometry_msgs/msg/TwistWithCovariance'](
+                    twist=types['geometry_msgs/msg/Twist'](
+                        linear=vector(x=m.surge[k] * c - m.sway[k] * s, y=m.surge[k] * s + m.sway[k] * c, z=0.0),
+                        angular=vector(x=0.0, y=0.0, z=m.yaw_rate[k])),
+                    covariance=np.zeros(36)),
+            )  # fmt: skip
+            writer.write(connections[odometry], round(t * 1e9), store.serialize_cdr(message, odometry))
+            message = types[joints](
+                header=header, name=['right_propeller', 'left_propeller'], position=np.zeros(2), velocity=np.zeros(2),
+                effort=np.array([m.starboard[k], m.port[k]]),
+            )  # fmt: skip
+            writer.write(connections[joints], round(t * 1e9), store.serialize_cdr(message, joints))
+    trial = read_manoeuvring_bag(tmp_path / 'bag')
+    assert trial.thrust_input == 'force'
+    assert 'twist-in-world-axes' in {a.code for a in trial.advice}
+    run = prepare(trial)
+    assert np.allclose(run.surge, m.surge, atol=1e-6)
+    assert np.allclose(run.port, m.port)
+
+
+def test_nothing_is_changed_without_need(trials):
+    runs = prepare_all(trials)
+    assert codes(runs) == set()
+    same(runs, [prepare(t) for t in trials])
+
+
+@pytest.mark.parametrize('code, damage', [
+    (None, lambda t: replace(mirrored(t), frame='ned')),
+    ('frame-assumed', lambda t: replace(mirrored(t), frame=None)),
+    ('thrusters-swapped', lambda t: replace(t, port=t.starboard, starboard=t.port)),
+    ('yaw-rate-reversed', lambda t: replace(t, yaw_rate=-t.yaw_rate)),
+    ('surge-reversed', lambda t: replace(t, surge=-t.surge)),
+    ('sway-reversed', lambda t: replace(t, sway=-t.sway)),
+    ('thrust-reversed', lambda t: replace(t, port=-t.port, starboard=-t.starboard)),
+    ('mixed-frames', lambda t: replace(t, heading=np.pi / 2 - t.heading)),
+])  # fmt: skip
+def test_reversed_channels_are_set_right_and_named(trials, code, damage):
+    runs = prepare_all([damage(t) for t in trials])
+    assert codes(runs) == ({code} if code else set())
+    same(runs, prepare_all(trials))
+
+
+def test_gap_means_zero_or_nothing(trials):
+    trial = trials[0]
+    silent = (trial.time > 40) & (trial.time < 50)
+    port, starboard = (np.where(silent, np.nan, side) for side in (trial.port, trial.starboard))
+    gappy = replace(trial, port=port, starboard=starboard)
+    run = prepare(gappy, gap_means_zero=True)
+    assert np.all(run.port[(run.time > 41) & (run.time < 49.9)] == 0)
+    assert run.driven.all()
+    run = prepare(gappy)
+    assert 'thrust-gaps' in codes([run])
+    assert not run.driven[(run.time > 41.5) & (run.time < 49.9)].any()
+
+
+def test_wraps_nans_disorder_and_held_samples(trials):
+    trial = trials[0]
+    rng = np.random.default_rng(1)
+    holes = rng.random(trial.time.size) < 0.05
+    time = trial.time.copy()
+    time[100] = time[99]
+    damaged = replace(
+        trial, time=time, heading=np.angle(np.exp(1j * trial.heading)), surge=np.where(holes, np.nan, trial.surge),
+        sway=np.repeat(trial.sway[::10], 10)[: trial.sway.size],
+    )  # fmt: skip
+    run = prepare(damaged)
+    assert {'time-disorder', 'held-samples'} <= codes([run])
+    assert np.ptp(np.diff(run.heading)) < 0.2
+    assert np.isfinite(run.sway).sum() == pytest.approx(trial.time.size / 10, abs=2)
+    reference = prepare(trial)
+    assert np.allclose(run.smooth[0], reference.smooth[0], atol=0.06)
+
+
+def test_speeds_and_rate_are_derived_from_the_track(trials):
+    run = prepare(replace(trials[2], surge=None, sway=None, yaw_rate=None))
+    assert {'speed-derived', 'yaw-rate-derived'} <= codes([run])
+    reference = prepare(trials[2])
+    assert np.std(run.yaw_rate - reference.smooth[2]) < 0.02
+    assert np.corrcoef(run.sway, reference.smooth[1])[0, 1] > 0.8
+
+
+def test_smoothing_keeps_a_ramp():
+    ramp = np.where(np.arange(200) % 7 == 0, np.nan, 0.3 * np.arange(200.0))
+    assert np.allclose(smoothed(ramp, 0.1), 0.3 * np.arange(200.0), atol=1e-6)
+
+
+@pytest.mark.parametrize('text, match', [
+    ('', 'empty'),
+    ('time_s,port_thrust_n\n0,1\n', 'starboard'),
+    ('time_s,port_thrust_n,starboard_thrust_n\n0,1,1\n', 'no motion'),
+    ('port_thrust_n,starboard_thrust_n,surge_m_s\n0,1,1\n', 'time'),
+    ('time_s,port_command,starboard_command,surge_m_s\n0,50,1,1\n', 'normalise'),
+    ('# frame: foo\ntime_s,port_command,starboard_command,surge_m_s\n0,0.5,1,1\n', 'enu or ned'),
+    ('nan rows\n', 'time'),
+])  # fmt: skip
+def test_bad_files_are_refused_in_one_sentence(tmp_path, text, match):
+    path = tmp_path / 'bad.csv'
+    path.write_text(text)
+    with pytest.raises(InputError, match=match):
+        read_manoeuvring_csv(path)
+
+
+def test_too_short_or_empty_trials(trials):
+    with pytest.raises(InputError, match='record 30 s'):
+        prepare(replace(trials[0], **{n: getattr(trials[0], n)[:10] for n in
+                                      ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')}))
+    with pytest.raises(InputError, match='neither speed nor yaw rate'):
+        prepare(replace(trials[0], surge=None, sway=None, yaw_rate=None, heading=None))
