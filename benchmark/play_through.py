@@ -1,0 +1,81 @@
+"""How fast a record is played through: times real time, on one core.
+
+    python benchmark/play_through.py                 an hour at 100 Hz, a release every five minutes
+    python benchmark/play_through.py --minutes 5 --profile
+"""
+import argparse
+import contextlib
+import cProfile
+import io
+import os
+import pstats
+import tempfile
+import time
+from math import radians
+from pathlib import Path
+
+for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS'):
+    os.environ.setdefault(name, '1')
+
+import numpy as np  # noqa: E402 - after the limits on threads
+
+from swath_sysid.cli.main import main  # noqa: E402
+from swath_sysid.files.bags import write_imu_bag  # noqa: E402
+from swath_sysid.hull.catalogue import hull_named  # noqa: E402
+from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft  # noqa: E402
+from swath_sysid.motion.trial import Trial  # noqa: E402
+
+LIMIT = 100.0
+
+
+def record(path, minutes, rate, every):
+    """A craft released again and again, as a bag."""
+    craft = SimulatedCraft(CraftSettings(hull_named('swath-roll').model, radians(6.0), rate_hz=rate))
+    count = round(60.0 * minutes * rate)
+    rows = []
+    for number in range(count):
+        if number % round(every * rate) == round(10.0 * rate):
+            craft.release()
+        reading = craft.next_reading()
+        rows.append((reading.roll, reading.pitch, reading.roll_rate, reading.pitch_rate, *reading.force))
+    names = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
+    write_imu_bag(path, Trial(np.arange(count) / rate, **dict(zip(names, np.array(rows).T, strict=True))))
+
+
+def played(bag, output):
+    """Play the record through, silently."""
+    with contextlib.redirect_stdout(io.StringIO()) as told, contextlib.redirect_stderr(io.StringIO()):
+        code = main(['play-through', str(bag), '--output', str(output)])
+    if code:
+        raise SystemExit(code)
+    return told.getvalue()
+
+
+def run():
+    """Measure and print; exit code 1 below the limit."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--minutes', type=float, default=60.0)
+    parser.add_argument('--rate', type=float, default=100.0)
+    parser.add_argument('--every', type=float, default=300.0, metavar='S', help='between releases')
+    parser.add_argument('--profile', action='store_true', help='print what takes the time')
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        bag, output = Path(folder) / 'record.mcap', Path(folder) / 'out.mcap'
+        record(bag, arguments.minutes, arguments.rate, arguments.every)
+        profile = cProfile.Profile() if arguments.profile else contextlib.nullcontext()
+        wall, processor = time.perf_counter(), time.process_time()
+        with profile:
+            told = played(bag, output)
+        wall, processor = time.perf_counter() - wall, time.process_time() - processor
+        size = output.stat().st_size
+    print(told.strip().splitlines()[-1])
+    speed = 60.0 * arguments.minutes / processor
+    print(f'{arguments.minutes:g} min at {arguments.rate:g} Hz: {processor:.1f} s of processor time ({wall:.1f} s of '
+          f'wall clock), {speed:.0f} times real time, {size / 1e6:.0f} MB written')
+    if arguments.profile:
+        pstats.Stats(profile).sort_stats('tottime').print_stats(30)
+    return 0 if speed >= LIMIT else 1
+
+
+if __name__ == '__main__':
+    raise SystemExit(run())

@@ -1,0 +1,285 @@
+"""The demonstration: its craft, its scoring, its picture and view, and the whole of it over DDS."""
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from io import StringIO
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from rich.console import Console
+
+from swath_sysid.cli.main import main
+from swath_sysid.errors import InputError
+from swath_sysid.hull.catalogue import PUBLISHED_HULLS, hull_named
+from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft, returns
+from swath_sysid.hull.simulated_trial import SensorNoise
+from swath_sysid.hull.simulation import simulate
+from swath_sysid.motion.attitude import body_rates, quaternion
+from swath_sysid.motion.intake import ImuReading
+from swath_sysid.prediction.demonstration import (
+    UNAWARE,
+    Demonstration,
+    LeadForecasts,
+    Verdict,
+    verdict_of,
+    without_model,
+)
+from swath_sysid.prediction.outlook import Outlook, OutlookSettings
+from swath_sysid.report.demo_figure import demo_figure
+from swath_sysid.report.figures import save_figure
+from swath_sysid.report.terminal_view import CHART_ROWS, ViewState, chart, line, render
+
+ROOT = Path(__file__).resolve().parents[1]
+ROLL = hull_named('swath-roll').model
+SILENT = SensorNoise(0.0, 0.0, 0.0)
+TIME = np.arange(0.0, 30.0, 0.02)
+
+
+def readings_of(craft, count):
+    """So many readings of a craft, as arrays by name."""
+    taken = [craft.next_reading() for _ in range(count)]
+    return {name: np.array([getattr(r, name) for r in taken]) for name in ('roll', 'pitch', 'roll_rate', 'force')}
+
+
+def test_the_craft_rests_until_it_is_released_and_then_decays_as_its_hull():
+    settings = CraftSettings(ROLL, radians(6.0), noise=SILENT, lift=1.0, hold=0.5)
+    craft = SimulatedCraft(settings)
+    at_rest = readings_of(craft, 200)
+    assert not at_rest['roll'].any() and not at_rest['roll_rate'].any()
+    until = craft.release()
+    assert until == pytest.approx(1.5)
+    lifted = readings_of(craft, 150)
+    assert lifted['roll'][99:] == pytest.approx(radians(6.0))
+    assert np.all(np.diff(lifted['roll']) >= 0.0)
+    np.testing.assert_allclose(
+        np.gradient(lifted['roll'][:100], 0.01)[1:-1], lifted['roll_rate'][1:99], atol=2e-3
+    )
+    free = readings_of(craft, 1000)
+    expected, _ = simulate(ROLL, radians(6.0), 0.0, np.arange(1001) / 100.0)
+    np.testing.assert_allclose(free['roll'], expected[1:], atol=1e-6)
+
+
+def test_the_craft_goes_on_beyond_what_was_simulated_at_once(monkeypatch):
+    monkeypatch.setattr('swath_sysid.hull.simulated_craft.FREE_SPAN', 1.0)
+    craft = SimulatedCraft(CraftSettings(ROLL, radians(6.0), noise=SILENT))
+    readings_of(craft, round(100 * craft.release()))
+    expected, _ = simulate(ROLL, radians(6.0), 0.0, np.arange(501) / 100.0)
+    np.testing.assert_allclose(readings_of(craft, 500)['roll'], expected[1:], atol=1e-5)
+
+
+def test_the_craft_is_released_from_wherever_it_is():
+    craft = SimulatedCraft(CraftSettings(ROLL, radians(5.0), noise=SILENT))
+    readings_of(craft, round(100 * craft.release()) + 70)
+    before = craft.next_reading().roll
+    craft.release()
+    assert craft.next_reading().roll == pytest.approx(before, abs=1e-3)
+
+
+def test_noise_is_as_told_and_of_its_seed():
+    noise = SensorNoise(0.001, 0.01, 0.05)
+    settings = CraftSettings(ROLL, radians(5.0), noise=noise, seed=4)
+    one, same, other = (
+        readings_of(SimulatedCraft(s), 4000) for s in (settings, settings, replace(settings, seed=5))
+    )
+    assert np.array_equal(one['roll'], same['roll']) and not np.array_equal(one['roll'], other['roll'])
+    assert one['pitch'].std() == pytest.approx(0.001, rel=0.1)
+    assert one['roll_rate'].std() == pytest.approx(0.01, rel=0.1)
+    assert one['force'].mean(axis=0) == pytest.approx([0.0, 0.0, 9.81], abs=0.01)
+
+
+def test_a_craft_that_would_capsize_is_refused():
+    with pytest.raises(InputError, match='does not return from -10 deg'):
+        CraftSettings(ROLL, radians(-10.0))
+    assert all(returns(hull.model, radians(5.0)) for hull in PUBLISHED_HULLS.values())
+
+
+def swing(time, release, period=2.5, angle=0.1):
+    """A craft held until its release, then swinging."""
+    since = np.maximum(time - release, 0.0)
+    return angle * np.exp(-0.2 * since) * np.cos(2 * np.pi * since / period)
+
+
+def demonstration(error_before, error_after, error_constant):
+    """Two releases whose forecasts miss by given amounts, rad, one way and the other."""
+    time = TIME
+    angle = np.where(time < 12.0, swing(time, 4.0), swing(time, 16.0))
+    made = np.arange(0.0, 30.0, 0.1)
+
+    def forecasts(lead, before, after):
+        target = made + lead
+        truth = np.interp(target, time, angle)
+        missed = np.where(made < 12.0, before, after) * (-1.0) ** np.arange(made.size)
+        return LeadForecasts(lead, target, truth + missed, np.full(made.size, 0.01))
+
+    return Demonstration(
+        'roll', 'swath-roll', 0.1, 2.49, time, angle, (4.0, 16.0), 11.0,
+        tuple(forecasts(lead, error_before, error_after) for lead in (0.5, 2.5)),
+        tuple(forecasts(lead, error_constant, error_constant) for lead in (0.5, 2.5)),
+    )  # fmt: skip
+
+
+def test_errors_are_scored_over_each_release():
+    shown = demonstration(0.2, 0.004, 0.05)
+    for release, (first, last), missed in ((0, (4.0, 13.0), 0.2), (1, (16.0, 26.0), 0.004)):
+        assert shown.end(release) == last
+        moving = shown.angle[(TIME >= first) & (TIME <= last)]
+        assert shown.error(shown.forecasts[1], release) == pytest.approx(missed / moving.std(), rel=1e-3)
+    scored = shown.during(shown.forecasts[1], 1)
+    assert scored.time.min() >= 16.0 + UNAWARE + 2.5 - 1e-9
+    assert scored.time.max() <= 26.0
+
+
+def test_the_verdict_needs_both_figures():
+    assert verdict_of(demonstration(0.2, 0.002, 0.05)).is_good
+    assert not verdict_of(demonstration(0.2, 0.02, 0.5)).is_good
+    assert not verdict_of(demonstration(0.2, 0.002, 0.005)).is_good
+    good = Verdict(2.5, 1.0, 0.05, 0.5)
+    assert good.text.startswith('passed') and '0.050' in good.text
+    assert replace(good, after=0.2).text.startswith('NOT PASSED')
+    assert not replace(good, after=float('nan')).is_good
+
+
+def test_forecasts_that_never_came_due_do_not_pass():
+    shown = demonstration(0.2, 0.002, 0.05)
+    cut = replace(shown, time=shown.time[TIME < 17.0], angle=shown.angle[TIME < 17.0])
+    assert np.isnan(cut.error(cut.forecasts[1], 1))
+    assert not verdict_of(cut).is_good
+
+
+def test_without_a_model_is_the_predictor_core_alone():
+    craft = SimulatedCraft(CraftSettings(ROLL, radians(5.0)))
+    craft.release()
+    nothing = (0.0,) * 9
+    readings = []
+    for number in range(300):
+        r = craft.next_reading()
+        turn = tuple(map(float, quaternion(r.roll, r.pitch, 0.0)))
+        rates = tuple(map(float, body_rates(r.roll, r.pitch, r.roll_rate, r.pitch_rate, 0.0)))
+        readings.append(ImuReading(10_000_000 * number, turn, nothing, rates, nothing, r.force, nothing))
+    settings = OutlookSettings()
+    found = without_model(readings, 'roll', settings)
+    outlook = Outlook(settings)
+    issued = [lead for reading in readings for lead in outlook.add(reading).leads if lead[0] == 0.5]
+    assert [row[0] for row in found[0.5]] == [forecast.stamp_ns for _, forecast in issued]
+    assert all(row[2] > 0.0 for row in found[0.5])
+
+
+def test_the_picture_shows_all_leads(tmp_path):
+    shown = demonstration(0.2, 0.004, 0.05)
+    figure = demo_figure(shown, verdict_of(shown))
+    panels = [axes for part in figure.subfigs for axes in part.axes]
+    assert len(panels) == 3
+    titles = [axes.get_title().splitlines()[0] for axes in panels[1:]]
+    assert titles == ['0.5 s ahead (0.2 period)', '2.5 s ahead (1 period)']
+    assert verdict_of(shown).lead == 2.5
+    save_figure(figure, tmp_path / 'demo.png')
+    assert imread(tmp_path / 'demo.png').std() > 0.05
+
+
+def view_state(**changes):
+    """A view with a sine and its forecast."""
+    time = np.arange(0.0, 10.0, 0.05)
+    state = ViewState(
+        'craft', 'let go', 10.0, time, 0.08 * np.sin(time), time + 2.0, 0.08 * np.sin(time + 2.0), 2.0,
+        ((0.5, 0.03, 0.001), (2.0, float('nan'), float('nan'))), ('roll: odd-cubic',),
+        ((0, 'predictor: imu', 'receiving'), (1, 'identifier: identification', 'busy')), 0.1,
+    )  # fmt: skip
+    return replace(state, **changes)
+
+
+def test_the_view_shows_angle_forecast_model_and_diagnostics():
+    console = Console(file=StringIO(), width=120, height=50)
+    console.print(render(view_state()))
+    shown = console.file.getvalue()
+    for part in ('let go', '●', '•', '+1.72°', 'odd-cubic', 'predictor: imu', 'warning', 'busy', '0.5 s'):
+        assert part in shown
+    assert len(str(chart(view_state())).splitlines()) == CHART_ROWS
+
+
+def test_the_chart_leaves_out_what_lies_beyond_it():
+    beyond = view_state(angle=np.full(200, 5.0), forecast_angle=np.full(200, np.nan))
+    assert '●' not in str(chart(beyond)) and '•' not in str(chart(beyond))
+
+
+def test_the_line_says_the_same_in_short():
+    assert line(view_state()) == 'let go: -2.30 deg; forecast +1.72 in 0.5 s'
+    nothing = np.empty(0)
+    assert 'no angle' in line(view_state(time=nothing, angle=nothing))
+
+
+@pytest.mark.parametrize(('words', 'sentence'), [
+    (['--hull', 'titanic'], "no hull 'titanic'"),
+    (['--hull', 'swath-roll', '--axis', 'pitch'], 'is a hull in roll'),
+    (['--domain', '300'], 'must lie between'),
+    (['--seed', '-1'], 'must not be negative'),
+])
+def test_mistakes_are_told_before_anything_starts(words, sentence, tmp_path, monkeypatch, capsys):
+    pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
+    monkeypatch.chdir(tmp_path)
+    assert main(['demo', *words]) == 2
+    assert sentence in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.dds
+@pytest.mark.timeout(180)
+def test_the_demonstration_runs_to_its_verdict(tmp_path):
+    """Over DDS, nodes and craft each a process; the exit code says what the verdict says, nothing is left running."""
+    pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
+    result = subprocess.run(
+        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--output', str(tmp_path / 'out')],
+        env={**os.environ, 'PYTHONPATH': path}, capture_output=True, text=True, timeout=170,
+    )  # fmt: skip
+    told = result.stdout.splitlines()
+    assert result.returncode == 0, result.stdout + result.stderr + (tmp_path / 'out' / 'demo.log').read_text()
+    assert told[-1].startswith('passed')
+    assert any(text.startswith('let go; waiting') for text in told)
+    assert imread(tmp_path / 'out' / 'demo.png').shape[1] > 1000
+    log = (tmp_path / 'out' / 'demo.log').read_text()
+    assert 'publishing its window' in log and 'new model: roll' in log
+    assert 'Traceback' not in log
+
+
+@pytest.mark.dds
+def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
+    pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
+    demo = subprocess.Popen(
+        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--output', str(tmp_path)],
+        env={**os.environ, 'PYTHONPATH': path}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 60.0
+    while 'no message' not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
+        assert time.monotonic() < deadline and demo.poll() is None
+        time.sleep(0.1)
+    children = _children(demo.pid)
+    assert len(children) >= 4
+    demo.send_signal(signal.SIGINT)
+    demo.communicate(timeout=30.0)
+    assert demo.returncode == 130
+    assert [pid for pid in children if Path(f'/proc/{pid}').exists()] == []
+    assert 'Traceback' not in _read(tmp_path / 'demo.log')
+
+
+def _read(path):
+    return path.read_text() if path.exists() else ''
+
+
+def _children(pid):
+    """Processes that a process has started."""
+    found = []
+    for folder in Path('/proc').glob('[0-9]*'):
+        try:
+            fields = (folder / 'stat').read_text().rpartition(')')[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) == pid:
+            found.append(int(folder.name))
+    return found
