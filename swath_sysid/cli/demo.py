@@ -308,7 +308,7 @@ def _demonstrate(craft, stage):
 
 def _demonstration(craft, heard, first, second):
     start = heard.angles[0][0]
-    constant_rate = without_model(heard.readings, craft.axis, craft.outlook_settings)
+    unaided = without_model(heard.readings, craft.axis, craft.outlook_settings)
 
     def relative(found):
         return tuple(LeadForecasts(lead, *_table(rows, 3, start).T) for lead, rows in sorted(found.items()))
@@ -317,7 +317,7 @@ def _demonstration(craft, heard, first, second):
     return Demonstration(
         craft.axis, craft.hull, math.radians(craft.angle_deg), craft.period, time_, angle,
         tuple((stamp - start) * NANOSECOND for stamp in (first, second)), (heard.model_ns - start) * NANOSECOND,
-        relative(heard.forecasts), relative(constant_rate),
+        relative(heard.forecasts), relative(unaided),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ LIFTING = 3.0
 
 LARGEST_ERROR = 0.1
 LARGEST_SHARE = 0.25
-"""What is asked of the forecast one natural period ahead: its NRMSE, and its part of constant rate's."""
+"""What is asked of the forecast one natural period ahead: its NRMSE, and its part of that without a model."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Demonstration:
         When the first model arrived.
     forecasts : tuple of LeadForecasts
         As they were published.
-    constant_rate : tuple of LeadForecasts
+    unaided : tuple of LeadForecasts
         What would have been published without a model.
     """
 
@@ -75,7 +75,7 @@ class Demonstration:
     releases: tuple[float, float]
     model_time: float
     forecasts: tuple[LeadForecasts, ...]
-    constant_rate: tuple[LeadForecasts, ...]
+    unaided: tuple[LeadForecasts, ...]
 
     @property
     def period_lead(self):
@@ -123,30 +123,30 @@ class Verdict:
         One natural period, s.
     before, after : float
         NRMSE in the first release, without a model, and in the second.
-    constant_rate : float
-        NRMSE of constant rate in the second release.
+    unaided : float
+        NRMSE of what would have been published in the second release without a model.
     """
 
     lead: float
     before: float
     after: float
-    constant_rate: float
+    unaided: float
 
     @property
     def is_good(self):
         """Whether both figures are met."""
-        return self.after <= LARGEST_ERROR and self.after <= LARGEST_SHARE * self.constant_rate
+        return self.after <= LARGEST_ERROR and self.after <= LARGEST_SHARE * self.unaided
 
     @property
     def text(self):
         """One line."""
         comparison = (
             f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
-            f'{self.constant_rate:.3f} with constant rate, {self.before:.3f} before'
+            f'{self.unaided:.3f} without it, {self.before:.3f} in the release before'
         )
         if self.is_good:
             return f'passed: {comparison}'
-        return f'NOT PASSED (at most {LARGEST_ERROR} and a quarter of constant rate): {comparison}'
+        return f'NOT PASSED (at most {LARGEST_ERROR}, and a quarter of that without a model): {comparison}'
 
 
 def verdict_of(demonstration):
@@ -161,11 +161,11 @@ def verdict_of(demonstration):
     Verdict
     """
     lead = demonstration.period_lead
-    published, constant_rate = (
-        next(f for f in given if f.lead == lead) for given in (demonstration.forecasts, demonstration.constant_rate)
+    published, unaided = (
+        next(f for f in given if f.lead == lead) for given in (demonstration.forecasts, demonstration.unaided)
     )
     error = demonstration.error
-    return Verdict(lead, error(published, 0), error(published, 1), error(constant_rate, 1))
+    return Verdict(lead, error(published, 0), error(published, 1), error(unaided, 1))
 
 
 def attitude_at(forecast, axis):

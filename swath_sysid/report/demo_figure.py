@@ -77,13 +77,19 @@ def _draw_lead(axes, demonstration, forecasts, limit):
     first, second = demonstration.releases
     moving = (demonstration.time >= second - 0.5) & (demonstration.time <= demonstration.end(1))
     axes.plot(
-        demonstration.time[moving] - second, np.degrees(demonstration.angle[moving]), color=MEASURED, linewidth=1.5,
-        label='measured',
+        demonstration.time[moving] - second, np.degrees(demonstration.angle[moving]), color=MEASURED, linewidth=1.2,
+        zorder=3, label='measured',
     )
     for number, release, colour, name in ((0, first, BEFORE, 'before'), (1, second, AFTER, 'after')):
         scored = demonstration.during(forecasts, number)
         axes.plot(scored.time - release, np.degrees(scored.angle), '.', color=colour, markersize=4.5, label=name)
-    axes.axvspan(-0.5, forecasts.lead + UNAWARE, color=MEASURED, alpha=0.05, linewidth=0)
+    blind = forecasts.lead + UNAWARE
+    axes.axvspan(-0.5, blind, color=MEASURED, alpha=0.05, linewidth=0)
+    if blind > 0.25 * SCORED_SPAN:
+        axes.text(
+            0.5 * blind - 0.25, -0.9 * limit, 'forecast before\nit was let go', ha='center', fontsize='x-small',
+            color=MEASURED, alpha=0.7,
+        )  # fmt: skip
     before, after = (demonstration.error(forecasts, number) for number in (0, 1))
     periods = f'{forecasts.lead / demonstration.period:.2g} period'
     axes.set_title(
@@ -96,5 +102,5 @@ def _draw_lead(axes, demonstration, forecasts, limit):
 def _headline(demonstration, verdict):
     return (
         f'{demonstration.hull}: the next natural period of {demonstration.axis}, forecast with '
-        f'{100 * verdict.after:.0f} % error after one release (constant rate: {100 * verdict.constant_rate:.0f} %)'
+        f'{100 * verdict.after:.0f} % error once a release was seen (without the model: {100 * verdict.unaided:.0f} %)'
     )
