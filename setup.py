@@ -61,6 +61,7 @@ setup(
             'imu_buffer = swath_sysid.nodes.imu_buffer:main',
             'identifier = swath_sysid.nodes.identifier:main',
             'predictor = swath_sysid.nodes.predictor:main',
+            'manoeuvre_predictor = swath_sysid.nodes.manoeuvre_predictor:main',
         ],
     },
 )

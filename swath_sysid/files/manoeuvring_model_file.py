@@ -99,8 +99,10 @@ def manoeuvring_from_yaml(text, source='the model'):
         current=tuple(_numbers(content['current_m_s'], (2,), source).tolist()),
     )  # fmt: skip
     region = Region(**{k: float(_numbers(v, (), f'{source}, region')) for k, v in content['region'].items()})
+    # YAML knows no empty table, only an empty list
+    covariance = content['covariance'] or np.zeros((0, 0))
     return IdentifiedManoeuvringModel(
-        model, names, _numbers(content['covariance'], (len(names), len(names)), f'{source}, covariance'),
+        model, names, _numbers(covariance, (len(names), len(names)), f'{source}, covariance'),
         _numbers(content['noise'], (3,), f'{source}, noise'), region, content['metrics'], content['provenance'],
     )  # fmt: skip
 
