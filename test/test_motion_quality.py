@@ -4,15 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from swath_sysid.errors import InputError
 from swath_sysid.files.reading import read_trial
 from swath_sysid.hull.catalogue import EQUATIONS
 from swath_sysid.hull.decay_model import DecayModel
 from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.motion.quality import check_decay, check_motion
-from swath_sysid.motion.segmentation import find_decay
-from swath_sysid.report.figures import save_figure
-from swath_sysid.report.record_figure import record_figure
+from swath_sysid.motion.quality import check_decay, check_motion, clipped_extremes
+from swath_sysid.motion.segmentation import find_decay, find_decays
+from swath_sysid.motion.trial import AxisMotion
 
 HULL = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.25, 'r1': 9.0}, axis='roll')
 
@@ -30,6 +32,7 @@ def codes(motion, start=2.2, end=20.0):
 
 def test_a_good_record_passes():
     assert codes(decay()) == set()
+    assert codes(decay(), None, None) == set()
 
 
 @pytest.mark.parametrize('name', ['run2_0kn', 'run3_15kn'])
@@ -42,7 +45,16 @@ def test_good_tank_records_pass(name, data_folder):
 def test_good_platform_records_pass(data_folder):
     for path in sorted((data_folder / 'decay/foswec').glob('*.csv')):
         motion = read_trial(path).axis('pitch')
+        assert check_motion(motion) == (), path.name
         assert check_decay(motion, find_decay(motion)) == (), path.name
+
+
+@pytest.mark.parametrize(
+    ('name', 'code'), [('waves/morro_buoy', 'forced-motion'), ('faults/oahu_static_bad_packets', 'too-small')]
+)
+def test_records_without_a_decay_say_why(name, code, data_folder):
+    motion = read_trial(data_folder / f'{name}.csv').axis('roll')
+    assert [a.code for a in check_motion(motion)] == [code]
 
 
 def test_too_few_cycles():
@@ -51,10 +63,12 @@ def test_too_few_cycles():
 
 def test_too_small():
     assert 'too-small' in codes(decay(angle_deg=1.0, angle_noise=0.004), 2.2, 10.0)
+    assert 'too-small' in codes(decay(angle_deg=0.4, angle_noise=0.0001), 2.2, 10.0)
 
 
 def test_low_rate():
     assert 'low-rate' in codes(decay(rate_hz=6.0))
+    assert 'low-rate' not in codes(decay(rate_hz=12.0))
 
 
 def test_gaps():
@@ -66,10 +80,44 @@ def test_gaps():
     assert '0.6' in whole.message
 
 
+def test_lone_losses_are_no_gaps():
+    motion = decay()
+    lost = np.zeros(motion.size, dtype=bool)
+    lost[::37] = True
+    assert codes(motion.only(~lost)) == set()
+
+
 def test_saturation_is_told_from_rounding():
     motion = decay(angle_noise=0.0)
     assert codes(replace(motion, angle=np.clip(motion.angle, -0.08, 0.08)), 2.4, 20.0) == {'saturation'}
     assert codes(replace(motion, angle=np.round(motion.angle, 4))) == set()
+
+
+def test_saturated_rate_beside_a_good_angle():
+    whole = simulated_trial(HULL, np.radians(8.0), 25.0, 100.0, SensorNoise(0.0005, 0.002), seed=1).axis('roll')
+    motion = replace(whole, rate=np.clip(whole.rate, -0.2, 0.2))
+    found = [a for a in check_decay(motion, find_decay(motion)) if a.code == 'saturation']
+    assert len(found) == 1
+    assert '11.5 deg/s' in found[0].message
+
+
+def test_being_held_is_not_saturation():
+    """The same jig holds twice at exactly the same angle, without any noise."""
+    time = np.arange(0.0, 40.0, 0.01)
+    angle = np.full(time.size, 0.1)
+    for release in (5.0, 25.0):
+        free = (time >= release) & (time < release + 15.0)
+        angle[free] = 0.1 * np.exp(-0.3 * (time[free] - release)) * np.cos(3.0 * (time[free] - release))
+    assert clipped_extremes(angle, 4, 100) == (0, 0.0)
+
+
+def test_clipped_swings_are_counted():
+    time = np.arange(0.0, 30.0, 0.01)
+    swing = 0.1 * np.exp(-0.05 * time) * np.cos(2 * np.pi * time / 3.0 + 1.0)
+    turns = 1.5 * np.arange(1, 20) - 3.0 / (2 * np.pi)
+    count, level = clipped_extremes(np.clip(swing, -0.07, 0.07), 4, 150)
+    assert level == pytest.approx(0.07)
+    assert count == np.count_nonzero(0.1 * np.exp(-0.05 * turns) > 0.07)
 
 
 def test_coarse_quantisation():
@@ -77,10 +125,59 @@ def test_coarse_quantisation():
     assert 'coarse-quantisation' in codes(replace(motion, angle=np.round(motion.angle / 0.005) * 0.005))
 
 
-def test_picture_of_a_record_is_drawn_with_its_decays(tmp_path, data_folder):
-    trial = read_trial(data_folder / 'decay/kvlcc2/run3_15kn.csv')
-    figure = record_figure([trial.axis('roll'), trial.axis('pitch')])
-    words = [text.get_text() for axes in figure.axes for text in axes.texts]
-    assert any('cycles of 2.54 s' in w for w in words)
-    save_figure(figure, tmp_path / 'record.png')
-    assert (tmp_path / 'record.png').stat().st_size > 20_000
+def test_spikes():
+    motion = decay()
+    angle = motion.angle.copy()
+    angle[[500, 900, 1300]] += 0.3
+    segment = find_decay(motion, 2.2, 20.0)
+    (spikes,) = check_decay(replace(motion, angle=angle), segment)
+    assert spikes.code == 'spikes'
+    assert '3 samples' in spikes.message
+
+
+def test_given_bounds_that_reach_too_far(data_folder):
+    motion = read_trial(data_folder / 'decay/kvlcc2/run3_15kn.csv').axis('roll')
+
+    def told(start, end):
+        return [a.code for a in check_decay(motion, find_decay(motion, start, end))]
+
+    assert told(26.0, 75.0) == []
+    assert told(26.0, 87.0) == ['disturbed-tail']
+    assert told(10.0, 75.0) == ['late-start']
+
+
+def test_given_bounds_in_waves(data_folder):
+    motion = read_trial(data_folder / 'waves/morro_buoy.csv').axis('roll')
+    assert 'forced-motion' in [a.code for a in check_decay(motion, find_decay(motion, 100.0, 300.0))]
+
+
+def test_decays_already_found_are_not_sought_again():
+    motion = decay()
+    assert check_motion(motion, find_decays(motion)) == check_motion(motion)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 300), st.sampled_from([0.0, 0.01, 1.0]), st.booleans())
+@pytest.mark.filterwarnings('error')
+def test_whatever_comes_is_looked_at(seed, size, step, as_rate):
+    random = np.random.default_rng(seed)
+    time = np.cumsum(random.exponential(size=size) + 1e-6)
+    value = np.cumsum(random.normal(size=size))
+    value = np.round(value / step) * step if step else value
+    motion = AxisMotion('roll', time, None if as_rate else value, value if as_rate else None)
+    assert all(a.message for a in check_motion(motion))
+    try:
+        segment = find_decay(motion, time[size // 4], time[-1])
+    except InputError:
+        return
+    assert all(a.message for a in check_decay(motion, segment))
+
+
+def test_every_sentence_says_what_to_do():
+    motion = decay(rate_hz=5.0, angle_deg=0.4, angle_noise=0.0)
+    rounded = replace(motion, angle=np.round(motion.angle / 0.002) * 0.002)
+    advice = check_decay(rounded, find_decay(rounded, 2.2, 5.0))
+    assert len(advice) >= 3
+    for item in advice:
+        assert any(verb in item.message for verb in ('release', 'record', 'write', 'look', 'give', 'use')), item
+        assert any(character.isdigit() for character in item.message), item

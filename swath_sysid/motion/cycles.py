@@ -278,12 +278,12 @@ def _means_of_bins(time, value, start, interval, number):
     return mean_time, np.bincount(bins, value, minlength=number)[held] / count[held]
 
 
-def spikes(value, threshold=20.0):
+def spikes(value, threshold=10.0):
     """Mask of the samples, alone or in pairs, that lie far outside their neighbourhood.
 
     A sample is a spike where it differs from the median of the five around it by more than
-    ``threshold`` standard deviations of that difference, and by more than twice the range
-    of the three nearest to that median: the top of a sparsely sampled swing is none.
+    ``threshold`` standard deviations of the noise, and by more than twice the range of the
+    three nearest to that median: the top of a sparsely sampled swing is none.
 
     Parameters
     ----------
@@ -298,7 +298,7 @@ def spikes(value, threshold=20.0):
         return np.zeros(value.size, dtype=bool)
     middle = median_filter(value, 5)
     difference = np.abs(value - middle)
-    suspects = np.flatnonzero(difference > max(threshold * 1.4826 * np.median(difference), 1e-12 * np.ptp(value)))
+    suspects = np.flatnonzero(difference > max(threshold * noise_level(value), 1e-12 * np.ptp(value)))
     padded = np.pad(value, 2, mode='reflect')
     others = padded[suspects[:, None] + np.array([0, 1, 3, 4])]
     order = np.argsort(np.abs(others - middle[suspects, None]), axis=1)[:, :3]
@@ -410,7 +410,7 @@ def turning_points_of(signal):
     if value.size < 3 or least == 0.0:
         empty = np.empty(0)
         return TurningPoints(empty, empty, signal.quantity, signal.noise)
-    index = np.sort(np.concatenate([find_peaks(sign * value, prominence=least)[0] for sign in (1.0, -1.0)]))
+    index = _alternating(*(find_peaks(sign * value, prominence=least)[0] for sign in (1.0, -1.0)))
     before, at, after = value[index - 1], value[index], value[index + 1]
     bend = before - 2.0 * at + after
     bent = bend != 0.0
@@ -422,3 +422,11 @@ def turning_points_of(signal):
         signal.quantity,
         signal.noise,
     )
+
+
+def _alternating(maxima, minima):
+    """Indices of maxima and minima in order; of equal ones with no other kind between, the first."""
+    index = np.concatenate([maxima, minima])
+    order = np.argsort(index)
+    kind = np.repeat([1, -1], [maxima.size, minima.size])[order]
+    return index[order][np.concatenate([[True], kind[1:] != kind[:-1]])] if index.size else index

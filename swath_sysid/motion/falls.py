@@ -134,7 +134,9 @@ class Fall:
     def decrement(self):
         """Mean logarithmic decrement a half cycle over its whole half cycles."""
         whole = self.swings[:-1] if self.at_record_end else self.swings
-        return float(np.log(whole[0] / whole[-1]) / (whole.size - 1)) if whole.size > 1 else np.inf
+        if whole.size < 2 or whole[-1] == 0.0:
+            return np.inf
+        return float(np.log(whole[0] / whole[-1]) / (whole.size - 1))
 
     @cached_property
     def end(self):
@@ -309,12 +311,13 @@ class Fall:
     def rest_after(self, stop):
         """Longest rest about the centre, in periods, that begins no more than ``stop`` periods after the end."""
         signal = self.signal
-        low = np.abs(signal.value - self.centre) <= REST_BAND * self.swings[0]
         most = int(LONGEST_REST * self.period / signal.interval)
-        ending = _leading(low[signal.index(self.release):signal.index(self.end)][::-1])
-        longest = ending + _leading(low[signal.index(self.end):][:most])
+        begin, end = signal.index(self.release), signal.index(self.end)
+        future = signal.value[begin:end + most + int(stop * self.period / signal.interval) + 1]
+        low = np.abs(future - self.centre) <= REST_BAND * self.swings[0]
+        longest = _leading(low[:end - begin][::-1]) + _leading(low[end - begin:][:most])
         for offset in np.arange(0.25, stop + 0.01, 0.25):
-            longest = max(longest, _leading(low[signal.index(self.end + offset * self.period):][:most]))
+            longest = max(longest, _leading(low[signal.index(self.end + offset * self.period) - begin:][:most]))
         return max(longest - 1, 0) * signal.interval / self.period
 
     @cached_property
@@ -432,7 +435,7 @@ def _end_of_fall(swings, halves, least, bridged, first, settings):
     recent, periods = [], []
     known = first
     floor = max(least, settings.faintest_swing * swings[first])
-    background = max(2.0 * least, settings.background * swings[first])
+    background = max(3.0 * least, settings.background * swings[first])
     for at in range(first + 1, len(swings)):
         if bridged[at]:
             continue

@@ -45,10 +45,15 @@ class SegmentationSettings:
         reach 0.002 and 0.003; no fall in the seas came below 0.009 and 0.01 together.
     many_swings, many_scatter : int, float
         Nor does one of so many swings in such a rhythm. The longest in the seas had 14.
+    most_searched : float
+        In both cases other motion may last so many times longer: in hours of waves anything
+        comes by once.
     whole_swings, whole_part : int, float
         Nor one of so many swings that fills this part of the record: seas reached 0.75.
     rest_wanted : float
         Periods of rest, before and after together, that settle the matter; seas reached 4.8.
+    most_searched_with_rest : float
+        In that case other motion may last so many times longer.
     rest_needed : float
         Periods of rest that settle it where little else in the record moves: for each
         period of rest, no more than the duration of the decay. Windows of ten and more
@@ -94,9 +99,11 @@ class SegmentationSettings:
     smooth_scatter: float = 0.02
     many_swings: int = 16
     many_scatter: float = 0.03
+    most_searched: float = 30.0
     whole_swings: int = 6
     whole_part: float = 0.8
     rest_wanted: float = 5.0
+    most_searched_with_rest: float = 100.0
     rest_needed: float = 1.0
     most_unexplained: float = 2.0
     short_scatter: float = 0.045
@@ -352,23 +359,26 @@ def _rest_before(fall, settings):
 
 def _is_regular(fall, settings):
     """Longer or smoother than waves make a fall, or all that the record holds."""
-    number = fall.swings.size
+    number, duration = fall.swings.size, fall.end - fall.release
     many = number >= settings.many_swings and fall.scatter <= settings.many_scatter
     smooth = (
         number >= settings.smooth_swings
         and fall.roughness <= settings.smooth_roughness
         and fall.scatter <= settings.smooth_scatter
     )
-    filled = (fall.end - fall.release) / (fall.signal.end - fall.signal.start)
-    whole = number >= settings.whole_swings and filled >= settings.whole_part
-    return many or smooth or whole
+    if (many or smooth) and fall.unexplained([fall]) <= settings.most_searched * duration:
+        return True
+    return number >= settings.whole_swings and duration >= settings.whole_part * (fall.signal.end - fall.signal.start)
 
 
 def _is_settled(fall, settings):
     """Followed by a long rest, or begun from one without being swamped afterwards."""
-    if fall.rest_after(settings.stop_periods) >= settings.rest_wanted:
-        return True
-    return _rest(fall, settings) >= settings.rest_wanted and fall.activity_after() <= settings.most_activity_after
+    rest_after = fall.rest_after(settings.stop_periods)
+    if rest_after < settings.rest_wanted and not (
+        _rest(fall, settings) >= settings.rest_wanted and fall.activity_after() <= settings.most_activity_after
+    ):
+        return False
+    return fall.unexplained([fall]) <= settings.most_searched_with_rest * (fall.end - fall.release)
 
 
 def _stands_alone(fall, certain, settings):

@@ -1,0 +1,465 @@
+"""Segmentation: the free decay is found in what surrounds it, and nothing is found in waves."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swath_sysid.errors import InputError
+from swath_sysid.files.reading import read_trial
+from swath_sysid.motion.cycles import (
+    centre_of_decay,
+    find_gaps,
+    find_turning_points,
+    mean_period,
+    noise_level,
+    spikes,
+    split_at_pauses,
+)
+from swath_sysid.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
+from swath_sysid.motion.trial import AxisMotion
+
+RATE_HZ = 100.0
+ANGLE_NOISE, RATE_NOISE = 0.001, 0.0165
+PERIOD = 2.0
+
+
+def released(time, amplitude, damping_ratio, period=PERIOD):
+    """Angle and rate of a linear hull let go from rest at time 0 (closed form); at the angle before."""
+    natural = 2 * np.pi / period
+    damped = natural * np.sqrt(1 - damping_ratio**2)
+    after = np.maximum(time, 0.0)
+    envelope = amplitude * np.exp(-damping_ratio * natural * after)
+    angle = envelope * (np.cos(damped * after) + damping_ratio * natural / damped * np.sin(damped * after))
+    rate = -envelope * natural**2 / damped * np.sin(damped * after)
+    return angle, rate
+
+
+def motion_of(time, angle=None, rate=None, seed=0, noise=1.0):
+    random = np.random.default_rng(seed)
+    if angle is not None:
+        angle = angle + noise * ANGLE_NOISE * random.normal(size=time.size)
+    if rate is not None:
+        rate = rate + noise * RATE_NOISE * random.normal(size=time.size)
+    return AxisMotion('roll', time, angle, rate, 'a record')
+
+
+def held_then_released(seed, damping_ratio, amplitude_deg=6.0, duration=25.0, trim_deg=0.5):
+    """At rest, inclined within a second, held for four, released at 8 s."""
+    time = np.arange(0.0, 8.0 + duration, 1 / RATE_HZ)
+    amplitude = np.radians(amplitude_deg)
+    angle, _ = released(time - 8.0, amplitude, damping_ratio)
+    inclined = np.clip(time - 3.0, 0.0, 1.0)
+    angle = np.where(time < 8.0, amplitude * 0.5 * (1 - np.cos(np.pi * inclined)), angle)
+    return motion_of(time, angle + np.radians(trim_deg), seed=seed)
+
+
+def sea(seed, duration=300.0, rate_hz=10.0):
+    """Roll of a hull of random period and damping in a JONSWAP sea."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, 1 / rate_hz)
+    circular = 2 * np.pi * np.fft.rfftfreq(time.size, 1 / rate_hz)[1:]
+    natural = 2 * np.pi / random.uniform(1.5, 8.0)
+    damping_ratio = 10 ** random.uniform(-1.8, -0.4)
+    peak = natural / random.uniform(0.7, 1.8)
+    width = np.where(circular <= peak, 0.07, 0.09)
+    enhanced = random.choice([1.0, 3.3, 7.0]) ** np.exp(-((circular - peak) ** 2) / (2 * (width * peak) ** 2))
+    spectrum = circular**-5.0 * np.exp(-1.25 * (peak / circular) ** 4) * enhanced
+    response = natural**2 * circular**2 / (natural**2 - circular**2 + 2j * damping_ratio * natural * circular)
+    phases = random.normal(size=circular.size) + 1j * random.normal(size=circular.size)
+    angle = np.fft.irfft(np.concatenate([[0.0], response * np.sqrt(spectrum) * phases]), time.size)
+    return motion_of(time, angle * np.radians(random.uniform(1.0, 6.0)) / angle.std(), seed=seed)
+
+
+# Turning points -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('uneven', [False, True])
+def test_turning_points_of_a_linear_decay(uneven):
+    """They lie half a damped period apart and fall by exp(-pi zeta / sqrt(1 - zeta^2))."""
+    zeta, amplitude = 0.05, 0.1
+    time = np.arange(0.0, 12.0, 1 / RATE_HZ)
+    if uneven:
+        time = time + np.random.default_rng(1).uniform(-0.003, 0.003, time.size)
+    angle, _ = released(time, amplitude, zeta)
+    points = find_turning_points(motion_of(time, angle), PERIOD)
+    half = 0.5 * PERIOD / np.sqrt(1 - zeta**2)
+    number = np.arange(1, points.time.size + 1)
+    assert points.time.size >= 10
+    np.testing.assert_allclose(points.time, half * number, atol=0.03)
+    fall = np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))
+    np.testing.assert_allclose(points.value, amplitude * (-fall) ** number, atol=0.0015)
+    assert mean_period(points) == pytest.approx(2 * half, rel=0.003)
+
+
+def test_turning_points_of_the_rate_where_no_angle_was_measured():
+    time = np.arange(0.0, 10.0, 1 / RATE_HZ)
+    _, rate = released(time, 0.1, 0.05)
+    points = find_turning_points(motion_of(time, rate=rate), PERIOD)
+    assert points.quantity == 'rate'
+    assert np.all(np.sign(points.value) == np.sign(points.value[0]) * (-1.0) ** np.arange(points.time.size))
+    assert mean_period(points) == pytest.approx(PERIOD / np.sqrt(1 - 0.05**2), rel=0.01)
+
+
+def test_turning_points_without_a_period_given_follow_the_motion_not_the_noise():
+    time = np.arange(0.0, 60.0, 1 / RATE_HZ)
+    points = find_turning_points(motion_of(time, 0.05 * np.sin(2 * np.pi * time / 5.0)))
+    assert points.time.size == 24
+    assert mean_period(points) == pytest.approx(5.0, rel=0.01)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(0.01, 2.0), st.floats(0.1, 0.99), st.integers(3, 30))
+def test_centre_of_a_geometric_decay_is_exact(centre, amplitude, ratio, number):
+    value = centre + amplitude * (-ratio) ** np.arange(number)
+    assert centre_of_decay(value) == pytest.approx(centre, abs=1e-6)
+
+
+@pytest.mark.parametrize('repeats', [1, 10])
+def test_noise_level_is_that_of_white_noise_on_a_swing(repeats):
+    time = np.arange(0.0, 100.0, repeats / RATE_HZ)
+    random = np.random.default_rng(3)
+    value = np.repeat(0.2 * np.sin(time) + 0.01 * random.normal(size=time.size), repeats)
+    # Ten equal samples average like one.
+    assert noise_level(value) / np.sqrt(repeats) == pytest.approx(0.01, rel=0.1)
+
+
+def test_spikes_are_lone_samples_not_swings_nor_jumps():
+    time = np.arange(0.0, 60.0, 0.1)
+    value = 0.1 * np.sin(2 * np.pi * time / 0.9) * np.exp(-time / 10) + 1e-4 * np.random.default_rng(0).normal(size=600)
+    value[300:] += 0.5
+    assert not spikes(value).any()
+    value[[50, 400, 599]] += (1.0, -5.0, 500.0)
+    assert list(np.flatnonzero(spikes(value))) == [50, 400, 599]
+
+
+def test_gaps_and_pauses():
+    time = np.concatenate([np.arange(0.0, 10.0, 0.1), np.arange(12.0, 20.0, 0.1), np.arange(500.0, 510.0, 0.1)])
+    motion = AxisMotion('roll', time, np.sin(time), None)
+    np.testing.assert_allclose(find_gaps(motion), [[9.9, 12.0], [19.9, 500.0]])
+    assert [piece.duration for piece in split_at_pauses(motion)] == pytest.approx([19.9, 9.9])
+
+
+# Decays in what surrounds them ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize('damping_ratio', [0.03, 0.05, 0.13, 0.24])
+@pytest.mark.parametrize('seed', range(3))
+def test_released_after_being_held(seed, damping_ratio):
+    decay = find_decay(held_then_released(seed, damping_ratio))
+    assert decay.beginning == 'released'
+    assert 8.0 <= decay.start <= 8.0 + 0.2 * PERIOD
+    assert decay.period == pytest.approx(PERIOD / np.sqrt(1 - damping_ratio**2), rel=0.03)
+    assert np.degrees(decay.trim) == pytest.approx(0.5, abs=0.1)
+    assert np.degrees(decay.initial_amplitude) == pytest.approx(6.0, rel=0.03)
+    assert decay.ending in ('noise-floor', 'record-end', 'faded')
+    assert decay.final_amplitude < 0.15 * decay.initial_amplitude
+    assert decay.advice == ()
+
+
+@pytest.mark.parametrize('amplitude_deg', [1.0, 6.0])
+@pytest.mark.parametrize('damping_ratio', [0.05, 0.24])
+def test_record_that_begins_at_the_release(damping_ratio, amplitude_deg):
+    time = np.arange(0.0, 15.0, 1 / RATE_HZ)
+    angle, _ = released(time, np.radians(amplitude_deg), damping_ratio)
+    decay = find_decay(motion_of(time, angle))
+    assert decay.beginning == 'record-start'
+    assert 0.0 <= decay.start <= 0.2 * PERIOD
+    assert decay.cycles >= 1.4
+    assert decay.advice == ()
+
+
+def test_dropped_in_one_sample():
+    time = np.arange(-5.0, 15.0, 1 / RATE_HZ)
+    angle, _ = released(time, 0.1, 0.24)
+    decay = find_decay(motion_of(time, np.where(time < 0, 0.0, angle)))
+    assert decay.beginning == 'released'
+    assert 0.0 <= decay.start <= 0.2 * PERIOD
+
+
+def test_after_a_push_the_first_cycle_is_left_out():
+    """A moment of half a second sets a light hull swinging; what follows is free but for the water's memory."""
+    time = np.arange(0.0, 40.0, 1 / RATE_HZ)
+    natural = 2 * np.pi / PERIOD
+    angle = rate = 0.0
+    motion = []
+    for t in time:
+        push = 3.0 * np.sin(np.pi * (t - 6.0) / 0.5) if 6.0 < t < 6.5 else 0.0
+        rate += (push - 2 * 0.015 * natural * rate - natural**2 * angle) / RATE_HZ
+        angle += rate / RATE_HZ
+        motion.append(angle)
+    decay = find_decay(motion_of(time, np.array(motion)))
+    assert decay.beginning == 'pushed'
+    assert 6.5 + 0.5 * PERIOD <= decay.start <= 6.5 + 2.0 * PERIOD
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_two_releases_in_one_record(seed):
+    first = held_then_released(seed, 0.1, 6.0)
+    second = held_then_released(seed + 10, 0.1, 4.0)
+    later = second.time + first.time[-1] + 0.01
+    both = AxisMotion('roll', np.append(first.time, later), np.append(first.angle, second.angle), None)
+    decays = find_decays(both)
+    assert [d.start for d in decays] == pytest.approx([8.0, later[0] + 8.0], abs=0.3)
+    assert [a.code for a in find_decay(both).advice] == ['several-decays']
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_ends_before_a_reflected_wave(seed):
+    motion = held_then_released(seed, 0.02)
+    wave = 0.05 * np.sin(2 * np.pi * motion.time / 1.7) * np.exp(-(((motion.time - 24.0) / 2.5) ** 2))
+    decay = find_decay(replace(motion, angle=motion.angle + wave))
+    assert decay.ending == 'disturbed'
+    assert 16.0 < decay.end < 24.0
+    assert [a.code for a in decay.advice] == ['disturbed-tail']
+    assert f'{decay.end:.1f} s' in decay.advice[0].message
+
+
+def test_ends_before_the_craft_is_stopped():
+    motion = held_then_released(0, 0.02)
+    brake = np.exp(-np.maximum(motion.time - 20.0, 0.0) / 0.4)
+    trim = np.radians(0.5)
+    decay = find_decay(replace(motion, angle=trim + (motion.angle - trim) * brake))
+    assert decay.ending == 'disturbed'
+    assert 17.0 < decay.end <= 20.2
+
+
+def test_heavy_damping_hardly_overshoots():
+    time = np.arange(-4.0, 12.0, 1 / RATE_HZ)
+    angle, _ = released(time, np.radians(5.0), 0.77)
+    decay = find_decay(motion_of(time, angle))
+    assert 0.0 <= decay.start <= 0.2 * PERIOD
+    assert decay.cycles < 1.5
+    assert decay.end >= 0.7 * PERIOD
+
+
+def test_rate_only():
+    time = np.arange(-5.0, 25.0, 1 / RATE_HZ)
+    _, rate = released(time, np.radians(6.0), 0.05)
+    decay = find_decay(motion_of(time, rate=rate))
+    assert decay.quantity == 'rate'
+    assert 0.2 * PERIOD <= decay.start <= 1.6 * PERIOD
+    assert decay.period == pytest.approx(PERIOD, rel=0.02)
+
+
+def test_decay_across_a_gap():
+    motion = held_then_released(1, 0.03)
+    lost = (motion.time > 14.0) & (motion.time < 15.3)
+    decay = find_decay(motion.only(~lost))
+    assert decay.start == pytest.approx(8.15, abs=0.25)
+    assert decay.end > 30.0
+    assert decay.period == pytest.approx(PERIOD, rel=0.01)
+
+
+@pytest.mark.parametrize('spoil', ['spikes', 'rounded', 'repeated', 'sparse', 'thinned'])
+def test_spoilt_records(spoil):
+    motion = held_then_released(2, 0.03)
+    random = np.random.default_rng(0)
+    if spoil == 'spikes':
+        angle = motion.angle.copy()
+        angle[random.integers(0, angle.size, 20)] += 2.0
+        motion = replace(motion, angle=angle)
+    if spoil == 'rounded':
+        motion = replace(motion, angle=np.radians(0.5) * np.round(motion.angle / np.radians(0.5)))
+    if spoil == 'repeated':
+        motion = replace(motion, angle=np.repeat(motion.angle[::10], 10)[:motion.size])
+    if spoil == 'sparse':
+        motion = motion.only(slice(None, None, 20))
+    if spoil == 'thinned':
+        motion = motion.only(np.sort(random.choice(motion.size, motion.size // 2, replace=False)))
+    decay = find_decay(motion)
+    assert decay.start == pytest.approx(8.15, abs=0.25)
+    assert decay.period == pytest.approx(PERIOD, rel=0.02)
+    assert decay.end > 25.0
+
+
+# What is no decay -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('seeds', [range(0, 15), range(15, 30)])
+def test_no_decay_in_the_sea(seeds):
+    for seed in seeds:
+        motion = sea(seed)
+        assert find_decays(motion) == (), f'sea {seed}'
+        assert explain_absence(motion).code == 'forced-motion', f'sea {seed}'
+
+
+def test_regular_waves_are_no_light_damping():
+    time = np.arange(0.0, 60.0, 1 / RATE_HZ)
+    assert find_decays(motion_of(time, 0.1 * np.sin(2.5 * time))) == ()
+    assert find_decays(motion_of(time, 0.1 * np.sin(2.5 * time), noise=0.0)) == ()
+
+
+def test_waves_that_set_in_after_rest_are_no_decay():
+    for seed in range(8):
+        motion = sea(seed, duration=180.0)
+        rising = np.clip((motion.time - 60.0) / 3.0, 0.0, 1.0)
+        assert find_decays(replace(motion, angle=motion.angle * rising + 1e-4)) == (), f'sea {seed}'
+
+
+def test_absence_says_what_was_seen_and_what_to_do():
+    time = np.arange(0.0, 60.0, 1 / RATE_HZ)
+    still = explain_absence(motion_of(time, np.zeros(time.size)))
+    assert still.code == 'too-small'
+    assert 'release' in still.message
+    waves = explain_absence(sea(3))
+    assert 'waves' in waves.message
+    assert '--start' in waves.message
+    drift = explain_absence(motion_of(time, 0.01 * time))
+    assert drift.code == 'no-decay'
+    with pytest.raises(InputError, match='waves'):
+        find_decay(sea(3))
+
+
+# Bounds that the user gives -------------------------------------------------------------------
+
+
+def test_given_bounds_are_taken_as_they_are():
+    motion = held_then_released(0, 0.05)
+    both = find_decay(motion, 10.0, 20.0)
+    assert (both.start, both.end, both.beginning, both.ending) == (10.0, 20.0, 'given', 'given')
+    assert both.period == pytest.approx(PERIOD, rel=0.02)
+    assert both.cycles == pytest.approx(10.0 / PERIOD, rel=0.02)
+    whole = find_decay(motion)
+    start = find_decay(motion, start=12.0)
+    assert (start.start, start.beginning, start.ending) == (12.0, 'given', whole.ending)
+    assert start.end == pytest.approx(whole.end, abs=1.1 * PERIOD)
+    end = find_decay(motion, end=15.0)
+    assert (end.end, end.ending) == (15.0, 'given')
+    assert end.start == pytest.approx(whole.start, abs=0.05)
+
+
+def test_a_given_start_makes_motion_in_waves_acceptable():
+    decay = find_decay(sea(4), start=30.0)
+    assert decay.start == 30.0
+    assert decay.end > 30.0
+
+
+@pytest.mark.parametrize(
+    ('start', 'end', 'words'),
+    [(20.0, 10.0, 'before'), (500.0, None, 'too few samples'), (10.0, 10.03, 'too few samples')],
+)
+def test_impossible_bounds(start, end, words):
+    with pytest.raises(InputError, match=words):
+        find_decay(held_then_released(0, 0.03), start, end)
+
+
+def test_bounds_of_a_constant():
+    time = np.arange(0.0, 10.0, 0.01)
+    with pytest.raises(InputError, match='constant'):
+        find_decay(AxisMotion('roll', time, np.full(time.size, 0.2), None), 1.0, 9.0)
+
+
+# A record that grows --------------------------------------------------------------------------
+
+
+def test_a_decay_is_finished_once_and_stays_where_it_is():
+    motion = held_then_released(5, 0.1)
+    ends = np.arange(9.0, 33.0, 1.0)
+    found = [(end, find_decays(motion.between(None, end))) for end in ends]
+    finished = [end for end, decays in found if any(is_finished(d, motion.between(None, end)) for d in decays)]
+    # A tenth of critical damping leaves 10 % after 3.7 periods, at 15.4 s.
+    assert 13.0 <= finished[0] <= 18.0
+    assert finished == [end for end in ends if end >= finished[0]]
+    starts = [decays[0].start for end, decays in found if end in finished]
+    assert max(starts) - min(starts) < 0.05
+
+
+# Whatever comes -------------------------------------------------------------------------------
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 400),
+    st.sampled_from(['noise', 'walk', 'constant', 'steps', 'huge', 'decay']),
+    st.booleans(),
+    st.sampled_from([1e-6, 0.01, 1.0, 1e5]),
+)
+@pytest.mark.filterwarnings('error')
+def test_never_anything_but_segments_or_one_sentence(seed, size, kind, as_rate, interval):
+    random = np.random.default_rng(seed)
+    time = np.cumsum(interval * random.exponential(size=size) + 1e-9) + random.normal()
+    value = {
+        'noise': lambda: random.normal(size=size),
+        'walk': lambda: np.cumsum(random.normal(size=size)),
+        'constant': lambda: np.full(size, random.normal()),
+        'steps': lambda: np.repeat(random.normal(size=size), 7)[:size],
+        'huge': lambda: 1e100 * random.normal(size=size),
+        'decay': lambda: np.exp(-np.arange(size) / 60.0) * np.cos(np.arange(size) / random.uniform(0.5, 10.0)),
+    }[kind]()
+    motion = AxisMotion('pitch', time, None if as_rate else value, value if as_rate else None)
+    for decay in find_decays(motion):
+        assert time[0] <= decay.start < decay.end <= time[-1]
+        assert decay.period > 0.0
+        assert np.isfinite([decay.cycles, decay.initial_amplitude, decay.final_amplitude, decay.trim]).all()
+    try:
+        find_decay(motion)
+    except InputError as problem:
+        assert len(str(problem)) > 20
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 100), st.sampled_from([-1.0, 1.0]), st.floats(-1e5, 1e9), st.floats(-0.5, 0.5))
+def test_sign_clock_and_trim_do_not_matter(seed, sign, clock, trim):
+    motion = held_then_released(seed, 0.06)
+    plain = find_decay(motion)
+    changed = find_decay(replace(motion, time=motion.time + clock, angle=sign * motion.angle + trim))
+    assert changed.start - clock == pytest.approx(plain.start, abs=0.02)
+    assert changed.end - clock == pytest.approx(plain.end, abs=0.2)
+    assert changed.initial_amplitude == pytest.approx(plain.initial_amplitude, rel=0.01)
+    assert changed.trim == pytest.approx(sign * plain.trim + trim, abs=1e-3)
+
+
+def test_a_million_samples():
+    time = np.arange(10**6) / RATE_HZ
+    angle, _ = released(time - 5000.0, 0.1, 0.03)
+    decay = find_decay(motion_of(time, np.where(time < 5000.0, 0.0, angle)))
+    assert decay.start == pytest.approx(5000.0, abs=0.5)
+    assert decay.period == pytest.approx(PERIOD, rel=0.02)
+
+
+# Measured records -----------------------------------------------------------------------------
+
+
+def test_tank_run_that_is_braked(data_folder):
+    decay = find_decay(read_trial(data_folder / 'decay/kvlcc2/run3_15kn.csv').axis('roll'))
+    assert 24.0 <= decay.start <= 30.0
+    assert 70.0 <= decay.end < 77.0
+    assert 2.54 <= decay.period <= 2.55
+    assert (decay.beginning, decay.ending) == ('pushed', 'disturbed')
+
+
+def test_tank_run_of_many_light_cycles(data_folder):
+    decay = find_decay(read_trial(data_folder / 'decay/kvlcc2/run2_0kn.csv').axis('roll'))
+    assert 9.0 <= decay.start <= 12.0
+    assert decay.duration >= 165.0
+    assert 2.54 <= decay.period <= 2.55
+    assert decay.advice == ()
+
+
+def test_platform_held_and_released(data_folder):
+    paths = sorted((data_folder / 'decay/foswec').glob('*.csv'))
+    assert len(paths) == 9
+    for path in paths:
+        decay = find_decay(read_trial(path).axis('pitch'))
+        assert -0.15 <= decay.start <= 0.1, path.name
+        assert decay.cycles >= 3.8, path.name
+        assert decay.period == pytest.approx(1.81, abs=0.05), path.name
+        assert decay.advice == (), path.name
+
+
+@pytest.mark.parametrize('name', ['waves/morro_buoy.csv', 'waves/nbp1406_ship.csv'])
+def test_measured_waves(name, data_folder):
+    trial = read_trial(data_folder / name)
+    for axis in trial.axes:
+        motion = trial.axis(axis)
+        assert find_decays(motion) == ()
+        assert explain_absence(motion).code == 'forced-motion'
+
+
+def test_instrument_standing_still(data_folder):
+    trial = read_trial(data_folder / 'faults/oahu_static_bad_packets.csv')
+    for axis in trial.axes:
+        assert find_decays(trial.axis(axis)) == ()
+        assert explain_absence(trial.axis(axis)).code == 'too-small'

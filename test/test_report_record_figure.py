@@ -1,0 +1,66 @@
+"""The picture of a record: what it shades, marks and leaves out."""
+import numpy as np
+import pytest
+from matplotlib.patches import Polygon, Rectangle
+
+from swath_sysid.files.reading import read_trial
+from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.report.figures import save_figure
+from swath_sysid.report.record_figure import record_figure
+
+
+def decaying(duration=30.0, rate_hz=50.0):
+    time = np.arange(0.0, duration, 1 / rate_hz)
+    noise = 0.0005 * np.random.default_rng(0).normal(size=time.size)
+    return AxisMotion('roll', time, 0.1 * np.exp(-0.1 * time) * np.cos(3.0 * time) + noise, None, 'folder/roll.csv')
+
+
+def shaded(axes):
+    """Left and right edges of the spans, in data coordinates."""
+    spans = [patch for patch in axes.patches if isinstance(patch, Rectangle | Polygon)]
+    return [(span.get_path().vertices[:, 0] if isinstance(span, Polygon) else
+             np.array([span.get_x(), span.get_x() + span.get_width()])) for span in spans]
+
+
+def test_picture_of_a_record_is_drawn_with_its_decays(tmp_path, data_folder):
+    trial = read_trial(data_folder / 'decay/kvlcc2/run3_15kn.csv')
+    figure = record_figure([trial.axis('roll'), trial.axis('pitch')])
+    words = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert any('cycles of 2.54 s' in w for w in words)
+    (span,) = shaded(figure.axes[0])
+    assert (span.min(), span.max()) == (pytest.approx(25.8, abs=0.5), pytest.approx(76.6, abs=0.5))
+    assert shaded(figure.axes[2]) == []
+    save_figure(figure, tmp_path / 'record.png')
+    assert (tmp_path / 'record.png').stat().st_size > 20_000
+
+
+def test_gaps_are_marked():
+    motion = decaying()
+    figure = record_figure([motion.only((motion.time < 10.0) | (motion.time > 12.0))])
+    spans = shaded(figure.axes[0])
+    assert any(s.min() == pytest.approx(10.0, abs=0.03) and s.max() == pytest.approx(12.0, abs=0.03) for s in spans)
+
+
+def test_spectrum_peaks_at_the_natural_frequency():
+    figure = record_figure([decaying()])
+    spectrum, natural = figure.axes[1].lines
+    assert spectrum.get_xdata()[np.argmax(spectrum.get_ydata())] == pytest.approx(3.0 / (2 * np.pi), abs=0.02)
+    assert natural.get_xdata()[0] == pytest.approx(3.0 / (2 * np.pi), rel=0.01)
+
+
+def test_long_records_are_thinned_without_losing_their_extremes():
+    motion = decaying(duration=4000.0)
+    angle = motion.angle.copy()
+    angle[123457] = 0.3
+    figure = record_figure([AxisMotion('roll', motion.time, angle, None)])
+    line = figure.axes[0].lines[0]
+    assert line.get_xdata().size <= 20_000
+    assert line.get_ydata().max() == pytest.approx(np.degrees(0.3))
+    assert np.all(np.diff(line.get_xdata()) > 0)
+
+
+@pytest.mark.parametrize('size', [1, 2, 3, 20])
+def test_records_too_short_for_anything(size, tmp_path):
+    time = np.arange(size) * 0.1
+    save_figure(record_figure([AxisMotion('pitch', time, None, np.zeros(size))]), tmp_path / 'short.png')
+    assert (tmp_path / 'short.png').stat().st_size > 1000
