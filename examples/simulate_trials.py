@@ -5,6 +5,7 @@
 makes FOLDER/trials/*.csv for the folders named (default: all four), each file by one call of ``swath-sysid simulate``.
 What the papers do not give is assumed: how the ratios to inertia follow the draft.
 """
+
 import sys
 from dataclasses import dataclass
 from pathlib import Path

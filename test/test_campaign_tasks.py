@@ -30,6 +30,7 @@ from swath_sysid.identification.campaign import (
     settings_for,
     settle,
     spread_of_repeats,
+    tied_best,
 )
 from swath_sysid.identification.forecast_check import forecast_errors, measured_states, next_step, simulation_error
 from swath_sysid.identification.motion_fit import InitialState
@@ -242,3 +243,9 @@ def test_the_schedule_holds_the_joint_fits(fits):
     schedule = schedule_of([lighter, heavier], 'swath-pitch-2', (0.9, 1.1), 'draft_factor', [{'n': 1}, {'n': 2}])
     assert schedule.ratio('r1') == pytest.approx([lighter[1].ratio('r1')[0], heavier[1].ratio('r1')[0]])
     assert schedule.models[1].provenance['n'] == 2
+
+
+def test_equations_that_fit_alike_share_the_best(fits):
+    linear, two, one = fits[2]
+    alike = replace(one, objective_value=two.objective_value * (1 - 1e-9))
+    assert tied_best((linear, two, alike)) == (1, 2)

@@ -37,6 +37,8 @@ from swath_sysid.identification.selection import (
 CONFIDENCE = 0.95
 ROUNDING = 1e-12
 ORDER_TOLERANCE = 1e-9
+TIE = 1e-7
+"""Objective values this close, relatively, are one: the larger equation has made nothing of its terms."""
 
 
 @dataclass(frozen=True, order=True)
@@ -460,6 +462,12 @@ def best_repeats(records, fits):
     return {condition: index for condition, (_, index) in sorted(best.items())}
 
 
+def tied_best(summaries):
+    """Places of the fits with the best objective value, and of those as good; tuple of int."""
+    least = min(f.objective_value for f in summaries)
+    return tuple(k for k, f in enumerate(summaries) if f.objective_value <= least * (1.0 + TIE))
+
+
 def beyond_noise(summaries):
     """Which equations fit one record worse than the best by more than noise explains.
 
@@ -502,7 +510,7 @@ class RankedEquation:
     forecast : float
         The same of the forecasts one period ahead.
     best_of : int
-        Records that it fits best.
+        Records that it fits best; of equations that fit one alike, the smallest counts.
     """
 
     equation: str
@@ -554,7 +562,7 @@ def rank_campaign(axis, by_draft, by_record, judgements):
     if not by_draft or not by_draft[0]:
         raise InputError(f'no equation could be fitted to any {axis} record')
     count = len(by_draft[0])
-    best_of = [min(range(count), key=lambda k, fits=fits: fits[k].objective_value) for fits in by_record]
+    best_of = [min(tied_best(fits), key=lambda k, fits=fits: len(fits[k].terms)) for fits in by_record]
     ranked = []
     for k in range(count):
         first = by_draft[0][k]
@@ -604,7 +612,9 @@ def _reason(choice, ranked, likely, adequate):
         f'({ranked[0].equation})'
     )
     if adequate:
-        return f'{words} and whose error on held-out motion is within {HELD_OUT_MARGIN - 1:.0%} of the smallest.'
+        return (
+            f'{words} and whose error on held-out motion is within {100 * (HELD_OUT_MARGIN - 1):.0f} % of the smallest.'
+        )
     return (
         f'{words}; none of them predicts the held-out motion as well as '
         f'{min(ranked, key=lambda r: r.held_out).equation}.'

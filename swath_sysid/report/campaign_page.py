@@ -30,7 +30,7 @@ figure svg{display:block;width:100%;height:auto;max-height:26rem}
 figcaption{font-size:.85rem;color:var(--faint);overflow-wrap:anywhere}
 table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums;margin:.3rem 0 1rem}
 th,td{padding:.22rem .55rem;text-align:right;border-bottom:1px solid var(--line);overflow-wrap:break-word}
-@media (min-width:821px){td:not(.words){white-space:nowrap}}
+td:not(.words){white-space:nowrap}
 th{font-weight:600;vertical-align:bottom}
 th:first-child,td:first-child,td.words{text-align:left}
 thead th{border-bottom:2px solid var(--line)}
@@ -38,16 +38,7 @@ td.best{background:var(--good-back);color:var(--good);font-weight:650}
 td.beyond{color:var(--bad)}
 .wide{font-size:.78rem}
 .wide th,.wide td{padding:.2rem .32rem}
-@media (max-width:820px){
-table,tbody,tr,td{display:block;width:100%}
-thead{position:absolute;left:-10000px;top:auto;width:1px;height:1px;overflow:hidden}
-tr{border:1px solid var(--line);border-radius:6px;margin:.5rem 0;padding:.25rem .5rem;background:var(--panel)}
-td,td:first-child,td.words{display:flex;gap:1rem;justify-content:space-between;border:0;text-align:right;
-padding:.1rem 0}
-td::before{content:attr(data-name);color:var(--faint);text-align:left;font-weight:400;flex:0 1 55%}
-}
 @media print{
-td:not(.words){white-space:nowrap}
 :root{--paper:#fff;--ink:#111;--faint:#444;--line:#bbb;--panel:#fff;--good:#0b5d25;--good-back:#e6f3e8;--bad:#8c1c10;--link:#111}
 body{font-size:10pt}
 nav{display:none}
@@ -61,6 +52,24 @@ h2,h3{break-after:avoid}
 }
 """
 MANY_COLUMNS = 9
+CARDS = """
+@media screen and (max-width:%dpx){
+%s,%s tbody,%s tr,%s td{display:block;width:100%%}
+%s thead{position:absolute;left:-10000px;top:auto;width:1px;height:1px;overflow:hidden}
+%s tr{border:1px solid var(--line);border-radius:6px;margin:.5rem 0;padding:.25rem .5rem;background:var(--panel)}
+%s td,%s td:first-child{display:flex;gap:1rem;justify-content:space-between;border:0;text-align:right;padding:.1rem 0;
+white-space:normal}
+%s td::before{content:attr(data-name);color:var(--faint);text-align:left;font-weight:400;flex:0 1 55%%}
+}
+"""
+"""Below a width, every row of a table becomes a card."""
+NARROW, NARROW_WIDE = 820, 1330
+
+
+def style_sheet():
+    """The page's style."""
+    cards = (CARDS % (width, *([table] * 9)) for width, table in ((NARROW, 'table'), (NARROW_WIDE, 'table.wide')))
+    return STYLE_SHEET + ''.join(cards)
 
 
 def escaped(text):
@@ -84,7 +93,7 @@ def page(title, body, links):
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         '<link rel="icon" href="data:,">'
-        f'<title>{escaped(title)}</title><style>{STYLE_SHEET}</style></head>\n<body><main>\n<h1>{escaped(title)}</h1>\n'
+        f'<title>{escaped(title)}</title><style>{style_sheet()}</style></head>\n<body><main>\n<h1>{escaped(title)}</h1>\n'
         f'<nav aria-label="Sections"><ul>{contents}</ul></nav>\n' + '\n'.join(body) + '\n</main></body></html>\n'
     )
 

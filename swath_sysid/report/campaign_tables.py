@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swath_sysid.hull.terms import RATIO_UNITS
-from swath_sysid.identification.campaign import beyond_noise, noise_statement, term_values
+from swath_sysid.identification.campaign import beyond_noise, noise_statement, term_values, tied_best
 from swath_sysid.identification.forecast_check import LEADS, next_step
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
@@ -136,7 +136,7 @@ def objective_table(outcome, axis, objective):
         for column, exceeds in enumerate(beyond):
             if exceeds:
                 marks[k, column + 3] = 'beyond'
-        marks[k, int(np.argmin(values)) + 3] = 'best'
+        marks |= {(k, column + 3): 'best' for column in tied_best(fits[index])}
     unit = 'rad/s, one Euler step ahead' if objective == 'one-step' else 'dimensionless: residuals over noise'
     columns = (*_condition_columns(outcome), *(Column(name, digits(7)) for name in axis.names))
     note = f'{unit[0].upper()}{unit[1:]}. {noise_statement(axis.records, fits, axis.best)}'
