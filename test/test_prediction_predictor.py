@@ -64,12 +64,16 @@ def test_the_hull_sharpens_the_forecast_of_a_decay():
     samples, truth = _samples(duration=12.0)
     errors = {}
     for name, predictor in (('free', Predictor()), ('hull', _with_models())):
-        issued = [s.forecast for s in (predictor.observe(x) for x in samples) if s.forecast]
-        issued = [f for f in issued if 1.0 < f.stamp < 9.0]
-        places = [round((f.stamp + 2.0) / 0.01) for f in issued]
-        forecast = [f.axes['roll'].angle[f.leads.tolist().index(2.0)] for f in issued]
-        errors[name] = np.sqrt(np.mean((np.array(forecast) - truth[places, 0]) ** 2))
-    assert errors['hull'] < 0.25 * errors['free']
+        steps = [s for s in (predictor.observe(x) for x in samples) if s.forecast and 1.0 < s.stamp < 9.0]
+        future = truth[[round((s.stamp + 2.0) / 0.01) for s in steps], 0]
+        place = steps[0].forecast.leads.tolist().index(2.0)
+        forecast = np.array([s.forecast.axes['roll'].angle[place] for s in steps])
+        errors[name] = np.sqrt(np.mean((forecast - future) ** 2))
+    now = [s.estimates['roll'] for s in steps]
+    constant_rate = np.array([e.angle + 2.0 * e.rate for e in now])
+    assert errors['hull'] < 0.1 * np.sqrt(np.mean((constant_rate - future) ** 2))
+    assert errors['hull'] < 0.8 * errors['free']
+    assert errors['free'] < 1.5 * np.sqrt(np.mean(future**2))
 
 
 def test_the_same_samples_give_the_same_numbers():

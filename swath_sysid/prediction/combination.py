@@ -8,7 +8,7 @@ The mean is one of the experts, so that no lead is forecast worse than by the me
 import numpy as np
 
 _LEAST_WEIGHT = 1e-6
-_STEP = 0.3
+_STEP = 0.5
 _LARGEST_SLOPE = 12.0
 
 

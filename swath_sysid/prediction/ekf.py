@@ -68,7 +68,7 @@ class FilterSettings:
     disturbance_initial: float = 0.3
     disturbance_least: float = 1e-3
     disturbance_most: float = 100.0
-    adaptation_time: float = 2.0
+    adaptation_time: float = 1.0
     initial_angle_std: float = 0.3
     initial_rate_std: float = 0.3
     trim_std: float = 0.02

@@ -29,6 +29,7 @@ _LEAST_ACTIVITY = 1e-4
 _LARGEST_FORECAST = math.pi
 _PRIOR_TRUST = 5.0
 _EARLY = 5.0
+_IDLE_TIME_A_ROW = 0.005
 _FASTEST_EVEN = 0.05
 
 
@@ -68,7 +69,7 @@ class Forecaster:
         self._between = _interpolation(np.log(self._leads), np.log(self._all))
         self._from_now = _interpolation(np.concatenate([[0.0], self._leads]), self._all)
         shape = len(AXES), self._leads.size
-        self._combiner = Combiner(*shape, len(EXPERTS), settings.skill_memory, 5.0 + 3.0 * self._leads)
+        self._combiner = Combiner(*shape, len(EXPERTS), settings.skill_memory, 2.0 + self._leads)
         self._calibrator = Calibrator(shape)
         self._history = History(settings.window + 2.0 * self._all[-1] + 10.0, _FINEST, len(CHANNELS) + 2)
         limits = settings.quiescence
@@ -165,9 +166,10 @@ class Forecaster:
         elapsed = stamp - self._begun
         if stamp < self._refit_due or elapsed < s.first_refit:
             return None
-        self._refit_due = stamp + max(s.refit_interval, 0.1 * min(elapsed, s.window))
         step = self._grid_step()
         count = int(min(s.window, elapsed) / step + 1e-6) + 1
+        # a fit costs in proportion to its rows: the background is to be idle nearly always
+        self._refit_due = stamp + max(s.refit_interval, _IDLE_TIME_A_ROW * count)
         if count < 20:
             return None
         values = self._history.back(step, count, interval)[::-1, :len(CHANNELS)]
@@ -250,7 +252,7 @@ class Forecaster:
         """Running mean, size and speed of the motion."""
         age = stamp - self._begun
         slow = min(1.0, elapsed / min(self.settings.window, age + _EARLY))
-        quick = max(slow, min(1.0, elapsed / _ACTIVITY_TIME))
+        quick = min(1.0, max(elapsed / _ACTIVITY_TIME, elapsed / age if age > 0.0 else 1.0))
         for place, axis in enumerate(AXES):
             attitude = self._filters[axis]
             if not attitude.is_started:

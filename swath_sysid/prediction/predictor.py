@@ -100,8 +100,7 @@ class PredictorSettings:
         Hz; the grid of the waves' regression (a slower sensor's own rate, where that is less).
     excitation : ExcitationSettings
     first_refit, refit_interval : float
-        s; when the waves are first fitted, and the least time between fits (a tenth of the past, where that
-        is more).
+        s; when the waves are first fitted, and the least time between fits (more for a long window).
     refit_delay : float
         s from a request's stamp to its fit's use: the time that the background has for it.
     skill_memory : float
