@@ -72,6 +72,9 @@ RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)
 CREEP_PERIODS = 0.6
 """Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping, 0.55 with 0.77 of it."""
 
+MOST_CREEP = 1.3
+"""A swing that turns so much later than a cosine that arrives with it has crept to rest."""
+
 ODD_PERIOD = 0.25
 """A period that differs by this part from the median spans a gap."""
 
@@ -181,7 +184,8 @@ class Fall:
         if periods.size:
             usual = np.abs(periods / weighted_median(periods, swings) - 1.0) < ODD_PERIOD
             return float(np.average(periods[usual], weights=swings[usual]))
-        return (self.end - self.release) / CREEP_PERIODS if self.is_single else 2.0 * self.first_half
+        crept = self.is_single and self._turned > MOST_CREEP * self._arrived
+        return (self.end - self.release) / CREEP_PERIODS if crept else 2.0 * self.first_half
 
     @cached_property
     def first_half(self):
@@ -190,9 +194,15 @@ class Fall:
         From the release to the turning point, or to where 5 % of the way are left: a hull
         with heavy damping creeps to rest, and then the noise decides where it turns.
         """
-        turned = (self.time[self.first + 1] - self.release) / (1.0 - RELEASE_PHASE)
-        arrived = (self.arriving_time(self.first + 1) - self.release) / (1.0 - 2.0 * RELEASE_PHASE)
-        return float(min(turned, arrived))
+        return min(self._turned, self._arrived)
+
+    @cached_property
+    def _turned(self):
+        return float(self.time[self.first + 1] - self.release) / (1.0 - RELEASE_PHASE)
+
+    @cached_property
+    def _arrived(self):
+        return (self.arriving_time(self.first + 1) - self.release) / (1.0 - 2.0 * RELEASE_PHASE)
 
     @property
     def is_single(self):
