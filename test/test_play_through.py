@@ -18,8 +18,10 @@ from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.motion.attitude import euler_angles
 from swath_sysid.motion.window import COLUMNS, MotionWindow
-from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast, Outlook
+from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast, Outlook, OutlookSettings
 from swath_sysid.prediction.play_through import PlayThrough, PlayThroughSettings
+from swath_sysid.prediction.predictor import PredictorSettings
+from swath_sysid.prediction.waves import fit_waves
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
@@ -145,11 +147,12 @@ def test_the_model_is_in_use_from_its_stamp_on(bag):
 
 def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
     calls = []
-    pipeline = PlayThrough(PlayThroughSettings(refit_delay=30.0), fit=stub_fit(calls))
+    no_waves = OutlookSettings(predictor=PredictorSettings(first_refit=1e9))
+    pipeline = PlayThrough(PlayThroughSettings(refit_delay=30.0, outlook=no_waves), fit=stub_fit(calls))
     readings = list(read_readings(bag))
     length = readings[-1].stamp_ns - readings[0].stamp_ns + 1_000_000_000
     took = []
-    for turn in range(4):
+    for turn in range(3):
         for reading in readings:
             step = pipeline.add(reading._replace(stamp_ns=reading.stamp_ns + turn * length))
             if step.verdict is not None:
@@ -169,6 +172,22 @@ def test_a_clock_that_is_set_back_ends_a_waiting_fit(bag):
     assert pipeline.refitter.models == {}
     pipeline.add(readings[0])
     assert pipeline.refitter.models == {'roll': HULL}
+
+
+def test_waves_are_fitted_inline_and_installed_at_once(bag):
+    asked, installed = [], []
+
+    def note(request):
+        asked.append(request.stamp)
+        return fit_waves(request)
+
+    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit_waves=note)
+    install = pipeline.outlook.install
+    pipeline.outlook.install = lambda fit: (installed.append(fit.stamp), install(fit))
+    for reading in read_readings(bag):
+        pipeline.add(reading)
+    assert asked and installed == asked
+    assert pipeline.outlook.predictor.diagnostics().has_waves
 
 
 def test_nothing_is_identified_where_that_is_off(bag):
