@@ -84,7 +84,7 @@ DWELL_BAND = 0.15
 FAR_BAND = 0.35
 """A jump comes from further away than this part: rest lies at half a swing or more."""
 
-REST_BAND = 0.1
+REST_BAND = 0.07
 """Rest means within this part of the first swing about a level."""
 
 SMOOTHED_SAMPLES = 3.0
