@@ -4,12 +4,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.hull.manoeuvring.simulation import runge_kutta_columns, steady_speed, substeps_for
+from swath_sysid.hull.manoeuvring.terms import ADVANCE, DEDUCTION, XU_DOT, M, accelerations
 from swath_sysid.hull.manoeuvring.thrust import acting_thrust
 
 SPEEDS = 9
 INPUTS = 4
 DURATION = 60.0
 STEP = 0.1
+DIFFERENCE = 1e-5
 EXCESS = 2.0
 """A motion that leaves this multiple of what was seen has run away."""
 
@@ -70,13 +72,8 @@ def check_stability(model, region):
     -------
     StabilityCheck
     """
-    speeds = np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), SPEEDS)
-    growth = []
-    for speed in speeds:
-        resistance = -float(model.accelerations(speed, 0.0, 0.0, 0.0, 0.0)[0]) * (model['m'] - model['Xu_dot'])
-        slip = (1.0 - model['deduction']) * max(1.0 - model['advance'] * speed, 0.1)
-        thrust = 0.5 * resistance / slip
-        growth.append(np.max(np.linalg.eigvals(model.jacobian(speed, 0.0, 0.0, thrust, thrust)).real))
+    speeds = straight_speeds(region)
+    growth = growth_rates(model.values[:, None], model.active, speeds)[:, 0]
     worst = int(np.argmax(growth))
     excess = _largest_excess(model, region)
     decays = growth[worst] < 0.0
@@ -84,6 +81,47 @@ def check_stability(model, region):
         stable=bool(decays and excess < EXCESS), largest_growth=float(growth[worst]),
         unstable_speed=float('nan') if decays else float(speeds[worst]), largest_excess=excess,
     )  # fmt: skip
+
+
+def straight_speeds(region):
+    """Speeds ahead at which straight courses are examined, m/s, shape (9,)."""
+    return np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), SPEEDS)
+
+
+def growth_rates(p, active, speeds):
+    """Largest real part of the eigenvalues of small motions about steady straight courses.
+
+    Parameters
+    ----------
+    p : ndarray, shape (39, K)
+        Parameters of K candidates.
+    active : tuple of 39 bools
+    speeds : ndarray, shape (S,)
+        m/s.
+
+    Returns
+    -------
+    ndarray, shape (S, K)
+        1/s; negative decays.
+    """
+    count, candidates = speeds.size, p.shape[1]
+    columns = np.tile(p, count)
+    u = np.repeat(speeds, candidates)
+    nothing = np.zeros_like(u)
+    resistance = -accelerations(u, nothing, nothing, nothing, nothing, columns, active)[0]
+    slip = (1.0 - columns[DEDUCTION]) * np.maximum(1.0 - columns[ADVANCE] * u, 0.1)
+    thrust = 0.5 * resistance * (columns[M] - columns[XU_DOT]) / slip
+    jacobian = np.empty((u.size, 3, 3))
+    for j in range(3):
+        sides = []
+        for sign in (DIFFERENCE, -DIFFERENCE):
+            state = [u.copy(), nothing.copy(), nothing.copy()]
+            state[j] += sign
+            sides.append(np.array(accelerations(*state, thrust, thrust, columns, active)))
+        jacobian[:, :, j] = ((sides[0] - sides[1]) / (2.0 * DIFFERENCE)).T
+    usable = np.all(np.isfinite(jacobian), axis=(1, 2))
+    jacobian[~usable] = np.eye(3)
+    return np.linalg.eigvals(jacobian).real.max(axis=1).reshape(count, candidates)
 
 
 def _largest_excess(model, region):
