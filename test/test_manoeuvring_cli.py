@@ -2,10 +2,14 @@
 import argparse
 import json
 
+import numpy as np
 import pytest
+from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.cli import manoeuvre
 from swath_sysid.errors import InputError
+from swath_sysid.files.bags import opened_bag
+from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag
 
 
 def swath(*words):
@@ -75,7 +79,36 @@ def test_simulate_from_the_identified_model(folder, model, test, capsys):
     assert 'first overshoot' in capsys.readouterr().out
 
 
+def test_play_through_is_repeatable_and_right(folder, model, capsys):
+    bag = folder / 'circle.mcap'
+    swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'turning-circle', '--output', bag)
+    outputs = [folder / name for name in ('first.mcap', 'second.mcap')]
+    for output in outputs:
+        assert swath('play-through', bag, '--model', model, '--output', output, '--rate', 1, '--leads', '2,5') == 0
+    assert 'forecasts' in capsys.readouterr().out
+    messages = []
+    for output in outputs:
+        with opened_bag(output) as (readers, _):
+            reader = readers[0]
+            messages.append([(c.topic, t, bytes(raw)) for c, t, raw in reader.messages(reader.connections)])
+    assert messages[0] == messages[1]
+    assert {topic for topic, _, _ in messages[0]} == {
+        '/manoeuvre/forecast', '/manoeuvre/lead_2_0s', '/manoeuvre/lead_5_0s'}
+    store, trial = get_typestore(Stores.ROS2_JAZZY), read_manoeuvring_bag(bag)
+    missed = []
+    for topic, stamp, raw in messages[0]:
+        if topic.endswith('5_0s') and 20e9 < stamp < (trial.time[-1] - 5) * 1e9:
+            found = store.deserialize_cdr(raw, 'nav_msgs/msg/Odometry')
+            at = found.header.stamp.sec + 1e-9 * found.header.stamp.nanosec
+            place = found.pose.pose.position
+            missed.append(np.hypot(place.x - np.interp(at, trial.time, trial.x),
+                                   place.y - np.interp(at, trial.time, trial.y)))  # fmt: skip
+    assert len(missed) > 10
+    assert max(missed) < 1.0
+
+
 @pytest.mark.parametrize('words, match', [
+    (('play-through', '{runs}/mixed.csv', '--output', 'x.mcap'), 'one rosbag2 bag'),
     (('identify', 'missing.csv'), 'no file'),
     (('identify', '{runs}/mixed.csv', '{runs}/mixed.csv'), 'given twice'),
     (('identify', '{runs}'), 'is a folder'),

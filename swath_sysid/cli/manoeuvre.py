@@ -15,6 +15,7 @@ from swath_sysid.files.bags import is_bag
 from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.files.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
+from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.hull.manoeuvring.model import COMMAND, INPUTS
 from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
@@ -24,6 +25,7 @@ from swath_sysid.identification.manoeuvring.assembly import seen_region
 from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
 from swath_sysid.identification.manoeuvring.settings import CURRENT_CHOICES, ManoeuvringSettings
 from swath_sysid.motion.manoeuvring_trial import prepare_all
+from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
 from swath_sysid.prediction.manoeuvring_skill import LEADS, score_forecasts
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_summary import finite_or_none
@@ -47,11 +49,13 @@ def add_arguments(parser):
     _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
     _add_forecast(verbs.add_parser('forecast', help='score forecasts of runs by lead'))
     _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
+    _add_play_through(verbs.add_parser('play-through', help='what manoeuvre_predictor would have published on a bag'))
 
 
 def run(arguments):
     """Run the sub-verb; returns the exit code."""
-    return {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate}[arguments.task](arguments)
+    tasks = {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate, 'play-through': _play_through}
+    return tasks[arguments.task](arguments)
 
 
 def add_run_arguments(parser):
@@ -226,6 +230,27 @@ def _leads(text):
     if not leads or leads[0] <= 0.0 or any(b <= a for a, b in zip(leads, leads[1:], strict=False)):
         raise InputError(f'the leads must be positive and rising, not {text}')
     return leads
+
+
+def _add_play_through(parser):
+    add_run_arguments(parser)
+    parser.add_argument('--model', metavar='MODEL.yaml', help='without: steady motion')
+    parser.add_argument('--output', required=True, metavar='OUT.mcap')
+    parser.add_argument('--rate', type=finite, default=5.0, metavar='HZ', help='forecasts a second, at most')
+    parser.add_argument('--leads', metavar='S,S,..', default='1,5,10', help='default: %(default)s')
+
+
+def _play_through(arguments):
+    if len(arguments.runs) != 1 or not is_bag(arguments.runs[0]):
+        raise InputError('one bag is played through: give one rosbag2 bag')
+    trial = _read(arguments.runs[0], arguments)
+    identified = read_manoeuvring_model(arguments.model) if arguments.model else None
+    silence = 0.5 if arguments.gap_means_zero else 0.0
+    settings = ManoeuvreOutlookSettings(leads=_leads(arguments.leads), rate=arguments.rate, stop_after=silence)
+    count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
+    show_advice(condensed(trial.advice))
+    print(f'{arguments.output}: {count} forecasts')
+    return 0
 
 
 def _add_simulate(parser):

@@ -292,7 +292,8 @@ class MultipleShooting:
             states[j, j + 1] += steps[j]
         found = self.simulate(columns, states, active_terms(p))
         residual = self._weighted(found[:, :, 0], current)
-        slopes = np.stack([(self._weighted(found[:, :, j + 1], current) - residual) / steps[j] for j in range(3)])
+        with np.errstate(over='ignore', invalid='ignore'):
+            slopes = np.stack([(self._weighted(found[:, :, j + 1], current) - residual) / steps[j] for j in range(3)])
         return residual, slopes
 
     def _state_residual(self):
