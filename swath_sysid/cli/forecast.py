@@ -1,0 +1,132 @@
+"""``swath-sysid forecast``: how well a record is forecast, beside what a forecast must beat."""
+import json
+import math
+import time
+from argparse import ArgumentTypeError
+from dataclasses import replace
+
+from rich.console import Console
+from rich.table import Table
+
+from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.sources import finite
+from swath_sysid.errors import InputError
+from swath_sysid.files.model_file import read_model
+from swath_sysid.files.reading import read_trial
+from swath_sysid.motion.trial import AXES
+from swath_sysid.prediction.predictor import PredictorSettings
+from swath_sysid.prediction.quiescence import QuiescenceLimits
+from swath_sysid.prediction.skill import FORECAST, score, skill_as_data
+from swath_sysid.report.figures import save_figure
+from swath_sysid.report.forecast_figure import forecast_figure
+
+DEFAULT_LEADS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
+_LONGEST_WARMUP = 600.0
+
+
+def add_arguments(parser):
+    """The record, the model, the leads, and how to tell."""
+    parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
+    parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
+    parser.add_argument('--model', metavar='MODEL.yaml', help='the identified hull')
+    parser.add_argument('--leads', type=_leads, default=DEFAULT_LEADS, metavar='S,S,...', help='leads in seconds')
+    parser.add_argument(
+        '--warmup', type=_positive, metavar='S',
+        help='seconds not scored (default: 600, or a third of a shorter record)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--window', type=_positive, metavar='S', help='seconds of past to learn from (default: the warm-up)'
+    )
+    parser.add_argument('--topic', help='IMU topic, for bags that hold several')
+    parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes (default: as the record tells)")
+    parser.add_argument(
+        '--quiet-deg', type=_limits, metavar='ROLL,PITCH',
+        help='also score the probability that both angles stay within these limits',
+    )  # fmt: skip
+    parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for so long (default: 5)')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    parser.add_argument('--plot', metavar='FILE.png', help='write the picture')
+
+
+def run(arguments):
+    """Run the predictor through the record and tell its skill."""
+    trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
+    if trial.time.size < 3:
+        raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
+    models = {}
+    if arguments.model:
+        models = {axis: identified.model for axis, identified in read_model(arguments.model).items()}
+    if arguments.axis is not None and getattr(trial, arguments.axis) is None:
+        raise InputError(f'{arguments.record} holds no {arguments.axis} angle: choose another axis')
+    duration = float(trial.time[-1] - trial.time[0])
+    warmup = arguments.warmup or min(_LONGEST_WARMUP, round(duration / 3.0))
+    limits = None
+    if arguments.quiet_deg:
+        roll, pitch = (math.radians(limit) for limit in arguments.quiet_deg)
+        limits = QuiescenceLimits(roll=roll, pitch=pitch, duration=arguments.quiet_for)
+    base = PredictorSettings()
+    settings = replace(
+        base, quiescence=limits, horizon=max(base.horizon, arguments.quiet_for if limits else 0.0, arguments.leads[-1])
+    )
+    with progress_of('forecasting') as progress:
+        skill = score(
+            trial, arguments.leads, warmup, window=arguments.window, models=models, settings=settings,
+            clock=time.perf_counter, progress=progress,
+        )  # fmt: skip
+    if arguments.axis is not None:
+        skill = replace(skill, axes={arguments.axis: skill.axes[arguments.axis]})
+    show_advice((*trial.advice, *skill.advice))
+    if arguments.plot:
+        save_figure(forecast_figure(skill), arguments.plot)
+    if arguments.json:
+        print(json.dumps(skill_as_data(skill), indent=2))
+    else:
+        _tell(skill, arguments.record)
+    return 0
+
+
+def _tell(skill, name):
+    console = Console()
+    for axis, scores in skill.axes.items():
+        table = Table(title=f'{name}, {axis}: RMSE / standard deviation after {skill.warmup:g} s', title_justify='left')
+        table.add_column('lead, s')
+        for lead in skill.leads:
+            table.add_column(f'{lead:g}', justify='right')
+        for method, values in scores.nrmse.items():
+            style = 'bold' if method == FORECAST else ''
+            table.add_row(method.replace('_', ' '), *(_cell(v) for v in values), style=style)
+        for column, level in enumerate((50, 90, 99)):
+            table.add_row(f'{level} % held, %', *(_cell(100.0 * v, 1) for v in scores.coverage[:, column]), style='dim')
+        console.print(table)
+    if skill.quiescence is not None:
+        brier, climate = skill.quiescence.brier, skill.quiescence.brier_of_climate
+        console.print(f'quiescence: Brier score {brier:.3f} (always telling its share: {climate:.3f})')
+    console.print(
+        f'a sample {1e3 * skill.step_time["median"]:.2f} ms (median), '
+        f'a refit {1e3 * skill.refit_time["median"]:.0f} ms (most {1e3 * skill.refit_time["most"]:.0f} ms)'
+    )
+
+
+def _cell(value, digits=3):
+    return f'{value:.{digits}f}' if math.isfinite(value) else '-'
+
+
+def _leads(text):
+    leads = tuple(finite(part) for part in text.split(','))
+    if not leads or any(lead <= 0.0 for lead in leads):
+        raise ArgumentTypeError('leads are positive seconds, separated by commas')
+    return tuple(sorted(set(leads)))
+
+
+def _limits(text):
+    parts = [finite(part) for part in text.split(',')]
+    if len(parts) != 2 or min(parts) <= 0.0:
+        raise ArgumentTypeError('give two positive angles: ROLL,PITCH')
+    return tuple(parts)
+
+
+def _positive(text):
+    value = finite(text)
+    if value <= 0.0:
+        raise ArgumentTypeError('must be positive')
+    return value
