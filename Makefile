@@ -23,9 +23,8 @@ unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV 
 demo: $(READY)
 	$(BIN)/swath-sysid demo --output out/
 
-# The tests over DDS share one process, the others what cores there are (conftest.py).
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 lint: $(READY)
 	$(BIN)/ruff check
