@@ -17,6 +17,8 @@ VERBS = {
     'simulate': 'a trial with known truth, as an IMU would have recorded it',
     'campaign': 'a whole trial matrix: tables, figures and a model that knows its draft',
     'scale': "a model at another scale, by Froude's law",
+    'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
+    'forecast': 'how well the predictor forecasts a record, beside its baselines',
     'inspect': 'what is in a record: rates, gaps, decays, quality',
     'play-through': 'what the nodes would have published on a record, as fast as the machine can',
     'run': 'imu_buffer, identifier and predictor in one process',
