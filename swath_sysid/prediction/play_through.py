@@ -2,8 +2,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from swath_sysid import __version__
 from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.identification.refit import RefitOutcome, RefitRequest, RefitSettings, Refitter, refit
+from swath_sysid.identification.refit import (
+    RefitOutcome,
+    RefitRequest,
+    RefitSettings,
+    Refitter,
+    refit,
+    window_provenance,
+)
 from swath_sysid.motion.intake import NANOSECOND
 from swath_sysid.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.prediction.outlook import Outlook, OutlookSettings, OutlookStep
@@ -117,7 +125,8 @@ class PlayThrough:
     def _start_refit(self, stamp_ns):
         """Fit the newest window, unless a fit is still under way by the stamps."""
         if self._running is None and self._waiting is not None:
-            outcome = self._fit(self.refitter.request(self._waiting, {'source': 'motion/window'}))
+            provenance = window_provenance(self._waiting, f'swath_sysid {__version__}')
+            outcome = self._fit(self.refitter.request(self._waiting, provenance))
             self._running, self._waiting = (stamp_ns, outcome), None
 
     def _finish_refit(self, stamp_ns):
