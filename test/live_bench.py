@@ -84,11 +84,11 @@ def children(pid):
 
 
 def stop(process, number=signal.SIGINT, times=1):
-    """Stop a process by a signal; its exit code and output."""
+    """Stop a process by signals, a tenth of a second apart; its exit code and output."""
     for _ in range(times):
         if process.poll() is None:
             process.send_signal(number)
-        time.sleep(0.03)
+        time.sleep(0.1)
     output, _ = process.communicate(timeout=PATIENCE)
     return process.returncode, output
 

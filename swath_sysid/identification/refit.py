@@ -116,8 +116,9 @@ class RefitOutcome:
 
     @property
     def message(self):
-        """One line for people."""
-        return '; '.join(f'{verdict.axis}: {verdict.message}' for verdict in self.verdicts)
+        """One line for people, what is published first."""
+        ordered = sorted(self.verdicts, key=lambda verdict: verdict.model is None)
+        return '; '.join(f'{verdict.axis}: {verdict.message}' for verdict in ordered)
 
 
 def refit(request, *, progress=None, should_cancel=None):
@@ -312,6 +313,11 @@ class Refitter:
         self.models = self._history.pop()
         self.version += 1
         return True
+
+    @property
+    def described(self):
+        """The models held, for people."""
+        return ', '.join(f'{axis} {held.model.equation.name}' for axis, held in self.models.items()) or 'no model'
 
     @property
     def steps_back(self):

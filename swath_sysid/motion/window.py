@@ -146,7 +146,8 @@ class MotionWindow:
         self.counts = dict.fromkeys(WINDOW_REASONS, 0)
         self.samples = 0
         self.recording = True
-        self._ring = np.empty((ceil(self.settings.window * self.settings.max_rate) + 1, len(COLUMNS)))
+        # filled, so that the memory is taken now and not page by page over minutes
+        self._ring = np.full((ceil(self.settings.window * self.settings.max_rate) + 1, len(COLUMNS)), np.nan)
         self._order = StampOrder(self.settings.stamps)
         self._watch = DecayWatch(self.settings)
         self.clear()

@@ -130,16 +130,13 @@ class Identifier(Node):
         elif self.refitter.rollback():
             remark = self._models.publish(self.refitter.models)
             response.success = True
-            response.message = f'back to {self._held()}; {self.refitter.steps_back} more are kept{remark}'
+            response.message = f'back to {self.refitter.described}; {self.refitter.steps_back} more are kept{remark}'
         else:
             response.success, response.message = False, 'there is no model before this one'
         return response
 
-    def _held(self):
-        return ', '.join(f'{axis} {m.model.equation.name}' for axis, m in self.refitter.models.items()) or 'no model'
-
     def _reports(self):
-        return [self.health.report(self._held(), self.refitter.steps_back, self._busy)]
+        return [self.health.report(self.refitter.described, self.refitter.steps_back, self._busy)]
 
 
 def main(args=None):

@@ -1,4 +1,5 @@
 """Starting, spinning and stopping nodes: Ctrl-C and SIGTERM, once or twice, end a process cleanly."""
+import re
 import signal
 import sys
 import threading
@@ -42,33 +43,48 @@ def run(plan, args=None):
     int
         Exit code.
     """
-    stop = threading.Event()
-    previous = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
-    # rclpy's own handlers raise KeyboardInterrupt, at a second Ctrl-C in the midst of destroying nodes
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    nodes = []
+    stop, signalled = threading.Event(), threading.Event()
+
+    def on_signal(*_):
+        signalled.set()
+        stop.set()
+
+    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    executors, nodes = [], []
     try:
-        executors = [_started(make_executor, makers, nodes) for make_executor, makers in plan]
+        _initialise(args)
+        for make_executor, makers in plan:
+            executors.append(make_executor())
+            for make_node in makers:
+                nodes.append(make_node())
+                executors[-1].add_node(nodes[-1])
         _spin_all(executors, stop)
         return 0
     except (InputError, InvalidParameterTypeException, InvalidParameterValueException) as error:
         print(f'swath_sysid: {error}', file=sys.stderr)
         return 2
     finally:
+        for executor in executors:
+            executor.shutdown()
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
         for number, handler in previous.items():
-            signal.signal(number, handler)
+            # after a signal the process is about to end, and another Ctrl-C must not hurt it, even in its last moments
+            signal.signal(number, signal.SIG_IGN if signalled.is_set() else handler)
 
 
-def _started(make_executor, makers, nodes):
-    executor = make_executor()
-    for make_node in makers:
-        node = make_node()
-        nodes.append(node)
-        executor.add_node(node)
-    return executor
+def _initialise(args):
+    """Start rclpy without its own signal handlers.
+
+    Those raise KeyboardInterrupt, at a second Ctrl-C in the midst of destroying nodes.
+    """
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        # the C library's message ends with places in its source
+        reason = re.sub(r'\s*, at \S+:\d+', '', str(error)).removeprefix('failed to initialize rcl: ')
+        raise InputError(f'ROS cannot be started with these arguments: {reason}') from error
 
 
 def _spin_all(executors, stop):
@@ -90,8 +106,6 @@ def _spin_all(executors, stop):
         stop.set()
         for thread in threads:
             thread.join()
-        for executor in executors:
-            executor.shutdown()
     if failures:
         raise failures[0]
 

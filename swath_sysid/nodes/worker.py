@@ -57,7 +57,7 @@ class Worker:
         self._warm_up = warm_up
         self._on_death = on_death
         self._jobs = queue.SimpleQueue()
-        self._current = None
+        self._unfinished = []
         self._closing = threading.Event()
         self._process = self._connection = None
         self._ready = False
@@ -85,12 +85,13 @@ class Worker:
         on_progress : callable, optional
             Called from the worker's thread with 0 to 1.
         """
-        self._jobs.put(_Job((function, arguments, on_progress is not None), on_progress, on_end))
+        job = _Job((function, arguments, on_progress is not None), on_progress, on_end)
+        self._unfinished.append(job)
+        self._jobs.put(job)
 
     def cancel(self):
-        """Have the work that runs now end with `Cancelled`, within half a second."""
-        job = self._current
-        if job is not None:
+        """Have all work submitted end with `Cancelled`, what runs now within half a second."""
+        for job in tuple(self._unfinished):
             job.cancelled.set()
 
     def close(self):
@@ -101,7 +102,10 @@ class Worker:
         self._end_process()
 
     def _start(self):
+        self._ready = False
         ours, theirs = socket.socketpair()
+        # held from here on, so that a start that fails leaves nothing open
+        self._connection = Connection(ours.detach())
         environment = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1'}
         # `python -m` must find this very package, installed or not
         root = str(Path(swath_sysid.__file__).resolve().parents[1])
@@ -113,8 +117,6 @@ class Worker:
                 # out of the terminal's process group: Ctrl-C is the node's, which then closes the socket
                 start_new_session=True,
             )
-        self._connection = Connection(ours.detach())
-        self._ready = False
         self._connection.send((self._warm_up, (), False))
 
     def _end_process(self):
@@ -138,9 +140,8 @@ class Worker:
                 self._look_after()
                 continue
             if job is not None:
-                self._current = job
                 result, error = self._do(job)
-                self._current = None
+                self._unfinished.remove(job)
                 job.on_end(result, error)
 
     def _look_after(self):
@@ -154,6 +155,7 @@ class Worker:
         except (EOFError, OSError, WorkerError):
             return
         if self._ready and self._process.poll() is not None:
+            self._ready = False
             self._revive()
 
     def _hear_ready(self):
@@ -164,9 +166,16 @@ class Worker:
         self._ready = True
 
     def _revive(self):
-        self._restart()
+        """Start another process in place of one that died; the error that tells so."""
+        code = self._process.poll()
+        how = f'with code {code}' if code is not None else 'unexpectedly'
+        try:
+            self._restart()
+        except OSError as error:
+            return WorkerError(f'the worker process ended {how} and cannot be started again ({error.strerror})')
         if self._on_death is not None:
             self._on_death()
+        return WorkerError(f'the worker process ended {how} and was started again: try again')
 
     def _do(self, job):
         try:
@@ -174,15 +183,12 @@ class Worker:
         except WorkerError as error:
             return None, error
         except (EOFError, OSError):
-            code = self._process.poll()
-            self._revive()
-            how = f'with code {code}' if code is not None else 'unexpectedly'
-            return None, WorkerError(f'the identifying process ended {how} and was started again: try again')
+            return None, self._revive()
 
     def _exchange(self, job):
         sent, asked_at = False, None
         while True:
-            if self._ready and not sent:
+            if self._ready and not sent and not job.cancelled.is_set():
                 self._connection.send(job.work)
                 sent = True
             if self._connection.poll(POLL_PERIOD):

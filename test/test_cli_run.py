@@ -1,0 +1,54 @@
+"""The verb run: what it hands to ROS, and what it says where there is none."""
+import argparse
+import builtins
+
+import pytest
+
+from swath_sysid.cli import run
+from swath_sysid.errors import InputError
+
+
+def parsed(*words):
+    parser = argparse.ArgumentParser()
+    run.add_arguments(parser)
+    return parser.parse_args(words)
+
+
+def test_nothing_asked_for_is_nothing_handed_on():
+    assert run.ros_arguments(parsed()) == []
+
+
+def test_everything_asked_for_is_handed_on():
+    arguments = parsed(
+        '--params-file', 'p.yaml', '--model', 'm.yaml', '--namespace', '/craft/', '--imu-topic', '/sensor/imu',
+        '--use-sim-time', '--ros-args', '-p', 'seed:=2', '--log-level', 'warn',
+    )
+    assert run.ros_arguments(arguments) == [
+        '--params-file', 'p.yaml', '-p', 'identifier:model_path:=m.yaml', '-r', '__ns:=/craft',
+        '-r', 'imu/data:=/sensor/imu', '-p', 'use_sim_time:=true', '-p', 'seed:=2', '--log-level', 'warn',
+    ]
+
+
+def test_without_ros_it_says_what_to_install(monkeypatch):
+    real = builtins.__import__
+
+    def without_rclpy(name, *rest):
+        if name.partition('.')[0] == 'rclpy':
+            raise ModuleNotFoundError("No module named 'rclpy'")
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, '__import__', without_rclpy)
+    with pytest.raises(InputError, match=r'pip install swath_sysid\[ros\], or source a ROS 2 installation'):
+        run.run(parsed())
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize(('words', 'sentence'), [
+    (['--params-file', '/nowhere/p.yaml'], 'params file'), (['--ros-args', '-p', 'seed'], 'parameter override'),
+    (['--ros-args', '-p', 'seed:=-1'], 'seed'), (['--model', '/dev/null'], 'no model file'),
+])
+def test_wrong_arguments_are_one_sentence_and_exit_code_2(words, sentence, capfd):
+    pytest.importorskip('rclpy')
+    assert run.run(parsed(*words)) == 2
+    told = capfd.readouterr().err
+    assert sentence in told and 'swath_sysid: ' in told and 'Traceback' not in told
