@@ -9,7 +9,7 @@ import sys
 import tempfile
 import time
 from collections import deque
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +93,8 @@ def run(arguments):
                 demonstration = _demonstrate(craft, stage)
             passed = _conclude(demonstration, output, began)
             if arguments.keep_running:
-                with _shown(craft) as show:
+                # Ctrl-C is the way to end it, not a failure
+                with suppress(KeyboardInterrupt), _shown(craft) as show:
                     stage.show = show
                     _keep_running(stage)
     finally:
