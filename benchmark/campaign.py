@@ -104,29 +104,40 @@ def workers(folder):
     print(f'81 fits: one worker {one:.1f} s, two {two:.1f} s: {one / two:.2f} times faster; tables identical: {same}')
 
 
+def _results(output):
+    return len(list(output.glob('results/??/*.json')))
+
+
 def kills(folder):
     """Kill at random moments, ten times in a row, then finish; compare with an uninterrupted run."""
     simulated_trials()
     manifest = few_equations(folder)
-    wall, _ = run(manifest, folder / 'whole', '--jobs', '2')
+    run(manifest, folder / 'whole', '--jobs', '2')
+    every = _results(folder / 'whole')
     chance = random.Random(1)
     environment = os.environ | {'PYTHONPATH': str(ROOT)}
-    kept = []
+    kept = [0]
     for _ in range(KILLS):
         running = subprocess.Popen(
-            command(manifest, folder / 'killed', '--jobs', '2'), env=environment, stdout=subprocess.DEVNULL,
+            command(manifest, folder / 'killed', '--jobs', '2'),
+            env=environment,
+            stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        try:
-            running.wait(chance.uniform(0.2, 0.6) * wall)
-        except subprocess.TimeoutExpired:
-            running.send_signal(signal.SIGKILL)
-            running.wait()
-        kept.append(len(list((folder / 'killed').glob('results/*/*.json'))))
+        )
+        enough = kept[-1] + chance.randint(0, 2 * every // (KILLS + 2))
+        while running.poll() is None and _results(folder / 'killed') < enough:
+            time.sleep(0.005)
+        time.sleep(chance.uniform(0.0, 0.3))
+        running.send_signal(signal.SIGKILL)
+        running.wait()
+        kept.append(_results(folder / 'killed'))
     run(manifest, folder / 'killed', '--jobs', '2')
     same = tables(folder / 'whole') == tables(folder / 'killed')
     same_model = (folder / 'whole' / 'model.yaml').read_text() == (folder / 'killed' / 'model.yaml').read_text()
-    print(f'{KILLS} kills, results kept after each: {kept}; tables identical: {same}, model identical: {same_model}')
+    print(
+        f'{KILLS} kills, of {every} results kept after each: {kept[1:]}; tables identical: {same}, model '
+        f'identical: {same_model}'
+    )
 
 
 def published(folder):

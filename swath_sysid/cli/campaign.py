@@ -53,8 +53,12 @@ def run(arguments):
     for fault in manifest.faults:
         print(f'warning: {arguments.manifest}, {fault}', file=sys.stderr)
     store = ResultStore(Path(arguments.output) / RESULTS)
-    with store.alone(), executor_of(arguments.jobs, arguments.scheduler) as executor, _progress() as tell:
-        outcome = run_campaign(manifest, store, executor, tell)
+    try:
+        with store.alone(), executor_of(arguments.jobs, arguments.scheduler) as executor, _progress() as tell:
+            outcome = run_campaign(manifest, store, executor, tell)
+    except KeyboardInterrupt:
+        print('stopped: the same command goes on from the finished fits', file=sys.stderr)
+        raise
     report = write_report(outcome, arguments.output, time.perf_counter() - began)
     left_out = [f'{t.name}, {t.reason}' for t in outcome.trials if t.record is None]
     for line in (*left_out, *outcome.failures):

@@ -140,7 +140,7 @@ def against_angle(outcome, axis):
                 if r.condition.loading == loading
             ]
             axes.plot(*np.transpose(single), 'x', color=colour, alpha=0.6, markersize=4)
-        _finish_ratio(figure, axes, term, 'initial angle [deg]')
+        _finish_ratio(axes, term, 'initial angle [deg]')
         found.append(
             Drawing(
                 f'{term}_against_angle_{axis.axis}',
@@ -151,13 +151,18 @@ def against_angle(outcome, axis):
     return found
 
 
-def _finish_ratio(figure, axes, term, below):
+def _legend_below(axes):
+    """Below the axes, where no curve can run through it."""
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
+
+
+def _finish_ratio(axes, term, below):
     axes.set_xlabel(below)
     axes.set_ylabel(f'{term} [{RATIO_UNITS[term]}]')
     low, high = axes.get_ylim()
     if low < 0 < high and low > -0.2 * high:
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
-    figure.legend(loc='outside lower center', ncols=2, frameon=False)
+    _legend_below(axes)
 
 
 def against_draft(outcome, axis):
@@ -189,7 +194,7 @@ def against_draft(outcome, axis):
                 linestyle='--',
                 label=f'{angle:g} deg',
             )
-        _finish_ratio(figure, axes, term, LOADING_NAMES[outcome.quantity])
+        _finish_ratio(axes, term, LOADING_NAMES[outcome.quantity])
         found.append(
             Drawing(
                 f'{term}_against_draft_{axis.axis}',
@@ -227,7 +232,7 @@ def amplitude_drawings(outcome, axis):
         _fit_to_curves(axes)
         if quantity == 'damping':
             axes.set_ylim(bottom=0.0)
-        figure.legend(loc='outside lower center', ncols=2, frameon=False)
+        _legend_below(axes)
         caption = (
             f'{label[0].upper()}{label.partition(" [")[0][1:]} against amplitude, bands of two standard deviations'
         )
