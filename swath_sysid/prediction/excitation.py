@@ -4,7 +4,7 @@ On an even grid of step D the standardised channels y follow
 
     y[k+1] = sum_j A_j y[k-j] + noise,     j = 0 .. p - 1,
 
-fitted by least squares with a ridge that grows with the square of the lag (Doan, Litterman and
+fitted by least squares with a ridge that may grow with a power of the lag (Doan, Litterman and
 Sims 1984: what is long past tells less).  Candidate orders and ridges are
 averaged, each weighted by its errors several steps ahead on held-out parts of the window.
 Iterating a regression gives a matrix from the lags to the channels at any lead, so that a
@@ -30,8 +30,8 @@ class ExcitationSettings:
     ----------
     orders : tuple of int
         Candidate orders p.
-    ridges : tuple of float
-        Candidate ridges, relative to the channels' variance.
+    ridges : tuple of (float, float)
+        Candidate ridges: relative to the channels' variance, and the power of the lag they grow with.
     folds : int
         Parts of the window, each held out once.
     sharpness : float
@@ -41,13 +41,13 @@ class ExcitationSettings:
     """
 
     orders: tuple[int, ...] = (5, 10, 20, 40)
-    ridges: tuple[float, ...] = (1e-6, 1e-5, 1e-4, 1e-3)
+    ridges: tuple[tuple[float, float], ...] = ((1e-6, 2.0), (1e-5, 2.0), (1e-4, 2.0), (1e-3, 2.0), (1e-4, 0.0))
     folds: int = 4
     sharpness: float = 0.8
     validation_leads: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
 
     def __post_init__(self):
-        if not self.orders or min(self.orders) < 1 or not self.ridges or not min(self.ridges) > 0.0:
+        if not self.orders or min(self.orders) < 1 or not self.ridges or not min(r for r, _ in self.ridges) > 0.0:
             raise InputError('give at least one order of 1 or more and at least one positive ridge')
         if self.folds < 2:
             raise InputError('order and ridge are chosen on held-out parts: give 2 folds or more')
@@ -122,14 +122,14 @@ def lag_matrix(values, order):
 
 
 def solve_ridge(gram, cross, ridge, rows, order):
-    """Coefficients of ridge regression with the ridge growing as lag squared.
+    """Coefficients of ridge regression with a ridge that may grow with the lag.
 
     Parameters
     ----------
     gram : ndarray, shape (M p, M p)
     cross : ndarray, shape (M p, T)
-    ridge : float
-        Relative to unit variance.
+    ridge : (float, float)
+        Relative to unit variance at the first lag, and the power of the lag it grows with.
     rows : int
         Rows that the Gram matrix was summed over.
     order : int
@@ -139,9 +139,10 @@ def solve_ridge(gram, cross, ridge, rows, order):
     ndarray, shape (M p, T)
     """
     channels = gram.shape[0] // order
-    weight = np.repeat(np.arange(1.0, order + 1.0) ** 2, channels)
+    size, power = ridge
+    weight = np.repeat(np.arange(1.0, order + 1.0) ** power, channels)
     damped = gram.copy()
-    damped[np.diag_indices_from(damped)] += ridge * rows * weight
+    damped[np.diag_indices_from(damped)] += size * rows * weight
     return cho_solve(cho_factor(damped, check_finite=False, overwrite_a=True), cross, check_finite=False)
 
 
