@@ -165,6 +165,10 @@ PREDICTOR = (
         read_only=True,
     ),
     NodeParameter(
+        'waves_first_fit_s', PredictorSettings().first_refit, 'The least past that the waves are learnt from (more: '
+        'later, but not from a craft that is handled)', 's', 2.0, 3600.0, read_only=True,
+    ),
+    NodeParameter(
         'waves_refit_interval_s', PredictorSettings().refit_interval, 'Least time between fits of the waves, which run '
         'in the background', 's', 1.0, 600.0, read_only=True,
     ),
@@ -264,6 +268,7 @@ def outlook_settings(values):
             backward_jump=values['backward_jump_s'],
             window=values['waves_window_s'],
             refit_interval=values['waves_refit_interval_s'],
+            first_refit=values['waves_first_fit_s'],
         ),
     )
 

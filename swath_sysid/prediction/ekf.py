@@ -148,6 +148,12 @@ class FreeMotion:
 
 FREE_MOTION = FreeMotion()
 
+TRIM_TIME = 20.0
+"""s in which the trim moves by its standard deviation at most."""
+
+IDENTIFIED_TRIM_STD = 5e-4
+"""rad; of the trim that comes with a model (identification tells 3e-5 to 7e-4)."""
+
 CAPSIZED = 1.5
 """rad from trim; no decay model is believed beyond."""
 
@@ -279,7 +285,7 @@ class AttitudeFilter(ExtendedKalmanFilter):
         if self.has_model and was_free:
             self.x[TRIM] = trim = self.model.trim
             self.P[TRIM] = self.P[:, TRIM] = 0.0
-            self.P[TRIM, TRIM] = self.settings.trim_std**2
+            self.P[TRIM, TRIM] = IDENTIFIED_TRIM_STD**2
         self.x[DISTURBANCE] = total - self._acceleration(angle, rate, trim)
 
     def _acceleration(self, angle, rate, trim):
@@ -385,7 +391,11 @@ class AttitudeFilter(ExtendedKalmanFilter):
         else:
             z = np.array([angle if has_angle else rate])
             noise = np.array([[angle_variance if has_angle else rate_variance]])
+        trim = float(self.x[TRIM])
+        slowest = math.sqrt(float(self.P[TRIM, TRIM])) * self._elapsed / TRIM_TIME
         self.update(z, lambda x: matrix, matrix.dot, R=noise)
+        # ballast moves slowly: a hand on the craft, or a gust, must not be taken for it
+        self.x[TRIM] = min(max(float(self.x[TRIM]), trim - slowest), trim + slowest)
         self._adapt(nis / measured)
         return self.estimate(nis, measured)
 
