@@ -299,9 +299,11 @@ def measure_refit(rate, seconds, every, together):
         sent, arrived = np.load(sent_file), np.load(sink_file)['forecast_next']
     late = arrived[arrived[:, 1] > sent[0, 1] + 60e9]
     gaps, source_gaps = np.diff(late[:, 1]) * 1e-6, np.diff(sent[:, 1]) * 1e-6
+    delay = delays(sent, late, sent[1, 0] - sent[0, 0])
     where = 'one process' if together else 'three processes'
     print(f'{rate} Hz, refits of 60 s every {every} s, {where}: longest gap in forecast/next {gaps.max():.1f} ms '
-          f'(at most 30), p99.9 {np.percentile(gaps, 99.9):.1f}; of the source itself {source_gaps.max():.1f} ms')
+          f'(at most 30), p99.9 {np.percentile(gaps, 99.9):.1f}; of the source itself {source_gaps.max():.1f} ms, '
+          f'longest delay of a forecast behind its sample {delay.max():.1f} ms')
 
 
 def measure_memory(rate, minutes):
