@@ -76,7 +76,7 @@ def test_the_process_noise_is_the_integral_of_the_spread_disturbance():
 
 def test_on_a_linear_hull_it_is_the_kalman_filter():
     time, _, _, angles, rates = _measure(1, LINEAR)
-    fixed = FilterSettings(adaptation_time=1e12, disturbance_time=5.0, gate_probability=1e-30)
+    fixed = FilterSettings(adaptation_time=1e12, disturbance_time=5.0, gate_probability=1e-30, trim_time=1e-9)
     attitude = AttitudeFilter(fixed, LINEAR)
     estimates = _run(attitude, time, angles, rates)
     oracle = KalmanFilter(dim_x=4, dim_z=2)
@@ -252,3 +252,13 @@ def test_the_noise_meter_survives_glitches_and_silence():
     for _ in range(10_000):
         silent.take(0.0)
     assert math.sqrt(silent.variance) == NoiseSettings().least
+
+
+def test_a_hand_on_the_craft_is_not_taken_for_ballast():
+    """Held at 6 deg for two seconds: the moment is a disturbance, and the trim stays where it was identified."""
+    attitude = AttitudeFilter(FilterSettings(), LINEAR)
+    held = LINEAR.trim + math.radians(6.0)
+    time = np.arange(200) / 100.0
+    _run(attitude, time, np.full(200, held), np.zeros(200))
+    assert attitude.x[2] == pytest.approx(LINEAR.trim, abs=math.radians(0.2))
+    assert attitude.x[3] == pytest.approx(-LINEAR.acceleration(held, 0.0), rel=0.1)

@@ -56,8 +56,12 @@ class FilterSettings:
         Time over which the disturbance's size follows the innovations, s.
     initial_angle_std, initial_rate_std, trim_std : float
         Of the first state, where not measured, rad, rad/s, rad.
+    identified_trim_std : float
+        Of the trim that comes with an identified hull, rad; identification tells 3e-5 to 7e-4.
     trim_drift : float
         Random walk of the trim, rad/sqrt(s).
+    trim_time : float
+        The trim moves by its standard deviation in this time at most, s.
     """
 
     angle_noise: NoiseSettings = field(default_factory=NoiseSettings)
@@ -72,7 +76,9 @@ class FilterSettings:
     initial_angle_std: float = 0.3
     initial_rate_std: float = 0.3
     trim_std: float = 0.02
+    identified_trim_std: float = 5e-4
     trim_drift: float = 1e-4
+    trim_time: float = 20.0
 
     def __post_init__(self):
         for name, value in vars(self).items():
@@ -147,12 +153,6 @@ class FreeMotion:
 
 
 FREE_MOTION = FreeMotion()
-
-TRIM_TIME = 20.0
-"""s in which the trim moves by its standard deviation at most."""
-
-IDENTIFIED_TRIM_STD = 5e-4
-"""rad; of the trim that comes with a model (identification tells 3e-5 to 7e-4)."""
 
 CAPSIZED = 1.5
 """rad from trim; no decay model is believed beyond."""
@@ -285,7 +285,7 @@ class AttitudeFilter(ExtendedKalmanFilter):
         if self.has_model and was_free:
             self.x[TRIM] = trim = self.model.trim
             self.P[TRIM] = self.P[:, TRIM] = 0.0
-            self.P[TRIM, TRIM] = IDENTIFIED_TRIM_STD**2
+            self.P[TRIM, TRIM] = self.settings.identified_trim_std**2
         self.x[DISTURBANCE] = total - self._acceleration(angle, rate, trim)
 
     def _acceleration(self, angle, rate, trim):
@@ -392,7 +392,7 @@ class AttitudeFilter(ExtendedKalmanFilter):
             z = np.array([angle if has_angle else rate])
             noise = np.array([[angle_variance if has_angle else rate_variance]])
         trim = float(self.x[TRIM])
-        slowest = math.sqrt(float(self.P[TRIM, TRIM])) * self._elapsed / TRIM_TIME
+        slowest = math.sqrt(float(self.P[TRIM, TRIM])) * self._elapsed / self.settings.trim_time
         self.update(z, lambda x: matrix, matrix.dot, R=noise)
         # ballast moves slowly: a hand on the craft, or a gust, must not be taken for it
         self.x[TRIM] = min(max(float(self.x[TRIM]), trim - slowest), trim + slowest)
