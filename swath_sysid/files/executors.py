@@ -66,6 +66,11 @@ def executor_of(jobs, scheduler=None):
         executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_worker)
         try:
             yield executor
+        except BaseException:
+            # what they are at is lost in any case, and waiting for it can last long
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
         finally:
             executor.shutdown(wait=False, cancel_futures=True)
 
