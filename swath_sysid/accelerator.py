@@ -5,7 +5,8 @@ try:
 except ImportError:
     numba = None
 
-HAS_NUMBA = numba is not None
+HAS_NUMBA = numba is not None and not numba.config.DISABLE_JIT
+"""Whether `accelerated` compiles."""
 
 
 def accelerated(function):

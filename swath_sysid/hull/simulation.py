@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from swath_sysid.accelerator import accelerated
+from swath_sysid.accelerator import HAS_NUMBA, accelerated
 from swath_sysid.hull import terms
 
 STEPS_PER_PERIOD = 60
@@ -14,7 +14,43 @@ _damping_moment = accelerated(terms.damping_moment)
 _restoring_moment = accelerated(terms.restoring_moment)
 
 
+def _step(x, rate, ratios, active, friction_rate, step):
+    """One Runge-Kutta step: acceleration before it, angle and rate after it; floats or arrays."""
+    half, sixth = 0.5 * step, step / 6.0
+    a1 = -_damping_moment(rate, ratios, active, friction_rate) - _restoring_moment(x, ratios, active)
+    w2 = rate + half * a1
+    a2 = -_damping_moment(w2, ratios, active, friction_rate) - _restoring_moment(x + half * rate, ratios, active)
+    w3 = rate + half * a2
+    a3 = -_damping_moment(w3, ratios, active, friction_rate) - _restoring_moment(x + half * w2, ratios, active)
+    w4 = rate + step * a3
+    a4 = -_damping_moment(w4, ratios, active, friction_rate) - _restoring_moment(x + step * w3, ratios, active)
+    return a1, x + sixth * (rate + 2.0 * (w2 + w3) + w4), rate + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+
+
+_compiled_step = accelerated(_step)
+
+
 @accelerated
+def _one_by_one(x, rate, ratios, active, friction_rate, step, angles, rates, accelerations):
+    """All candidates step by step, each in registers: without temporary arrays twice as fast, compiled."""
+    x, rate = x.copy(), rate.copy()
+    for k in range(angles.shape[0]):
+        for p in range(x.size):
+            column = (
+                ratios[0, p], ratios[1, p], ratios[2, p], ratios[3, p], ratios[4, p], ratios[5, p], ratios[6, p],
+                ratios[7, p], ratios[8, p],
+            )  # fmt: skip
+            angles[k, p], rates[k, p] = x[p], rate[p]
+            accelerations[k, p], x[p], rate[p] = _compiled_step(x[p], rate[p], column, active, friction_rate, step)
+
+
+def _side_by_side(x, rate, ratios, active, friction_rate, step, angles, rates, accelerations):
+    """All candidates at once: what plain Python is fast at."""
+    for k in range(angles.shape[0]):
+        angles[k], rates[k] = x, rate
+        accelerations[k], x, rate = _step(x, rate, ratios, active, friction_rate, step)
+
+
 def runge_kutta_population(x, rate, ratios, active, friction_rate, step, steps):
     """Integrate P free decays side by side with the classical Runge-Kutta scheme.
 
@@ -37,21 +73,10 @@ def runge_kutta_population(x, rate, ratios, active, friction_rate, step, steps):
     angles, rates, accelerations : ndarray, shape (steps + 1, P)
         Not finite from where a candidate has run away.
     """
-    angles = np.empty((steps + 1, x.size))
-    rates = np.empty((steps + 1, x.size))
-    accelerations = np.empty((steps + 1, x.size))
-    half, sixth = 0.5 * step, step / 6.0
-    for k in range(steps + 1):
-        a1 = -_damping_moment(rate, ratios, active, friction_rate) - _restoring_moment(x, ratios, active)
-        angles[k], rates[k], accelerations[k] = x, rate, a1
-        w2 = rate + half * a1
-        a2 = -_damping_moment(w2, ratios, active, friction_rate) - _restoring_moment(x + half * rate, ratios, active)
-        w3 = rate + half * a2
-        a3 = -_damping_moment(w3, ratios, active, friction_rate) - _restoring_moment(x + half * w2, ratios, active)
-        w4 = rate + step * a3
-        a4 = -_damping_moment(w4, ratios, active, friction_rate) - _restoring_moment(x + step * w3, ratios, active)
-        x = x + sixth * (rate + 2.0 * (w2 + w3) + w4)
-        rate = rate + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+    angles, rates, accelerations = (np.empty((steps + 1, x.size)) for _ in range(3))
+    # one step, two loops: compiled code is fast in registers, numpy on whole rows
+    integrate = _one_by_one if HAS_NUMBA else _side_by_side
+    integrate(x, rate, ratios, active, friction_rate, step, angles, rates, accelerations)
     return angles, rates, accelerations
 
 
