@@ -17,7 +17,7 @@ from swath_sysid.files.model_file import (
 )
 from swath_sysid.hull.decay_model import DecayModel, Equation
 from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.scheduled_model import ScheduledModel
+from swath_sysid.hull.scheduled_model import ScheduledModel, models_at
 
 EQUATION = Equation('test', ('b1', 'r1', 'r3'))
 LOADINGS = (0.9, 1.0, 1.15)
@@ -138,3 +138,14 @@ def test_the_axes_of_file_and_schedule_must_agree(schedule):
         schedules_from_yaml(before + 'schedule:' + after.replace('pitch:', 'roll:', 1))
     with pytest.raises(InputError, match='axes'):
         model_from_yaml(text.replace('pitch:', 'yaw:'))
+
+
+def test_models_at_a_loading_are_scheduled_where_there_is_a_schedule(schedule):
+    other = identified(1.0, axis='roll')
+    models = {'pitch': schedule.reference, 'roll': other}
+    assert models_at(models, {'pitch': schedule}, None) == (models, ())
+    found, advice = models_at(models, {'pitch': schedule}, schedule.loadings[0])
+    assert found == {'pitch': schedule.models[0], 'roll': other}
+    assert advice == ()
+    _, (advice,) = models_at(models, {'pitch': schedule}, 10.0 * schedule.loadings[-1])
+    assert advice.code == 'loading-outside'

@@ -191,3 +191,32 @@ class ScheduledModel:
             'them is '
             'unknown: add trials at a third',
         )
+
+
+def models_at(models, schedules, loading):
+    """The models to use at a loading: scheduled where there is a schedule, else as they are.
+
+    Parameters
+    ----------
+    models : mapping of str to IdentifiedModel
+        By axis.
+    schedules : mapping of str to ScheduledModel
+        By axis; may be empty.
+    loading : float or None
+        In the unit of the schedules; None: not known, the models are used as they are.
+
+    Returns
+    -------
+    models : dict of str to IdentifiedModel
+    advice : tuple of Advice
+
+    Raises
+    ------
+    InputError
+        The loading is not a positive number.
+    """
+    if loading is None:
+        return dict(models), ()
+    found = {axis: schedule.at(loading) for axis, schedule in schedules.items()}
+    advice = dict.fromkeys(a for _, remarks in found.values() for a in remarks)
+    return {**models, **{axis: model for axis, (model, _) in found.items()}}, tuple(advice)

@@ -13,6 +13,8 @@ SEVERAL_PUBLISHERS = 'several-publishers'
 QOS_MISMATCH = 'qos-mismatch'
 SILENT = 'sensor-silent'
 BAD_MODEL = 'bad-model'
+BAD_LOADING = 'bad-loading'
+LOADING_ADVICE = 'loading-advice'
 BAD_WINDOW = 'bad-window'
 WORKER_DIED = 'worker-died'
 NOT_SAVED = 'model-not-saved'
@@ -23,6 +25,9 @@ NODE_REASONS = {
     '`ros2 topic info --verbose`',
     SILENT: 'the sensor stopped publishing: check its driver and cable',
     BAD_MODEL: 'a model description could not be read, the model before it stays: publish what `identify` writes',
+    BAD_LOADING: 'a draft or displacement that is no positive number came in, the one before it stays: look at what '
+    'publishes it',
+    LOADING_ADVICE: 'the craft floats where its model was not identified: see the log, and add trials at this draft',
     BAD_WINDOW: 'a motion window could not be read: publish what imu_buffer publishes',
     WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
     NOT_SAVED: 'the model file could not be written: check model_path, its folder and its permissions',
@@ -234,7 +239,7 @@ class PredictorHealth(StreamHealth):
 
     def __init__(self, topic, outlook):
         super().__init__(topic)
-        self.counts.update(dict.fromkeys((BAD_MODEL, WORKER_DIED), 0))
+        self.counts.update(dict.fromkeys((BAD_MODEL, BAD_LOADING, LOADING_ADVICE, WORKER_DIED), 0))
         self._outlook = outlook
         self._model_arrival = None
 

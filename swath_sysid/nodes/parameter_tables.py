@@ -173,6 +173,10 @@ PREDICTOR = (
         'in the background', 's', 1.0, 600.0, read_only=True,
     ),
     NodeParameter(
+        'loading', 0.0, 'Draft or displacement the craft floats at, in the unit its model is scheduled on; '
+        '0: as told on craft/loading, or not known', '', 0.0, 1e9,
+    ),
+    NodeParameter(
         'gate_probability', FilterSettings().gate_probability,
         'A true measurement is taken for an outlier with this probability', '', 1e-30, 0.01, read_only=True,
     ),

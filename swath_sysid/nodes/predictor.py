@@ -5,11 +5,12 @@ from time import perf_counter
 
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
-from std_msgs.msg import String
+from std_msgs.msg import Float64, String
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml
+from swath_sysid.files.model_file import model_from_yaml, schedules_from_yaml
+from swath_sysid.hull.scheduled_model import models_at
 from swath_sysid.nodes.connections import (
     LATCHED,
     NEWEST,
@@ -18,7 +19,7 @@ from swath_sysid.nodes.connections import (
     watched_subscription,
 )
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
-from swath_sysid.nodes.health import BAD_MODEL, WORKER_DIED, PredictorHealth
+from swath_sysid.nodes.health import BAD_LOADING, BAD_MODEL, LOADING_ADVICE, WORKER_DIED, PredictorHealth
 from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
 from swath_sysid.nodes.parameter_tables import PREDICTOR, outlook_settings
 from swath_sysid.nodes.parameters import NodeParameters
@@ -29,11 +30,11 @@ from swath_sysid.prediction.waves import fit_waves
 
 
 class Predictor(Node):
-    """imu/data and model/description in, forecast/* out."""
+    """imu/data, model/description and craft/loading in, forecast/* out."""
 
     def __init__(self):
         super().__init__('predictor')
-        self.parameters = NodeParameters(self, PREDICTOR, outlook_settings)
+        self.parameters = NodeParameters(self, PREDICTOR, outlook_settings, lambda _: self._load())
         self.outlook = Outlook(self.parameters.settings)
         self.health = PredictorHealth('imu/data', self.outlook)
         self._message = AttitudeMessage(self.parameters['frame_id'])
@@ -43,7 +44,10 @@ class Predictor(Node):
             for lead in self.parameters['leads_s']
         }
         self._horizon = watched_publisher(self, JointTrajectory, HORIZON_TOPIC, NEWEST, self.health)
+        self._described = {}, {}
+        self._told_loading = None
         watched_subscription(self, String, 'model/description', self._on_model, LATCHED, self.health)
+        watched_subscription(self, Float64, 'craft/loading', self._on_loading, NEWEST, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
         self._fits = deque()
@@ -83,14 +87,33 @@ class Predictor(Node):
     def _on_model(self, message):
         try:
             models = model_from_yaml(message.data, 'model/description') if message.data else {}
+            schedules = schedules_from_yaml(message.data, 'model/description') if message.data else {}
         except InputError as error:
             self.health.note(BAD_MODEL)
             self.get_logger().error(f'{error}; the model before it stays')
             return
-        self.outlook.set_models(models)
+        self._described = models, schedules
+        self._load()
         self.health.note_model(perf_counter())
         known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in models.items()) or 'none'
         self.get_logger().info(f'new model: {known}')
+
+    def _on_loading(self, message):
+        before, self._told_loading = self._told_loading, message.data
+        try:
+            self._load()
+        except InputError as error:
+            self._told_loading = before
+            self.health.note(BAD_LOADING)
+            self.get_logger().error(f'{error}; the loading before it stays')
+
+    def _load(self):
+        """Hand on the models at the present loading; the filters keep their state."""
+        models, advice = models_at(*self._described, self.parameters['loading'] or self._told_loading)
+        self.outlook.set_models(models)
+        for item in advice:
+            self.health.note(LOADING_ADVICE)
+            self.get_logger().warning(item.message)
 
     def _reports(self):
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))

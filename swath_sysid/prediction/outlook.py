@@ -154,12 +154,13 @@ class Outlook:
         )
         self.counts = dict.fromkeys(OUTLOOK_REASONS, 0)
         self.used = 0
+        self._hulls = dict.fromkeys(AXES)
         self._first_ns = None
         self._yaw = 0.0
         self._yaw_rate = 0.0
 
     def set_models(self, models):
-        """Swap the hulls under the running filters.
+        """Swap the hulls under the running filters; one that stays the same is not touched.
 
         Parameters
         ----------
@@ -168,7 +169,10 @@ class Outlook:
         """
         for axis in AXES:
             held = models.get(axis)
-            self.predictor.set_model(axis, None if held is None else held.model)
+            model = None if held is None else held.model
+            if model != self._hulls[axis]:
+                self._hulls[axis] = model
+                self.predictor.set_model(axis, model)
 
     def install(self, fit):
         """Take in the fit of the waves that a step asked for.
