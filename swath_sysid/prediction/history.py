@@ -21,8 +21,9 @@ class History:
         self._finest = finest
         capacity = int(np.ceil(duration / finest)) + 2
         # twice the room: rows move only once in a capacity, and a view of the past is always contiguous
-        self._time = np.empty(2 * capacity)
-        self._rows = np.empty((2 * capacity, channels))
+        # filled, so that the memory is taken now and not sample by sample
+        self._time = np.full(2 * capacity, np.nan)
+        self._rows = np.full((2 * capacity, channels), np.nan)
         self._capacity = capacity
         self.clear()
 
