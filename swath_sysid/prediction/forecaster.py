@@ -29,6 +29,7 @@ _LEAST_ACTIVITY = 1e-4
 _LARGEST_FORECAST = math.pi
 _PRIOR_TRUST = 5.0
 _EARLY = 5.0
+_INFANCY = 60.0
 _IDLE_TIME_A_ROW = 0.005
 _FASTEST_EVEN = 0.05
 
@@ -329,7 +330,9 @@ class Forecaster:
                 continue
             angle, rate, trim, disturbance = attitude.x.tolist()
             angles[place, MEAN], rates[place, MEAN] = self._mean[place], 0.0
-            angles[place, RATE], rates[place, RATE] = angle + rate * self._all, rate
+            if self._last - self._begun < _INFANCY or not (place in waves or place in alone):
+                # a regression knows all that a constant rate does, once it has seen enough
+                angles[place, RATE], rates[place, RATE] = angle + rate * self._all, rate
             if attitude.has_model:
                 state = angle, rate, trim
                 step, fade = self._grid_of(axis)

@@ -9,6 +9,8 @@ _LABELS = {
     'var': 'VAR, all channels', 'gm11': 'GM(1,1)', 'bound': 'bound of its own spectrum',
 }  # fmt: skip
 
+_FEWEST_TOLD = 10
+
 
 def forecast_figure(skill):
     """Draw a `Skill`.
@@ -32,7 +34,9 @@ def forecast_figure(skill):
 
 
 def _error(axes, axis, leads, scores):
-    colours = dict(zip([n for n in scores.nrmse if n != 'forecast'], SERIES, strict=False))
+    # the forecast alone has its colour
+    others = [colour for colour in (*SERIES, MEASURED) if colour != MODEL]
+    colours = dict(zip([n for n in scores.nrmse if n != 'forecast'], others, strict=False))
     for name, values in scores.nrmse.items():
         if not np.isfinite(values).any():
             continue
@@ -83,7 +87,10 @@ def _reliability(axes, skill, scores, with_quiescence):
         if np.isfinite(held).all():
             axes.plot(LEVELS, held, 'o-', color=colour, markersize=4, linewidth=1.0, label=f'{lead:g} s')
     if with_quiescence and skill.quiescence is not None:
-        told = skill.quiescence
-        axes.plot(told.told, told.happened, 's--', color=MODEL, markersize=4, linewidth=1.0, label='quiescence')
+        told, enough = skill.quiescence, skill.quiescence.count >= _FEWEST_TOLD
+        axes.plot(
+            told.told[enough], told.happened[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
+            label='quiescence',
+        )  # fmt: skip
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='told', ylabel='held', title='reliability')
     _legend(axes)
