@@ -8,6 +8,7 @@ import yaml
 from swath_sysid.errors import InputError
 from swath_sysid.identification.refit import RefitSettings
 from swath_sysid.motion.window import WindowSettings
+from swath_sysid.nodes import parameter_tables
 from swath_sysid.nodes.parameter_tables import (
     IDENTIFIER,
     IMU_BUFFER,
@@ -79,7 +80,7 @@ def test_every_parameter_matters():
         'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7],
     }
     for node, table in TABLES.items():
-        source = ''.join(path.read_text() for path in (ROOT / 'swath_sysid' / 'nodes').glob('*.py')
+        source = ''.join(path.read_text() for path in Path(parameter_tables.__file__).parent.glob('*.py')
                          if path.stem != 'parameter_tables')
         before = SETTINGS_OF[node](defaults(table))
         for parameter in table:
