@@ -24,7 +24,7 @@ setup(
     name=NAME,
     version=MANIFEST.findtext('version'),
     description=MANIFEST.findtext('description'),
-    long_description=Path(__file__).with_name('README.md').read_text(encoding='utf-8'),
+    long_description=Path(__file__).resolve().with_name('README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     maintainer=MAINTAINER.text,
     maintainer_email=MAINTAINER.get('email'),
