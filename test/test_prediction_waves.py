@@ -1,4 +1,4 @@
-"""The regression of the waves, the combination of experts, calibration and quiescence, against oracles."""
+"""The regression of the waves, the combination of experts and calibration, against oracles."""
 import math
 
 import numpy as np
@@ -13,7 +13,6 @@ from swath_sysid.prediction.ekf import runge_kutta_step
 from swath_sysid.prediction.excitation import ExcitationSettings, fit_table, iterate, lag_matrix
 from swath_sysid.prediction.free_forecast import carry_on, longest_horizon_step, mean_moments
 from swath_sysid.prediction.history import History
-from swath_sysid.prediction.quiescence import Quiescence, QuiescenceLimits, reliability
 from swath_sysid.prediction.waves import WaveRequest, fit_waves
 
 ROLL = hull_named('swath-roll').model
@@ -171,29 +170,6 @@ def test_calibration_follows_a_change_within_a_minute():
         held.append(abs(error) <= issued[0, 1])
         calibrator.learn(np.array([error]), issued, 0.5)
     assert np.mean(held[720:]) == pytest.approx(0.9, abs=0.03)
-
-
-def test_reliability_of_true_probabilities_is_the_diagonal():
-    rng = np.random.default_rng(7)
-    told = rng.uniform(size=20000)
-    diagram = reliability(told, rng.uniform(size=told.size) < told)
-    assert np.allclose(diagram.told, diagram.happened, atol=0.04)
-    assert diagram.brier < diagram.brier_of_climate
-
-
-def test_quiescence_counts_the_members_that_stay_inside():
-    leads = np.arange(1, 11) * 0.1
-    rng = np.random.default_rng(8)
-    quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), leads)
-    motion, deviation, scale = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02), np.ones(2)
-    for k in range(400):
-        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.08 * rng.normal()))
-        told = quiet.probability(float(k), motion, deviation, scale)
-    assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
-    with pytest.raises(InputError, match='horizon'):
-        Quiescence(QuiescenceLimits(duration=9.0), leads)
-    with pytest.raises(InputError, match='roll'):
-        QuiescenceLimits(roll=-1.0)
 
 
 def _driven(duration=120.0, dt=0.1, seed=0):

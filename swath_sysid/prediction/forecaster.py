@@ -17,7 +17,7 @@ from swath_sysid.prediction.combination import Combiner
 from swath_sysid.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.prediction.free_forecast import carry_on, longest_horizon_step, spread_table
 from swath_sysid.prediction.history import History
-from swath_sysid.prediction.quiescence import Quiescence, reliability
+from swath_sysid.prediction.quiescence import Quiescence
 from swath_sysid.prediction.waves import CHANNELS, WaveRequest
 
 EXPERTS = ('mean', 'constant-rate', 'hull', 'waves', 'axis-alone', 'hull-and-waves')
@@ -227,7 +227,7 @@ class Forecaster:
         return replace(at_leads, quiescence=quiet), replace(over_horizon, quiescence=quiet)
 
     def _stays_quiet(self, horizon, activity, interval):
-        motion, deviation = np.zeros((2, self._horizon.size, len(AXES), 2))
+        motion, deviation = np.full((2, self._horizon.size, len(AXES), 2), np.nan)
         for place, axis in enumerate(AXES):
             told = horizon.axes.get(axis)
             if told is not None:
@@ -241,7 +241,7 @@ class Forecaster:
 
     def quiescence_reliability(self):
         """How the told probabilities came true so far; None where no limits are configured."""
-        return None if self._quiescence is None else reliability(self._quiescence.told, self._quiescence.happened)
+        return None if self._quiescence is None else self._quiescence.record.diagram()
 
     def _adopt(self):
         fit, self._waiting = self._waiting, None

@@ -45,6 +45,11 @@ class QuiescenceLimits:
             raise InputError('the duration of quiescence must be finite')
 
     @property
+    def any(self):
+        """Whether anything is limited."""
+        return bool(np.isfinite(self.as_array).any())
+
+    @property
     def as_array(self):
         """Shape (2, 2): axis, then angle and rate."""
         return np.array([[self.roll, self.roll_rate], [self.pitch, self.pitch_rate]])
@@ -73,29 +78,47 @@ class Reliability:
     brier_of_climate: float
 
 
-def reliability(told, happened, bins=10):
-    """The reliability diagram of probabilities and outcomes.
+class ReliabilityRecord:
+    """A reliability diagram that fills as outcomes become known; its memory does not grow.
 
     Parameters
     ----------
-    told : sequence of float
-    happened : sequence of bool
     bins : int
-
-    Returns
-    -------
-    Reliability
     """
-    told, happened = np.asarray(told, dtype=float), np.asarray(happened, dtype=float)
-    edges = np.linspace(0.0, 1.0, bins + 1)
-    place = np.minimum((told * bins).astype(int), bins - 1)
-    count = np.bincount(place, minlength=bins)
-    with np.errstate(invalid='ignore'):
-        mean_told = np.bincount(place, told, bins) / count
-        mean_happened = np.bincount(place, happened, bins) / count
-    share = happened.mean() if happened.size else math.nan
-    brier = float(np.mean((told - happened) ** 2)) if told.size else math.nan
-    return Reliability(edges, count, mean_told, mean_happened, brier, float(share * (1.0 - share)))
+
+    def __init__(self, bins=10):
+        self._edges = np.linspace(0.0, 1.0, bins + 1)
+        self._count = np.zeros(bins, dtype=int)
+        self._told, self._happened = np.zeros((2, bins))
+        self._squared_error = 0.0
+
+    def add(self, told, happened):
+        """One probability and what came of it.
+
+        Parameters
+        ----------
+        told : float
+        happened : bool
+        """
+        place = min(int(told * self._count.size), self._count.size - 1)
+        self._count[place] += 1
+        self._told[place] += told
+        self._happened[place] += happened
+        self._squared_error += (told - happened) ** 2
+
+    def diagram(self):
+        """The diagram so far.
+
+        Returns
+        -------
+        Reliability
+        """
+        known = int(self._count.sum())
+        with np.errstate(invalid='ignore'):
+            told, happened = self._told / self._count, self._happened / self._count
+        share = self._happened.sum() / known if known else math.nan
+        brier = self._squared_error / known if known else math.nan
+        return Reliability(self._edges, self._count.copy(), told, happened, brier, float(share * (1.0 - share)))
 
 
 @dataclass(frozen=True)
@@ -129,8 +152,12 @@ class Quiescence:
             )
         self._leads = leads[self._used]
         self._spacing = spacing
-        self._errors = deque(maxlen=members)
-        self.told, self.happened = [], []
+        # only what is limited can end the quiet
+        self._bounded = np.isfinite(self._limits)
+        self._bound = self._limits[self._bounded]
+        self._errors = np.zeros((members, self._leads.size, self._bound.size))
+        self._seen = 0
+        self.record = ReliabilityRecord()
         self.clear()
 
     def clear(self):
@@ -149,14 +176,13 @@ class Quiescence:
         """
         while self._pending and self._pending[0].stamp + self._leads[-1] <= now + 1e-9:
             told = self._pending.popleft()
-            actual = motion_at(told.stamp + self._leads)
-            whole = np.isfinite(actual) | ~np.isfinite(self._limits)
-            if not whole.all():
+            actual = motion_at(told.stamp + self._leads)[:, self._bounded]
+            if not np.isfinite(actual).all():
                 continue
-            self._errors.append((np.where(np.isfinite(actual), actual, 0.0) - told.motion) / told.scale[:, None])
+            self._errors[self._seen % len(self._errors)] = (actual - told.motion) / told.scale
+            self._seen += 1
             if told.probability == told.probability:
-                self.told.append(told.probability)
-                self.happened.append(bool((np.abs(actual) <= self._limits).all(where=np.isfinite(self._limits))))
+                self.record.add(told.probability, bool((np.abs(actual) <= self._bound).all()))
 
     def probability(self, now, motion, deviation, scale):
         """Probability of staying inside, for the forecast issued now.
@@ -166,23 +192,28 @@ class Quiescence:
         now : float
             s.
         motion, deviation : ndarray, shape (H, 2, 2)
-            Forecast over the whole horizon and its standard deviation; axis, then angle and rate. An axis
-            that is not measured is zero.
+            Forecast over the whole horizon and its standard deviation; axis, then angle and rate. NaN for
+            an axis that is not measured.
         scale : ndarray, shape (2,)
             Present size of the motion by axis; errors are kept relative to it.
 
         Returns
         -------
         float
+            NaN where a limited axis is not measured.
         """
-        motion, deviation = motion[self._used], deviation[self._used]
-        if len(self._errors) < _ENOUGH:
+        motion, deviation = motion[self._used][:, self._bounded], deviation[self._used][:, self._bounded]
+        scale = np.broadcast_to(scale[:, None], self._limits.shape)[self._bounded]
+        if not np.isfinite(motion).all():
+            return math.nan
+        if self._seen < _ENOUGH:
             result = self._by_marginals(motion, deviation)
         else:
-            members = motion + np.array(self._errors) * scale[:, None]
-            inside = (np.abs(members) <= self._limits).all(axis=(1, 2, 3)).sum()
+            known = min(self._seen, len(self._errors))
+            members = self._errors[:known] * scale + motion
+            inside = int((np.abs(members).max(axis=1) <= self._bound).all(axis=1).sum())
             # no count of a finite ensemble proves zero or one
-            result = float((inside + 0.5) / (len(self._errors) + 1.0))
+            result = (inside + 0.5) / (known + 1.0)
         if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
             self._pending.append(_Told(now, motion, scale, result))
         return result
@@ -190,7 +221,7 @@ class Quiescence:
     def _by_marginals(self, motion, deviation):
         # before any experience: the worst single lead, as if the errors along the horizon were one
         wide = np.maximum(deviation, 1e-12)
-        upper = ndtr((self._limits - motion) / wide)
-        lower = ndtr((-self._limits - motion) / wide)
+        upper = ndtr((self._bound - motion) / wide)
+        lower = ndtr((-self._bound - motion) / wide)
         return float(np.min(upper - lower))
 
