@@ -24,6 +24,8 @@ from swath_sysid.nodes.parameter_tables import (
     window_settings,
 )
 from swath_sysid.prediction.outlook import OutlookSettings
+from swath_sysid.prediction.predictor import PredictorSettings
+from swath_sysid.prediction.quiescence import QuiescenceLimits
 
 SETTINGS_OF = {'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': outlook_settings}
 ROOT = Path(__file__).resolve().parents[1]
@@ -36,7 +38,9 @@ def changed(node, **values):
 
 def test_the_defaults_are_those_of_the_cores():
     assert window_settings(defaults(IMU_BUFFER)) == WindowSettings()
-    assert outlook_settings(defaults(PREDICTOR)) == OutlookSettings()
+    outlook = outlook_settings(defaults(PREDICTOR))
+    limits = QuiescenceLimits(roll=radians(3.0), pitch=radians(3.0), duration=outlook.predictor.horizon)
+    assert outlook == OutlookSettings(predictor=PredictorSettings(quiescence=limits))
     found = refit_settings(defaults(IDENTIFIER))
     assert found.axes == RefitSettings().axes and found.least_improvement == RefitSettings().least_improvement
     assert found.identification.chosen_equation == RefitSettings().identification.chosen_equation
@@ -54,12 +58,17 @@ def test_what_both_hear_is_set_alike():
     ('identifier', 'objective', 'best'), ('identifier', 'search', 'magic'), ('identifier', 'population', 3),
     ('identifier', 'least_improvement', 1.5),
     ('predictor', 'leads_s', [1.0, 0.5]), ('predictor', 'leads_s', []), ('predictor', 'horizon_s', 1e6),
-    ('predictor', 'forecast_rate_hz', 0.0), ('predictor', 'gate_patience', 0),
+    ('predictor', 'forecast_rate_hz', 0.0), ('predictor', 'gate_patience', 0), ('predictor', 'quiet_roll_deg', -1.0),
 ])
 def test_what_makes_no_sense_is_refused_by_a_sentence(node, name, value):
     with pytest.raises(InputError) as refused:
         SETTINGS_OF[node](changed(node, **{name: value}))
     assert name.split('_')[0].rstrip('s') in str(refused.value)
+
+
+def test_quiet_for_longer_than_the_horizon_is_refused():
+    with pytest.raises(InputError, match='lengthen the horizon'):
+        outlook_settings(changed('predictor', quiet_for_s=7.0))
 
 
 def test_values_reach_the_settings():
@@ -77,7 +86,7 @@ def test_every_parameter_matters():
     """No option does nothing: a changed value changes the settings, or the node reads it by name."""
     others = {
         'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0], 'axes': ['roll'], 'equation': 'swath-pitch-1',
-        'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7],
+        'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7], 'quiet_for_s': 3.0,
     }
     for node, table in TABLES.items():
         source = ''.join(path.read_text() for path in Path(parameter_tables.__file__).parent.glob('*.py')

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from swath_sysid.errors import InputError
+from swath_sysid.prediction.predictor import PredictorSettings
 from swath_sysid.prediction.quiescence import Quiescence, QuiescenceLimits, ReliabilityRecord
 
 LEADS = np.arange(1, 11) * 0.1
@@ -32,31 +33,33 @@ def test_a_diagram_without_outcomes_is_unknown():
 def test_quiescence_counts_the_members_that_stay_inside():
     rng = np.random.default_rng(8)
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
-    motion, deviation, scale = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02), np.ones(2)
+    motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
     for k in range(400):
         quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.08 * rng.normal()))
-        told = quiet.probability(float(k), motion, deviation, scale)
+        told = quiet.probability(float(k), motion, deviation)
     assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
 
 
-def test_errors_count_in_the_motions_present_size():
+def test_errors_count_in_the_deviation_told_with_them():
     rng = np.random.default_rng(9)
     quiet = Quiescence(QuiescenceLimits(pitch=0.1, duration=1.0), LEADS)
     motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
     for k in range(400):
         quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.02 * rng.normal()))
-        told = quiet.probability(float(k), motion, deviation, np.ones(2))
+        told = quiet.probability(float(k), motion, deviation)
     assert told > 0.99
-    rough = quiet.probability(400.0, motion, deviation, np.array([1.0, 8.0]))
+    deviation[:, 1] *= 8.0
+    rough = quiet.probability(400.0, motion, deviation)
     assert rough == pytest.approx(math.erf(0.1 / 0.16 / math.sqrt(2.0)), abs=0.08)
-    assert quiet.probability(401.0, motion, deviation, np.array([8.0, 1.0])) == pytest.approx(told, abs=0.01)
+    deviation[:, 0] *= 8.0
+    assert quiet.probability(401.0, motion, deviation) == pytest.approx(rough, abs=0.01)
 
 
 def test_before_any_experience_the_worst_lead_decides():
     quiet = Quiescence(QuiescenceLimits(roll_rate=0.2, duration=1.0), LEADS)
     deviation = np.full((10, 2, 2), 0.1)
     deviation[4, 0, 1] = 0.2
-    assert quiet.probability(0.0, np.zeros((10, 2, 2)), deviation, np.ones(2)) == pytest.approx(
+    assert quiet.probability(0.0, np.zeros((10, 2, 2)), deviation) == pytest.approx(
         math.erf(1.0 / math.sqrt(2.0))
     )
 
@@ -65,14 +68,26 @@ def test_a_limited_axis_that_is_not_measured_leaves_the_probability_unknown():
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
     motion = np.zeros((10, 2, 2))
     motion[:, 1] = math.nan
-    assert quiet.probability(0.0, motion, np.full((10, 2, 2), 0.02), np.ones(2)) > 0.99
+    assert quiet.probability(0.0, motion, np.full((10, 2, 2), 0.02)) > 0.99
     motion[:, 0] = math.nan
-    assert math.isnan(quiet.probability(1.0, motion, np.full((10, 2, 2), 0.02), np.ones(2)))
+    assert math.isnan(quiet.probability(1.0, motion, np.full((10, 2, 2), 0.02)))
+
+
+def test_other_limits_are_served_by_what_was_learnt():
+    rng = np.random.default_rng(10)
+    quiet = Quiescence(QuiescenceLimits(duration=1.0), LEADS)
+    motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
+    for k in range(400):
+        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.08 * rng.normal()))
+        assert math.isnan(quiet.probability(float(k), motion, deviation))
+    quiet.set_limits(QuiescenceLimits(roll=0.1, duration=1.0))
+    told = quiet.probability(400.0, motion, deviation)
+    assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
 
 
 def test_impossible_limits_are_refused():
-    with pytest.raises(InputError, match='horizon'):
-        Quiescence(QuiescenceLimits(duration=9.0), LEADS)
+    for duration in (9.0, 0.05):
+        with pytest.raises(InputError, match='horizon'):
+            PredictorSettings(quiescence=QuiescenceLimits(duration=duration))
     with pytest.raises(InputError, match='roll'):
         QuiescenceLimits(roll=-1.0)
-    assert not QuiescenceLimits().any and QuiescenceLimits(pitch=1.0).any

@@ -12,10 +12,10 @@ from swath_sysid.files.atomic import replacing
 from swath_sysid.files.model_file import model_to_yaml
 from swath_sysid.identification.refit import COEFFICIENT_NAMES, coefficients
 from swath_sysid.motion.window import COLUMNS
-from swath_sysid.prediction.outlook import HORIZON_TOPIC, NEXT_TOPIC, NOT_GIVEN, lead_topic
+from swath_sysid.prediction.outlook import HORIZON_TOPIC, NEXT_TOPIC, NOT_GIVEN, QUIESCENCE_TOPIC, lead_topic
 
 IMU, TRAJECTORY, CLOUD = 'sensor_msgs/msg/Imu', 'trajectory_msgs/msg/JointTrajectory', 'sensor_msgs/msg/PointCloud2'
-STRING, ARRAY = 'std_msgs/msg/String', 'std_msgs/msg/Float64MultiArray'
+STRING, ARRAY, FLOAT = 'std_msgs/msg/String', 'std_msgs/msg/Float64MultiArray', 'std_msgs/msg/Float32'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 
 IMU_TOPIC = 'imu/data'
@@ -107,6 +107,8 @@ class OutputBag:
             self.add_attitude(lead_topic(lead), time_ns, forecast)
         if outlook.horizon is not None:
             self.add_horizon(time_ns, outlook.horizon)
+        if outlook.quiescence is not None:
+            self._serialise(QUIESCENCE_TOPIC, FLOAT, time_ns, self._types[FLOAT](data=outlook.quiescence))
         if played.window is not None:
             self.add_window(time_ns, played.window)
 

@@ -4,7 +4,7 @@ Nothing here needs ROS: the same tables make the nodes' declarations, the config
 documentation, and the settings of the cores.
 """
 from dataclasses import dataclass
-from math import radians
+from math import inf, radians
 from pathlib import Path
 
 import yaml
@@ -20,6 +20,7 @@ from swath_sysid.motion.window import WindowSettings
 from swath_sysid.prediction.ekf import FilterSettings
 from swath_sysid.prediction.outlook import OutlookSettings
 from swath_sysid.prediction.predictor import PredictorSettings
+from swath_sysid.prediction.quiescence import QuiescenceLimits
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,22 @@ PREDICTOR = (
         'waves_refit_interval_s', PredictorSettings().refit_interval, 'Least time between fits of the waves, which run '
         'in the background', 's', 1.0, 600.0, read_only=True,
     ),
+    *(
+        NodeParameter(
+            f'quiet_{axis}_deg', 3.0, f'Largest {axis} either way of a quiet craft, for the probability on '
+            'forecast/quiescence; 0: does not matter', 'deg', 0.0, 180.0,
+        ) for axis in AXES
+    ),
+    *(
+        NodeParameter(
+            f'quiet_{axis}_rate_deg_s', 0.0, f'Largest {axis} rate either way of a quiet craft; 0: does not matter',
+            'deg/s', 0.0, 1000.0,
+        ) for axis in AXES
+    ),
+    NodeParameter(
+        'quiet_for_s', 0.0, 'For so long from now the craft is to stay quiet, at most horizon_s; 0: horizon_s', 's',
+        0.0, 120.0, read_only=True,
+    ),
     NodeParameter(
         'loading', 0.0, 'Draft or displacement the craft floats at, in the unit its model is scheduled on; '
         '0: as told on craft/loading, or not known', '', 0.0, 1e9,
@@ -273,7 +290,20 @@ def outlook_settings(values):
             window=values['waves_window_s'],
             refit_interval=values['waves_refit_interval_s'],
             first_refit=values['waves_first_fit_s'],
+            quiescence=quiescence_limits(values),
         ),
+    )
+
+
+def quiescence_limits(values):
+    """What predictor takes for a quiet craft; see `window_settings`."""
+    def limit(name):
+        return radians(values[name]) or inf
+
+    return QuiescenceLimits(
+        *(limit(f'quiet_{axis}_deg') for axis in AXES),
+        *(limit(f'quiet_{axis}_rate_deg_s') for axis in AXES),
+        duration=values['quiet_for_s'] or values['horizon_s'],
     )
 
 

@@ -5,7 +5,7 @@ from time import perf_counter
 
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
-from std_msgs.msg import Float64, String
+from std_msgs.msg import Float32, Float64, String
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.errors import InputError
@@ -25,7 +25,14 @@ from swath_sysid.nodes.parameter_tables import PREDICTOR, outlook_settings
 from swath_sysid.nodes.parameters import NodeParameters
 from swath_sysid.nodes.spinning import events_executor, run
 from swath_sysid.nodes.worker import Worker
-from swath_sysid.prediction.outlook import HORIZON_TOPIC, NEXT_TOPIC, Outlook, lead_topic, warm_up
+from swath_sysid.prediction.outlook import (
+    HORIZON_TOPIC,
+    NEXT_TOPIC,
+    QUIESCENCE_TOPIC,
+    Outlook,
+    lead_topic,
+    warm_up,
+)
 from swath_sysid.prediction.waves import fit_waves
 
 
@@ -34,7 +41,7 @@ class Predictor(Node):
 
     def __init__(self):
         super().__init__('predictor')
-        self.parameters = NodeParameters(self, PREDICTOR, outlook_settings, lambda _: self._load())
+        self.parameters = NodeParameters(self, PREDICTOR, outlook_settings, self._on_parameters)
         self.outlook = Outlook(self.parameters.settings)
         self.health = PredictorHealth('imu/data', self.outlook)
         self._message = AttitudeMessage(self.parameters['frame_id'])
@@ -44,6 +51,7 @@ class Predictor(Node):
             for lead in self.parameters['leads_s']
         }
         self._horizon = watched_publisher(self, JointTrajectory, HORIZON_TOPIC, NEWEST, self.health)
+        self._quiescence = watched_publisher(self, Float32, QUIESCENCE_TOPIC, NEWEST, self.health)
         self._described = {}, {}
         self._told_loading = None
         watched_subscription(self, String, 'model/description', self._on_model, LATCHED, self.health)
@@ -71,6 +79,8 @@ class Predictor(Node):
             self._leads[lead].publish(self._message.filled(forecast))
         if step.horizon is not None:
             self._horizon.publish(horizon_message(step.horizon, self.parameters['frame_id']))
+        if step.quiescence is not None:
+            self._quiescence.publish(Float32(data=step.quiescence))
         if step.waves is not None and not self._fitting:
             self._fitting = True
             # the end comes in the worker's thread: a deque hands it over to this one
@@ -106,6 +116,10 @@ class Predictor(Node):
             self._told_loading = before
             self.health.note(BAD_LOADING)
             self.get_logger().error(f'{error}; the loading before it stays')
+
+    def _on_parameters(self, settings):
+        self.outlook.predictor.set_quiescence(settings.predictor.quiescence)
+        self._load()
 
     def _load(self):
         """Hand on the models at the present loading; the filters keep their state."""

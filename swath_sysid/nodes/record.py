@@ -21,6 +21,7 @@ OURS = {
     'model/coefficients': 'std_msgs/msg/Float64MultiArray',
     'forecast/next': 'sensor_msgs/msg/Imu',
     'forecast/horizon': 'trajectory_msgs/msg/JointTrajectory',
+    'forecast/quiescence': 'std_msgs/msg/Float32',
     'identifier/progress': 'std_msgs/msg/Float32',
     'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
 }

@@ -223,10 +223,10 @@ class Forecaster:
         at_leads, over_horizon = self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles, spread)
         if self._quiescence is None:
             return at_leads, over_horizon
-        quiet = self._stays_quiet(over_horizon, activity, interval)
+        quiet = self._stays_quiet(over_horizon, interval)
         return replace(at_leads, quiescence=quiet), replace(over_horizon, quiescence=quiet)
 
-    def _stays_quiet(self, horizon, activity, interval):
+    def _stays_quiet(self, horizon, interval):
         motion, deviation = np.full((2, self._horizon.size, len(AXES), 2), np.nan)
         for place, axis in enumerate(AXES):
             told = horizon.axes.get(axis)
@@ -237,7 +237,11 @@ class Forecaster:
         self._quiescence.learn(
             horizon.stamp, lambda stamps: self._history.at(stamps, tolerance)[:, [[7, 2], [8, 3]]]
         )
-        return self._quiescence.probability(horizon.stamp, motion, deviation, activity)
+        return self._quiescence.probability(horizon.stamp, motion, deviation)
+
+    def set_quiescence(self, limits):
+        """Other limits of quiescence over the same duration."""
+        self._quiescence.set_limits(limits)
 
     def quiescence_reliability(self):
         """How the told probabilities came true so far; None where no limits are configured."""

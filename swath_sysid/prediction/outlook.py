@@ -33,6 +33,7 @@ OUTLOOK_REASONS = (*(reason for reason in STAMP_REASONS if reason not in COUNTED
 
 NEXT_TOPIC = 'forecast/next'
 HORIZON_TOPIC = 'forecast/horizon'
+QUIESCENCE_TOPIC = 'forecast/quiescence'
 HORIZON_COLUMNS = tuple(f'{axis}{kind}' for axis in AXES for kind in ('', '_std'))
 
 
@@ -134,6 +135,12 @@ class OutlookStep:
     horizon: HorizonForecast | None = None
     waves: WaveRequest | None = None
     predicted: Step | None = None
+
+    @property
+    def quiescence(self):
+        """For ``forecast/quiescence``: the probability; None where none is known, or it is not due."""
+        horizon = None if self.predicted is None else self.predicted.horizon
+        return None if horizon is None or horizon.quiescence != horizon.quiescence else horizon.quiescence
 
 
 class Outlook:

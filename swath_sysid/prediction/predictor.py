@@ -136,6 +136,11 @@ class PredictorSettings:
                 raise InputError(f'{name} must be positive, not {getattr(self, name)}')
         if self.horizon < self.horizon_step:
             raise InputError('horizon must be at least one horizon_step')
+        if self.quiescence is not None and not self.horizon_step <= self.quiescence.duration <= self.horizon:
+            raise InputError(
+                f'quiescence over {self.quiescence.duration:g} s needs a horizon at least as long ({self.horizon:g} s) '
+                f'and steps no longer ({self.horizon_step:g} s): lengthen the horizon or shorten the duration'
+            )
         if not self.refit_delay >= 0.0:
             raise InputError(f'refit_delay must not be negative, not {self.refit_delay}')
 
@@ -385,6 +390,15 @@ class Predictor:
                 angle, rate, covariance = attitude.ahead(lead)
                 axes[axis] = AxisForecast.normal(np.array([angle]), np.array([rate]), covariance[None])
         return Forecast(stamp, np.array([lead]), axes)
+
+    def set_quiescence(self, limits):
+        """Ask for the probability of keeping other limits, over the duration that was configured.
+
+        Parameters
+        ----------
+        limits : QuiescenceLimits
+        """
+        self._forecaster.set_quiescence(limits)
 
     def quiescence_reliability(self):
         """How the told probabilities of quiescence came true so far.

@@ -1,13 +1,13 @@
 """How probable it is that the craft stays quiet: for launch, recovery and landing on deck.
 
 Errors of one forecast are correlated along the horizon, so that probabilities of single leads cannot
-be multiplied.  Past error trajectories, whole horizons of both axes, are laid over the present
-forecast instead (a causal ensemble, as in ensemble dressing: Roulston and Smith 2003), and the
-members that stay inside are counted.
+be multiplied.  Past error trajectories, whole horizons of both axes, each over the deviation that was
+told with it, are laid over the present forecast instead (a causal ensemble, as in ensemble dressing:
+Roulston and Smith 2003), and the members that stay inside are counted.
 """
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
@@ -15,6 +15,7 @@ from scipy.special import ndtr
 from swath_sysid.errors import InputError
 
 _ENOUGH = 30
+_LEAST_DEVIATION = 1e-6
 
 
 @dataclass(frozen=True)
@@ -43,11 +44,6 @@ class QuiescenceLimits:
                 raise InputError(f'the quiescence limit {name} must be positive, not {value}')
         if not math.isfinite(self.duration):
             raise InputError('the duration of quiescence must be finite')
-
-    @property
-    def any(self):
-        """Whether anything is limited."""
-        return bool(np.isfinite(self.as_array).any())
 
     @property
     def as_array(self):
@@ -125,7 +121,7 @@ class ReliabilityRecord:
 class _Told:
     stamp: float
     motion: np.ndarray
-    scale: np.ndarray
+    deviation: np.ndarray
     probability: float
 
 
@@ -136,7 +132,7 @@ class Quiescence:
     ----------
     limits : QuiescenceLimits
     leads : ndarray, shape (H,)
-        Of the horizon, s; those up to the duration are used.
+        Of the horizon, s; those up to the duration are used, and one at least must be.
     members : int
         Past error trajectories kept.
     spacing : float
@@ -144,21 +140,27 @@ class Quiescence:
     """
 
     def __init__(self, limits, leads, members=300, spacing=1.0):
-        self._limits = limits.as_array
         self._used = leads <= limits.duration + 1e-9
-        if not self._used.any() or leads[-1] < limits.duration - 1e-9:
-            raise InputError(
-                f'quiescence over {limits.duration} s needs a horizon at least as long: lengthen the horizon'
-            )
         self._leads = leads[self._used]
         self._spacing = spacing
-        # only what is limited can end the quiet
-        self._bounded = np.isfinite(self._limits)
-        self._bound = self._limits[self._bounded]
-        self._errors = np.zeros((members, self._leads.size, self._bound.size))
+        self._errors = np.full((members, self._leads.size, *limits.as_array.shape), math.nan)
         self._seen = 0
-        self.record = ReliabilityRecord()
         self.clear()
+        self.set_limits(limits)
+
+    def set_limits(self, limits):
+        """Take other limits; the duration stays, and what was learnt of the forecasts serves them at once.
+
+        Parameters
+        ----------
+        limits : QuiescenceLimits
+        """
+        whole = limits.as_array
+        # only what is limited can end the quiet
+        self._bounded = np.isfinite(whole)
+        self._bound = whole[self._bounded]
+        self.record = ReliabilityRecord()
+        self._pending = deque(replace(told, probability=math.nan) for told in self._pending)
 
     def clear(self):
         """Forget forecasts that have not come true yet."""
@@ -176,15 +178,14 @@ class Quiescence:
         """
         while self._pending and self._pending[0].stamp + self._leads[-1] <= now + 1e-9:
             told = self._pending.popleft()
-            actual = motion_at(told.stamp + self._leads)[:, self._bounded]
-            if not np.isfinite(actual).all():
-                continue
-            self._errors[self._seen % len(self._errors)] = (actual - told.motion) / told.scale
+            actual = motion_at(told.stamp + self._leads)
+            self._errors[self._seen % len(self._errors)] = (actual - told.motion) / told.deviation
             self._seen += 1
-            if told.probability == told.probability:
+            actual = actual[:, self._bounded]
+            if told.probability == told.probability and np.isfinite(actual).all():
                 self.record.add(told.probability, bool((np.abs(actual) <= self._bound).all()))
 
-    def probability(self, now, motion, deviation, scale):
+    def probability(self, now, motion, deviation):
         """Probability of staying inside, for the forecast issued now.
 
         Parameters
@@ -194,33 +195,39 @@ class Quiescence:
         motion, deviation : ndarray, shape (H, 2, 2)
             Forecast over the whole horizon and its standard deviation; axis, then angle and rate. NaN for
             an axis that is not measured.
-        scale : ndarray, shape (2,)
-            Present size of the motion by axis; errors are kept relative to it.
 
         Returns
         -------
         float
-            NaN where a limited axis is not measured.
+            NaN where nothing is limited, or what is limited is not measured.
         """
-        motion, deviation = motion[self._used][:, self._bounded], deviation[self._used][:, self._bounded]
-        scale = np.broadcast_to(scale[:, None], self._limits.shape)[self._bounded]
-        if not np.isfinite(motion).all():
-            return math.nan
-        if self._seen < _ENOUGH:
-            result = self._by_marginals(motion, deviation)
-        else:
-            known = min(self._seen, len(self._errors))
-            members = self._errors[:known] * scale + motion
-            inside = int((np.abs(members).max(axis=1) <= self._bound).all(axis=1).sum())
-            # no count of a finite ensemble proves zero or one
-            result = (inside + 0.5) / (known + 1.0)
+        motion, deviation = motion[self._used], np.maximum(deviation[self._used], _LEAST_DEVIATION)
+        result = math.nan
+        if self._bound.size and np.isfinite(motion[:, self._bounded]).all():
+            result = self._by_members(motion, deviation)
+            if result is None:
+                result = self._by_marginals(motion, deviation)
         if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
-            self._pending.append(_Told(now, motion, scale, result))
+            self._pending.append(_Told(now, motion, deviation, result))
         return result
+
+    def _by_members(self, motion, deviation):
+        """None before enough is known."""
+        known = self._errors[:min(self._seen, len(self._errors))]
+        inside = np.ones(len(known), dtype=bool)
+        complete = inside.copy()
+        for (axis, kind), bound in zip(np.argwhere(self._bounded), self._bound, strict=True):
+            members = known[:, :, axis, kind] * deviation[:, axis, kind] + motion[:, axis, kind]
+            largest = np.abs(members).max(axis=1)
+            complete &= np.isfinite(largest)
+            inside &= largest <= bound
+        count = int(complete.sum())
+        # no count of a finite ensemble proves zero or one
+        return (int(inside.sum()) + 0.5) / (count + 1.0) if count >= _ENOUGH else None
 
     def _by_marginals(self, motion, deviation):
         # before any experience: the worst single lead, as if the errors along the horizon were one
-        wide = np.maximum(deviation, 1e-12)
+        motion, wide = motion[:, self._bounded], deviation[:, self._bounded]
         upper = ndtr((self._bound - motion) / wide)
         lower = ndtr((-self._bound - motion) / wide)
         return float(np.min(upper - lower))

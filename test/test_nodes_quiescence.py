@@ -1,0 +1,49 @@
+"""The probability of staying quiet over DDS: told with every forecast, by limits that can be changed at once."""
+import math
+from itertools import islice
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from imu_stream import EPOCH_NS, reading  # noqa: E402
+from live_bench import RELIABLE, Bench, running, start_together, wait_for  # noqa: E402
+from std_msgs.msg import Float32  # noqa: E402
+
+pytestmark = pytest.mark.dds
+
+PERIOD_S = 4.0
+AMPLITUDE = math.radians(2.0)
+
+
+def test_quiescence_is_told_for_the_limits_of_now():
+    bench = Bench()
+    heard = []
+    bench.node.create_subscription(Float32, 'forecast/quiescence', lambda m: heard.append(m.data), RELIABLE)
+    stamps = iter(range(EPOCH_NS, 10 * EPOCH_NS, 20_000_000))
+
+    def swing(count):
+        frequency = 2.0 * math.pi / PERIOD_S
+        readings = []
+        for stamp in islice(stamps, count):
+            phase = frequency * (stamp - EPOCH_NS) * 1e-9
+            roll, rate = AMPLITUDE * math.sin(phase), AMPLITUDE * frequency * math.cos(phase)
+            readings.append(reading(stamp, roll, roll_rate=rate))
+        bench.send(readings)
+        bench.wait_for_forecast_after(stamp)
+
+    with running(bench, start_together()):
+        swing(2500)
+        wait_for(lambda: len(heard) > 50, 'probabilities')
+        assert heard[-1] > 0.9
+        assert bench.set_parameters('predictor', quiet_roll_deg=1.0) == []
+        before = len(heard)
+        swing(100)
+        wait_for(lambda: len(heard) > before + 5, 'probabilities of the new limit')
+        assert heard[-1] < 0.1
+        assert bench.set_parameters('predictor', quiet_roll_deg=0.0, quiet_pitch_deg=0.0) == []
+        swing(20)
+        before = len(heard)
+        swing(100)
+        assert len(heard) <= before + 1
+    bench.close()
