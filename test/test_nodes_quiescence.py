@@ -13,7 +13,7 @@ from std_msgs.msg import Float32  # noqa: E402
 pytestmark = pytest.mark.dds
 
 PERIOD_S = 4.0
-AMPLITUDE = math.radians(2.0)
+AMPLITUDE = math.radians(0.2)
 
 
 def test_quiescence_is_told_for_the_limits_of_now():
@@ -36,7 +36,7 @@ def test_quiescence_is_told_for_the_limits_of_now():
         swing(2500)
         wait_for(lambda: len(heard) > 50, 'probabilities')
         assert heard[-1] > 0.9
-        assert bench.set_parameters('predictor', quiet_roll_deg=1.0) == []
+        assert bench.set_parameters('predictor', quiet_roll_deg=0.05) == []
         before = len(heard)
         swing(100)
         wait_for(lambda: len(heard) > before + 5, 'probabilities of the new limit')

@@ -9,6 +9,7 @@ from swath_sysid.prediction.predictor import PredictorSettings
 from swath_sysid.prediction.quiescence import Quiescence, QuiescenceLimits, ReliabilityRecord
 
 LEADS = np.arange(1, 11) * 0.1
+ONES = np.ones(2)
 
 
 def test_reliability_of_true_probabilities_is_the_diagonal():
@@ -36,30 +37,42 @@ def test_quiescence_counts_the_members_that_stay_inside():
     motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
     for k in range(400):
         quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.08 * rng.normal()))
-        told = quiet.probability(float(k), motion, deviation)
+        told = quiet.probability(float(k), motion, deviation, ONES)
     assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
 
 
-def test_errors_count_in_the_deviation_told_with_them():
+def test_errors_count_in_the_size_of_the_motion():
     rng = np.random.default_rng(9)
     quiet = Quiescence(QuiescenceLimits(pitch=0.1, duration=1.0), LEADS)
     motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
     for k in range(400):
         quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.02 * rng.normal()))
-        told = quiet.probability(float(k), motion, deviation)
+        told = quiet.probability(float(k), motion, deviation, ONES)
     assert told > 0.99
-    deviation[:, 1] *= 8.0
-    rough = quiet.probability(400.0, motion, deviation)
-    assert rough == pytest.approx(math.erf(0.1 / 0.16 / math.sqrt(2.0)), abs=0.08)
-    deviation[:, 0] *= 8.0
-    assert quiet.probability(401.0, motion, deviation) == pytest.approx(rough, abs=0.01)
+    for k in range(400, 900):
+        unchanged = quiet.probability(float(k), motion, deviation, np.array([8.0, 1.0]))
+    assert unchanged == told
+    for k in range(900, 1400):
+        rough = quiet.probability(float(k), motion, deviation, np.array([1.0, 8.0]))
+    assert rough == pytest.approx(math.erf(0.1 / 0.16 / math.sqrt(2.0)), abs=0.1)
+
+
+def test_older_forecasts_count_less_while_little_is_known():
+    rng = np.random.default_rng(11)
+    quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
+    motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
+    for k in range(120):
+        spread = 0.5 if k < 50 else 0.01
+        quiet.learn(float(k), lambda stamps, s=spread: np.full((stamps.size, 2, 2), s * rng.normal()))
+        told = quiet.probability(float(k), motion, deviation, ONES)
+    assert told > 0.98
 
 
 def test_before_any_experience_the_worst_lead_decides():
     quiet = Quiescence(QuiescenceLimits(roll_rate=0.2, duration=1.0), LEADS)
     deviation = np.full((10, 2, 2), 0.1)
     deviation[4, 0, 1] = 0.2
-    assert quiet.probability(0.0, np.zeros((10, 2, 2)), deviation) == pytest.approx(
+    assert quiet.probability(0.0, np.zeros((10, 2, 2)), deviation, ONES) == pytest.approx(
         math.erf(1.0 / math.sqrt(2.0))
     )
 
@@ -68,9 +81,9 @@ def test_a_limited_axis_that_is_not_measured_leaves_the_probability_unknown():
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
     motion = np.zeros((10, 2, 2))
     motion[:, 1] = math.nan
-    assert quiet.probability(0.0, motion, np.full((10, 2, 2), 0.02)) > 0.99
+    assert quiet.probability(0.0, motion, np.full((10, 2, 2), 0.02), ONES) > 0.99
     motion[:, 0] = math.nan
-    assert math.isnan(quiet.probability(1.0, motion, np.full((10, 2, 2), 0.02)))
+    assert math.isnan(quiet.probability(1.0, motion, np.full((10, 2, 2), 0.02), ONES))
 
 
 def test_other_limits_are_served_by_what_was_learnt():
@@ -79,9 +92,9 @@ def test_other_limits_are_served_by_what_was_learnt():
     motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
     for k in range(400):
         quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.08 * rng.normal()))
-        assert math.isnan(quiet.probability(float(k), motion, deviation))
+        assert math.isnan(quiet.probability(float(k), motion, deviation, ONES))
     quiet.set_limits(QuiescenceLimits(roll=0.1, duration=1.0))
-    told = quiet.probability(400.0, motion, deviation)
+    told = quiet.probability(400.0, motion, deviation, ONES)
     assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
 
 

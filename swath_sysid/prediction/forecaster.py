@@ -223,10 +223,10 @@ class Forecaster:
         at_leads, over_horizon = self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles, spread)
         if self._quiescence is None:
             return at_leads, over_horizon
-        quiet = self._stays_quiet(over_horizon, interval)
+        quiet = self._stays_quiet(over_horizon, activity, interval)
         return replace(at_leads, quiescence=quiet), replace(over_horizon, quiescence=quiet)
 
-    def _stays_quiet(self, horizon, interval):
+    def _stays_quiet(self, horizon, activity, interval):
         motion, deviation = np.full((2, self._horizon.size, len(AXES), 2), np.nan)
         for place, axis in enumerate(AXES):
             told = horizon.axes.get(axis)
@@ -237,7 +237,7 @@ class Forecaster:
         self._quiescence.learn(
             horizon.stamp, lambda stamps: self._history.at(stamps, tolerance)[:, [[7, 2], [8, 3]]]
         )
-        return self._quiescence.probability(horizon.stamp, motion, deviation)
+        return self._quiescence.probability(horizon.stamp, motion, deviation, activity)
 
     def set_quiescence(self, limits):
         """Other limits of quiescence over the same duration."""

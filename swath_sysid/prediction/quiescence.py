@@ -1,9 +1,9 @@
 """How probable it is that the craft stays quiet: for launch, recovery and landing on deck.
 
 Errors of one forecast are correlated along the horizon, so that probabilities of single leads cannot
-be multiplied.  Past error trajectories, whole horizons of both axes, each over the deviation that was
-told with it, are laid over the present forecast instead (a causal ensemble, as in ensemble dressing:
-Roulston and Smith 2003), and the members that stay inside are counted.
+be multiplied.  Past error trajectories, whole horizons of both axes, each over the size of the motion
+then, are laid over the present forecast instead (a causal ensemble, as in ensemble dressing: Roulston
+and Smith 2003), and the members that stay inside are counted.
 """
 import math
 from collections import deque
@@ -15,7 +15,8 @@ from scipy.special import ndtr
 from swath_sysid.errors import InputError
 
 _ENOUGH = 30
-_LEAST_DEVIATION = 1e-6
+_SIZE_MEMORY = 60.0
+"""s; a shorter one follows groups of waves, in which the errors grow less than the motion does."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class ReliabilityRecord:
 class _Told:
     stamp: float
     motion: np.ndarray
-    deviation: np.ndarray
+    size: np.ndarray
     probability: float
 
 
@@ -143,7 +144,8 @@ class Quiescence:
         self._used = leads <= limits.duration + 1e-9
         self._leads = leads[self._used]
         self._spacing = spacing
-        self._errors = np.full((members, self._leads.size, *limits.as_array.shape), math.nan)
+        self._errors = np.full((*limits.as_array.shape, members, self._leads.size), math.nan)
+        self._members = members
         self._seen = 0
         self.clear()
         self.set_limits(limits)
@@ -165,6 +167,8 @@ class Quiescence:
     def clear(self):
         """Forget forecasts that have not come true yet."""
         self._pending = deque()
+        self._last = math.nan
+        self._square = np.zeros(2)
 
     def learn(self, now, motion_at):
         """Take in the error trajectories that have become known.
@@ -179,13 +183,14 @@ class Quiescence:
         while self._pending and self._pending[0].stamp + self._leads[-1] <= now + 1e-9:
             told = self._pending.popleft()
             actual = motion_at(told.stamp + self._leads)
-            self._errors[self._seen % len(self._errors)] = (actual - told.motion) / told.deviation
+            error = (actual - told.motion) / told.size[:, None]
+            self._errors[:, :, self._seen % self._members] = np.moveaxis(error, 0, -1)
             self._seen += 1
             actual = actual[:, self._bounded]
             if told.probability == told.probability and np.isfinite(actual).all():
                 self.record.add(told.probability, bool((np.abs(actual) <= self._bound).all()))
 
-    def probability(self, now, motion, deviation):
+    def probability(self, now, motion, deviation, activity):
         """Probability of staying inside, for the forecast issued now.
 
         Parameters
@@ -195,29 +200,41 @@ class Quiescence:
         motion, deviation : ndarray, shape (H, 2, 2)
             Forecast over the whole horizon and its standard deviation; axis, then angle and rate. NaN for
             an axis that is not measured.
+        activity : ndarray, shape (2,)
+            Present size of the motion by axis, rad; positive.
 
         Returns
         -------
         float
             NaN where nothing is limited, or what is limited is not measured.
         """
-        motion, deviation = motion[self._used], np.maximum(deviation[self._used], _LEAST_DEVIATION)
+        motion = motion[self._used]
+        size = self._follow_size(now, activity)
         result = math.nan
         if self._bound.size and np.isfinite(motion[:, self._bounded]).all():
-            result = self._by_members(motion, deviation)
+            result = self._by_members(motion, size)
             if result is None:
-                result = self._by_marginals(motion, deviation)
+                result = self._by_marginals(motion, deviation[self._used])
         if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
-            self._pending.append(_Told(now, motion, deviation, result))
+            self._pending.append(_Told(now, motion, size, result))
         return result
 
-    def _by_members(self, motion, deviation):
+    def _follow_size(self, now, activity):
+        """Size of the motion lately, shape (2,)."""
+        elapsed, self._last = now - self._last, now
+        gain = elapsed / (_SIZE_MEMORY + elapsed) if elapsed > 0.0 else 1.0
+        self._square = self._square + gain * (activity * activity - self._square)
+        return np.sqrt(self._square)
+
+    def _by_members(self, motion, size):
         """None before enough is known."""
-        known = self._errors[:min(self._seen, len(self._errors))]
-        inside = np.ones(len(known), dtype=bool)
+        # forecasts grow better as the sea is learnt: while little is known, its older half is left out
+        count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
+        known = np.arange(self._seen - count, self._seen) % self._members
+        inside = np.ones(count, dtype=bool)
         complete = inside.copy()
         for (axis, kind), bound in zip(np.argwhere(self._bounded), self._bound, strict=True):
-            members = known[:, :, axis, kind] * deviation[:, axis, kind] + motion[:, axis, kind]
+            members = self._errors[axis, kind][known] * size[axis] + motion[:, axis, kind]
             largest = np.abs(members).max(axis=1)
             complete &= np.isfinite(largest)
             inside &= largest <= bound
@@ -227,7 +244,7 @@ class Quiescence:
 
     def _by_marginals(self, motion, deviation):
         # before any experience: the worst single lead, as if the errors along the horizon were one
-        motion, wide = motion[:, self._bounded], deviation[:, self._bounded]
+        motion, wide = motion[:, self._bounded], np.maximum(deviation[:, self._bounded], 1e-12)
         upper = ndtr((self._bound - motion) / wide)
         lower = ndtr((-self._bound - motion) / wide)
         return float(np.min(upper - lower))
