@@ -266,3 +266,37 @@ def test_mixed_inputs_are_refused(force_runs):
         identify_manoeuvring([force_runs[0], replace(force_runs[1], thrust_input=COMMAND)], validation=())
     with pytest.raises(InputError, match='no run'):
         identify_manoeuvring([])
+
+
+def test_each_run_has_its_own_current():
+    """Runs of two days, with opposite currents: found run by run, also of the runs held out."""
+    days = [(0.2, 0.1), (-0.15, 0.12)]
+    programme = trial_programme(OLD)
+    names = ['speed_up', 'turns_slow', 'turns_fast', 'zigzag_10', 'zigzag_20', 'mixed']
+    truth = [days[k % 2] for k in range(len(names))]
+    trials = [
+        trial_of(with_noise(_drifting(programme[name], current), SensorNoise(), 40 + k), name)
+        for k, (name, current) in enumerate(zip(names, truth, strict=True))
+    ]
+    runs = prepare_all(trials)
+    found = identify_manoeuvring(runs[:4], ManoeuvringSettings(**QUICK), runs[4:])
+    assert found.has_currents_by_run
+    assert 'current-by-run' in codes(found)
+    assert np.allclose(found.currents, truth[:4], atol=0.05)
+    assert np.allclose(found.validation_currents, truth[4:], atol=0.05)
+    inside(found, OLD)
+    assert found.validation.r2['surge'] > 0.97
+    plain = identify_manoeuvring(runs[:4], ManoeuvringSettings(**QUICK, current='none'), runs[4:])
+    assert not plain.has_currents_by_run
+    assert plain.validation.r2['surge'] < found.validation.r2['surge']
+
+
+def _drifting(manoeuvre, current):
+    """The manoeuvre in a current."""
+    east, north = current
+    cosine, sine = np.cos(manoeuvre.heading), np.sin(manoeuvre.heading)
+    return replace(
+        manoeuvre, surge=manoeuvre.surge + east * cosine + north * sine,
+        sway=manoeuvre.sway - east * sine + north * cosine,
+        x=manoeuvre.x + east * manoeuvre.time, y=manoeuvre.y + north * manoeuvre.time,
+    )  # fmt: skip

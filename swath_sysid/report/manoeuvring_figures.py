@@ -28,9 +28,12 @@ def run_figures(found, window=20.0):
         File name without ending to figure.
     """
     figures = {}
-    for label, runs in (('identification', found.identified_on), ('validation', found.validated_on)):
+    for label, runs, currents in (
+        ('identification', found.identified_on, found.currents),
+        ('validation', found.validated_on, found.validation_currents),
+    ):
         for number, run in enumerate(runs, 1):
-            simulated = simulate_windows(found.model, [run], window)
+            simulated = simulate_windows(found.model, [run], window, currents=currents[number - 1 : number])
             figures[f'{label}_{number:02d}_{_file_name(run.source)}'] = _run_figure(run, simulated, label)
     return figures
 
@@ -183,11 +186,12 @@ def _unit(name):
 def _residuals_figure(found, window):
     figure = new_figure(11, 6)
     rows = figure.subplots(3, 2, gridspec_kw={'width_ratios': (2.2, 1)})
-    groups = [('identification', found.identified_on, RESIDUAL), ('validation', found.validated_on, MODEL)]
-    for label, runs, color in groups:
+    groups = [('identification', found.identified_on, found.currents, RESIDUAL),
+              ('validation', found.validated_on, found.validation_currents, MODEL)]  # fmt: skip
+    for label, runs, currents, color in groups:
         if not runs:
             continue
-        simulated = simulate_windows(found.model, runs, window)
+        simulated = simulate_windows(found.model, runs, window, currents=currents)
         measured = simulated.windows.measured
         step = simulated.windows.step
         for c in range(len(CHANNELS)):

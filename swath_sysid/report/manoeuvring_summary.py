@@ -69,6 +69,7 @@ def identification_as_data(found, wall_s=None):
         'prime_units': {'length_m': found.prime_units.length, 'speed_m_s': found.prime_units.speed,
                         'density_kg_m3': found.prime_units.density},
         'current_m_s': current,
+        'current_by_run_m_s': _currents_by_run(found),
         'r2': {channel: both(lambda scores, c=channel: scores.r2[c]) for channel in found.identification.r2},
         'position_error_m': {f'{lead:g}': both(lambda scores, s=lead: scores.position_error[s]) for lead in leads},
         'heading_error_rad': {f'{lead:g}': both(lambda scores, s=lead: scores.heading_error[s]) for lead in leads},
@@ -85,6 +86,15 @@ def identification_as_data(found, wall_s=None):
     })  # fmt: skip
 
 
+def _currents_by_run(found):
+    """East and north by run; None where all have the model's."""
+    if not found.has_currents_by_run:
+        return None
+    runs = [*found.identified_on, *found.validated_on]
+    currents = [*found.currents.tolist(), *found.validation_currents.tolist()]
+    return {run.source: {'east': east, 'north': north} for run, (east, north) in zip(runs, currents, strict=True)}
+
+
 def identification_in_words(found):
     """Lines for a reader."""
     model = found.model
@@ -98,7 +108,8 @@ def identification_in_words(found):
     if found.fixed:
         lines.append('  given or assumed: ' + ', '.join(f'{n} {v:.5g}' for n, v in found.fixed.items()))
     if CURRENT[0] in found.names:
-        lines.append(f'  current {model.current[0]:+.3f} m/s east, {model.current[1]:+.3f} m/s north')
+        several = ' (mean; each run has its own)' if found.has_currents_by_run else ''
+        lines.append(f'  current {model.current[0]:+.3f} m/s east, {model.current[1]:+.3f} m/s north{several}')
     for label, scores in (('identification', found.identification), ('validation', found.validation)):
         if scores is None:
             continue

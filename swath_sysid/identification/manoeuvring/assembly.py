@@ -34,6 +34,8 @@ LARGEST_DRIFT = 2.0
 """m/s."""
 
 DRIFT_SPREAD = 0.5
+FIRST_DRIFT_SPREAD = 0.02
+"""m/s by which the currents of the runs are first taken to differ, until the fit tells."""
 
 _CANDIDATES = {
     'X': ('Xvr', 'Xvv', 'Xrr', 'Xuuu', 'X0'),
@@ -71,6 +73,8 @@ class Problem:
         Parameters that need a warning, and its code.
     region : Region
     noise : ndarray, shape (3,)
+    drift_spread : float
+        m/s, by how much the currents of the runs differ, beside their noise; 0: one current, or none.
     advice : tuple of Advice
     """
 
@@ -87,6 +91,7 @@ class Problem:
     flags: dict[str, str]
     region: Region
     noise: np.ndarray
+    drift_spread: float
     advice: tuple[Advice, ...]
 
     def unknowns(self, names):
@@ -183,6 +188,10 @@ def assemble(runs, settings):
             raise InputError('a current can be found only where the heading is known: add heading_rad or heading_deg')
         free = [*free, *CURRENT]
         candidates = [c for c in candidates if c != CURRENT]
+    drift_spread = 0.0
+    if settings.current == AUTO and CURRENT in candidates and len(runs) > 1:
+        free, drift_spread = [*free, *CURRENT], FIRST_DRIFT_SPREAD
+        candidates.remove(CURRENT)
     free = [n for n in dict.fromkeys(free) if n not in settings.fixed]
     candidates = [c for c in candidates if not set(c) & set(settings.fixed)]
     values.update(settings.fixed)
@@ -191,7 +200,7 @@ def assemble(runs, settings):
         (scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))])  # fmt: skip
     return Problem(
         tuple(runs), thrust_input, parameter_values(values), tuple(free), tuple(tentative), tuple(candidates), scales,
-        length, dict(settings.towards), tuple(assumed), flags, region, noise, tuple(advice),
+        length, dict(settings.towards), tuple(assumed), flags, region, noise, drift_spread, tuple(advice),
     )  # fmt: skip
 
 

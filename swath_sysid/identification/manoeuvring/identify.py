@@ -12,12 +12,14 @@ from swath_sysid.hull.manoeuvring.terms import INDEX, PARAMETERS, THRUST
 from swath_sysid.identification.genetic import GeneticSearch, GeneticSettings
 from swath_sysid.identification.manoeuvring.assembly import assemble, moving_runs
 from swath_sysid.identification.manoeuvring.selection import (
+    currents_of,
     fit,
     model_of,
     regularised_to_stable,
     renewed,
     select,
     shooting_of,
+    with_drift_spread,
     with_noise,
     without,
 )
@@ -85,6 +87,8 @@ class ManoeuvringIdentification:
     stability : StabilityCheck
     rejected : dict of str to str
         Terms that were tried and refused, and why.
+    currents, validation_currents : ndarray, shape (R, 2)
+        East and north, m/s, of each run, by its own motion.
     effective_samples : float
     evaluations : int
     advice : tuple of Advice
@@ -104,9 +108,17 @@ class ManoeuvringIdentification:
     validated_on: tuple
     stability: StabilityCheck
     rejected: dict[str, str]
+    currents: np.ndarray
+    validation_currents: np.ndarray
     effective_samples: float
     evaluations: int
     advice: tuple[Advice, ...]
+
+    @property
+    def has_currents_by_run(self):
+        """Whether each run has a current of its own."""
+        currents = np.concatenate([self.currents, self.validation_currents])
+        return bool(np.any(currents != self.model.current))
 
 
 def identify_manoeuvring(runs, settings=None, validation=None, progress=None, should_cancel=None):
@@ -160,31 +172,34 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
     names = (*problem.free, *problem.tentative)
     now = fit(problem, shooting, names, np.concatenate([start, problem.start(problem.tentative)]))
-    problem = with_noise(problem, now)
+    problem = with_drift_spread(with_noise(problem, now), now)
     now = fit(problem, renewed(problem, now), now.names, now.values)
     note(0.5)
     found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
     dropped = tuple(n for n in problem.tentative if n not in found.names)
-    problem = with_noise(without(problem, dropped), found)
+    problem = with_drift_spread(with_noise(without(problem, dropped), found), found)
     rejected, evaluations = found.rejected, now.evaluations + found.evaluations
     found = fit(problem, renewed(problem, found), found.names, found.values)
     found, stability_advice = regularised_to_stable(problem, found)
     note(0.95)
     model = model_of(problem, found.names, found.values)
     stability = check_stability(model, problem.region)
-    scores = score(model, runs, settings.window)
-    validated = score(model, held_out, settings.window) if held_out else None
+    currents, held_out_currents = (
+        currents_of(problem, model, some, settings.window) for some in (runs, held_out))
+    scores = score(model, runs, settings.window, currents)
+    validated = score(model, held_out, settings.window, held_out_currents) if held_out else None
     units = PrimeUnits(problem.length, float(np.clip(np.nanmedian(np.concatenate(
         [np.abs(run.smooth[0]) for run in runs])), 0.05, None)) if 'Xu' in found.names else 1.0)  # fmt: skip
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
-    advice += more + stability_advice + _verdicts(stability, scores, validated, _white(runs))
+    advice += more + stability_advice + _drifts(model, currents, held_out_currents)
+    advice += _verdicts(stability, scores, validated, _white(runs))
     fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
     note(1.0)
     return ManoeuvringIdentification(
         model, found.names, found.values, found.covariance.matrix, derivatives, fixed, units, problem.noise,
-        scores, validated, tuple(runs), tuple(held_out), stability, rejected,
+        scores, validated, tuple(runs), tuple(held_out), stability, rejected, currents, held_out_currents,
         found.covariance.effective_samples, evaluations + found.evaluations, advice,
     )  # fmt: skip
 
@@ -289,6 +304,19 @@ def _derivatives(problem, found, units):
         derivatives[name] = Derivative(
             float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name])))
     return derivatives, tuple(advice)
+
+
+def _drifts(model, currents, held_out_currents):
+    """Advice that the runs were given a current each."""
+    everything = np.concatenate([currents, held_out_currents])
+    if np.all(everything == model.current):
+        return ()
+    strength = np.hypot(*everything.T)
+    told = ', of the validation runs from theirs' if len(held_out_currents) else ''
+    return (Advice('current-by-run', (
+        f'the drift of each run ({strength.min():.2f} to {strength.max():.2f} m/s: current, and what wind does like '
+        f'it) was found from its own motion{told}; the model holds the mean: for one current for all say --current '
+        f'shared')),)  # fmt: skip
 
 
 def _white(runs):

@@ -4,8 +4,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from swath_sysid.advice import Advice
+from swath_sysid.errors import InputError
 from swath_sysid.hull.manoeuvring.model import ManoeuvringModel
-from swath_sysid.hull.manoeuvring.stability import check_stability
+from swath_sysid.hull.manoeuvring.stability import check_stability, straight_speeds
 from swath_sysid.hull.manoeuvring.terms import INDEX, NEUTRAL
 from swath_sysid.identification.manoeuvring.assembly import model_values
 from swath_sysid.identification.manoeuvring.shooting import CURRENT, MultipleShooting
@@ -21,6 +22,9 @@ MARGIN = 4.0
 
 NOISE_FLOOR = 0.003
 """No model is trusted closer than this share of the motion."""
+
+LEAST_DRIFT_SPREAD = 0.005
+"""m/s; no two runs have the same current more closely."""
 
 LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
@@ -67,8 +71,10 @@ def model_of(problem, names, values, name=''):
 
 def shooting_of(problem, window):
     """Multiple shooting over the runs of a problem, with its always-free unknowns."""
-    windows = cut(problem.runs, window)
-    return MultipleShooting(windows, problem.base, problem.unknowns(problem.free), problem.noise, problem.scales.speed)
+    return MultipleShooting(
+        cut(problem.runs, window), problem.base, problem.unknowns(problem.free), problem.noise, problem.scales.speed,
+        drift_spread=problem.drift_spread, speeds=straight_speeds(problem.region),
+    )  # fmt: skip
 
 
 def fit(problem, shooting, names, values, rounds=2):
@@ -91,6 +97,31 @@ def fit(problem, shooting, names, values, rounds=2):
         tuple(names), values, cost, shooting, covariance_of(shooting, values),
         _is_stable(problem, names, values), evaluations=evaluations + found.evaluations,
     )  # fmt: skip
+
+
+def currents_of(problem, model, runs, window):
+    """Current of each of some runs, by its own motion under a model; m/s, shape (R, 2).
+
+    That of the model where the problem has one current for all, or a run holds no heading.
+    """
+    currents = np.tile(model.current, (len(runs), 1))
+    told = [k for k, run in enumerate(runs) if run.heading is not None]
+    if not problem.drift_spread or not told:
+        return currents
+    base = model.values
+    for k in told:
+        try:
+            windows = cut([runs[k]], window)
+        except InputError:
+            # too short for a window: nothing is simulated of it either
+            continue
+        shooting = MultipleShooting(
+            windows, base, problem.unknowns(CURRENT), problem.noise, problem.scales.speed,
+            drift_spread=problem.drift_spread,
+        )  # fmt: skip
+        shooting.settle(currents[k])
+        currents[k] += shooting.drift[:, 0]
+    return currents
 
 
 def covariance_of(shooting, values):
@@ -118,12 +149,25 @@ def with_noise(problem, found):
     return replace(problem, noise=np.array(noise))
 
 
+def with_drift_spread(problem, found):
+    """The problem with the differences of the runs' currents as large as a fit found them (one step of EM).
+
+    Where autocorrelated residuals are worth less than their number, so is their word against equal currents.
+    """
+    if not problem.drift_spread:
+        return problem
+    inflation = _inflation(found)
+    variance = inflation * found.shooting.drift_variance(found.values)
+    spread = np.sqrt(np.mean(found.shooting.drift**2 + variance))
+    return replace(problem, drift_spread=float(max(spread, LEAST_DRIFT_SPREAD) / np.sqrt(inflation)))
+
+
 def renewed(problem, found):
     """A shooting with the noise of the problem and the states of a fit."""
     windows = found.shooting.windows
     shooting = MultipleShooting(
         windows, problem.base, problem.unknowns(found.names), problem.noise, problem.scales.speed,
-        found.shooting.states,
+        found.shooting.states, found.shooting.drift, problem.drift_spread, straight_speeds(problem.region),
     )  # fmt: skip
     shooting.weigh(found.values)
     return shooting

@@ -1,7 +1,8 @@
 """Multiple shooting: every window is simulated from its own initial state, all at once.
 
-The initial states are eliminated window by window (variable projection, Golub and Pereyra 1973, with
-Kaufman's Jacobian), so that the least-squares problem is one in the shared parameters only.
+The initial states are eliminated window by window, and the drift of each run run by run (variable projection,
+Golub and Pereyra 1973, with Kaufman's Jacobian), so that the least-squares problem is one in the shared parameters
+only.
 """
 from copy import copy
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ import numpy as np
 
 from swath_sysid.hull.manoeuvring.model import active_terms
 from swath_sysid.hull.manoeuvring.simulation import runge_kutta_columns
+from swath_sysid.hull.manoeuvring.stability import growth_rates
 from swath_sysid.hull.manoeuvring.terms import (
     BALANCE,
     DEAD_BAND,
@@ -44,6 +46,15 @@ ROBUST_AT = 3.0
 """Standard deviations at which a residual begins to count less (soft_l1)."""
 
 STABLE_STEP = 1.5
+LEAST_DECAY = 0.02
+"""1/s; slower decays of small motions on straight courses are held against a candidate."""
+
+STABILITY_WEIGHT = 20.0
+"""Of such a residual, 1/s beside the root of the number of samples."""
+
+LARGEST_INFORMATION = 1e14
+"""Beyond this a window has run away and tells nothing of its initial state."""
+
 UNKNOWN_SWAY = 0.3
 """Spread of an unmeasured initial sway, as a share of the speed."""
 
@@ -101,9 +112,15 @@ class MultipleShooting:
         m/s, the scale of the initial states.
     states : ndarray, shape (3, W), optional
         First guess of the initial states.
+    drift : ndarray, shape (2, R), optional
+        First guess of what the current of each run differs by, east and north, m/s.
+    drift_spread : float
+        m/s, by how much the runs' currents are expected to differ; 0: they are the same.
+    speeds : ndarray
+        Speeds at which straight courses must be stable, m/s; empty: none.
     """
 
-    def __init__(self, windows, base, unknowns, noise, speed, states=None):
+    def __init__(self, windows, base, unknowns, noise, speed, states=None, drift=None, drift_spread=0.0, speeds=()):
         self.windows, self.unknowns = windows, unknowns
         self._base = np.array(base, dtype=float)
         self._noise = np.asarray(noise, dtype=float)
@@ -119,6 +136,10 @@ class MultipleShooting:
         self._expected_spread = np.where(measured_start, floor, unknown)
         self.states = self._expected.copy() if states is None else states.copy()
         self._state_units = np.maximum(self._noise, 1e-6)
+        self.drift = np.zeros((2, len(windows.runs))) if drift is None else drift.copy()
+        self._drift_spread = drift_spread
+        self._speeds = np.asarray(speeds, dtype=float)
+        self._member = (windows.run_index == np.arange(len(windows.runs))[:, None]).astype(float)
         self._thrust_cache = {}
 
     def with_unknowns(self, unknowns, base):
@@ -164,25 +185,31 @@ class MultipleShooting:
         return found.reshape(steps + 1, 3, copies, count)
 
     def residuals(self, values):
-        """Weighted residuals at the best initial states, with regularisation; shape (3 (S+1) W + 3 W + n,)."""
+        """Weighted residuals at the best initial states and drifts, with priors; shape (rows,)."""
         p, current = self.parameters(values)
         for _ in range(STATE_STEPS):
             residual, state_slopes = self._with_state_slopes(p, current)
-            move = self._best_move(residual, state_slopes)
+            move, drift_move = self._best_move(residual, state_slopes)
             self.states = self.states + move
+            self.drift = self.drift + drift_move
             if np.max(np.abs(move) / self._state_units[:, None]) < 0.05:
                 break
         # the last move is small: its effect is linear
         residual = residual + np.einsum('jcsw,jw->csw', state_slopes, move)
-        return np.concatenate([residual.ravel(), self._state_residual().ravel(), self._prior(values)])
+        if self._drift_spread:
+            residual = residual + np.einsum('jcsw,jw->csw', self._drift_slopes(), drift_move @ self._member)
+        return np.concatenate([
+            residual.ravel(), self._state_residual().ravel(), self._drift_residual().ravel(), self._prior(values),
+            self._instability(p[:, None])[:, 0],
+        ])  # fmt: skip
 
     def jacobian(self, values):
-        """Derivatives of `residuals` with the initial states eliminated, shape (rows, n)."""
-        slopes, state_slopes = self._slopes(values)
-        projected, state_part = self._eliminated(slopes, state_slopes)
+        """Derivatives of `residuals` with the initial states and drifts eliminated, shape (rows, n)."""
+        projected, state_part, drift_part = self._eliminated(*self._slopes(values))
         n = values.size
         prior = np.diag(np.where(np.isfinite(self.unknowns.spread), 1.0 / self.unknowns.spread, 0.0))
-        return np.concatenate([projected.reshape(n, -1).T, state_part.reshape(n, -1).T, prior])
+        parts = [part.reshape(n, -1).T for part in (projected, state_part, drift_part)]
+        return np.concatenate([*parts, prior, self._instability_slopes(values)])
 
     def refine(self, values, max_evaluations=20, tolerance=1e-5):
         """Bounded least squares over the unknowns."""
@@ -199,6 +226,13 @@ class MultipleShooting:
         found = minimise(
             scaled_residuals, scaled_jacobian, values / units, lower / units, upper / units, max_evaluations, tolerance)
         return ShootingFit(found.x * units, found.cost, found.evaluations)
+
+    def settle(self, values):
+        """Find the initial states, the drifts and the robust weights at these values."""
+        for _ in range(3):
+            self.residuals(values)
+            self.weigh(values)
+        self.residuals(values)
 
     def weigh(self, values):
         """Take the weights of the robust loss from the residuals at these values."""
@@ -229,7 +263,7 @@ class MultipleShooting:
         """
         p, current = self.parameters(values)
         residual, _ = self._with_state_slopes(p, current)
-        projected, _ = self._eliminated(*self._slopes(values))
+        projected = self._eliminated(*self._slopes(values))[0]
         residuals, jacobians = [], []
         for w in range(self.windows.count):
             for c in range(3):
@@ -274,7 +308,7 @@ class MultipleShooting:
     def _over_ground(self, states, current):
         """Surge, sway, yaw rate over ground, shape (3, S + 1, W), of states (S + 1, 3, W)."""
         cosine, sine = self._sides
-        east, north = current
+        east, north = current[:, None] + self.drift @ self._member
         found = np.moveaxis(states, 1, 0).copy()
         found[0] += east * cosine + north * sine
         found[1] += -east * sine + north * cosine
@@ -299,19 +333,105 @@ class MultipleShooting:
     def _state_residual(self):
         return (self.states - self._expected) / self._expected_spread
 
+    def _drift_residual(self):
+        return self.drift / self._drift_spread if self._drift_spread else np.zeros((2, 0))
+
+    def _drift_slopes(self):
+        """Derivatives of the weighted residuals by a window's current, shape (2, 3, S + 1, W)."""
+        cosine, sine = self._sides
+        nothing = np.zeros_like(cosine)
+        turned = np.array([[cosine, -sine, nothing], [sine, cosine, nothing]]) / self._noise[:, None, None]
+        return np.where(self._known, turned * self._robust, 0.0)
+
     def _best_move(self, residual, slopes):
-        """Gauss-Newton step of the initial states of every window, shape (3, W)."""
+        """Gauss-Newton step of the initial states of every window, shape (3, W), and of the drifts, (2, R)."""
+        inverse, usable = self._state_information(slopes)
+        drift_move = np.zeros_like(self.drift)
+        pull = self._state_residual() / self._expected_spread
+        if self._drift_spread:
+            drifts = self._drift_slopes()
+            projected, _ = self._without_states(drifts, slopes, inverse, usable)
+            with np.errstate(over='ignore', invalid='ignore'):
+                # what projects out the states also takes out their pull
+                right = np.einsum('jcsw,csw->jw', projected, residual)
+                taken = np.einsum('wjk,kcsw,ncsw->njw', inverse, slopes, drifts)
+                right = np.nan_to_num(right - np.einsum('njw,jw->nw', taken, pull)) * usable
+            right = right @ self._member.T + self.drift / self._drift_spread**2
+            drift_move = -np.einsum('rjk,kr->jr', self._drift_information(projected, drifts), right)
+            limit = 1.0
+            drift_move = np.clip(drift_move, -limit, limit)
+            residual = residual + np.einsum('jcsw,jw->csw', drifts, drift_move @ self._member)
         with np.errstate(over='ignore', invalid='ignore'):
-            matrix = np.einsum('jcsw,kcsw->wjk', slopes, slopes)
-            right = np.einsum('jcsw,csw->wj', slopes, residual)
-        spread = 1.0 / self._expected_spread**2
-        matrix = matrix + np.eye(3) * spread.T[:, None, :]
-        right = right + (self._state_residual() / self._expected_spread).T
-        usable = np.all(np.isfinite(matrix), axis=(1, 2)) & np.all(np.isfinite(right), axis=1)
-        matrix = np.where(usable[:, None, None], matrix, np.eye(3))
-        move = np.where(usable[:, None], -np.linalg.solve(matrix, right[..., None])[..., 0], 0.0).T
+            right = np.einsum('jcsw,csw->jw', slopes, residual) + pull
+            move = -np.einsum('wjk,kw->jw', inverse, right)
+        move = np.where(usable & np.all(np.isfinite(move), axis=0), move, 0.0)
         limit = 30.0 * self._state_units[:, None] + 0.2 * np.abs(self.states)
-        return np.clip(move, -limit, limit)
+        return np.clip(move, -limit, limit), drift_move
+
+    def _state_information(self, state_slopes):
+        """Inverse information of the initial states, shape (W, 3, 3), and where it could be computed."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            matrix = np.einsum('jcsw,kcsw->wjk', state_slopes, state_slopes)
+            matrix = matrix + np.eye(3) * (1.0 / self._expected_spread**2).T[:, None, :]
+            usable = np.max(np.abs(matrix), axis=(1, 2)) < LARGEST_INFORMATION
+        matrix[~usable] = np.eye(3)
+        return np.linalg.inv(matrix), usable
+
+    def _without_states(self, slopes, state_slopes, inverse, usable):
+        """Slopes (n, 3, S + 1, W) less what the best initial states take up, and what these take, (n, 3, W)."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            cross = np.einsum('jcsw,ncsw->wjn', state_slopes, slopes)
+            cross = np.where(usable[:, None, None] & np.isfinite(cross), cross, 0.0)
+            taken = inverse @ cross
+            projected = slopes - np.einsum('jcsw,wjn->ncsw', state_slopes, taken)
+        return projected, np.moveaxis(taken, 0, 2).transpose(1, 0, 2)
+
+    def _drift_information(self, projected, drifts):
+        """Inverse information of the drift of each run, shape (R, 2, 2)."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            # the projection is idempotent: one projected side is enough, and the states' priors are in it
+            each = np.nan_to_num(np.einsum('jcsw,kcsw->jkw', projected, drifts), posinf=0.0, neginf=0.0)
+        matrix = np.moveaxis(each @ self._member.T, 2, 0)
+        matrix = 0.5 * (matrix + np.moveaxis(matrix, 1, 2)) + np.eye(2) / self._drift_spread**2
+        return np.linalg.inv(matrix)
+
+    def drift_variance(self, values):
+        """Variance of the drift of each run by the weights alone, shape (2, R); regularisation counted in."""
+        p, current = self.parameters(values)
+        _, state_slopes = self._with_state_slopes(p, current)
+        drifts = self._drift_slopes()
+        projected, _ = self._without_states(drifts, state_slopes, *self._state_information(state_slopes))
+        return np.diagonal(self._drift_information(projected, drifts), axis1=1, axis2=2).T
+
+    def with_drift_spread(self, spread):
+        """The same with the runs' currents expected to differ by so much, m/s."""
+        other = copy(self)
+        other._drift_spread = spread
+        if not spread:
+            other.drift = np.zeros_like(self.drift)
+        return other
+
+    def _instability(self, columns):
+        """Weighted excess of growth over what is allowed, of candidates (39, K), shape (speeds, K)."""
+        if not self._speeds.size:
+            return np.zeros((0, columns.shape[1]))
+        growth = growth_rates(columns, active_terms(_union(columns)), self._speeds)
+        weight = STABILITY_WEIGHT * np.sqrt(self._known.sum())
+        return weight * np.maximum(growth + LEAST_DECAY, 0.0)
+
+    def _instability_slopes(self, values):
+        """Derivatives of `_instability` by the unknowns, shape (speeds, n)."""
+        p, _ = self.parameters(values)
+        searched = np.flatnonzero(self._index >= 0)
+        slopes = np.zeros((self._speeds.size, values.size))
+        if not self._speeds.size or not searched.size:
+            return slopes
+        steps = PERTURBATION * self.unknowns.units[searched]
+        columns = np.repeat(p[:, None], 1 + searched.size, axis=1)
+        columns[self._index[searched], 1 + np.arange(searched.size)] += steps
+        found = self._instability(columns)
+        slopes[:, searched] = (found[:, 1:] - found[:, :1]) / steps
+        return slopes
 
     def _slopes(self, values):
         """Derivatives of the weighted residuals by the unknowns (n, 3, S+1, W) and by the states (3, 3, S+1, W)."""
@@ -338,21 +458,31 @@ class MultipleShooting:
         for j, name in enumerate(self.unknowns.names):
             if name in CURRENT:
                 unit = np.array([name == c for c in CURRENT], dtype=float)
-                moved = self._over_ground(np.zeros_like(found[:, :, 0]), unit) / self._noise[:, None, None]
-                slopes[j] = np.where(self._known, moved * self._robust, 0.0)
+                slopes[j] = np.einsum('j,jcsw->csw', unit, self._drift_slopes())
         return slopes, state_slopes
 
     def _eliminated(self, slopes, state_slopes):
-        """Slopes less the part that the best initial states take up, and the states' own part, (n, 3, W)."""
+        """Slopes less the part that the best initial states and drifts take up, and these two parts.
+
+        Returns
+        -------
+        ndarray, shapes (n, 3, S + 1, W), (n, 3, W), (n, 2, R)
+        """
+        inverse, usable = self._state_information(state_slopes)
+        projected, taken = self._without_states(slopes, state_slopes, inverse, usable)
+        state_part = -taken / self._expected_spread
+        if not self._drift_spread:
+            return projected, state_part, np.zeros((len(slopes), 2, 0))
+        drifts, drifts_taken = self._without_states(self._drift_slopes(), state_slopes, inverse, usable)
         with np.errstate(over='ignore', invalid='ignore'):
-            matrix = np.einsum('jcsw,kcsw->wjk', state_slopes, state_slopes)
-            cross = np.einsum('jcsw,ncsw->wjn', state_slopes, slopes)
-            matrix = matrix + np.eye(3) * (1.0 / self._expected_spread**2).T[:, None, :]
-            bad = ~(np.all(np.isfinite(matrix), axis=(1, 2)) & np.all(np.isfinite(cross), axis=(1, 2)))
-            matrix[bad], cross[bad] = np.eye(3), 0.0
-            taken = np.linalg.solve(matrix, cross)
-            projected = slopes - np.einsum('jcsw,wjn->ncsw', state_slopes, taken)
-        return projected, -np.moveaxis(taken, 0, 2).transpose(1, 0, 2) / self._expected_spread
+            cross = np.einsum('jcsw,ncsw->njw', drifts, slopes)
+        cross = np.nan_to_num(cross, posinf=0.0, neginf=0.0) @ self._member.T
+        drift = np.einsum('rjk,nkr->njr', self._drift_information(drifts, self._drift_slopes()), cross)
+        with np.errstate(over='ignore', invalid='ignore'):
+            by_window = drift @ self._member
+            projected = projected - np.einsum('jcsw,njw->ncsw', drifts, by_window)
+            state_part = state_part + np.einsum('jkw,njw->nkw', drifts_taken / self._expected_spread, by_window)
+        return projected, state_part, -drift / self._drift_spread
 
     def _prior(self, values):
         spread = self.unknowns.spread

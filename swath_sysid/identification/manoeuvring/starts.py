@@ -66,14 +66,25 @@ def surge_ratios(runs, thrust):
 
 
 def yaw_ratios(runs, thrust):
-    """Gain of the thrust difference over inertia, and linear yaw damping over inertia, shape (2,)."""
+    """Gain of the thrust difference over inertia, and linear yaw damping over inertia, shape (2,).
+
+    Where speed and sway are measured the gain is that beside further damping and the Munk moment, which else make a
+    craft that hardly keeps its course look heavy.
+    """
 
     def features(run, acting):
         r = run.smooth[2]
         return r, (acting[1] - acting[0], r)
 
+    def further(run, acting):
+        u, v, r = run.smooth
+        return r, (acting[1] - acting[0], r, np.abs(r) * r, np.abs(u) * r, u * v)
+
     target, columns = _rows(runs, thrust, features)
-    return _regress(columns, target, [0.0, -np.inf], [np.inf, 0.0])
+    plain = _regress(columns, target, [0.0, -np.inf], [np.inf, 0.0])
+    target, columns = _rows(runs, thrust, further)
+    rich = _regress(columns, target, [0.0, *3 * [-np.inf], -np.inf], [np.inf, 0.0, 0.0, 0.0, np.inf])
+    return np.array([rich[0], plain[1] * rich[0] / plain[0]]) if rich[0] > plain[0] > 0.0 else plain
 
 
 def sway_ratios(runs, thrust):

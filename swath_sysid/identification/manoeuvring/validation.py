@@ -64,7 +64,7 @@ class Scores:
     diverged: int
 
 
-def simulate_windows(model, runs, length=20.0, shortest=5.0):
+def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
     """Simulate every window of some runs from its measured initial state.
 
     The initial state is the smoothed measurement at the start of the window; a sway that was not
@@ -76,16 +76,20 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0):
     runs : sequence of Run
     length, shortest : float
         Of the windows, s.
+    currents : ndarray, shape (R, 2), optional
+        East and north, m/s, of each run; that of the model by default.
 
     Returns
     -------
     Simulated
     """
     windows = cut(runs, length, shortest)
+    currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
+    current = currents[windows.run_index].T
     acting = [acting_thrust(run.port, run.starboard, model.values, run.step) for run in runs]
     thrust = tuple(windows.gather([a[side] for a in acting]) for side in (0, 1))
     heading = windows.heading
-    state = _through_water(windows.initial, heading[0], model.current)
+    state = _through_water(windows.initial, heading[0], current)
     state[1] = np.where(np.isfinite(windows.initial[1]), state[1], _lead_in_sway(model, windows, acting))
     state = np.where(np.isfinite(state), state, 0.0)
     substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), thrust)
@@ -94,8 +98,8 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0):
         states = runge_kutta_columns(state, *thrust, columns, model.active, windows.step, substeps)
         u, v, r = np.moveaxis(states, 1, 0)
         start = np.stack([_at_start(windows, name) for name in ('x', 'y')])
-        psi, x, y = track(u, v, r, windows.step, heading[0], start, model.current)
-        east, north = model.current
+        psi, x, y = track(u, v, r, windows.step, heading[0], start, current)
+        east, north = current
         over_ground = np.stack([
             u + east * np.cos(psi) + north * np.sin(psi), v - east * np.sin(psi) + north * np.cos(psi), r], axis=1)
     behind = np.arange(len(psi))[:, None] > windows.steps
@@ -103,14 +107,14 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0):
     return Simulated(windows, over_ground, *(np.where(behind, np.nan, a) for a in (psi, x, y)))
 
 
-def score(model, runs, length=20.0):
+def score(model, runs, length=20.0, currents=None):
     """Scores of a model on some runs; see `simulate_windows`.
 
     Returns
     -------
     Scores
     """
-    found = simulate_windows(model, runs, length)
+    found = simulate_windows(model, runs, length, currents=currents)
     windows = found.windows
     r2, rmse = {}, {}
     for c, name in enumerate(CHANNELS):
