@@ -10,6 +10,7 @@ from swath_sysid.files.reading import read_trial
 from swath_sysid.motion.trial import Trial
 from swath_sysid.prediction import baselines
 from swath_sysid.prediction.predictor import PredictorSettings
+from swath_sysid.prediction.quiescence import QuiescenceLimits
 from swath_sysid.prediction.skill import run_through, score, skill_as_data
 from swath_sysid.report.forecast_figure import forecast_figure
 
@@ -70,6 +71,18 @@ def test_scores_are_on_the_same_samples_and_told_as_json():
     assert 0.8 < data['axes']['roll']['coverage']['90'][0] < 0.97
     assert data['axes']['roll']['samples'][1] > 400
     assert forecast_figure(skill).axes
+
+
+def test_quiescence_is_scored_after_the_warm_up_by_limits_that_the_warm_up_suggests():
+    trial, duration = _sea(duration=300.0), 3.0
+    settings = PredictorSettings(quiescence=QuiescenceLimits(duration=duration))
+    skill = score(trial, (0.1, 1.0), warmup=100.0, settings=settings)
+    told = skill_as_data(skill)['quiescence']
+    warm = trial.roll[:1000]
+    assert told['limits']['roll'] == pytest.approx(abs(warm.mean()) + 2.0 * warm.std())
+    assert told['limits']['roll_rate'] is None and told['limits']['duration'] == duration
+    assert 190 <= sum(told['count']) <= 200
+    assert told['brier'] < told['brier_of_climate']
 
 
 def test_a_record_too_short_or_without_angles_is_refused():

@@ -41,8 +41,11 @@ def add_arguments(parser):
     parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes (default: as the record tells)")
     parser.add_argument(
         '--quiet-deg', type=_limits, metavar='ROLL,PITCH',
-        help='also score the probability that both angles stay within these limits',
+        help='limits whose probability of being kept is scored (default: two standard deviations of the warm-up; 0: any)',
     )  # fmt: skip
+    parser.add_argument(
+        '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='the same of the rates (default: any)'
+    )
     parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for so long (default: 5)')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture')
@@ -60,13 +63,12 @@ def run(arguments):
         raise InputError(f'{arguments.record} holds no {arguments.axis} angle: choose another axis')
     duration = float(trial.time[-1] - trial.time[0])
     warmup = arguments.warmup or min(_LONGEST_WARMUP, round(duration / 3.0))
-    limits = None
-    if arguments.quiet_deg:
-        roll, pitch = (math.radians(limit) for limit in arguments.quiet_deg)
-        limits = QuiescenceLimits(roll=roll, pitch=pitch, duration=arguments.quiet_for)
+    angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
     base = PredictorSettings()
     settings = replace(
-        base, quiescence=limits, horizon=max(base.horizon, arguments.quiet_for if limits else 0.0, arguments.leads[-1])
+        base,
+        quiescence=QuiescenceLimits(*angles, *rates, duration=arguments.quiet_for),
+        horizon=max(base.horizon, arguments.quiet_for, arguments.leads[-1]),
     )
     with progress_of('forecasting') as progress:
         skill = score(
@@ -98,9 +100,15 @@ def _tell(skill, name):
         for column, level in enumerate((50, 90, 99)):
             table.add_row(f'{level} % held, %', *(_cell(100.0 * v, 1) for v in scores.coverage[:, column]), style='dim')
         console.print(table)
-    if skill.quiescence is not None:
-        brier, climate = skill.quiescence.brier, skill.quiescence.brier_of_climate
-        console.print(f'quiescence: Brier score {brier:.3f} (always telling its share: {climate:.3f})')
+    limits, found = skill.quiescence_limits, skill.quiescence
+    bounds = ', '.join(
+        f'{name.replace("_", " ")} {math.degrees(limit):.2f} {"deg/s" if "rate" in name else "deg"}'
+        for name, limit in vars(limits).items() if name != 'duration' and math.isfinite(limit)
+    )  # fmt: skip
+    console.print(
+        f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
+        f'(always telling its share: {found.brier_of_climate:.3f})'
+    )
     console.print(
         f'a sample {1e3 * skill.step_time["median"]:.2f} ms (median), '
         f'a refit {1e3 * skill.refit_time["median"]:.0f} ms (most {1e3 * skill.refit_time["most"]:.0f} ms)'
@@ -111,18 +119,25 @@ def _cell(value, digits=3):
     return f'{value:.{digits}f}' if math.isfinite(value) else '-'
 
 
+def _numbers(text):
+    try:
+        return tuple(finite(part) for part in text.split(','))
+    except ValueError as error:
+        raise ArgumentTypeError(f"'{text}' is no list of numbers separated by commas") from error
+
+
 def _leads(text):
-    leads = tuple(finite(part) for part in text.split(','))
+    leads = _numbers(text)
     if not leads or any(lead <= 0.0 for lead in leads):
         raise ArgumentTypeError('leads are positive seconds, separated by commas')
     return tuple(sorted(set(leads)))
 
 
 def _limits(text):
-    parts = [finite(part) for part in text.split(',')]
-    if len(parts) != 2 or min(parts) <= 0.0:
-        raise ArgumentTypeError('give two positive angles: ROLL,PITCH')
-    return tuple(parts)
+    parts = _numbers(text)
+    if len(parts) != 2 or min(parts) < 0.0:
+        raise ArgumentTypeError('give two values, of which none is negative: ROLL,PITCH')
+    return tuple(math.radians(part) or math.inf for part in parts)
 
 
 def _positive(text):

@@ -10,13 +10,16 @@ from swath_sysid.motion.trial import AXES, CHANNELS
 from swath_sysid.prediction import baselines
 from swath_sysid.prediction.calibration import LEVELS
 from swath_sysid.prediction.predictor import ImuSample, Predictor, PredictorSettings
-from swath_sysid.prediction.quiescence import Reliability
+from swath_sysid.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.prediction.waves import fit_waves
 
 FORECAST = 'forecast'
 METHODS = (FORECAST, *baselines.BASELINES)
 _FANS = (0.35, 0.55, 0.75)
 _STRETCH = 40.0
+_SELDOM = 2.0
+"""Standard deviations: so rarely passed that staying below for some seconds is an open question."""
+_LEAST_LIMIT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ class Skill:
     stretch : dict of str to tuple of ndarray
         By axis: times and measured angles about the fans.
     quiescence : Reliability or None
+    quiescence_limits : QuiescenceLimits or None
+        Whose keeping was forecast.
     advice : tuple of Advice
     """
 
@@ -82,6 +87,7 @@ class Skill:
     fans: tuple[Fan, ...] = ()
     stretch: dict = field(default_factory=dict)
     quiescence: Reliability | None = None
+    quiescence_limits: QuiescenceLimits | None = None
     advice: tuple[Advice, ...] = ()
 
 
@@ -124,7 +130,7 @@ def samples_of(trial):
         yield ImuSample(*row)
 
 
-def run_through(trial, settings, models, clock=None, progress=None):
+def run_through(trial, settings, models, clock=None, progress=None, limits_from=None):
     """Run the predictor of the node causally through a record, refits in their place.
 
     Parameters
@@ -136,6 +142,8 @@ def run_through(trial, settings, models, clock=None, progress=None):
         Seconds, for the cost; None: not measured.
     progress : callable or None
         Told the share done.
+    limits_from : (float, QuiescenceLimits) or None
+        Limits of quiescence from a stamp on; their reliability is recorded from there.
 
     Returns
     -------
@@ -148,6 +156,9 @@ def run_through(trial, settings, models, clock=None, progress=None):
     steps, refits, step_times, refit_times = [], [], [], []
     every = max(1, trial.time.size // 200)
     for index, sample in enumerate(samples_of(trial)):
+        if limits_from is not None and sample.stamp >= limits_from[0]:
+            predictor.set_quiescence(limits_from[1])
+            limits_from = None
         begun = now()
         step = predictor.observe(sample)
         step_times.append(now() - begun)
@@ -212,7 +223,9 @@ def score(trial, leads, warmup, window=None, models=None, settings=None, clock=N
     settings = replace(
         base, leads=tuple(leads.tolist()), window=window, skill_memory=min(base.skill_memory, window)
     )
-    run = run_through(trial, settings, models or {}, clock, progress)
+    limits = _quiescence_limits(trial, settings.quiescence, warmup)
+    limits_from = None if limits is None else (float(trial.time[0]) + warmup, limits)
+    run = run_through(trial, settings, models or {}, clock, progress, limits_from)
     grid = _Grid.of(trial, run, settings)
     scored, advice = {}, []
     for axis in axes:
@@ -221,8 +234,18 @@ def score(trial, leads, warmup, window=None, models=None, settings=None, clock=N
     fans, stretch = _fans(trial, axes, run, warmup)
     return Skill(
         leads, scored, warmup, window, _spread(run.step_times), _spread(run.refit_times), fans, stretch,
-        run.reliability, tuple(advice),
+        run.reliability, limits, tuple(advice),
     )  # fmt: skip
+
+
+def _quiescence_limits(trial, limits, warmup):
+    """The given limits; where they limit nothing, the angles that the craft seldom passed in the warm-up."""
+    if limits is None or np.isfinite(limits.as_array).any():
+        return limits
+    seen = trial.time < trial.time[0] + warmup
+    warm = {axis: trial.channels[axis][seen] for axis in AXES if axis in trial.channels}
+    usual = {axis: abs(np.nanmean(angle)) + _SELDOM * np.nanstd(angle) for axis, angle in warm.items()}
+    return replace(limits, **{axis: float(max(limit, _LEAST_LIMIT)) for axis, limit in usual.items()})
 
 
 @dataclass(frozen=True)
@@ -408,6 +431,7 @@ def skill_as_data(skill):
     if skill.quiescence is not None:
         r = skill.quiescence
         data['quiescence'] = {
+            'limits': {name: _known(limit) for name, limit in vars(skill.quiescence_limits).items()},
             'edges': r.edges.tolist(), 'count': r.count.tolist(), 'told': _plain(r.told),
             'happened': _plain(r.happened), 'brier': _known(r.brier), 'brier_of_climate': _known(r.brier_of_climate),
         }  # fmt: skip
