@@ -41,7 +41,8 @@ def add_arguments(parser):
     parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes (default: as the record tells)")
     parser.add_argument(
         '--quiet-deg', type=_limits, metavar='ROLL,PITCH',
-        help='limits whose probability of being kept is scored (default: two standard deviations of the warm-up; 0: any)',
+        help='limits whose probability of being kept is scored (default: two standard deviations of the warm-up; '
+        '0: any)',
     )  # fmt: skip
     parser.add_argument(
         '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='the same of the rates (default: any)'
