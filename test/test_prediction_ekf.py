@@ -1,14 +1,18 @@
 """The attitude filter against independent oracles."""
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
+from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from swath_sysid.accelerator import HAS_NUMBA
 from swath_sysid.errors import InputError
 from swath_sysid.hull.catalogue import equation_named, hull_named
 from swath_sysid.hull.decay_model import DecayModel
@@ -91,6 +95,109 @@ def test_on_a_linear_hull_it_is_the_kalman_filter():
         assert estimates[k].angle == pytest.approx(oracle.x[0] + 0.01, abs=1e-5)
         assert estimates[k].rate == pytest.approx(oracle.x[1], abs=1e-4)
     assert np.allclose(attitude.P, oracle.P, rtol=1e-2, atol=1e-7)
+
+
+SINE = DecayModel.from_terms(
+    equation_named('swath-roll-3').with_friction(),
+    {'b0': 0.02, 'b1': 0.4, 'b2': 1.5, 'b3': 0.3, 's1': 6.0, 's2': -0.8}, trim=-0.02, axis='roll',
+)  # fmt: skip
+
+
+def _by_filterpy(oracle, duration, longest_step):
+    count = max(1, math.ceil(duration / longest_step))
+    for _ in range(count):
+        oracle.linearise(duration / count)
+        ExtendedKalmanFilter.predict(oracle)
+
+
+def _taken_in_by_filterpy(oracle, angle, rate, angle_variance, rate_variance):
+    places = [k for k, value in enumerate((angle, rate)) if value == value]
+    values, noise = np.array([angle, rate])[places], np.diag([angle_variance, rate_variance])[np.ix_(places, places)]
+    matrix = np.eye(4)[places]
+    ExtendedKalmanFilter.update(oracle, values, lambda x: matrix, lambda x: matrix @ x, R=noise)
+
+
+def _assert_same(attitude, oracle, covariance):
+    """To 1e-12 of the deviations that the state could have."""
+    deviation = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(attitude.x - oracle.x) <= 1e-12 * np.maximum(deviation, np.abs(oracle.x)))
+    assert np.all(np.abs(attitude.P - oracle.P) <= 1e-12 * deviation * deviation[:, None])
+
+
+@pytest.mark.parametrize('hull', [None, LINEAR, ROLL, SINE])
+@pytest.mark.parametrize('missing', ['', 'angle', 'rate', 'now and then'])
+def test_the_closed_form_is_the_predict_and_update_of_filterpy(hull, missing):
+    """Every step starts from the same state, so that rounding does not add up."""
+    rng = np.random.default_rng(12)
+    unlimited = FilterSettings(gate_probability=1e-300, trim_time=1e-9, disturbance_most=0.5)
+    attitude, oracle = AttitudeFilter(unlimited, hull), AttitudeFilter(unlimited, hull)
+    attitude.start(0.0, 0.08, -0.1, 1e-6, 1.6e-5)
+    for k in range(300):
+        oracle.import_state(attitude.export_state())
+        duration = float(rng.choice([0.01, 0.013, 0.25]))
+        attitude.advance(duration)
+        _by_filterpy(oracle, duration, attitude._hull[-1])
+        _assert_same(attitude, oracle, oracle.P)
+        variances = 10.0 ** rng.uniform(-7.0, -3.0, 2)
+        values = oracle.x[:2] + rng.normal(size=2) * np.sqrt(np.diag(oracle.P)[:2] + variances)
+        values[0] = NAN if missing == 'angle' or (missing and k % 3 == 1) else values[0]
+        values[1] = NAN if missing == 'rate' or (missing and k % 4 == 1) else values[1]
+        if not np.isnan(values).all():
+            prior = attitude.P
+            oracle.import_state(attitude.export_state())
+            given = *values.tolist(), *variances.tolist()
+            assert not attitude.correct(*given).rejected
+            _taken_in_by_filterpy(oracle, *given)
+            _assert_same(attitude, oracle, prior)
+
+
+def test_a_sample_at_once_is_its_three_parts():
+    time, _, _, angles, rates = _measure(13)
+    angles[700] += 0.5
+    angles[900:950] += 0.5
+    rates[1000:1010] = NAN
+    parts, whole = AttitudeFilter(FilterSettings(), ROLL), AttitudeFilter(FilterSettings(), ROLL)
+    for attitude in (parts, whole):
+        attitude.start(time[0], angles[0], rates[0], 1e-6, 1e-5)
+    for k in range(1, 1500):
+        lead = 0.01 if k % 5 else 0.0101
+        given = float(angles[k]), float(rates[k]), 1e-6, 1e-5
+        parts.advance(0.01)
+        one, other = parts.correct(*given), whole.observe(0.01, *given, lead)
+        assert str(one) == str(other)
+        assert parts.moments_ahead(lead) == whole.moments_ahead(lead)
+    assert parts.export_state() == whole.export_state()
+
+
+def test_what_was_foreseen_is_void_when_the_state_is_changed_by_hand():
+    attitude = AttitudeFilter(FilterSettings(), ROLL)
+    attitude.start(0.0, 0.1, 0.0, 1e-6, 1e-5)
+    before = attitude.ahead(0.01)
+    attitude.x[0] = 0.2
+    assert attitude.ahead(0.01)[0] == pytest.approx(before[0] + 0.1, abs=1e-3)
+    attitude.P[1, 1] = 0.04
+    assert attitude.ahead(0.01)[2][1, 1] > 0.03 > before[2][1, 1]
+
+
+@pytest.mark.skipif(not HAS_NUMBA, reason='numba is not installed: there is only one version to run')
+def test_without_numba_the_numbers_are_the_same():
+    program = (
+        'import sys; sys.path[:0] = sys.argv[1:]\n'
+        'from test_prediction_ekf import AttitudeFilter, FilterSettings, SINE, _measure, _run\n'
+        'time, _, _, angles, rates = _measure(14, SINE, duration=5.0)\n'
+        'attitude = AttitudeFilter(FilterSettings(), SINE)\n'
+        '_run(attitude, time, angles, rates)\n'
+        'print(*attitude.x, *attitude.P.ravel(), attitude.disturbance_variance, attitude.nis_ratio)\n'
+    )
+    told = [
+        subprocess.run(
+            [sys.executable, '-c', program, *sys.path], env={**os.environ, 'NUMBA_DISABLE_JIT': off}, check=True,
+            capture_output=True, text=True,
+        ).stdout for off in '01'
+    ]  # fmt: skip
+    compiled, plain = (np.array(line.split(), dtype=float) for line in told)
+    assert compiled.size == 22
+    np.testing.assert_allclose(compiled, plain, rtol=1e-12, atol=1e-15)
 
 
 def test_it_is_better_than_the_sensor_and_its_covariance_is_true():

@@ -12,6 +12,7 @@ Before a hull is known f is zero: constant rate, driven by the disturbance.
 """
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -19,21 +20,19 @@ from scipy.stats import chi2
 
 from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
+from swath_sysid.prediction import filter_step
+from swath_sysid.prediction.filter_step import CAPSIZED
 from swath_sysid.prediction.sensor_noise import NoiseSettings
 
 ANGLE, RATE, TRIM, DISTURBANCE = range(4)
 STATE_NAMES = ('angle', 'rate', 'trim', 'disturbance')
 
-_MEASURED = {
-    (True, True): np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]),
-    (True, False): np.array([[1.0, 0.0, 0.0, 0.0]]),
-    (False, True): np.array([[0.0, 1.0, 0.0, 0.0]]),
-}
-_LARGEST_ANGLE_VARIANCE = math.pi**2
-_LARGEST_RATE_VARIANCE = 100.0
-_LARGEST_RATIO = 6.0
-_USUAL_RATIO = 1.2
+_UPPER = np.triu_indices(4)
+_PLACES = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
+"""Of each element of a covariance in its upper triangle."""
+
 _SAME_LEAD = 1e-6
+_FREE_TERMS = (0.0,) * 9, (False,) * 9, 1.0
 
 
 @dataclass(frozen=True)
@@ -90,8 +89,7 @@ class FilterSettings:
             raise InputError('a gate_probability of 0.5 or more rejects good samples: give 1e-3 or less')
 
 
-@dataclass(frozen=True)
-class AttitudeEstimate:
+class AttitudeEstimate(NamedTuple):
     """What the filter knows of one axis after a sample.
 
     Attributes
@@ -100,8 +98,8 @@ class AttitudeEstimate:
         s.
     angle, rate, trim, disturbance : float
         rad, rad/s, rad, rad/s^2.
-    covariance : ndarray, shape (2, 2)
-        Of angle and rate.
+    angle_variance, angle_rate_covariance, rate_variance : float
+        rad^2, rad^2/s, rad^2/s^2.
     nis : float
         Normalised innovation squared; NaN when nothing was measured.
     measured : int
@@ -118,12 +116,21 @@ class AttitudeEstimate:
     rate: float
     trim: float
     disturbance: float
-    covariance: np.ndarray
+    angle_variance: float
+    angle_rate_covariance: float
+    rate_variance: float
     nis: float = math.nan
     measured: int = 0
     rejected: bool = False
     restarted: bool = False
     advice: tuple[Advice, ...] = ()
+
+    @property
+    def covariance(self):
+        """Of angle and rate, shape (2, 2)."""
+        return np.array([
+            [self.angle_variance, self.angle_rate_covariance], [self.angle_rate_covariance, self.rate_variance]
+        ])
 
 
 @dataclass(frozen=True)
@@ -154,10 +161,6 @@ class FreeMotion:
 
 FREE_MOTION = FreeMotion()
 
-CAPSIZED = 1.5
-"""rad from trim; no decay model is believed beyond."""
-
-
 def runge_kutta_step(acceleration, angle, rate, disturbance, step):
     """One classical Runge-Kutta step of d(rate)/dt = acceleration(angle, rate) + disturbance.
 
@@ -180,52 +183,27 @@ def runge_kutta_step(acceleration, angle, rate, disturbance, step):
 
 
 def transition(by_angle, by_rate, step, tau):
-    """Transition matrix of the linearised state over one step, shape (4, 4).
-
-    The exponential of A = [[0, 1], [a, c]] and its integral, to third order in the step;
-    the disturbance is held over the step and decays at its end.
-    """
-    a, c = by_angle, by_rate
-    h1, h2, h3 = step, step * step / 2.0, step**3 / 6.0
-    square = a + c * c
-    gain_angle = h2 + c * h3
-    gain_rate = h1 + c * h2 + square * h3
-    matrix = np.zeros((4, 4))
-    matrix[0] = 1.0 + a * h2 + a * c * h3, h1 + c * h2 + square * h3, -a * gain_angle, gain_angle
-    matrix[1] = (
-        a * h1 + a * c * h2 + a * square * h3,
-        1.0 + c * h1 + square * h2 + c * (a + square) * h3,
-        -a * gain_rate,
-        gain_rate,
-    )
-    matrix[2, 2] = 1.0
-    matrix[3, 3] = math.exp(-step / tau)
+    """Transition matrix of the linearised state over one step, shape (4, 4); see `filter_step`."""
+    *rows, decay = filter_step.transition_elements(by_angle, by_rate, step, tau)
+    matrix = np.diag([0.0, 0.0, 1.0, decay])
+    matrix[:2] = np.reshape(rows, (2, 4))
     return matrix
 
 
 def process_noise(disturbance_variance, tau, trim_drift, step):
-    """Process noise over one step, shape (4, 4): the Singer model's leading terms.
-
-    Singer, IEEE Trans. AES-6 (1970), for a step short against tau: white noise of intensity
-    2 variance / tau on the disturbance, integrated into rate and angle.
-    """
-    intensity = 2.0 * disturbance_variance / tau
-    h = step
-    matrix = np.zeros((4, 4))
-    matrix[0, 0] = intensity * h**5 / 20.0
-    matrix[0, 1] = matrix[1, 0] = intensity * h**4 / 8.0
-    matrix[0, 3] = matrix[3, 0] = intensity * h**3 / 6.0
-    matrix[1, 1] = intensity * h**3 / 3.0
-    matrix[1, 3] = matrix[3, 1] = intensity * h * h / 2.0
-    matrix[2, 2] = trim_drift * trim_drift * h
-    matrix[3, 3] = intensity * h
-    return matrix
+    """Process noise over one step, shape (4, 4): the Singer model's leading terms; see `filter_step`."""
+    q00, q01, q03, q11, q13, q22, q33 = filter_step.noise_elements(disturbance_variance, tau, trim_drift, step)
+    return np.array([[q00, q01, 0.0, q03], [q01, q11, 0.0, q13], [0.0, 0.0, q22, 0.0], [q03, q13, 0.0, q33]])
 
 
 class AttitudeFilter(ExtendedKalmanFilter):
     """Extended Kalman filter of one axis.
 
     It holds no clock: every call says how far to step. Same calls, same numbers.
+
+    The state is filterpy's, ``x`` and ``P``, and after `linearise` filterpy's own ``predict`` and
+    ``update`` work on it. `advance`, `correct`, `ahead` and `observe` do the same in closed form
+    (`filter_step`), which takes a fiftieth of the time.
 
     Parameters
     ----------
@@ -234,19 +212,74 @@ class AttitudeFilter(ExtendedKalmanFilter):
         None: constant rate.
     """
 
+    _mean = _upper = _x = _covariance = _foreseen = None
+
     def __init__(self, settings, model=None):
         super().__init__(dim_x=4, dim_z=2)
-        self.settings = settings
+        self.settings = s = settings
         self.stamp = math.nan
-        self.disturbance_variance = settings.disturbance_initial**2
+        self.disturbance_variance = s.disturbance_initial**2
         self.rejections = 0
         self.nis_ratio = 1.0
         self.model = FREE_MOTION
-        self._gates = {m: float(chi2.isf(settings.gate_probability, m)) for m in (1, 2)}
+        self._drive = float(s.disturbance_time), float(s.trim_drift)
+        self._limits = tuple(map(float, (
+            s.trim_time, s.adaptation_time, s.disturbance_least**2, s.disturbance_most**2,
+            *(chi2.isf(s.gate_probability, m) for m in (1, 2)),
+        )))  # fmt: skip
         self._step = 0.0
         self._elapsed = 0.0
-        self._foreseen = None
+        self.x = np.zeros(4)
         self._use(model)
+        self._warm_up()
+
+    def _warm_up(self):
+        """One step into the void, so that the first sample finds everything compiled."""
+        mean, upper = self._state()
+        filter_step.follow(
+            mean, upper, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0, self._drive, self._limits, self._hull
+        )
+
+    @property
+    def x(self):
+        """Angle, rate, trim and disturbance, shape (4,)."""
+        if self._x is None:
+            self._x = np.array(self._mean)
+        return self._x
+
+    @x.setter
+    def x(self, value):
+        self._x = value
+
+    @property
+    def P(self):  # noqa: N802 - filterpy's name
+        """Covariance of the state, shape (4, 4)."""
+        if self._covariance is None:
+            self._covariance = np.array(self._upper)[_PLACES]
+        return self._covariance
+
+    @P.setter
+    def P(self, value):  # noqa: N802
+        self._covariance = value
+
+    def _state(self):
+        """Mean and upper triangle of the covariance as tuples.
+
+        Arrays that were handed out may have been changed since: what was foreseen is then void.
+        """
+        if self._x is not None:
+            mean = tuple(self._x.tolist())
+            if mean != self._mean:
+                self._mean, self._foreseen = mean, None
+        if self._covariance is not None:
+            upper = tuple(self._covariance[_UPPER].tolist())
+            if upper != self._upper:
+                self._upper, self._foreseen = upper, None
+        return self._mean, self._upper
+
+    def _set_state(self, mean, upper):
+        self._mean, self._upper = mean, upper
+        self._x = self._covariance = None
 
     @property
     def has_model(self):
@@ -256,7 +289,7 @@ class AttitudeFilter(ExtendedKalmanFilter):
     @property
     def is_started(self):
         """Whether there is a state."""
-        return not math.isnan(self.stamp)
+        return self.stamp == self.stamp
 
     def _use(self, model):
         self.model = self._moved_by = FREE_MOTION if model is None else model
@@ -264,7 +297,10 @@ class AttitudeFilter(ExtendedKalmanFilter):
         # Runge-Kutta and the third-order transition are both accurate to 1e-4 at a quarter radian of
         # the natural oscillation; the disturbance must not decay much within a step either
         fastest = max(math.sqrt(abs(by_angle)), abs(by_rate), 0.5 / self.settings.disturbance_time)
-        self._longest_step = 0.25 / fastest
+        terms = _FREE_TERMS if model is None else (
+            tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate)
+        )  # fmt: skip
+        self._hull = *terms, float(0.25 / fastest)
 
     def set_model(self, model):
         """Swap the hull under the running filter: angle, rate and total acceleration go on.
@@ -295,7 +331,7 @@ class AttitudeFilter(ExtendedKalmanFilter):
         """Begin anew from one sample (NaN: not measured). Trim and size of the disturbance are kept."""
         s = self.settings
         self._foreseen = None
-        trim = float(self.x[TRIM]) if self.is_started else self.model.trim
+        trim = float(self.x[TRIM]) if self.is_started else float(self.model.trim)
         has_angle, has_rate = angle == angle, rate == rate
         self.x = np.array([angle if has_angle else trim, rate if has_rate else 0.0, trim, 0.0])
         self.disturbance_variance = max(self.disturbance_variance, s.disturbance_initial**2)
@@ -309,8 +345,30 @@ class AttitudeFilter(ExtendedKalmanFilter):
         self.rejections = 0
         self.nis_ratio = 1.0
 
+    def linearise(self, step):
+        """Set F and Q, and the step of the mean, for filterpy's own ``predict``.
+
+        Parameters
+        ----------
+        step : float
+            s, short against the hull's period.
+        """
+        angle, rate, trim, _ = self.x.tolist()
+        half = 0.5 * step
+        angle += self.model.trim - trim
+        rate_then = rate + half * float(self.model.acceleration(angle, rate))
+        by_angle, by_rate = map(float, self.model.jacobian(angle + half * rate, rate_then))
+        fast = step * max(abs(by_rate), math.sqrt(abs(by_angle)))
+        self._moved_by = self.model
+        if not (abs(angle - self.model.trim) < CAPSIZED and fast < 1.0):
+            self._moved_by, by_angle, by_rate = FREE_MOTION, 0.0, 0.0
+        tau, trim_drift = self._drive
+        self._step = step
+        self.F = transition(by_angle, by_rate, step, tau)
+        self.Q = process_noise(self.disturbance_variance, tau, trim_drift, step)
+
     def predict_x(self, u=0):
-        """filterpy's hook: the mean over one sub-step of the nonlinear model."""
+        """filterpy's hook: the mean over the step of the nonlinear model that `linearise` has set."""
         angle, rate, trim, disturbance = self.x.tolist()
         shift = self.model.trim - trim
         angle, rate = runge_kutta_step(self._moved_by.acceleration, angle + shift, rate, disturbance, self._step)
@@ -319,46 +377,23 @@ class AttitudeFilter(ExtendedKalmanFilter):
 
     def advance(self, duration):
         """Predict the state over a duration, s, in sub-steps short against the hull's period."""
-        if self._foreseen is not None and abs(duration - self._foreseen[0]) < _SAME_LEAD:
-            _, self.x, self.P = self._foreseen
-            self._foreseen = None
-            self.stamp += duration
-            self._elapsed = duration
-            return
-        tau = self.settings.disturbance_time
-        count = max(1, math.ceil(duration / self._longest_step))
-        self._step = step = duration / count
-        self.Q = process_noise(self.disturbance_variance, tau, self.settings.trim_drift, step)
-        for _ in range(count):
-            by_angle, by_rate = self._linearise(step)
-            self.F = transition(by_angle, by_rate, step, tau)
-            self.predict()
-        if self.P[0, 0] > _LARGEST_ANGLE_VARIANCE or self.P[1, 1] > _LARGEST_RATE_VARIANCE:
-            self._bound_covariance()
+        rest, mean, upper = self._from_foreseen(duration)
+        if rest > 0.0:
+            mean, upper = filter_step.predict(
+                mean, upper, self.disturbance_variance, rest, self._drive, self._hull
+            )
+        self._set_state(mean, upper)
+        self._foreseen = None
         self.stamp += duration
         self._elapsed = duration
 
-    def _linearise(self, step):
-        """Derivatives of the acceleration in the middle of a step; chooses the hull or free motion."""
-        angle, rate, trim, _ = self.x.tolist()
-        half = 0.5 * step
-        angle += self.model.trim - trim
-        self._moved_by = self.model
-        rate_then = rate + half * float(self.model.acceleration(angle, rate))
-        by_angle, by_rate = map(float, self.model.jacobian(angle + half * rate, rate_then))
-        fast = step * max(abs(by_rate), math.sqrt(abs(by_angle)))
-        if abs(angle - self.model.trim) < CAPSIZED and fast < 1.0:
-            return by_angle, by_rate
-        # far outside what the hull was identified on, the equation is no longer believed (nor stable)
-        self._moved_by = FREE_MOTION
-        return 0.0, 0.0
-
-    def _bound_covariance(self):
-        # an angle that nothing observes (rates alone, no hull) would grow without end
-        scale = np.ones(4)
-        scale[ANGLE] = min(1.0, math.sqrt(_LARGEST_ANGLE_VARIANCE / self.P[0, 0]))
-        scale[RATE] = min(1.0, math.sqrt(_LARGEST_RATE_VARIANCE / self.P[1, 1]))
-        self.P = self.P * scale * scale[:, None]
+    def _from_foreseen(self, duration):
+        """How far to predict still, and from which state: not at all where just that was foreseen."""
+        mean, upper = self._state()
+        foreseen = self._foreseen
+        if foreseen is not None and abs(duration - foreseen[0]) < _SAME_LEAD:
+            return 0.0, foreseen[1], foreseen[2]
+        return duration, mean, upper
 
     def correct(self, angle, rate, angle_variance, rate_variance):
         """Update with what was measured (NaN: not measured).
@@ -374,40 +409,49 @@ class AttitudeFilter(ExtendedKalmanFilter):
         -------
         AttitudeEstimate
         """
-        has_angle, has_rate = angle == angle, rate == rate
-        if not (has_angle or has_rate):
-            return self.estimate()
         self._foreseen = None
-        e_angle, e_rate = angle - float(self.x[0]), rate - float(self.x[1])
-        nis = self._normalised(e_angle, e_rate, has_angle, has_rate, angle_variance, rate_variance)
-        measured = int(has_angle) + int(has_rate)
-        # a sensor noisier than it says must not be locked out: the gate is as wide as its innovations are
-        if nis > self._gates[measured] * max(1.0, self.nis_ratio):
-            return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
-        self.rejections = 0
-        matrix = _MEASURED[has_angle, has_rate]
-        if measured == 2:
-            z, noise = np.array([angle, rate]), np.array([[angle_variance, 0.0], [0.0, rate_variance]])
-        else:
-            z = np.array([angle if has_angle else rate])
-            noise = np.array([[angle_variance if has_angle else rate_variance]])
-        trim = float(self.x[TRIM])
-        slowest = math.sqrt(float(self.P[TRIM, TRIM])) * self._elapsed / self.settings.trim_time
-        self.update(z, lambda x: matrix, matrix.dot, R=noise)
-        # ballast moves slowly: a hand on the craft, or a gust, must not be taken for it
-        self.x[TRIM] = min(max(float(self.x[TRIM]), trim - slowest), trim + slowest)
-        self._adapt(nis / measured)
-        return self.estimate(nis, measured)
+        mean, upper, told = filter_step.update(
+            *self._state(), angle, rate, angle_variance, rate_variance, self._elapsed, self.disturbance_variance,
+            self.nis_ratio, self._limits,
+        )  # fmt: skip
+        self._set_state(mean, upper)
+        return self._conclude(told, angle, rate, angle_variance, rate_variance)
 
-    def _normalised(self, e_angle, e_rate, has_angle, has_rate, angle_variance, rate_variance):
-        p = self.P
-        if not has_rate:
-            return e_angle * e_angle / (float(p[0, 0]) + angle_variance)
-        if not has_angle:
-            return e_rate * e_rate / (float(p[1, 1]) + rate_variance)
-        s00, s11, s01 = float(p[0, 0]) + angle_variance, float(p[1, 1]) + rate_variance, float(p[0, 1])
-        determinant = s00 * s11 - s01 * s01
-        return (s11 * e_angle * e_angle - 2.0 * s01 * e_angle * e_rate + s00 * e_rate * e_rate) / determinant
+    def observe(self, duration, angle, rate, angle_variance, rate_variance, lead):
+        """`advance`, `correct` and `ahead` at once.
+
+        Parameters
+        ----------
+        duration : float
+            Since the sample before, s.
+        angle, rate, angle_variance, rate_variance : float
+            See `correct`.
+        lead : float
+            Of the `ahead` that comes next, s.
+
+        Returns
+        -------
+        AttitudeEstimate
+        """
+        rest, mean, upper = self._from_foreseen(duration)
+        mean, upper, told, later, spread = filter_step.follow(
+            mean, upper, rest, angle, rate, angle_variance, rate_variance, duration, self.disturbance_variance,
+            self.nis_ratio, lead, self._drive, self._limits, self._hull,
+        )  # fmt: skip
+        self._set_state(mean, upper)
+        self._foreseen = lead, later, spread
+        self.stamp += duration
+        self._elapsed = duration
+        return self._conclude(told, angle, rate, angle_variance, rate_variance)
+
+    def _conclude(self, told, angle, rate, angle_variance, rate_variance):
+        nis, measured, accepted, self.disturbance_variance, self.nis_ratio = told
+        measured = int(measured)
+        if not accepted:
+            return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
+        if measured:
+            self.rejections = 0
+        return self.estimate(nis, measured)
 
     def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
         self.rejections += 1
@@ -432,32 +476,11 @@ class AttitudeFilter(ExtendedKalmanFilter):
         self.x[DISTURBANCE] = moment
         self.P[DISTURBANCE, DISTURBANCE] = self.disturbance_variance
 
-    def _adapt(self, ratio):
-        """Let the disturbance's size follow the innovations and its own estimate.
-
-        Where the size is right, the NIS is its expectation and E[d^2 | data] is the variance
-        (the fixed point of expectation-maximisation): both ratios then average one. The first
-        answers fast when a sea gets up; the second lets the excitation fade out in still water,
-        where the innovations hardly depend on it.
-        """
-        s = self.settings
-        gain = min(0.2, self._elapsed / s.adaptation_time)
-        ratio = min(ratio, _LARGEST_RATIO * max(1.0, self.nis_ratio))
-        self.nis_ratio += gain * (ratio - self.nis_ratio)
-        change = min(ratio, _LARGEST_RATIO) - 1.0
-        if self.nis_ratio < _USUAL_RATIO:
-            disturbance = float(self.x[DISTURBANCE])
-            share = (disturbance * disturbance + float(self.P[DISTURBANCE, DISTURBANCE])) / self.disturbance_variance
-            change += min(share, _LARGEST_RATIO) - 1.0
-        variance = self.disturbance_variance * math.exp(gain * change)
-        self.disturbance_variance = min(max(variance, s.disturbance_least**2), s.disturbance_most**2)
-
     def estimate(self, nis=math.nan, measured=0, rejected=False, restarted=False, advice=()):
         """The present state as a result."""
-        angle, rate, trim, disturbance = self.x.tolist()
+        mean, upper = self._state()
         return AttitudeEstimate(
-            self.stamp, angle, rate, trim, disturbance, self.P[:2, :2].copy(), nis, measured, rejected, restarted,
-            advice,
+            self.stamp, *mean, upper[0], upper[1], upper[4], nis, measured, rejected, restarted, advice
         )
 
     def ahead(self, lead):
@@ -468,14 +491,19 @@ class AttitudeFilter(ExtendedKalmanFilter):
         angle, rate : float
         covariance : ndarray, shape (2, 2)
         """
-        self._foreseen = None
-        mean, covariance, stamp, elapsed = self.x, self.P, self.stamp, self._elapsed
-        self.advance(lead)
-        result = float(self.x[0]), float(self.x[1]), self.P[:2, :2].copy()
-        # the next sample usually comes just then: its prediction is done
-        self._foreseen = lead, self.x, self.P
-        self.x, self.P, self.stamp, self._elapsed = mean, covariance, stamp, elapsed
-        return result
+        angle, rate, angle_variance, both, rate_variance = self.moments_ahead(lead)
+        return angle, rate, np.array([[angle_variance, both], [both, rate_variance]])
+
+    def moments_ahead(self, lead):
+        """What `ahead` tells, as five floats: angle, rate, angle variance, covariance of both, rate variance."""
+        mean, upper = self._state()
+        if self._foreseen is None or self._foreseen[0] != lead:
+            # the next sample usually comes just then: its prediction is done
+            self._foreseen = lead, *filter_step.predict(
+                mean, upper, self.disturbance_variance, lead, self._drive, self._hull
+            )
+        _, later, spread = self._foreseen
+        return later[0], later[1], spread[0], spread[1], spread[4]
 
     def export_state(self):
         """Everything remembered, as plain numbers.
