@@ -1,4 +1,4 @@
-"""``swath-sysid identify``: from decay records to a hull model."""
+"""``swath-sysid identify``: from decay records, or a record in waves, to a hull model."""
 
 import json
 import time
@@ -7,8 +7,12 @@ from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import add_source_arguments, chosen_axis, finite, motions_of, provenance_of, read_trials
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import write_model
+from swath_sysid.identification.at_sea import identify_at_sea, is_forced
 from swath_sysid.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
+from swath_sysid.identification.sea_motion import heave_of
 from swath_sysid.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.report.at_sea_figure import at_sea_figure
+from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, inertia_of
@@ -17,6 +21,13 @@ from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, inertia_of
 def add_arguments(parser):
     """Records, model, search, output."""
     add_source_arguments(parser)
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument(
+        '--at-sea', action='store_true',
+        help='the record is motion in waves: natural period and equivalent linear damping (default: where it holds no '
+        'free decay and swings from begin to end)',
+    )  # fmt: skip
+    kind.add_argument('--decay', action='store_true', help='the records are free decays, whatever they look like')
     parser.add_argument(
         '--equation', metavar='NAME',
         help=f'published equation, composition like b1,b2|r1,r3, either with +friction (default: {DEFAULT_EQUATION})',
@@ -62,6 +73,8 @@ def run(arguments):
     settings = settings_of(arguments, arguments.equation)
     trials = read_trials(arguments.trials, arguments)
     axis = chosen_axis(trials, arguments.axis)
+    if _is_at_sea(arguments, trials, axis):
+        return _run_at_sea(arguments, trials, axis, began)
     with progress_of('identify') as progress:
         found = identify(motions_of(trials, axis), settings, progress=progress)
     inertia = inertia_of(found.model, arguments.inertia, arguments.mass, arguments.metacentric_height)
@@ -74,4 +87,39 @@ def run(arguments):
         print(json.dumps(fit_as_data(found, time.perf_counter() - began, inertia), indent=2))
     else:
         print('\n'.join(fit_in_words(found, inertia)))
+    return 0
+
+
+def _is_at_sea(arguments, trials, axis):
+    """Whether the record is to be taken for motion in waves."""
+    if arguments.at_sea or arguments.decay:
+        return arguments.at_sea
+    # who gives bounds or an equation means a decay
+    given = (arguments.start, arguments.end, arguments.equation)
+    return given == (None, None, None) and all(is_forced(trial.axis(axis)) for trial in trials)
+
+
+def _run_at_sea(arguments, trials, axis, began):
+    """Identify from motion in waves, print, and write what was asked for."""
+    if len(trials) > 1:
+        raise InputError('motion in waves is identified from one record at a time: give one, the longest')
+    refused = [name for name in ('equation', 'inertia', 'mass') if getattr(arguments, name) is not None]
+    if refused:
+        raise InputError(
+            f'--{refused[0]} has no meaning for motion in waves, which gives a linear equivalent only: leave it out, '
+            'or give the record of a free decay'
+        )
+    with progress_of('identify at sea') as progress:
+        found = identify_at_sea(
+            trials[0].axis(axis), heave_of(trials[0]), arguments.start, arguments.end, progress=progress
+        )
+    if arguments.output:
+        write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
+    if arguments.plot:
+        save_figure(at_sea_figure(found), arguments.plot)
+    show_advice(dict.fromkeys([*trials[0].advice, *found.advice]))
+    if arguments.json:
+        print(json.dumps(at_sea_as_data(found, time.perf_counter() - began), indent=2))
+    else:
+        print('\n'.join(at_sea_in_words(found)))
     return 0

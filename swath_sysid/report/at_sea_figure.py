@@ -1,0 +1,104 @@
+"""The picture of an identification at sea: spectra, the hull's response, random decrement."""
+import math
+
+import numpy as np
+
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
+
+_SHOWN = 1e-5
+
+
+def at_sea_figure(found):
+    """Draw an `AtSeaIdentification`.
+
+    Parameters
+    ----------
+    found : AtSeaIdentification
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    figure = new_figure(12.0, 7.4)
+    spectrum, response, excitation, decrement = (quiet(axes) for axes in figure.subplots(2, 2).ravel())
+    _spectrum(spectrum, found)
+    _excitation(excitation, found)
+    _response(response, found)
+    _decrement(decrement, found)
+    figure.suptitle(
+        f'{found.model.axis} at sea: natural period {found.natural_period:.3f} ± {found.natural_period_std:.2g} s,  '
+        f'equivalent damping ratio {found.damping_ratio:.3f} ± {found.damping_ratio_std:.2g}  '
+        f'at {math.degrees(found.amplitude):.2g} deg',
+        fontsize='medium',
+    )
+    return figure
+
+
+def _spectrum(axes, found):
+    spectra, hertz = found.spectra, found.spectra.frequency / (2.0 * np.pi)
+    unit = np.degrees(1.0) ** 2 * 2.0 * np.pi
+    axes.loglog(hertz, unit * spectra.measured, color=MEASURED, linewidth=1.0, label='measured')
+    axes.loglog(hertz, unit * spectra.fitted, '--', color=MODEL, linewidth=1.4, label='fitted')
+    top = unit * spectra.measured.max()
+    axes.set(ylabel=f'{found.model.axis}, deg²/Hz', ylim=(_SHOWN * top, 3.0 * top))
+    _marks(axes, found)
+    axes.legend(frameon=False, fontsize='small', loc='lower left')
+
+
+def _excitation(axes, found):
+    spectra, hertz = found.spectra, found.spectra.frequency / (2.0 * np.pi)
+    axes.loglog(hertz, spectra.excitation, color=MEASURED, linewidth=1.0, label='needed by the hull')
+    axes.loglog(hertz, spectra.fitted_excitation, '--', color=RESIDUAL, linewidth=1.4, label='fitted sea')
+    top = spectra.fitted_excitation.max()
+    axes.set(
+        xlabel='frequency, Hz', ylabel='exciting moment / inertia, (rad/s²)² s', ylim=(_SHOWN * top, 3.0 * top)
+    )
+    axes.set_xlim(hertz[0], hertz[-1])
+    _marks(axes, found)
+    axes.legend(frameon=False, fontsize='small', loc='lower left')
+
+
+def _marks(axes, found):
+    """Natural frequency with two standard deviations; peak of the excitation."""
+    natural = 1.0 / found.natural_period
+    spread = 2.0 * found.natural_period_std / found.natural_period
+    axes.axvspan(natural * (1.0 - min(spread, 0.9)), natural * (1.0 + spread), color=BAND, alpha=0.5, linewidth=0)
+    axes.axvline(1.0 / found.peak_period, color=RESIDUAL, linewidth=0.8, linestyle=':')
+
+
+def _response(axes, found):
+    hertz = found.spectra.frequency / (2.0 * np.pi)
+    own = _magnification(hertz, found.natural_period, found.damping_ratio)
+    covariance = found.estimate_covariance
+    spread = np.zeros_like(own)
+    values, vectors = np.linalg.eigh(covariance)
+    for value, vector in zip(values, vectors.T, strict=True):
+        shift = math.sqrt(max(value, 0.0)) * vector
+        moved = _magnification(
+            hertz, max(found.natural_period + shift[0], 0.1 * found.natural_period),
+            max(found.damping_ratio + shift[1], 0.1 * found.damping_ratio),
+        )
+        spread += np.log(moved / own) ** 2
+    factor = np.exp(2.0 * np.sqrt(spread))
+    axes.fill_between(
+        hertz, own / factor, own * factor, color=BAND, alpha=0.6, linewidth=0, label='two standard deviations'
+    )
+    axes.loglog(hertz, own, color=MODEL, label='equivalent linear hull')
+    axes.set(xlabel='frequency, Hz', ylabel='response, angle / static angle', ylim=(1e-2, 3.0 * own.max()))
+    axes.axvline(1.0 / found.peak_period, color=RESIDUAL, linewidth=0.8, linestyle=':', label='peak of the excitation')
+    axes.legend(frameon=False, fontsize='small', loc='lower left')
+
+
+def _magnification(hertz, period, damping):
+    u = hertz * period
+    return 1.0 / np.sqrt((1.0 - u * u) ** 2 + (2.0 * damping * u) ** 2)
+
+
+def _decrement(axes, found):
+    d = found.decrement
+    axes.plot(d.lag, np.degrees(d.measured), color=MEASURED, linewidth=1.4, label='random decrement, measured')
+    axes.plot(d.lag, np.degrees(d.fitted), '--', color=MODEL, linewidth=1.2, label='of the fitted spectrum')
+    axes.plot(d.lag, np.degrees(d.free_decay), color=SERIES[3], linewidth=1.0, label='free decay of the hull')
+    axes.axhline(0.0, color=MEASURED, linewidth=0.5)
+    axes.set(xlabel='s after crossing', ylabel=f'{found.model.axis}, deg')
+    axes.legend(frameon=False, fontsize='small', loc='upper right')

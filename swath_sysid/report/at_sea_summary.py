@@ -1,0 +1,90 @@
+"""An identification at sea in words and in plain data."""
+import math
+
+from swath_sysid.hull.terms import RATIO_UNITS
+from swath_sysid.report.fit_summary import finite_or_none
+
+SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}
+
+
+def at_sea_as_data(found, wall_s=None):
+    """What ``identify --json`` prints of a record in waves: plain numbers, strings, lists and dicts.
+
+    Parameters
+    ----------
+    found : AtSeaIdentification
+    wall_s : float, optional
+        How long it took.
+
+    Returns
+    -------
+    dict
+        As for a free decay: equation, axis, ratios, trim_rad, natural_period_s, damping_ratio,
+        reference_amplitude_rad, valid_amplitude_rad, segment_s, sources, wall_s, warnings. Beside them
+        ``identified_from``, the standard deviations ``natural_period_std_s``, ``damping_ratio_std`` and
+        ``reference_amplitude_std_rad``, ``misfit`` (1: hull and sea explain the motion), ``sea`` and
+        ``peak_period_s``.
+    """
+    model = found.model
+    return finite_or_none({
+        'identified_from': 'motion in waves',
+        'equation': model.equation.name,
+        'axis': model.axis,
+        'ratios': {
+            name: {'value': value, 'std': found.std[name], 'unit': RATIO_UNITS[name]}
+            for name, value in model.terms.items()
+        },
+        'trim_rad': model.trim,
+        'trim_std_rad': found.trim_std,
+        'natural_period_s': found.natural_period,
+        'natural_period_std_s': found.natural_period_std,
+        'damping_ratio': found.damping_ratio,
+        'damping_ratio_std': found.damping_ratio_std,
+        'correlation': _correlation(found.estimate_covariance),
+        'reference_amplitude_rad': found.amplitude,
+        'reference_amplitude_std_rad': found.amplitude_std,
+        'valid_amplitude_rad': [found.amplitude, found.amplitude],
+        'misfit': found.misfit,
+        'sea': found.sea,
+        'peak_period_s': found.peak_period,
+        'segment_s': [float(found.motion.time[0]), float(found.motion.time[-1])],
+        'sources': [found.motion.source],
+        'wall_s': wall_s,
+        'warnings': [{'code': a.code, 'message': a.message} for a in found.advice],
+    })  # fmt: skip
+
+
+def _correlation(covariance):
+    return float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
+
+
+def at_sea_in_words(found):
+    """Lines for a reader.
+
+    Parameters
+    ----------
+    found : AtSeaIdentification
+
+    Returns
+    -------
+    list of str
+    """
+    model, motion = found.model, found.motion
+    name = motion.source.replace('\\', '/').rsplit('/', 1)[-1]
+    lines = [
+        f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
+        f'+- {math.degrees(found.amplitude_std):.2g}',
+        f'  {name}: motion in waves from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s',
+        f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
+        f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
+    ]
+    lines += [
+        f'  {name:<3}{value:>14.6g}  +- {found.std[name]:<10.3g} {RATIO_UNITS[name]}'
+        for name, value in model.terms.items()
+    ]
+    lines.append(
+        f'  mean angle {math.degrees(model.trim):.2f} deg +- {math.degrees(found.trim_std):.2g}; '
+        f'excitation: {SEAS[found.sea]}, peak period {found.peak_period:.3g} s, '
+        f'misfit {found.misfit:.2f} (1: all is explained)'
+    )
+    return lines
