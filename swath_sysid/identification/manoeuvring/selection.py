@@ -29,6 +29,9 @@ LEAST_DRIFT_SPREAD = 0.005
 LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
 
+HELD_OUT_SCATTER = 0.5
+"""Standard errors by which a term must help runs that were held out."""
+
 WEAK = 2.0
 """A term smaller than this many standard deviations is dropped again."""
 
@@ -209,6 +212,9 @@ def select(problem, first, note=None):
         if (reference - _cost_with(tried, now)) * 2.0 / inflation < 0.5 * _threshold(tried, len(group)):
             rejected[' '.join(group)] = 'no gain'
             continue
+        if not _helps_held_out(tried, now):
+            rejected[' '.join(group)] = 'no gain on runs held out'
+            continue
         now = tried
         if note is not None:
             note(len(now.names))
@@ -293,6 +299,38 @@ def _cost_with(tried, now):
     shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
     shooting.take_weights(now.shooting)
     return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
+
+
+def _helps_held_out(tried, now):
+    """Whether a fit explains runs that it did not see better than another does, beyond the scatter of the runs."""
+    shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
+    shooting.take_weights(now.shooting)
+    gain = _held_out_costs(now.shooting, now.values) - _held_out_costs(shooting, tried.values)
+    return bool(gain.sum() > gain.std(ddof=1) * np.sqrt(gain.size) * HELD_OUT_SCATTER)
+
+
+def _held_out_costs(shooting, values):
+    """Half the weighted squares of each part of the runs under the values that the others alone would give.
+
+    To first order these are `values` less the step that the part itself was worth (the infinitesimal
+    jackknife's exact form for linear least squares; Cook 1977).
+
+    Returns
+    -------
+    ndarray, shape (K,)
+    """
+    parts = shooting.parts(values)
+    units, spread = shooting.unknowns.units, shooting.unknowns.spread
+    scaled = [(np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), np.nan_to_num(j, posinf=0.0, neginf=0.0) * units)
+              for r, j in parts]  # fmt: skip
+    prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
+    information = sum(j.T @ j for _, j in scaled) + np.diag(prior) + 1e-9 * np.eye(values.size)
+    costs = []
+    for residual, jacobian in scaled:
+        others = information - jacobian.T @ jacobian
+        move = np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0]
+        costs.append(0.5 * float(np.sum((residual + jacobian @ move) ** 2)))
+    return np.array(costs)
 
 
 def _first_value(problem, name):

@@ -55,6 +55,9 @@ STABILITY_WEIGHT = 20.0
 LARGEST_INFORMATION = 1e14
 """Beyond this a window has run away and tells nothing of its initial state."""
 
+FEWEST_PARTS = 3
+"""Into which runs are divided at least, to hold one out at a time."""
+
 UNKNOWN_SWAY = 0.3
 """Spread of an unmeasured initial sway, as a share of the speed."""
 
@@ -272,6 +275,25 @@ class MultipleShooting:
                     residuals.append(residual[c, known, w])
                     jacobians.append(projected[:, c, known, w].T)
         return residuals, jacobians
+
+    def parts(self, values):
+        """Residuals and eliminated Jacobians of parts that can be held out: the runs, or thirds of fewer than three.
+
+        Returns
+        -------
+        list of (ndarray of shape (N_k,), ndarray of shape (N_k, n))
+        """
+        p, current = self.parameters(values)
+        residual, _ = self._with_state_slopes(p, current)
+        projected = self._eliminated(*self._slopes(values))[0]
+        index = self.windows.run_index
+        if np.unique(index).size < FEWEST_PARTS:
+            index = np.arange(index.size) * FEWEST_PARTS // index.size
+        found = []
+        for part in np.unique(index):
+            known = self._known & (index == part)
+            found.append((residual[known], projected[:, known].T))
+        return found
 
     def objective_of_population(self, candidates):
         """Root mean square of the weighted residuals of candidates (P, n), from the present initial states."""
