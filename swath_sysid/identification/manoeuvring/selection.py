@@ -7,7 +7,7 @@ from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
 from swath_sysid.hull.manoeuvring.model import ManoeuvringModel
 from swath_sysid.hull.manoeuvring.stability import check_stability, straight_speeds
-from swath_sysid.hull.manoeuvring.terms import INDEX, NEUTRAL
+from swath_sysid.hull.manoeuvring.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
 from swath_sysid.identification.manoeuvring.assembly import model_values
 from swath_sysid.identification.manoeuvring.shooting import CURRENT, MultipleShooting
 from swath_sysid.identification.manoeuvring.windows import cut
@@ -212,7 +212,10 @@ def select(problem, first, note=None):
         if (reference - _cost_with(tried, now)) * 2.0 / inflation < 0.5 * _threshold(tried, len(group)):
             rejected[' '.join(group)] = 'no gain'
             continue
-        if not _helps_held_out(tried, now):
+        # a thruster's curve may show in one run only: held out, that run cannot vouch for it
+        if not all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in group) and not _helps_held_out(
+            tried, now
+        ):
             rejected[' '.join(group)] = 'no gain on runs held out'
             continue
         now = tried
