@@ -634,6 +634,11 @@ def _advice(motion, sea, period, damping, covariance, misfit, peak_period, ampli
         'how it depends on the amplitude: for larger motions record a free decay in still water',
     )]  # fmt: skip
     period_spread, damping_spread = np.sqrt(np.diag(covariance)) / (period, damping)
+    if find_decays(motion):
+        found.append(Advice(
+            'holds-decay',
+            'there is a free decay in this record, which tells more of the hull: identify it as one',
+        ))  # fmt: skip
     if period_spread > PERIOD_WANTED or damping_spread > DAMPING_WANTED:
         found.append(Advice(
             'sea-hides-hull',

@@ -1,4 +1,8 @@
-"""Refitting a craft's model on a new window: what is fitted, what is believed, and the way back."""
+"""Refitting a craft's model on a new window: what is fitted, what is believed, and the way back.
+
+A window that holds motion in waves instead of a free decay is identified at sea. The linear equivalent that
+this gives never replaces the model of a free decay, which knows other amplitudes too; a decay replaces either.
+"""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -7,11 +11,14 @@ import numpy as np
 from scipy.stats import chi2
 
 from swath_sysid.errors import InputError
+from swath_sysid.hull.amplitude import amplitude_curves
 from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.terms import TERM_NAMES
+from swath_sysid.identification.at_sea import gain_over, identify_at_sea, is_at_sea, is_forced
 from swath_sysid.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.identification.motion_fit import MotionFit
 from swath_sysid.identification.problem import prepare
+from swath_sysid.identification.sea_motion import heave_of
 from swath_sysid.identification.search import SearchSettings
 from swath_sysid.motion.trial import AXES
 from swath_sysid.motion.window import MotionTable
@@ -83,7 +90,8 @@ class AxisVerdict:
         One clause that says what was found.
     misfit, current_misfit : float
         Root mean square of the weighted residuals of the new and of the current model on this
-        window, each from its own best initial state; NaN where there is none.
+        window, each from its own best initial state; NaN where there is none. At sea the deviance
+        a degree of freedom of the new one.
     """
 
     axis: str
@@ -187,8 +195,13 @@ def misfit(problem, model):
 
 
 def _refit_axis(axis, trial, request, progress, should_cancel):
-    settings = request.settings.identification
-    problem = prepare([trial.axis(axis)], settings.start, settings.end)
+    settings, motion = request.settings.identification, trial.axis(axis)
+    try:
+        problem = prepare([motion], settings.start, settings.end)
+    except InputError:
+        if not is_forced(motion):
+            raise
+        return _refit_at_sea(axis, motion, heave_of(trial), request, progress, should_cancel)
     found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
     new = misfit(problem, found.model)
     held = request.current.get(axis)
@@ -202,6 +215,39 @@ def _refit_axis(axis, trial, request, progress, should_cancel):
         return AxisVerdict(axis, None, message, new, current)
     better = '' if held is None else f', misfit {new:.4g} instead of {current:.4g}'
     return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', new, current)
+
+
+def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
+    try:
+        found = identify_at_sea(motion, heave, progress=progress, should_cancel=should_cancel)
+    except InputError as error:
+        raise InputError(f'{error} (the window holds what window_s says)') from error
+    summary = (
+        f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
+        f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
+    )
+    if not found.is_usable:
+        message = f'not published, this sea tells too little of the hull ({summary})'
+        return AxisVerdict(axis, None, message, found.misfit)
+    held, better = request.current.get(axis), ''
+    if held is not None and not is_at_sea(held):
+        message = f'not published, the model of the free decay stays, {_told_there(held, found.amplitude)} ({summary})'
+        return AxisVerdict(axis, None, message, found.misfit)
+    if held is not None:
+        # twice, as in `_chance_ratio`: both are uncertain
+        gain, by_chance = gain_over(held.model, motion, heave, should_cancel=should_cancel), chi2.isf(BY_CHANCE, 2)
+        if gain < by_chance:
+            message = f'not published, the current model explains the window as well ({summary})'
+            return AxisVerdict(axis, None, message, found.misfit)
+        better = f', log-likelihood {gain:.0f} higher'
+    return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', found.misfit)
+
+
+def _told_there(held, amplitude):
+    """What a model says of an amplitude, in words."""
+    curves = amplitude_curves(held.model.ratios, np.array([amplitude]), held.model.friction_rate)
+    period, damping = 2.0 * np.pi / float(curves.frequency[0]), float(curves.damping_ratio[0])
+    return f'which there has period {period:.3f} s and damping ratio {damping:.3f}'
 
 
 def window_provenance(table, software):

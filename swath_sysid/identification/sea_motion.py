@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.errors import InputError
+from swath_sysid.hull.published_form import STANDARD_GRAVITY
 from swath_sysid.motion.cycles import split_at_pauses
 from swath_sysid.motion.trial import Trial
 
@@ -42,6 +43,9 @@ HEAVE_ABOVE_NOISE = 10.0
 HEAVE_WANTED = 0.01
 """Heave tells the sea where it stands so far above its noise wherever the spectrum of the angle is above
 this part of its peak."""
+
+HEAVE_LEAST = 0.05
+"""... and where its standard deviation is so many g times that of the angle. Below, it is what is left of gravity."""
 
 HEAVE_SMOOTHING = 0.06
 """Relative bandwidth over which the spectrum of the heave is averaged."""
@@ -378,6 +382,8 @@ def heave_spectrum(heave, sea, spectra):
     last = np.maximum(np.searchsorted(frequency, above), first + 1)
     total = np.concatenate([[0.0], np.cumsum(spectrum)])
     smooth = (total[last] - total[first]) / (last - first)
+    if smooth @ np.gradient(spectra.frequency) < (HEAVE_LEAST * STANDARD_GRAVITY * sea.angle_std) ** 2:
+        return None
     moving = spectra.angle > HEAVE_WANTED * spectra.angle.max()
     return smooth if np.all(smooth[moving] > HEAVE_ABOVE_NOISE * noise) else None
 
