@@ -112,18 +112,30 @@ def test_interrupted_and_continued_gives_the_same_tables(trials, done, tmp_path,
     assert outcome.axes[0].schedule == done[0].axes[0].schedule
 
 
-def test_two_processes_killed_and_continued_give_the_same_tables(trials, done, tmp_path):
+@pytest.mark.parametrize(('number', 'code', 'last_words'), [
+    (signal.SIGKILL, -signal.SIGKILL, ''),
+    (signal.SIGINT, 130, 'stopped: the same command goes on from the finished fits'),
+])
+def test_two_processes_stopped_and_continued_give_the_same_tables(trials, done, tmp_path, number, code, last_words):
     command = [
         sys.executable, '-m', 'swath_sysid.cli.main', 'campaign', str(trials / 'campaign.yaml'),
         '--output', str(tmp_path), '--jobs', '2',
     ]  # fmt: skip
     environment = os.environ | {'PYTHONPATH': str(ROOT)}
-    running = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    running = subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
     deadline = time.monotonic() + 60
     while len(list(tmp_path.rglob('*.json'))) < 3 and time.monotonic() < deadline:
         time.sleep(0.02)
-    running.send_signal(signal.SIGKILL)
-    running.wait()
+    if number == signal.SIGINT:
+        # as a terminal does: to the workers as well
+        os.killpg(running.pid, number)
+    else:
+        running.send_signal(number)
+    said = running.stderr.read()
+    assert running.wait() == code
+    assert last_words in said and 'Traceback' not in said
     assert not (tmp_path / 'report.html').exists()
     outcome = work_off(trials, tmp_path)
     assert outcome.kept > 0
