@@ -72,11 +72,31 @@ def test_numbers_and_arrays_give_the_same():
     roll, pitch, yaw, x, y, z = rng.uniform(-1, 1, (6, 20))
     quaternions = attitude.quaternion(roll, pitch, yaw)
     for at in range(20):
-        one = attitude.quaternion(float(roll[at]), float(pitch[at]), float(yaw[at]))
-        assert one == tuple(part[at] for part in quaternions)
-        assert attitude.euler_angles(*one) == tuple(part[at] for part in attitude.euler_angles(*quaternions))
-        assert attitude.euler_rates(roll[at], pitch[at], x[at], y[at], z[at]) == tuple(
-            part[at] for part in attitude.euler_rates(roll, pitch, x, y, z))
+        angles = float(roll[at]), float(pitch[at]), float(yaw[at])
+        one = attitude.quaternion(*angles)
+        body = float(x[at]), float(y[at]), float(z[at])
+        for found, many in (
+            (one, quaternions),
+            (attitude.euler_angles(*one), attitude.euler_angles(*quaternions)),
+            (attitude.euler_rates(*angles[:2], *body), attitude.euler_rates(roll, pitch, x, y, z)),
+            (attitude.body_rates(*angles[:2], *body), attitude.body_rates(roll, pitch, x, y, z)),
+        ):
+            assert all(type(value) is float for value in found)
+            assert found == pytest.approx([part[at] for part in many], rel=1e-13, abs=1e-15)
+
+
+def test_numbers_that_are_none_give_nan_whether_alone_or_many():
+    with np.errstate(invalid='ignore'):
+        assert np.isnan(attitude.quaternion(np.inf, 0.0, 0.0)).all()
+        assert np.isnan(attitude.euler_rates(np.inf, 0.0, 1.0, 1.0, 1.0)[2])
+        assert np.isnan(attitude.body_rates(np.nan, 0.0, 1.0, 1.0, 1.0)[1])
+
+
+def test_a_number_beside_arrays_is_taken_for_each():
+    pitch = np.array([0.1, 0.2])
+    turned = attitude.quaternion(0.0, pitch, 0.0)
+    assert turned[1] == pytest.approx(np.sin(pitch / 2))
+    assert attitude.euler_angles(0.0, turned[1], 0.0, turned[3])[1] == pytest.approx(pitch)
 
 
 def test_euler_rates_are_the_derivatives_of_the_angles():

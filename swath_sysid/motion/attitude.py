@@ -1,7 +1,8 @@
 """Attitude: quaternions, Euler angles and their rates, frames and mountings.
 
 Every function takes the components as floats or as arrays that broadcast, and returns the
-like: a node calls them once a sample, a reader once a record, and each formula stands once.
+like: a node calls them once a sample, a reader once a record, and each formula stands once. For
+floats it is evaluated with the functions of `math`, as numpy takes ten times as long over a number.
 
 Orientations turn body vectors into world vectors. Euler angles are those of REP-103:
 yaw about z, then pitch about the new y, then roll about the new x. Body rates are what
@@ -11,6 +12,9 @@ References
 ----------
 .. [1] T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley, 2011.
 """
+import math
+from math import isfinite
+
 import numpy as np
 
 UNIT_TOLERANCE = 0.1
@@ -18,6 +22,33 @@ UNIT_TOLERANCE = 0.1
 
 VERTICAL_COSINE = 1e-9
 """Below this cosine of pitch, roll and yaw cannot be told apart."""
+
+
+class _Arrays:
+    """What the formulas need, for arrays."""
+
+    sin, cos, arctan2, hypot = np.sin, np.cos, np.arctan2, np.hypot
+
+    @staticmethod
+    def where(condition, here, elsewhere):
+        return np.where(condition, here, elsewhere)[()]
+
+
+class _Floats:
+    """The same for floats."""
+
+    sin, cos, arctan2, hypot = math.sin, math.cos, math.atan2, math.hypot
+
+    @staticmethod
+    def where(condition, here, elsewhere):
+        return here if condition else elsewhere
+
+
+def _for_angles(first, second, third=0.0):
+    # the functions of math raise where those of numpy return NaN
+    if type(first) is type(second) is type(third) is float and isfinite(first + second + third):
+        return _Floats
+    return _Arrays
 
 
 def is_orientation(x, y, z, w):
@@ -34,8 +65,14 @@ def is_orientation(x, y, z, w):
     -------
     bool or ndarray of bool
     """
+    if type(x) is float and type(w) is float:
+        return _is_unit(x, y, z, w)
     with np.errstate(over='ignore', invalid='ignore'):
-        return abs(x * x + y * y + z * z + w * w - 1) <= UNIT_TOLERANCE
+        return _is_unit(x, y, z, w)
+
+
+def _is_unit(x, y, z, w):
+    return abs(x * x + y * y + z * z + w * w - 1) <= UNIT_TOLERANCE
 
 
 def euler_angles(x, y, z, w):
@@ -58,16 +95,20 @@ def euler_angles(x, y, z, w):
     which stays accurate near the vertical, and with a rotation matrix that grows with the
     squared norm of the quaternion, which the arctangents do not see.
     """
+    if type(x) is type(y) is type(z) is type(w) is float:
+        return _euler_angles(_Floats, x, y, z, w) if _is_unit(x, y, z, w) else (math.nan, math.nan, math.nan)
     with np.errstate(over='ignore', invalid='ignore'):
-        w = np.where(is_orientation(x, y, z, w), w, np.nan)[()]
-        xx, yy, zz, ww = x * x, y * y, z * z, w * w
-        forward_east, forward_north = ww + xx - yy - zz, 2 * (x * y + z * w)
-        left_east, left_north = 2 * (x * y - z * w), ww - xx + yy - zz
-        roll, pitch = tilt_angles(2 * (x * z - y * w), 2 * (y * z + x * w), ww - xx - yy + zz)
-        vertical = np.hypot(forward_east, forward_north) < VERTICAL_COSINE
-        roll = np.where(vertical, 0.0, roll)[()]
-        yaw = np.where(vertical, np.arctan2(-left_east, left_north), np.arctan2(forward_north, forward_east))[()]
-    return roll, pitch, yaw
+        return _euler_angles(_Arrays, x, y, z, np.where(_is_unit(x, y, z, w), w, np.nan)[()])
+
+
+def _euler_angles(f, x, y, z, w):
+    xx, yy, zz, ww = x * x, y * y, z * z, w * w
+    forward_east, forward_north = ww + xx - yy - zz, 2 * (x * y + z * w)
+    left_east, left_north = 2 * (x * y - z * w), ww - xx + yy - zz
+    roll, pitch = _tilt_angles(f, 2 * (x * z - y * w), 2 * (y * z + x * w), ww - xx - yy + zz)
+    vertical = f.hypot(forward_east, forward_north) < VERTICAL_COSINE
+    yaw = f.where(vertical, f.arctan2(-left_east, left_north), f.arctan2(forward_north, forward_east))
+    return f.where(vertical, 0.0, roll), pitch, yaw
 
 
 def tilt_angles(up_x, up_y, up_z):
@@ -87,7 +128,11 @@ def tilt_angles(up_x, up_y, up_z):
     -----
     [1]_, section 2.2.1, the last row of the rotation matrix.
     """
-    return np.arctan2(up_y, up_z), np.arctan2(-up_x, np.hypot(up_y, up_z))
+    return _tilt_angles(_Arrays, up_x, up_y, up_z)
+
+
+def _tilt_angles(f, up_x, up_y, up_z):
+    return f.arctan2(up_y, up_z), f.arctan2(-up_x, f.hypot(up_y, up_z))
 
 
 def quaternion(roll, pitch, yaw):
@@ -106,9 +151,10 @@ def quaternion(roll, pitch, yaw):
     -----
     [1]_, section 2.2.2 (unit quaternions from Euler angles).
     """
-    sin_roll, cos_roll = np.sin(roll / 2), np.cos(roll / 2)
-    sin_pitch, cos_pitch = np.sin(pitch / 2), np.cos(pitch / 2)
-    sin_yaw, cos_yaw = np.sin(yaw / 2), np.cos(yaw / 2)
+    f = _for_angles(roll, pitch, yaw)
+    sin_roll, cos_roll = f.sin(roll / 2), f.cos(roll / 2)
+    sin_pitch, cos_pitch = f.sin(pitch / 2), f.cos(pitch / 2)
+    sin_yaw, cos_yaw = f.sin(yaw / 2), f.cos(yaw / 2)
     return (
         sin_roll * cos_pitch * cos_yaw - cos_roll * sin_pitch * sin_yaw,
         cos_roll * sin_pitch * cos_yaw + sin_roll * cos_pitch * sin_yaw,
@@ -136,10 +182,11 @@ def euler_rates(roll, pitch, rate_x, rate_y, rate_z):
     -----
     [1]_, section 2.2.1 (attitude transformation).
     """
-    sin_roll, cos_roll, cos_pitch = np.sin(roll), np.cos(roll), np.cos(pitch)
-    cos_pitch = np.where(abs(cos_pitch) < VERTICAL_COSINE, np.nan, cos_pitch)[()]
+    f = _for_angles(roll, pitch)
+    sin_roll, cos_roll, cos_pitch = f.sin(roll), f.cos(roll), f.cos(pitch)
+    cos_pitch = f.where(abs(cos_pitch) < VERTICAL_COSINE, math.nan, cos_pitch)
     yaw_rate = (rate_y * sin_roll + rate_z * cos_roll) / cos_pitch
-    return rate_x + yaw_rate * np.sin(pitch), rate_y * cos_roll - rate_z * sin_roll, yaw_rate
+    return rate_x + yaw_rate * f.sin(pitch), rate_y * cos_roll - rate_z * sin_roll, yaw_rate
 
 
 def body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate):
@@ -161,9 +208,10 @@ def body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate):
     -----
     [1]_, section 2.2.1 (inverse of the attitude transformation).
     """
-    sin_roll, cos_roll, cos_pitch = np.sin(roll), np.cos(roll), np.cos(pitch)
+    f = _for_angles(roll, pitch)
+    sin_roll, cos_roll, cos_pitch = f.sin(roll), f.cos(roll), f.cos(pitch)
     return (
-        roll_rate - yaw_rate * np.sin(pitch),
+        roll_rate - yaw_rate * f.sin(pitch),
         pitch_rate * cos_roll + yaw_rate * sin_roll * cos_pitch,
         -pitch_rate * sin_roll + yaw_rate * cos_roll * cos_pitch,
     )
@@ -203,7 +251,7 @@ def swap_frames(x, y, z, w):
     are their own inverses up to sign. In Euler angles: roll stays, pitch changes its sign, yaw
     becomes pi/2 - yaw.
     """
-    half = np.sqrt(0.5)
+    half = math.sqrt(0.5)
     return half * (x + y), half * (x - y), half * (w - z), half * (w + z)
 
 

@@ -1,4 +1,4 @@
-"""The intake: one IMU message, as plain numbers, to a sample of the craft's motion."""
+"""The intake: IMU messages, as plain numbers, to samples of the craft's motion."""
 from math import inf, isfinite, nan
 from typing import NamedTuple
 
@@ -7,6 +7,7 @@ import numpy as np
 from swath_sysid.motion import attitude
 from swath_sysid.motion.cleaning import LARGEST_VALUES
 from swath_sysid.motion.sensing import Installation
+from swath_sysid.motion.stamps import StampOrder
 
 NOT_FINITE = 'not-finite'
 ABSURD = 'absurd-value'
@@ -22,6 +23,8 @@ NOT_MEASURED = -1.0
 
 NANOSECOND = 1e-9
 _UNKNOWN = (nan, nan)
+_NOT_MEASURED = (nan, nan, nan)
+_LARGEST_RATE, _LARGEST_ACCELERATION = LARGEST_VALUES['rate'], LARGEST_VALUES['acceleration']
 
 
 class ImuReading(NamedTuple):
@@ -124,52 +127,49 @@ def take_in(reading, installation):
     -------
     Taken
     """
+    stamp_ns, quaternion, angle_covariance, rates, rate_covariance, force, force_covariance = reading
     reasons = []
-    orientation = _orientation(reading, reasons)
-    rates = _vector(reading.rates, reading.rates_covariance[0], LARGEST_VALUES['rate'], reasons)
-    force = _vector(reading.force, reading.force_covariance[0], LARGEST_VALUES['acceleration'], reasons)
-    if orientation is None and rates is None:
+    quaternion = _orientation(quaternion, angle_covariance, reasons)
+    rates = _vector(rates, rate_covariance, _LARGEST_RATE, reasons)
+    force = _vector(force, force_covariance, _LARGEST_ACCELERATION, reasons)
+    if quaternion is None and rates is None:
         return Taken(None, (*reasons, EMPTY))
     angle_variances = rate_variances = _UNKNOWN
     roll = pitch = yaw = roll_rate = pitch_rate = yaw_rate = nan
-    if orientation is not None:
-        roll, pitch, yaw = map(float, attitude.euler_angles(*installation.orientation(*orientation)))
-        angle_variances = _variances(reading.orientation_covariance, installation)
+    if quaternion is not None:
+        roll, pitch, yaw = attitude.euler_angles(*installation.orientation(*quaternion))
+        angle_variances = _variances(angle_covariance, installation)
     if rates is not None:
-        turned = installation.vector(*rates)
-        if orientation is not None:
-            turned = attitude.euler_rates(roll, pitch, *turned)
-        roll_rate, pitch_rate, yaw_rate = map(float, turned)
-        rate_variances = _variances(reading.rates_covariance, installation)
-    if (orientation is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
+        roll_rate, pitch_rate, yaw_rate = installation.vector(*rates)
+        if quaternion is not None:
+            roll_rate, pitch_rate, yaw_rate = attitude.euler_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
+        rate_variances = _variances(rate_covariance, installation)
+    accelerations = _NOT_MEASURED if force is None else installation.vector(*force)
+    if (quaternion is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
         reasons.append(UNKNOWN_COVARIANCE)
-    accelerations = (nan, nan, nan) if force is None else map(float, installation.vector(*force))
     return Taken(
         CraftSample(
-            reading.stamp_ns, roll, pitch, roll_rate, pitch_rate, *accelerations, *angle_variances, *rate_variances,
-            yaw, yaw_rate,
+            stamp_ns, roll, pitch, roll_rate, pitch_rate, *accelerations, *angle_variances, *rate_variances, yaw,
+            yaw_rate,
         ),
         tuple(reasons),
-    )
+    )  # fmt: skip
 
 
-def _orientation(reading, reasons):
+def _orientation(quaternion, covariance, reasons):
     """The quaternion, None where it is none."""
-    quaternion = reading.orientation
-    if reading.orientation_covariance[0] == NOT_MEASURED:
+    if covariance[0] == NOT_MEASURED:
         reasons.append(NO_ORIENTATION)
-    elif not all(map(isfinite, quaternion)):
-        _note(NOT_FINITE, reasons)
-    elif not attitude.is_orientation(*quaternion):
-        reasons.append(BAD_QUATERNION)
-    else:
+    elif attitude.is_orientation(*quaternion):
         return quaternion
+    else:
+        _note(BAD_QUATERNION if all(map(isfinite, quaternion)) else NOT_FINITE, reasons)
     return None
 
 
-def _vector(values, flag, largest, reasons):
+def _vector(values, covariance, largest, reasons):
     """A rate or a force, None where it is not measured or cannot be true."""
-    if flag == NOT_MEASURED:
+    if covariance[0] == NOT_MEASURED:
         return None
     x, y, z = values
     if -largest <= x <= largest and -largest <= y <= largest and -largest <= z <= largest:
@@ -195,6 +195,45 @@ def _variances(covariance, installation):
         if not (0.0 < about_x < inf and 0.0 < about_y < inf):
             return _UNKNOWN
     return about_x, about_y
+
+
+class Intake:
+    """The messages of one sensor: each placed behind those before it and turned into the motion of the craft.
+
+    Buffer and predictor each have one, or share one where they run over the same messages.
+
+    Parameters
+    ----------
+    installation : Installation
+    stamps : StampSettings
+    """
+
+    def __init__(self, installation, stamps):
+        self._installation = installation
+        self._order = StampOrder(stamps)
+
+    @property
+    def interval(self):
+        """Typical time between samples, s; None before the second."""
+        return self._order.interval
+
+    def take(self, reading):
+        """Take in the next message.
+
+        Parameters
+        ----------
+        reading : ImuReading
+
+        Returns
+        -------
+        Taken
+            With reasons of `STAMP_REASONS` also.
+        """
+        placed, reasons = self._order.place(reading.stamp_ns)
+        if not placed:
+            return Taken(None, reasons)
+        taken = take_in(reading, self._installation)
+        return Taken(taken.sample, reasons + taken.reasons) if reasons else taken
 
 
 STRAIGHT = Installation()

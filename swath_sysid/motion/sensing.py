@@ -47,7 +47,7 @@ class Installation:
         if len(self.mounting) != 3 or not all(isfinite(angle) for angle in self.mounting):
             raise InputError(f'a mounting is three finite angles (roll, pitch, yaw in rad), not {self.mounting}')
 
-    @property
+    @cached_property
     def is_turned(self):
         """Whether the sensor's axes are not the craft's."""
         return any(self.mounting)

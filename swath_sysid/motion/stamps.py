@@ -106,13 +106,15 @@ class StampOrder:
             self._last = stamp_ns
             return FOLLOWS
         elapsed = (stamp_ns - self._last) * NANOSECOND
-        if stamp_ns in (self._last, self._suspect):
+        if stamp_ns == self._last or stamp_ns == self._suspect:
             return Placed(False, (DUPLICATE,))
         if -self._settings.backward_jump <= elapsed < 0.0:
             return Placed(False, (OUT_OF_ORDER,))
         if elapsed < 0.0 or self._is_long(elapsed):
             return self._doubt(stamp_ns, elapsed)
-        reasons = self._refuted() + self._judge_interval(elapsed)
+        reasons = self._judge_interval(elapsed)
+        if self._suspect is not None:
+            reasons = self._refuted() + reasons
         self._last = stamp_ns
         return Placed(True, reasons) if reasons else FOLLOWS
 

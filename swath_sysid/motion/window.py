@@ -1,18 +1,22 @@
 """The motion window: the last minute of motion in fixed memory, and the decays that end in it."""
 from dataclasses import dataclass, field
 from math import ceil, pi
+from struct import Struct
+from typing import NamedTuple
 
 import numpy as np
 
 from swath_sysid.errors import InputError
-from swath_sysid.motion.intake import INTAKE_REASONS, take_in
+from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, Intake
 from swath_sysid.motion.segmentation import DecaySegment, find_decays, is_finished
 from swath_sysid.motion.sensing import Installation
-from swath_sysid.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampOrder, StampSettings
+from swath_sysid.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
 from swath_sysid.motion.trial import AXES, CHANNELS, Trial
 
 COLUMNS = ('t', *CHANNELS)
 """Columns of a window: the stamp, s, and the channels of a trial."""
+
+_ROW = Struct(f'{len(COLUMNS)}d')
 
 WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 
@@ -113,8 +117,7 @@ class FinishedDecay:
     table: MotionTable
 
 
-@dataclass(frozen=True)
-class WindowStep:
+class WindowStep(NamedTuple):
     """What one IMU message did to the window.
 
     Attributes
@@ -138,24 +141,26 @@ class MotionWindow:
 
     Parameters
     ----------
-    settings : WindowSettings
+    settings : WindowSettings, optional
+    intake : Intake, optional
+        That of the settings, where another core shares it.
     """
 
-    def __init__(self, settings=None):
+    def __init__(self, settings=None, intake=None):
         self.settings = settings or WindowSettings()
+        self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
         self.counts = dict.fromkeys(WINDOW_REASONS, 0)
         self.samples = 0
         self.recording = True
         # filled, so that the memory is taken now and not page by page over minutes
         self._ring = np.full((ceil(self.settings.window * self.settings.max_rate) + 1, len(COLUMNS)), np.nan)
-        self._order = StampOrder(self.settings.stamps)
         self._watch = DecayWatch(self.settings)
         self.clear()
 
     @property
     def interval(self):
         """Typical time between samples, s; None before the second."""
-        return self._order.interval
+        return self._intake.interval
 
     @property
     def size(self):
@@ -207,11 +212,20 @@ class MotionWindow:
         -------
         WindowStep
         """
-        kept, reasons = self._order.place(reading.stamp_ns)
-        sample = None
-        if kept:
-            sample, more = take_in(reading, self.settings.installation)
-            reasons += more
+        return self.add_taken(self._intake.take(reading))
+
+    def add_taken(self, taken):
+        """Take in what the intake made of one message.
+
+        Parameters
+        ----------
+        taken : Taken
+
+        Returns
+        -------
+        WindowStep
+        """
+        sample, reasons = taken
         for reason in reasons:
             self.counts[reason] += 1
         if JUMPED_BACK in reasons:
@@ -252,13 +266,15 @@ class MotionWindow:
         return (self._end - self._size) % len(self._ring)
 
     def _append(self, sample):
-        length = len(self._ring)
+        length, stamp = len(self._ring), sample[0] * NANOSECOND
         end = self._end if self._end < length else 0
-        self._ring[end] = (sample.stamp, *sample.motion)
-        self._end, self._stamp_ns = end + 1, sample.stamp_ns
-        self._size = min(self._size + 1, length)
-        oldest = sample.stamp - self.settings.window
-        while self._ring[self._first, 0] < oldest:
+        # four times as fast as the assignment of a row
+        _ROW.pack_into(self._ring, _ROW.size * end, stamp, *sample[1:8])
+        if self._size == length:
+            self._size -= 1
+        self._end, self._stamp_ns, self._size = end + 1, sample[0], self._size + 1
+        oldest = stamp - self.settings.window
+        while self._ring.item(self._first, 0) < oldest:
             self._size -= 1
 
 
@@ -294,10 +310,11 @@ class DecayWatch:
         """
         if not self.on:
             return None
-        stamp = sample.stamp
-        for index, watch in enumerate(self._watches.values()):
-            angle, rate = sample[1 + index], sample[3 + index]
-            watch.follow(angle if angle == angle else rate)
+        stamp, roll, pitch, roll_rate, pitch_rate = sample[:5]
+        stamp *= NANOSECOND
+        by_roll, by_pitch = self._watches.values()
+        by_roll.follow(roll if roll == roll else roll_rate)
+        by_pitch.follow(pitch if pitch == pitch else pitch_rate)
         if self._block_end is None:
             self._block_end = stamp + WATCH_BLOCK
         if stamp < self._block_end:

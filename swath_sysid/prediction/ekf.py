@@ -417,13 +417,13 @@ class AttitudeFilter(ExtendedKalmanFilter):
         self._set_state(mean, upper)
         return self._conclude(told, angle, rate, angle_variance, rate_variance)
 
-    def observe(self, duration, angle, rate, angle_variance, rate_variance, lead):
-        """`advance`, `correct` and `ahead` at once.
+    def observe(self, stamp, angle, rate, angle_variance, rate_variance, lead):
+        """`advance` to a stamp, `correct` and `ahead` at once.
 
         Parameters
         ----------
-        duration : float
-            Since the sample before, s.
+        stamp : float
+            s.
         angle, rate, angle_variance, rate_variance : float
             See `correct`.
         lead : float
@@ -433,6 +433,7 @@ class AttitudeFilter(ExtendedKalmanFilter):
         -------
         AttitudeEstimate
         """
+        duration = stamp - self.stamp
         rest, mean, upper = self._from_foreseen(duration)
         mean, upper, told, later, spread = filter_step.follow(
             mean, upper, rest, angle, rate, angle_variance, rate_variance, duration, self.disturbance_variance,
@@ -440,7 +441,7 @@ class AttitudeFilter(ExtendedKalmanFilter):
         )  # fmt: skip
         self._set_state(mean, upper)
         self._foreseen = lead, later, spread
-        self.stamp += duration
+        self.stamp = stamp
         self._elapsed = duration
         return self._conclude(told, angle, rate, angle_variance, rate_variance)
 
@@ -451,7 +452,8 @@ class AttitudeFilter(ExtendedKalmanFilter):
             return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
         if measured:
             self.rejections = 0
-        return self.estimate(nis, measured)
+        upper = self._upper
+        return AttitudeEstimate(self.stamp, *self._mean, upper[0], upper[1], upper[4], nis, measured)
 
     def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
         self.rejections += 1

@@ -128,7 +128,7 @@ class Forecaster:
                 continue
             angle, rate = sample[1 + place], sample[3 + place]
             trusted = not estimate.rejected
-            known = estimate.covariance[0, 0] < 0.02
+            known = estimate.angle_variance < 0.02
             if fast or not trusted:
                 row[place] = estimate.angle if known else math.nan
                 row[place + 2] = estimate.rate

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.motion import attitude
-from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, take_in
+from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
 from swath_sysid.motion.sensing import Installation
-from swath_sysid.motion.stamps import GAP, JUMPED_BACK, LONG_GAP, STAMP_REASONS, StampOrder, StampSettings
+from swath_sysid.motion.stamps import GAP, JUMPED_BACK, LONG_GAP, STAMP_REASONS, StampSettings
 from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.forecast import Forecast
 from swath_sysid.prediction.predictor import ImuSample, Predictor, PredictorSettings, Step
 from swath_sysid.prediction.waves import WaveRequest, fit_waves
 
@@ -60,6 +59,11 @@ class OutlookSettings:
 
     installation: Installation = field(default_factory=Installation)
     predictor: PredictorSettings = field(default_factory=PredictorSettings)
+
+    @property
+    def stamps(self):
+        """What counts as late, and what as a gap."""
+        return StampSettings(self.predictor.backward_jump, self.predictor.gap_limit)
 
 
 class AttitudeForecast(NamedTuple):
@@ -109,8 +113,7 @@ class HorizonForecast:
     velocities: np.ndarray
 
 
-@dataclass(frozen=True)
-class OutlookStep:
+class OutlookStep(NamedTuple):
     """What one IMU message led to.
 
     Attributes
@@ -150,15 +153,15 @@ class Outlook:
 
     Parameters
     ----------
-    settings : OutlookSettings
+    settings : OutlookSettings, optional
+    intake : Intake, optional
+        That of the settings, where another core shares it.
     """
 
-    def __init__(self, settings=None):
+    def __init__(self, settings=None, intake=None):
         self.settings = settings or OutlookSettings()
         self.predictor = Predictor(self.settings.predictor)
-        self._order = StampOrder(
-            StampSettings(self.settings.predictor.backward_jump, self.settings.predictor.gap_limit)
-        )
+        self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
         self.counts = dict.fromkeys(OUTLOOK_REASONS, 0)
         self.used = 0
         self._hulls = dict.fromkeys(AXES)
@@ -201,62 +204,82 @@ class Outlook:
         -------
         OutlookStep
         """
-        placed, reasons = self._order.place(reading.stamp_ns)
-        reasons = tuple(reason for reason in reasons if reason not in COUNTED_BY_PREDICTOR)
-        sample = None
-        if placed:
-            sample, more = take_in(reading, self.settings.installation)
-            reasons += more
-        for reason in reasons:
-            self.counts[reason] += 1
+        return self.add_taken(self._intake.take(reading))
+
+    def add_taken(self, taken):
+        """Take in what the intake made of one message.
+
+        Parameters
+        ----------
+        taken : Taken
+
+        Returns
+        -------
+        OutlookStep
+        """
+        sample, reasons = taken
+        if reasons:
+            reasons = tuple([reason for reason in reasons if reason not in COUNTED_BY_PREDICTOR])
+            for reason in reasons:
+                self.counts[reason] += 1
         if sample is None:
             return OutlookStep(reasons)
+        stamp_ns = sample[0]
         if self._first_ns is None:
-            self._first_ns = sample.stamp_ns
+            self._first_ns = stamp_ns
         # seconds since the epoch would resolve 0.2 us only
-        since_first = (sample.stamp_ns - self._first_ns) * NANOSECOND
+        since_first = (stamp_ns - self._first_ns) * NANOSECOND
         step = self.predictor.observe(ImuSample(since_first, *sample[1:12]))
         reasons += step.reasons
         if not step.used:
             return OutlookStep(reasons, predicted=step)
         self.used += 1
-        self._follow_heading(sample)
-        stamp_ns = sample.stamp_ns
+        # heading and its rate are not forecast: the last measured are held
+        yaw, yaw_rate = sample[12:]
+        if yaw == yaw:
+            self._yaw = yaw
+        if yaw_rate == yaw_rate:
+            self._yaw_rate = yaw_rate
+        following = None
+        if step.ahead is not None:
+            following = attitude_forecast(stamp_ns, *step.ahead, self._yaw, self._yaw_rate)
+        if step.forecast is None:
+            return OutlookStep(reasons, following, predicted=step)
         return OutlookStep(
-            reasons,
-            None if step.next is None else self._attitude(step.next, 0, stamp_ns),
-            () if step.forecast is None else self._at_leads(step.forecast, stamp_ns),
-            None if step.horizon is None else horizon_forecast(step.horizon, stamp_ns),
-            step.refit,
-            step,
-        )
-
-    def _follow_heading(self, sample):
-        """Heading and its rate are not forecast: the last measured are held."""
-        if sample.yaw == sample.yaw:
-            self._yaw = sample.yaw
-        if sample.yaw_rate == sample.yaw_rate:
-            self._yaw_rate = sample.yaw_rate
+            reasons, following, self._at_leads(step.forecast, stamp_ns), horizon_forecast(step.horizon, stamp_ns),
+            step.refit, step,
+        )  # fmt: skip
 
     def _at_leads(self, forecast, stamp_ns):
-        return tuple(
-            (lead, self._attitude(forecast, index, stamp_ns)) for index, lead in enumerate(forecast.leads.tolist())
-        )
+        rows = {
+            axis: [
+                (angle, rate, first, both, second)
+                for angle, rate, ((first, both), (_, second)) in zip(
+                    told.angle.tolist(), told.rate.tolist(), told.covariance.tolist(), strict=True
+                )
+            ] for axis, told in forecast.axes.items()
+        }  # fmt: skip
+        return tuple([
+            (lead, attitude_forecast(
+                stamp_ns, lead, {axis: row[k] for axis, row in rows.items()}, self._yaw, self._yaw_rate
+            )) for k, lead in enumerate(forecast.leads.tolist())
+        ])  # fmt: skip
 
-    def _attitude(self, forecast: Forecast, index, stamp_ns):
-        return attitude_forecast(forecast, index, stamp_ns, self._yaw, self._yaw_rate)
+
+_NOTHING_KNOWN = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, 0.0, UNKNOWN_RATE_VARIANCE
 
 
-def attitude_forecast(forecast, index, stamp_ns, yaw, yaw_rate):
+def attitude_forecast(stamp_ns, lead, axes, yaw, yaw_rate):
     """The forecast at one lead as an attitude with covariance.
 
     Parameters
     ----------
-    forecast : Forecast
-    index : int
-        Of the lead.
     stamp_ns : int
         When issued.
+    lead : float
+        s.
+    axes : dict of str to sequence of 5 floats
+        By axis that the sensor gives: angle, rate, angle variance, covariance of both, rate variance.
     yaw, yaw_rate : float
         Held heading, rad, and its rate, rad/s.
 
@@ -264,28 +287,14 @@ def attitude_forecast(forecast, index, stamp_ns, yaw, yaw_rate):
     -------
     AttitudeForecast
     """
-    angles, rates, angle_variances, rate_variances = [], [], [], []
-    for axis in AXES:
-        given = forecast.axes.get(axis)
-        if given is None:
-            angle, rate, angle_variance, rate_variance = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, UNKNOWN_RATE_VARIANCE
-        else:
-            angle, rate = float(given.angle[index]), float(given.rate[index])
-            angle_variance = float(given.covariance[index, 0, 0])
-            rate_variance = float(given.covariance[index, 1, 1])
-        angles.append(angle)
-        rates.append(rate)
-        angle_variances.append(angle_variance)
-        rate_variances.append(rate_variance)
-    orientation = tuple(map(float, attitude.quaternion(*angles, yaw)))
-    body = tuple(map(float, attitude.body_rates(*angles, *rates, yaw_rate)))
-    known = bool(forecast.axes)
+    roll, roll_rate, roll_variance, _, roll_rate_variance = axes.get('roll', _NOTHING_KNOWN)
+    pitch, pitch_rate, pitch_variance, _, pitch_rate_variance = axes.get('pitch', _NOTHING_KNOWN)
     return AttitudeForecast(
-        stamp_ns + round(float(forecast.leads[index]) / NANOSECOND),
-        orientation,
-        _diagonal(*angle_variances, UNKNOWN_ANGLE_VARIANCE) if known else NOT_GIVEN,
-        body,
-        _diagonal(*rate_variances, UNKNOWN_RATE_VARIANCE) if known else NOT_GIVEN,
+        stamp_ns + round(lead / NANOSECOND),
+        attitude.quaternion(roll, pitch, yaw),
+        _diagonal(roll_variance, pitch_variance, UNKNOWN_ANGLE_VARIANCE) if axes else NOT_GIVEN,
+        attitude.body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate),
+        _diagonal(roll_rate_variance, pitch_rate_variance, UNKNOWN_RATE_VARIANCE) if axes else NOT_GIVEN,
     )
 
 
@@ -302,16 +311,17 @@ def horizon_forecast(forecast, stamp_ns):
     -------
     HorizonForecast
     """
-    positions, velocities = [], []
-    for given in forecast.axes.values():
-        positions += [given.angle, np.sqrt(given.covariance[:, 0, 0])]
-        velocities += [given.rate, np.sqrt(given.covariance[:, 1, 1])]
+    positions, velocities = np.empty((2, forecast.leads.size, 2 * len(forecast.axes)))
+    for place, told in enumerate(forecast.axes.values()):
+        positions[:, 2 * place], velocities[:, 2 * place] = told.angle, told.rate
+        np.sqrt(told.covariance[:, 0, 0], out=positions[:, 2 * place + 1])
+        np.sqrt(told.covariance[:, 1, 1], out=velocities[:, 2 * place + 1])
     return HorizonForecast(
         stamp_ns,
-        tuple(f'{axis}{kind}' for axis in forecast.axes for kind in ('', '_std')),
-        tuple(round(lead / NANOSECOND) for lead in forecast.leads.tolist()),
-        np.stack(positions, axis=1),
-        np.stack(velocities, axis=1),
+        tuple([f'{axis}{kind}' for axis in forecast.axes for kind in ('', '_std')]),
+        tuple(np.round(forecast.leads / NANOSECOND).astype(np.int64).tolist()),
+        positions,
+        velocities,
     )
 
 

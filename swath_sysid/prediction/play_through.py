@@ -1,6 +1,7 @@
 """The live pipeline without its processes: buffer, identifier and predictor run over messages one after another."""
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from swath_sysid import __version__
 from swath_sysid.hull.identified_model import IdentifiedModel
@@ -12,7 +13,7 @@ from swath_sysid.identification.refit import (
     refit,
     window_provenance,
 )
-from swath_sysid.motion.intake import NANOSECOND
+from swath_sysid.motion.intake import NANOSECOND, Intake
 from swath_sysid.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.prediction.outlook import Outlook, OutlookSettings, OutlookStep
 from swath_sysid.prediction.waves import WaveFit, WaveRequest, fit_waves
@@ -41,8 +42,7 @@ class PlayThroughSettings:
     refit_delay: float = 0.0
 
 
-@dataclass(frozen=True)
-class Played:
+class Played(NamedTuple):
     """What one IMU message made the three nodes publish, in the order of publishing.
 
     Attributes
@@ -87,9 +87,13 @@ class PlayThrough:
         fit_waves: Callable[[WaveRequest], WaveFit] = fit_waves,
     ):
         self.settings = settings or PlayThroughSettings()
-        self.window = MotionWindow(self.settings.window)
+        window, outlook = self.settings.window, self.settings.outlook
+        alike = (window.installation, window.stamps) == (outlook.installation, outlook.stamps)
+        # both nodes take the same in: once is enough
+        self._intake = Intake(window.installation, window.stamps) if alike else None
+        self.window = MotionWindow(window, self._intake)
         self.refitter = Refitter(self.settings.refit, models)
-        self.outlook = Outlook(self.settings.outlook)
+        self.outlook = Outlook(outlook, self._intake)
         self.outlook.set_models(self.refitter.models)
         self._fit = fit
         self._fit_waves = fit_waves
@@ -110,11 +114,12 @@ class PlayThrough:
         """
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
-        outlook = self.outlook.add(reading)
+        taken = None if self._intake is None else self._intake.take(reading)
+        outlook = self.outlook.add(reading) if taken is None else self.outlook.add_taken(taken)
         if outlook.waves is not None:
             # it comes into use a while after its stamp, so that live, too, it is there by then
             self.outlook.install(self._fit_waves(outlook.waves))
-        finished = self.window.add(reading).finished
+        finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
         if finished is None:
             return Played(stamp_ns, models, None, outlook, verdict)
         if self.settings.auto_identify:

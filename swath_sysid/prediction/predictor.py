@@ -1,6 +1,8 @@
 """The predictor: samples in, estimates and forecasts out. Live node and play-through run this object."""
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +33,8 @@ REASONS = (
     DUPLICATE, OUT_OF_ORDER, NOT_FINITE, ABSURD, JUMPED_BACK, GAP, LONG_GAP, *REJECTED.values(), *RESTARTED.values()
 )  # fmt: skip
 
+_DROPPED = {DUPLICATE, OUT_OF_ORDER, NOT_FINITE, ABSURD}
+
 LARGEST_ANGLE = 2.0 * math.pi
 LARGEST_RATE = 40.0
 LARGEST_ACCELERATION = 400.0
@@ -40,6 +44,7 @@ FASTEST_INTERVAL = 1e-5
 SLOWEST_INTERVAL = 10.0
 _GAP_FACTOR = 2.5
 _STUBBORN_STAMPS = 20
+_FASTEST_GROWTH = 1.0 / 0.95
 
 
 class ImuSample(NamedTuple):
@@ -145,8 +150,22 @@ class PredictorSettings:
             raise InputError(f'refit_delay must not be negative, not {self.refit_delay}')
 
 
-@dataclass(frozen=True)
-class Step:
+class Ahead(NamedTuple):
+    """What comes one sample later, as plain numbers.
+
+    Attributes
+    ----------
+    lead : float
+        s.
+    axes : dict of str to tuple of 5 floats
+        By axis: angle, rate, angle variance, covariance of angle and rate, rate variance.
+    """
+
+    lead: float
+    axes: dict[str, tuple[float, float, float, float, float]]
+
+
+class Step(NamedTuple):
     """What one sample led to.
 
     Attributes
@@ -157,10 +176,10 @@ class Step:
         False: the sample was dropped, for the reason in ``reasons``.
     reasons : tuple of str
         From `REASONS`; what was counted.
-    estimates : dict of str to AttitudeEstimate
+    estimates : mapping of str to AttitudeEstimate
         By axis; empty where dropped.
-    next : Forecast or None
-        One sample ahead (one lead).
+    ahead : Ahead or None
+        One sample ahead.
     forecast, horizon : Forecast or None
         At the configured leads and over the horizon, when due.
     refit : WaveRequest or None
@@ -171,12 +190,23 @@ class Step:
     stamp: float
     used: bool
     reasons: tuple[str, ...] = ()
-    estimates: dict[str, AttitudeEstimate] = field(default_factory=dict)
-    next: Forecast | None = None
+    estimates: Mapping[str, AttitudeEstimate] = MappingProxyType({})
+    ahead: Ahead | None = None
     forecast: Forecast | None = None
     horizon: Forecast | None = None
     refit: WaveRequest | None = None
     advice: tuple[Advice, ...] = ()
+
+    @property
+    def next(self):
+        """One sample ahead, as a `Forecast` with one lead; None at the first sample."""
+        if self.ahead is None:
+            return None
+        axes = {
+            axis: AxisForecast.normal(np.array([angle]), np.array([rate]), np.array([[[first, both], [both, second]]]))
+            for axis, (angle, rate, first, both, second) in self.ahead.axes.items()
+        }
+        return Forecast(self.stamp, np.array([self.ahead.lead]), axes)
 
 
 @dataclass(frozen=True)
@@ -287,7 +317,7 @@ class Predictor:
         reason, values = _quality(sample)
         if reason is None:
             reason = self._stamp_reason(stamp)
-        if reason in (DUPLICATE, OUT_OF_ORDER, NOT_FINITE, ABSURD):
+        if reason in _DROPPED:
             self._counts[reason] += 1
             return Step(stamp, False, (reason,))
         reasons = [] if reason is None else [reason]
@@ -311,8 +341,10 @@ class Predictor:
                 self._schedule(stamp)
                 forecast, horizon = self._forecaster.issue(stamp, interval)
                 refit = self._forecaster.refit_request(stamp, interval)
-        advice = tuple(a for e in estimates.values() for a in e.advice)
-        return Step(stamp, True, tuple(reasons), estimates, self._next(stamp), forecast, horizon, refit, advice)
+        advice = ()
+        for estimate in estimates.values():
+            advice += estimate.advice
+        return Step(stamp, True, tuple(reasons), estimates, self._ahead(), forecast, horizon, refit, advice)
 
     def _stamp_reason(self, stamp):
         if self._last != self._last:
@@ -336,7 +368,7 @@ class Predictor:
         if self._interval != self._interval:
             self._interval = elapsed
         else:
-            self._interval *= min(max(elapsed / self._interval, 0.95), 1.0 / 0.95)
+            self._interval *= min(max(elapsed / self._interval, 0.95), _FASTEST_GROWTH)
 
     def _schedule(self, stamp):
         period = 1.0 / self.settings.forecast_rate
@@ -346,22 +378,21 @@ class Predictor:
 
     def _estimate(self, stamp, values, sample, elapsed, restart, reasons):
         estimates = {}
-        for index, axis in enumerate(AXES):
+        interval = self._interval
+        even = 0.7 * interval < elapsed < 1.5 * interval
+        for index, (axis, attitude) in enumerate(self._filters.items()):
             angle, rate = values[index], values[index + 2]
-            attitude = self._filters[axis]
-            if not attitude.is_started and angle != angle and rate != rate:
+            is_started = attitude.is_started
+            if not is_started and angle != angle and rate != rate:
                 continue
-            even = 0.7 * self._interval < elapsed < 1.5 * self._interval
             angle_variance, rate_variance = self._noise(
                 axis, angle, rate, sample[8 + index], sample[10 + index], even
             )
-            if restart or not attitude.is_started:
+            if restart or not is_started:
                 attitude.start(stamp, angle, rate, angle_variance, rate_variance)
                 estimates[axis] = attitude.estimate(restarted=True)
                 continue
-            attitude.advance(elapsed)
-            attitude.stamp = stamp
-            estimate = attitude.correct(angle, rate, angle_variance, rate_variance)
+            estimate = attitude.observe(stamp, angle, rate, angle_variance, rate_variance, interval)
             estimates[axis] = estimate
             if estimate.rejected:
                 reasons.append(REJECTED[axis])
@@ -380,16 +411,11 @@ class Predictor:
             rate_variance if rate_variance > 0.0 else by_rate.take(rate),
         )
 
-    def _next(self, stamp):
+    def _ahead(self):
         lead = self._interval
         if lead != lead:
             return None
-        axes = {}
-        for axis, attitude in self._filters.items():
-            if attitude.is_started:
-                angle, rate, covariance = attitude.ahead(lead)
-                axes[axis] = AxisForecast.normal(np.array([angle]), np.array([rate]), covariance[None])
-        return Forecast(stamp, np.array([lead]), axes)
+        return Ahead(lead, {axis: f.moments_ahead(lead) for axis, f in self._filters.items() if f.is_started})
 
     def set_quiescence(self, limits):
         """Ask for the probability of keeping other limits, over the duration that was configured.
@@ -439,9 +465,20 @@ class Predictor:
 
 def _quality(sample):
     """Reason to drop a sample (None: good) and its seven values."""
-    if not -LARGEST_STAMP < sample.stamp < LARGEST_STAMP:
-        return (ABSURD if math.isfinite(sample.stamp) else NOT_FINITE), ()
+    if not -LARGEST_STAMP < sample[0] < LARGEST_STAMP:
+        return (ABSURD if math.isfinite(sample[0]) else NOT_FINITE), ()
     values = sample[1:8]
+    roll, pitch, roll_rate, pitch_rate, *accelerations = values
+    if (
+        -LARGEST_ANGLE <= roll <= LARGEST_ANGLE and -LARGEST_ANGLE <= pitch <= LARGEST_ANGLE
+        and -LARGEST_RATE <= roll_rate <= LARGEST_RATE and -LARGEST_RATE <= pitch_rate <= LARGEST_RATE
+        and -LARGEST_ACCELERATION <= min(accelerations) and max(accelerations) <= LARGEST_ACCELERATION
+    ):  # fmt: skip
+        return None, values
+    return _quality_of_each(values)
+
+
+def _quality_of_each(values):
     useful = False
     for value, largest in zip(values, _LARGEST, strict=True):
         if value != value:

@@ -48,8 +48,8 @@ class NoiseMeter:
 
     def __init__(self, settings):
         self.settings = settings
-        self.variance = settings.initial**2
-        self._average = settings.initial**2
+        self.variance = self._average = settings.initial**2
+        self._least, self._most, self._floor = settings.least**2, settings.most**2, 0.01 * settings.least**2
         self._count = _FIRST
         self.restart()
 
@@ -59,17 +59,17 @@ class NoiseMeter:
 
     def take(self, value):
         """Take in the next value and return the noise variance."""
-        third = value - 3.0 * self._c + 3.0 * self._b - self._a
-        self._a, self._b, self._c = self._b, self._c, value
+        a, b, c = self._a, self._b, self._c
+        self._a, self._b, self._c = b, c, value
+        third = value - 3.0 * c + 3.0 * b - a
         if third == third:
-            self._learn(third * third / _THIRD_DIFFERENCE_GAIN)
+            # clipped, so that a glitch counts as at most a few samples; the first guess weighs as 20 samples
+            average, square = self._average, third * third / _THIRD_DIFFERENCE_GAIN
+            if square > _CLIP * average:
+                square = _CLIP * average
+            if self._count < self.settings.memory:
+                self._count += 1
+            average += (square - average) / self._count
+            self._average = average = average if average > self._floor else self._floor
+            self.variance = self._least if average < self._least else self._most if average > self._most else average
         return self.variance
-
-    def _learn(self, square):
-        # clipped, so that a glitch counts as at most a few samples; the first guess weighs as 20 samples
-        s = self.settings
-        self._count += 1
-        square = min(square, _CLIP * self._average)
-        self._average += (square - self._average) / min(self._count, s.memory)
-        self._average = max(self._average, 0.01 * s.least**2)
-        self.variance = min(max(self._average, s.least**2), s.most**2)
