@@ -35,6 +35,15 @@ def test_simulation_against_scipy(name):
     assert rate == pytest.approx(expected[1], abs=1e-5)
 
 
+def test_a_release_from_far_out_is_followed_as_closely():
+    model = PUBLISHED_HULLS['swath-roll'].model
+    time = np.linspace(0.0, 12.0, 1201)
+    angle, rate = simulation.simulate(model, np.radians(15.0), 0.0, time)
+    expected = exact(model, np.radians(15.0), 0.0, time)
+    assert angle == pytest.approx(expected[0], abs=1e-7)
+    assert rate == pytest.approx(expected[1], abs=1e-6)
+
+
 def test_linear_decay_has_its_closed_form():
     model = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.4, 'r1': 9.0}, trim=0.05)
     time = np.arange(0.0, 12.0, 0.013)

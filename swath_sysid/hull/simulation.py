@@ -10,6 +10,8 @@ from swath_sysid.hull import terms
 STEPS_PER_PERIOD = 60
 """Runge-Kutta steps a natural period: phase error below 1e-7 rad a step."""
 
+_SWING = np.linspace(-1.0, 1.0, 33)
+
 _damping_moment = accelerated(terms.damping_moment)
 _restoring_moment = accelerated(terms.restoring_moment)
 
@@ -133,13 +135,18 @@ def places_in_steps(time, step):
     return before, hermite_weights(position - before, step), int(before.max()) + 1
 
 
-def longest_step(model, steps_per_period=STEPS_PER_PERIOD):
-    """Step that follows a hull's small motions and its damping, s.
+def longest_step(model, amplitude=0.0, steps_per_period=STEPS_PER_PERIOD):
+    """Step that follows a hull's motions up to an amplitude, rad, and their damping, s.
 
     Raises no error for a hull that is unstable upright: its fall is followed at the time
     scale of its restoring moment.
     """
-    stiffness, damping = (abs(slope) for slope in model.jacobian(model.trim, 0.0))
+    swing = amplitude * _SWING
+    stiffness = float(np.abs(model.jacobian(model.trim + swing, 0.0)[0]).max())
+    rate = math.sqrt(stiffness) * swing
+    # a rate whose damping outweighs every restoring moment is never reached
+    reached = np.abs(model.acceleration(model.trim, rate)) <= np.abs(model.acceleration(model.trim + swing, 0.0)).max()
+    damping = float(np.abs(model.jacobian(model.trim, rate)[1]).max(where=reached, initial=0.0))
     fastest = max(math.sqrt(stiffness), damping, 1e-6)
     return 2.0 * math.pi / fastest / steps_per_period
 
@@ -161,7 +168,7 @@ def simulate(model, angle, rate, time):
         rad and rad/s; not finite from where the motion has run away.
     """
     elapsed = np.asarray(time, dtype=float) - time[0]
-    step = longest_step(model)
+    step = longest_step(model, abs(angle - model.trim))
     before, weights, steps = places_in_steps(elapsed, step)
     with np.errstate(over='ignore', invalid='ignore'):
         angles, rates, accelerations = runge_kutta_population(
