@@ -56,10 +56,10 @@ PARAMETERS = (
 )  # fmt: skip
 """Of hull and level; those of the sea's shape follow."""
 _FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(6)
-_PRIOR_STD = (0.7, 1.2, 0.5, 0.3, 0.1, np.inf)
+_PRIOR_STD = (1.0, 1.2, 0.5, 0.3, 0.1, np.inf)
 
 _FLOOR_PRIOR = (-7.0, 2.0)
-_FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
+_FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
 _PEAK_STARTS = (0.7, 1.0, 1.4)
 
 CLIFF, CLIFF_WIDTH = 12.0, 1.12
@@ -70,11 +70,14 @@ HEAVE_PREFERRED = 1.5
 """The sea that the accelerometers show is believed unless its misfit is so many times that of JONSWAP."""
 
 _FIRST_DAMPING = 0.15
-_REFINED = 6
+_REFINED = 8
 """So many of the starts, the best, are refined."""
 
 _MODE_DEPTH = 8.0
 """Other optima count for the uncertainty unless their log-likelihood is so much worse."""
+
+LEAST_FADING = 6.0
+"""Within the record a free decay of the hull must fade by exp of so much; what does not is a tone."""
 
 _DECREMENT_PERIODS = 3.0
 PERIOD_WANTED, DAMPING_WANTED = 0.03, 0.25
@@ -535,6 +538,11 @@ def _concluded(motion, fit, modes):
     scale = np.array([period, damping])
     covariance = log_covariance * np.outer(scale, scale)
     frequency = 2.0 * np.pi / period
+    if damping * frequency * sea.duration < LEAST_FADING:
+        raise InputError(
+            f'the {motion.axis} swings with a period of {period:.3g} s like a pure tone, as in regular waves, which '
+            'tell nothing of the damping: give motion in irregular waves, or record a free decay in still water'
+        )
     b1, r1 = 2.0 * damping * frequency, frequency**2
     # derivatives of (log b1, log r1) by (log period, log damping)
     to_ratios = np.array([[-1.0, 1.0], [-2.0, 0.0]])

@@ -21,7 +21,7 @@ ABOVE_NOISE = 4.0
 """A band is used while its spectrum stands so many times above the noise,"""
 DYNAMIC_RANGE = 1e-5
 """... and above this part of the peak."""
-LOWEST_BAND, HIGHEST_BAND = 0.25, 4.0
+LOWEST_BAND, HIGHEST_BAND = 0.25, 8.0
 """... between these multiples of the peak frequency."""
 
 LEAST_REACH = 1.3
@@ -249,9 +249,9 @@ def _channel(piece, name, even):
 
 def _from_both(angle, rate, angle_noise, rate_noise, frequency, interval):
     """Fourier transform of the angle less its ramp, each channel weighted by its noise at each frequency."""
-    weight = np.zeros_like(frequency) if rate is None else frequency**2 / (frequency**2 + rate_noise / angle_noise)
-    if angle is None:
-        weight = np.ones_like(frequency)
+    weight = np.full_like(frequency, float(angle is None))
+    if angle is not None and rate is not None:
+        weight = frequency**2 / (frequency**2 + rate_noise / angle_noise)
     total = np.zeros(frequency.size, dtype=complex)
     if angle is not None:
         total += (1.0 - weight) * np.fft.rfft(angle - np.linspace(angle[0], angle[-1], angle.size))

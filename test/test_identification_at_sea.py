@@ -1,0 +1,313 @@
+"""Natural period and equivalent damping from motion in waves, against hulls and seas that are known."""
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from craft_at_sea import jonswap, known_sea
+
+from swath_sysid.cli.main import main
+from swath_sysid.errors import InputError
+from swath_sysid.files.model_file import model_from_yaml, model_to_yaml, read_model
+from swath_sysid.files.reading import read_trial
+from swath_sysid.hull.catalogue import EQUATIONS, hull_named
+from swath_sysid.hull.decay_model import DecayModel
+from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.identification.at_sea import excitation_spectrum, identify_at_sea, is_at_sea, is_forced
+from swath_sysid.identification.refit import RefitSettings, Refitter, refit
+from swath_sysid.identification.sea_motion import Heave, heave_of, random_decrement, sea_motion, tapered_spectrum
+from swath_sysid.identification.search import Cancelled
+from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.motion.window import COLUMNS, MotionTable
+
+ROLL = hull_named('swath-roll').model
+LINEAR = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 6.25}, axis='roll')
+
+
+def measured(sea, column=0, until=None, seed=7):
+    """As an IMU would have recorded it."""
+    rng = np.random.default_rng(seed)
+    count = sea.time.size if until is None else int(until / (sea.time[1] - sea.time[0]))
+    noise = rng.normal(size=(2, count)) * [[1e-3], [1.65e-2]]
+    angle, rate = sea.angle[:count, column] + noise[0], sea.rate[:count, column] + noise[1]
+    return AxisMotion('roll', sea.time[:count], angle, rate)
+
+
+def table(motion, **columns):
+    """A motion window that holds this motion."""
+    rows = np.full((motion.size, len(COLUMNS)), np.nan)
+    rows[:, 0] = motion.time
+    for name, values in {motion.axis: motion.angle, f'{motion.axis}_rate': motion.rate, **columns}.items():
+        rows[:, COLUMNS.index(name)] = values
+    return MotionTable(rows, 1)
+
+
+@pytest.fixture(scope='module')
+def linear_sea():
+    return known_sea(LINEAR, [3], 1.4, np.radians(2.0), 400.0)
+
+
+@pytest.fixture(scope='module')
+def linear_motion(linear_sea):
+    return measured(linear_sea)
+
+
+@pytest.fixture(scope='module')
+def found(linear_motion):
+    return identify_at_sea(linear_motion)
+
+
+def test_the_shape_of_a_sea_is_jonswap():
+    frequency = np.linspace(0.3, 6.0, 200)
+    shape = jonswap(frequency, 1.3, 3.3)
+    shape /= jonswap(np.array([1.3]), 1.3, 3.3)
+    assert np.allclose(excitation_spectrum(frequency, 1.3, 3.3, 5.0), shape, rtol=1e-12, atol=1e-30)
+    slope = excitation_spectrum(frequency, 1.3, 3.3, 1.0) / excitation_spectrum(frequency, 1.3, 3.3, 5.0)
+    assert np.allclose(slope[20:], (frequency / 1.3)[20:] ** 4)
+
+
+def test_a_tapered_spectrum_holds_the_variance():
+    values = np.random.default_rng(1).normal(size=8192)
+    frequency, spectrum = tapered_spectrum(values, 0.05)
+    assert spectrum.sum() * frequency[1] == pytest.approx(values.var(), rel=0.05)
+    assert np.mean(spectrum) == pytest.approx(0.05 / np.pi, rel=0.05)
+
+
+@pytest.mark.parametrize('channels', ['both', 'angle', 'rate'])
+def test_derivatives_of_a_motion_are_exact(channels):
+    time = np.arange(6000) * 0.05
+    rng = np.random.default_rng(2)
+    angle, rate = 0.1 * np.sin(1.7 * time) + 0.05, 0.17 * np.cos(1.7 * time)
+    motion = AxisMotion(
+        'pitch', time, None if channels == 'rate' else angle + 1e-6 * rng.normal(size=time.size),
+        None if channels == 'angle' else rate + 1e-6 * rng.normal(size=time.size),
+    )
+    sea = sea_motion(motion)
+    at = sea.start + sea.interval * np.arange(sea.angle.size)
+    middle = slice(50, -50)
+    assert np.allclose(sea.rate[middle], 0.17 * np.cos(1.7 * at)[middle], atol=2e-3)
+    assert np.allclose(sea.acceleration[middle], -0.289 * np.sin(1.7 * at)[middle], atol=3e-3)
+    assert np.isnan(sea.mean) if channels == 'rate' else sea.mean == pytest.approx(0.05, abs=1e-3)
+    assert sea.peak == pytest.approx(1.7, rel=0.02)
+
+
+def test_random_decrement_of_a_gaussian_motion_is_its_autocorrelation(linear_motion):
+    sea = sea_motion(linear_motion)
+    lag, signature = random_decrement(sea, 6.0)
+    power = np.abs(np.fft.rfft(sea.angle, 2 * sea.angle.size)) ** 2
+    correlation = np.fft.irfft(power)[:lag.size]
+    expected = np.sqrt(2.0) * sea.angle_std * correlation / correlation[0]
+    assert np.abs(signature - expected).max() < 0.15 * signature[0]
+
+
+@pytest.mark.parametrize(
+    'peak_ratio, by_slope, seeds', [(0.7, False, [1]), (1.0, False, [4]), (1.5, True, [2, 5]), (2.0, True, [3])]
+)
+def test_the_published_roll_hull_is_found_in_a_sea(peak_ratio, by_slope, seeds):
+    sea = known_sea(ROLL, seeds, peak_ratio, np.radians(1.2), 600.0, by_slope=by_slope)
+    for column in range(len(seeds)):
+        found = identify_at_sea(measured(sea, column))
+        period, damping = sea.truth(column)
+        assert found.amplitude == pytest.approx(np.sqrt(2.0) * sea.angle[:, column].std(), rel=0.02)
+        assert found.natural_period == pytest.approx(period, rel=0.04)
+        assert found.damping_ratio == pytest.approx(damping, rel=0.25)
+        assert abs(found.natural_period - period) < 3.5 * found.natural_period_std
+        assert abs(found.damping_ratio - damping) < 3.5 * found.damping_ratio_std
+        assert found.sea == 'jonswap' and found.is_usable
+
+
+def test_what_is_told_of_a_linear_hull(found, linear_sea):
+    period, damping = linear_sea.truth()
+    assert (period, damping) == pytest.approx((LINEAR.natural_period, 0.1), rel=1e-6)
+    assert found.natural_period == pytest.approx(period, rel=0.02)
+    assert found.damping_ratio == pytest.approx(damping, rel=0.25)
+    assert found.model.equation == EQUATIONS['linear']
+    assert found.model.natural_period == pytest.approx(found.natural_period)
+    assert found.model.damping_ratio == pytest.approx(found.damping_ratio)
+    assert found.misfit < 1.5
+    assert {'equivalent-linear'} <= {a.code for a in found.advice}
+    # the uncertainty of the ratios is that of period and damping
+    r1 = found.model.terms['r1']
+    assert found.std['r1'] / r1 == pytest.approx(2.0 * found.natural_period_std / found.natural_period, rel=1e-6)
+    decay = found.decrement.free_decay
+    assert decay[0] == pytest.approx(found.amplitude, rel=0.02) and np.abs(decay[-1]) < 0.3 * decay[0]
+
+
+@pytest.mark.parametrize('faster, larger', [(10.0, 1.0), (0.2, 1.0), (1.0, -1.0), (1.0, 0.01)])
+def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, larger):
+    other = identify_at_sea(AxisMotion(
+        'roll', linear_motion.time / faster, larger * linear_motion.angle, larger * faster * linear_motion.rate
+    ))
+    assert other.natural_period * faster == pytest.approx(found.natural_period, rel=2e-3)
+    assert other.damping_ratio == pytest.approx(found.damping_ratio, rel=2e-2)
+    assert other.amplitude == pytest.approx(abs(larger) * found.amplitude, rel=1e-3)
+
+
+def test_less_information_gives_more_uncertainty(linear_motion, found):
+    short = identify_at_sea(linear_motion, end=linear_motion.time[0] + 190.0)
+    assert short.natural_period_std > 1.15 * found.natural_period_std
+    # long waves: what little there is near the natural period could be the sea's own
+    far = identify_at_sea(measured(known_sea(LINEAR, [4], 5.0, np.radians(1.0), 900.0, by_slope=True)))
+    assert far.natural_period_std > 5.0 * found.natural_period_std
+    assert far.natural_period == pytest.approx(LINEAR.natural_period, abs=3.0 * far.natural_period_std)
+    assert 'sea-hides-hull' in {a.code for a in far.advice}
+    assert 'another heading' in next(a.message for a in far.advice if a.code == 'sea-hides-hull')
+
+
+def test_gaps_and_angles_or_rates_alone_will_do(linear_motion, found):
+    keep = np.ones(linear_motion.size, dtype=bool)
+    keep[[700, 1500, 1501, 3000]] = False
+    for motion in (
+        linear_motion.only(keep), replace(linear_motion, rate=None), replace(linear_motion, angle=None),
+    ):
+        other = identify_at_sea(motion)
+        assert other.natural_period == pytest.approx(LINEAR.natural_period, rel=0.04)
+        assert other.damping_ratio == pytest.approx(found.damping_ratio, rel=0.4)
+    assert np.isnan(other.trim_std) and other.model.trim == 0.0
+
+
+def test_heave_tells_two_seas_apart():
+    """Swell and wind sea at once: two humps, of which one could be the hull's."""
+    rng, time = np.random.default_rng(11), np.arange(0.0, 1200.0, 0.1)
+    frequency = np.sort(rng.uniform(0.4, 8.0, 500))
+    spectrum = jonswap(frequency, 0.75, 5.0) + 0.4 * jonswap(frequency, 1.9, 2.0)
+    amplitude = np.sqrt(spectrum * 7.6 / 500.0)
+    amplitude *= 0.3 / np.sqrt(0.5 * np.sum(amplitude**2))
+    phase = np.outer(time, frequency) + rng.uniform(0.0, 2.0 * np.pi, 500)
+    slope = amplitude * frequency**2 / 9.81
+    response = 6.25 / (6.25 - frequency**2 + 0.5j * frequency)
+    turning = np.exp(1j * phase)
+    angle = (turning @ (slope * response)).real
+    rate = (turning @ (1j * frequency * slope * response)).real
+    up = -(turning @ (1j * amplitude * frequency**2)).real + 9.81
+    noise = rng.normal(size=(3, time.size)) * [[1e-3], [1e-2], [0.02]]
+    motion = AxisMotion('roll', time, angle + noise[0], rate + noise[1])
+    found = identify_at_sea(motion, Heave(time, up + noise[2]))
+    assert found.sea == 'heave'
+    assert found.natural_period == pytest.approx(LINEAR.natural_period, rel=0.03)
+    assert found.damping_ratio == pytest.approx(0.1, rel=0.25)
+    # an accelerometer that only gravity acts on tells nothing of the sea
+    still = identify_at_sea(motion, Heave(time, 9.81 + noise[2]))
+    assert still.sea == 'jonswap'
+
+
+def test_a_record_that_will_not_do_is_refused_in_one_sentence(linear_motion):
+    with pytest.raises(InputError, match='record at least [0-9]+ s'):
+        identify_at_sea(linear_motion, end=linear_motion.time[0] + 60.0)
+    with pytest.raises(InputError, match='samples'):
+        identify_at_sea(linear_motion.only(slice(0, 20)))
+    with pytest.raises(InputError, match='constant'):
+        identify_at_sea(replace(linear_motion, angle=np.zeros(linear_motion.size)))
+
+
+def test_regular_waves_tell_nothing_of_the_hull():
+    time = np.arange(0.0, 600.0, 0.1)
+    angle = 0.06 * np.sin(0.9 * time) + 0.06 * np.sin(1.02 * time + 1.0)
+    angle = angle + 1e-3 * np.random.default_rng(1).normal(size=time.size)
+    with pytest.raises(InputError, match='regular waves'):
+        identify_at_sea(AxisMotion('roll', time, angle, None))
+
+
+def test_it_tells_its_progress_and_stops_when_asked(linear_motion):
+    shares = []
+    identify_at_sea(linear_motion, progress=shares.append)
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    with pytest.raises(Cancelled):
+        identify_at_sea(linear_motion, should_cancel=lambda: True)
+
+
+def test_the_model_file_says_that_it_was_identified_at_sea(found):
+    identified = found.identified_model({'source': 'here'})
+    back = model_from_yaml(model_to_yaml({'roll': identified}))['roll']
+    assert back == identified and is_at_sea(back) and not is_at_sea(IdentifiedModel.exactly(ROLL))
+    assert back.provenance['equivalent_linear_at_amplitude_rad'] == pytest.approx(found.amplitude)
+    assert back.amplitude_range == (pytest.approx(found.amplitude),) * 2
+
+
+def test_forced_motion_is_told_from_a_decay(linear_motion):
+    time = np.arange(0.0, 60.0, 0.05)
+    decay = 0.1 * np.exp(-0.1 * time) * np.cos(2.5 * time)
+    assert is_forced(linear_motion) and not is_forced(AxisMotion('roll', time, decay, None))
+
+
+@pytest.fixture(scope='module')
+def settings():
+    return RefitSettings(axes=('roll',))
+
+
+def test_a_refit_on_waves_believes_what_is_better(linear_motion, settings):
+    refitter = Refitter(settings)
+    first = refit(refitter.request(table(linear_motion), {'source': 'here'}))
+    assert refitter.take(first) and is_at_sea(refitter.models['roll'])
+    assert 'at sea, equivalent linear at 2' in first.message and '\n' not in first.message
+    again = refit(refitter.request(table(measured(known_sea(LINEAR, [9], 1.2, np.radians(2.0), 300.0)))))
+    assert not again.succeeded and 'explains the window as well' in again.message
+    slower = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 4.0}, axis='roll')
+    changed = refit(refitter.request(table(measured(known_sea(slower, [9], 1.2, np.radians(2.0), 300.0)))))
+    assert refitter.take(changed) and 'log-likelihood' in changed.message
+    assert refitter.models['roll'].model.natural_period == pytest.approx(slower.natural_period, rel=0.04)
+
+
+def test_a_refit_on_waves_never_replaces_the_model_of_a_decay(linear_motion, settings):
+    held = IdentifiedModel.exactly(ROLL)
+    outcome = refit(Refitter(settings, {'roll': held}).request(table(linear_motion)))
+    assert not outcome.succeeded
+    assert 'the model of the free decay stays, which there has period 2.' in outcome.message
+    assert 'at sea, equivalent linear' in outcome.message
+
+
+def test_a_window_too_short_is_told_with_the_length_it_needs(linear_motion, settings):
+    short = linear_motion.between(100.0, 160.0)
+    outcome = refit(Refitter(settings).request(table(short)))
+    assert not outcome.succeeded and 'record at least' in outcome.message and 'window_s' in outcome.message
+
+
+@pytest.fixture(scope='module')
+def sea_file(linear_motion, tmp_path_factory):
+    path = tmp_path_factory.mktemp('sea') / 'beam_sea.csv'
+    columns = np.column_stack([linear_motion.time, linear_motion.angle, linear_motion.rate])
+    np.savetxt(path, columns, delimiter=',', header='time_s,roll_rad,roll_rate_rad_s', comments='', fmt='%.6f')
+    return path
+
+
+def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
+    model, picture = tmp_path / 'model.yaml', tmp_path / 'sea.png'
+    assert main(['identify', str(sea_file), '--output', str(model), '--plot', str(picture)]) == 0
+    told = capsys.readouterr()
+    assert 'identified at sea, the equivalent linear hull at 2' in told.out and 'equivalent-linear' in told.err
+    assert is_at_sea(read_model(model)['roll']) and picture.stat().st_size > 20_000
+    assert main(['identify', str(sea_file), '--at-sea', '--json']) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data['identified_from'] == 'motion in waves' and data['equation'] == 'linear'
+    assert data['natural_period_s'] == pytest.approx(LINEAR.natural_period, rel=0.03)
+    assert {
+        'natural_period_std_s', 'damping_ratio', 'damping_ratio_std', 'reference_amplitude_rad', 'misfit', 'sea',
+        'peak_period_s', 'wall_s', 'warnings', 'trim_rad', 'segment_s',
+    } <= set(data)  # fmt: skip
+
+
+@pytest.mark.parametrize('arguments, sentence', [
+    (['--decay'], 'swings from begin to end'),
+    (['--at-sea', '--equation', 'odd-cubic'], '--equation has no meaning'),
+    (['--at-sea', '--end', '60'], 'record at least'),
+])
+def test_the_command_line_refuses_with_a_sentence(sea_file, capsys, arguments, sentence):
+    assert main(['identify', str(sea_file), *arguments]) == 2
+    assert sentence in capsys.readouterr().err.strip().splitlines()[-1]
+
+
+def test_thirds_of_a_measured_record_agree(data_folder):
+    trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')
+    heave = heave_of(trial)
+    thirds = [identify_at_sea(trial.axis('pitch'), heave, 600.0 * k, 600.0 * (k + 1)) for k in range(3)]
+    periods, dampings = (np.array([getattr(t, name) for t in thirds]) for name in ('natural_period', 'damping_ratio'))
+    spread = np.array([[t.natural_period_std, t.damping_ratio_std] for t in thirds]).mean(axis=0)
+    assert [t.sea for t in thirds] == ['heave'] * 3
+    assert np.ptp(periods) < 4.0 * spread[0] and np.ptp(dampings) < 4.0 * spread[1]
+    assert np.all((periods > 2.2) & (periods < 2.8))
+
+
+def test_the_decays_are_still_decays(data_folder):
+    for name in ('kvlcc2/run2_0kn.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_3deg_repeat1.csv'):
+        trial = read_trial(data_folder / 'decay' / name)
+        assert not is_forced(trial.axis('roll' if 'kvlcc2' in name else 'pitch'))
