@@ -4,6 +4,9 @@ import math
 import numpy as np
 import pytest
 
+from swath_sysid.hull.catalogue import EQUATIONS
+from swath_sysid.hull.decay_model import DecayModel
+from swath_sysid.prediction.predictor import ImuSample, Predictor
 from swath_sysid.prediction.staleness import ModelWatch
 
 STEP = 0.01
@@ -62,3 +65,27 @@ def test_motion_beyond_what_the_model_saw_is_told(white):
 
 def test_a_young_watch_says_nothing(white):
     assert watched(50.0 * white[:5000]).advice('roll') == ()
+
+
+def told_by_predictor(hull, amplitude, told_noise, largest):
+    """Codes that a predictor tells after 90 s of a sine with noise of 1e-3 rad and 5e-3 rad/s."""
+    rng, frequency = np.random.default_rng(2), 2.0 * math.pi / 2.5
+    predictor = Predictor()
+    predictor.set_model('roll', hull, largest)
+    for k in range(9000):
+        stamp = k * STEP
+        predictor.observe(ImuSample(
+            stamp,
+            roll=amplitude * math.sin(frequency * stamp) + 1e-3 * rng.normal(),
+            roll_rate=amplitude * frequency * math.cos(frequency * stamp) + 5e-3 * rng.normal(),
+            roll_variance=(1e-3 * told_noise) ** 2, roll_rate_variance=(5e-3 * told_noise) ** 2,
+        ))  # fmt: skip
+    return {advice.code for advice in predictor.diagnostics().advice}
+
+
+def test_the_predictor_says_when_its_model_is_stale():
+    hull = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.4, 'r1': 6.3}, axis='roll')
+    assert told_by_predictor(hull, 0.05, 1.0, 0.1) == set()
+    assert told_by_predictor(hull, 0.05, 0.2, 0.1) == {'stale-model'}
+    assert told_by_predictor(hull, 0.2, 1.0, 0.1) == {'beyond-amplitude'}
+    assert told_by_predictor(None, 0.2, 0.2, 0.1) == {'no-model'}

@@ -262,6 +262,8 @@ class PredictorHealth(StreamHealth):
             'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
             'has_waves': state.has_waves,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
+            **{f'innovations_outside_{axis}': share for axis, share in state.innovations_outside.items()},
+            **{f'innovations_alike_{axis}': share for axis, share in state.innovations_alike.items()},
         }
         for a, axis in enumerate(AXES):
             for number, lead in enumerate(self._outlook.settings.predictor.leads):

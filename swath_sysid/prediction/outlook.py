@@ -3,7 +3,7 @@
 Live node and play-through run this object, so that both publish the same stamps and values.
 """
 from dataclasses import dataclass, field
-from math import pi
+from math import inf, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -182,7 +182,7 @@ class Outlook:
             model = None if held is None else held.model
             if model != self._hulls[axis]:
                 self._hulls[axis] = model
-                self.predictor.set_model(axis, model)
+                self.predictor.set_model(axis, model, inf if held is None else held.amplitude_range[1])
 
     def install(self, fit):
         """Take in the fit of the waves that a step asked for.

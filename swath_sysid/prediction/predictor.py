@@ -16,6 +16,7 @@ from swath_sysid.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.prediction.forecaster import Forecaster
 from swath_sysid.prediction.quiescence import QuiescenceLimits
 from swath_sysid.prediction.sensor_noise import NoiseMeter
+from swath_sysid.prediction.staleness import ModelWatch
 from swath_sysid.prediction.waves import WaveRequest
 
 NAN = math.nan
@@ -225,6 +226,9 @@ class PredictorDiagnostics:
         By axis.
     nis_ratio : dict of str to float
         Innovations squared over their expectation, by axis; one is healthy.
+    innovations_outside, innovations_alike : dict of str to float
+        Share of the innovations beyond where 95 % are expected, and with the sign of the one before; 0.05 and
+        0.5 are healthy.
     has_waves : bool
         Whether the waves have been fitted.
     skill : ndarray, shape (A, L)
@@ -241,6 +245,8 @@ class PredictorDiagnostics:
     sample_interval: float
     has_model: dict[str, bool]
     nis_ratio: dict[str, float]
+    innovations_outside: dict[str, float]
+    innovations_alike: dict[str, float]
     has_waves: bool
     skill: np.ndarray
     coverage: np.ndarray
@@ -263,6 +269,8 @@ class Predictor:
         self._filters = {axis: AttitudeFilter(self.settings.filter) for axis in AXES}
         s = self.settings.filter
         self._meters = {axis: (NoiseMeter(s.angle_noise), NoiseMeter(s.rate_noise)) for axis in AXES}
+        self._watches = {axis: ModelWatch() for axis in AXES}
+        self._foretold = {}
         self._counts = dict.fromkeys(REASONS, 0)
         self._samples = 0
         self._interval = NAN
@@ -276,7 +284,7 @@ class Predictor:
         self._stubborn = 0
         self._due = -math.inf
 
-    def set_model(self, axis, model):
+    def set_model(self, axis, model, largest_amplitude=math.inf):
         """Swap the hull of an axis under the running filter.
 
         Parameters
@@ -284,11 +292,14 @@ class Predictor:
         axis : str
         model : DecayModel or None
             None: none is known.
+        largest_amplitude : float
+            The largest that the model was identified at, rad.
         """
         if axis not in AXES:
             raise InputError(f"there is no axis '{axis}': choose one of {', '.join(AXES)}")
         self._filters[axis].set_model(model)
         self._forecaster.set_model(axis)
+        self._watches[axis].restart(largest_amplitude)
 
     def install(self, fit):
         """Take in the fit of a window that a `Step` asked for.
@@ -394,6 +405,12 @@ class Predictor:
                 continue
             estimate = attitude.observe(stamp, angle, rate, angle_variance, rate_variance, interval)
             estimates[axis] = estimate
+            foretold = self._foretold.get(axis)
+            if even and estimate.measured and foretold is not None:
+                innovation = rate - foretold[1] if rate == rate else angle - foretold[0]
+                self._watches[axis].take(
+                    elapsed, estimate.nis, estimate.measured, innovation, estimate.angle - estimate.trim
+                )
             if estimate.rejected:
                 reasons.append(REJECTED[axis])
             elif estimate.restarted:
@@ -415,7 +432,8 @@ class Predictor:
         lead = self._interval
         if lead != lead:
             return None
-        return Ahead(lead, {axis: f.moments_ahead(lead) for axis, f in self._filters.items() if f.is_started})
+        self._foretold = {axis: f.moments_ahead(lead) for axis, f in self._filters.items() if f.is_started}
+        return Ahead(lead, self._foretold)
 
     def set_quiescence(self, limits):
         """Ask for the probability of keeping other limits, over the duration that was configured.
@@ -449,12 +467,15 @@ class Predictor:
             for axis, attitude in started.items()
             if not attitude.has_model
         )
+        advice += tuple(told for axis, f in started.items() if f.has_model for told in self._watches[axis].advice(axis))
         return PredictorDiagnostics(
             self._samples,
             dict(self._counts),
             self._interval,
             {axis: f.has_model for axis, f in self._filters.items()},
             {axis: f.nis_ratio for axis, f in started.items()},
+            {axis: self._watches[axis].outside for axis in started},
+            {axis: self._watches[axis].alike for axis in started},
             self._forecaster.has_waves,
             self._forecaster.skill,
             self._forecaster.coverage,
