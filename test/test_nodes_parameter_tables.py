@@ -10,13 +10,14 @@ from swath_sysid.identification.refit import RefitSettings
 from swath_sysid.motion.window import WindowSettings
 from swath_sysid.nodes import parameter_tables
 from swath_sysid.nodes.parameter_tables import (
+    ALL_TABLES,
     IDENTIFIER,
     IMU_BUFFER,
     PREDICTOR,
     SENSOR,
-    TABLES,
     configuration_file,
     defaults,
+    manoeuvre_outlook_settings,
     markdown_table,
     outlook_settings,
     refit_settings,
@@ -27,13 +28,14 @@ from swath_sysid.prediction.outlook import OutlookSettings
 from swath_sysid.prediction.predictor import PredictorSettings
 from swath_sysid.prediction.quiescence import QuiescenceLimits
 
-SETTINGS_OF = {'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': outlook_settings}
+SETTINGS_OF = {'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': outlook_settings,
+               'manoeuvre_predictor': manoeuvre_outlook_settings}  # fmt: skip
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def changed(node, **values):
     """The default values of a node with some changed."""
-    return {**defaults(TABLES[node]), **values}
+    return {**defaults(ALL_TABLES[node]), **values}
 
 
 def test_the_defaults_are_those_of_the_cores():
@@ -85,10 +87,11 @@ def test_values_reach_the_settings():
 def test_every_parameter_matters():
     """No option does nothing: a changed value changes the settings, or the node reads it by name."""
     others = {
+        'manoeuvre_thrust_input': 'force',
         'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0], 'axes': ['roll'], 'equation': 'swath-pitch-1',
         'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7], 'quiet_for_s': 3.0,
     }
-    for node, table in TABLES.items():
+    for node, table in ALL_TABLES.items():
         source = ''.join(path.read_text() for path in Path(parameter_tables.__file__).parent.glob('*.py')
                          if path.stem != 'parameter_tables')
         before = SETTINGS_OF[node](defaults(table))
@@ -113,7 +116,7 @@ def test_the_configuration_file_holds_the_defaults():
         'write it anew: python -c "from swath_sysid.nodes.parameter_tables import configuration_file; '
         'print(configuration_file(), end=\'\')" > config/swath_sysid.yaml'
     )
-    for node, table in TABLES.items():
+    for node, table in ALL_TABLES.items():
         assert values_from_file(path, node) == defaults(table)
 
 
@@ -147,10 +150,10 @@ def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentenc
         values_from_file(tmp_path / 'missing.yaml', 'predictor')
 
 
-@pytest.mark.parametrize('node', TABLES)
+@pytest.mark.parametrize('node', ALL_TABLES)
 def test_the_documentation_tells_every_parameter(node):
     lines = markdown_table(node).splitlines()
-    assert len(lines) == 2 + len(TABLES[node])
-    for parameter, line in zip(TABLES[node], lines[2:], strict=True):
+    assert len(lines) == 2 + len(ALL_TABLES[node])
+    for parameter, line in zip(ALL_TABLES[node], lines[2:], strict=True):
         assert line.startswith(f'| `{parameter.name}` |') and parameter.meaning.replace('|', '\\|') in line
         assert len(line.replace('\\|', '').split('|')) == 7

@@ -9,7 +9,7 @@ from swath_sysid.cli.main import VERBS
 from swath_sysid.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.identification.search import PRESETS
 from swath_sysid.nodes.health import REASON_ADVICE
-from swath_sysid.nodes.parameter_tables import TABLES, markdown_table
+from swath_sysid.nodes.parameter_tables import ALL_TABLES, markdown_table
 
 README = Path(__file__).resolve().parents[1] / 'README.md'
 
@@ -22,7 +22,7 @@ def diagnostics():
 
 def parameters():
     """The parameters of every node."""
-    return '\n'.join(f'### {node}\n\n{markdown_table(node)}' for node in TABLES).rstrip()
+    return '\n'.join(f'### {node}\n\n{markdown_table(node)}' for node in ALL_TABLES).rstrip()
 
 
 GENERATED = {'diagnostics': diagnostics, 'parameters': parameters}

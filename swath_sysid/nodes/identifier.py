@@ -9,11 +9,14 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid import __version__
+from swath_sysid.errors import InputError
+from swath_sysid.identification.manoeuvring.refit import refit_manoeuvring
 from swath_sysid.identification.refit import Refitter, refit, warm_up, window_provenance
 from swath_sysid.identification.search import Cancelled
 from swath_sysid.nodes.connections import watched_publisher
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.health import WORKER_DIED, IdentifierHealth
+from swath_sysid.nodes.manoeuvre_identification import ManoeuvreIdentification
 from swath_sysid.nodes.model_publisher import ModelPublisher
 from swath_sysid.nodes.parameter_tables import IDENTIFIER, refit_settings
 from swath_sysid.nodes.parameters import NodeParameters
@@ -44,6 +47,10 @@ class Identifier(Node):
         self.create_service(Trigger, '~/identify', self._on_identify, callback_group=waiting)
         self.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=waiting)
         self.create_service(Trigger, '~/rollback', self._on_rollback)
+        self._manoeuvres = ManoeuvreIdentification(self, self.parameters, self.health)
+        self.create_service(
+            Trigger, '~/identify_manoeuvring', self._on_identify_manoeuvring, callback_group=waiting)
+        self.create_service(Trigger, '~/rollback_manoeuvring', self._on_rollback_manoeuvring)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
         self.worker = Worker(warm_up, lambda: self.health.note(WORKER_DIED))
         if self.refitter.models:
@@ -82,6 +89,16 @@ class Identifier(Node):
 
     async def _refit(self, table):
         """Refit on a window in the worker; success and one line about it."""
+        request = self.refitter.request(table, window_provenance(table, f'swath_sysid {__version__}'))
+        outcome, error = await self._carried_out(refit, request)
+        if error is not None:
+            return self._end(False, CANCELLED if isinstance(error, Cancelled) else str(error))
+        if not self.refitter.take(outcome):
+            return self._end(False, outcome.message)
+        return self._end(True, outcome.message + self._models.publish(self.refitter.models))
+
+    async def _carried_out(self, function, request):
+        """Have the worker do something; its result and None, or None and the error."""
         ended, executor = Future(), self.executor
 
         def end(outcome, error):
@@ -90,14 +107,30 @@ class Identifier(Node):
             executor.wake()
 
         self.health.begin()
-        request = self.refitter.request(table, window_provenance(table, f'swath_sysid {__version__}'))
-        self.worker.submit(refit, (request,), end, self._on_progress)
-        outcome, error = await ended
+        self.worker.submit(function, (request,), end, self._on_progress)
+        return await ended
+
+    async def _on_identify_manoeuvring(self, request, response):
+        if self._busy:
+            response.success, response.message = False, BUSY
+            return response
+        self._busy = True
+        try:
+            work = self._manoeuvres.request()
+        except InputError as error:
+            response.success, response.message = self._end(False, str(error))
+            return response
+        outcome, error = await self._carried_out(refit_manoeuvring, work)
         if error is not None:
-            return self._end(False, CANCELLED if isinstance(error, Cancelled) else str(error))
-        if not self.refitter.take(outcome):
-            return self._end(False, outcome.message)
-        return self._end(True, outcome.message + self._models.publish(self.refitter.models))
+            ended = self._end(False, CANCELLED if isinstance(error, Cancelled) else str(error))
+        else:
+            ended = self._end(*self._manoeuvres.take(outcome))
+        response.success, response.message = ended
+        return response
+
+    def _on_rollback_manoeuvring(self, request, response):
+        response.success, response.message = (False, BUSY) if self._busy else self._manoeuvres.rollback()
+        return response
 
     def _on_progress(self, share):
         self.health.progress = share
@@ -136,7 +169,8 @@ class Identifier(Node):
         return response
 
     def _reports(self):
-        return [self.health.report(self.refitter.described, self.refitter.steps_back, self._busy)]
+        return [self.health.report(self.refitter.described, self.refitter.steps_back, self._busy),
+                self._manoeuvres.report()]  # fmt: skip
 
 
 def main(args=None):

@@ -13,11 +13,14 @@ from swath_sysid.errors import InputError
 from swath_sysid.identification.identify import OBJECTIVES, IdentificationSettings
 from swath_sysid.identification.refit import RefitSettings
 from swath_sysid.identification.search import ALGORITHMS, SearchSettings
+from swath_sysid.motion.manoeuvring_window import AUTO, THRUST_INPUTS
 from swath_sysid.motion.sensing import FRAMES, Installation
 from swath_sysid.motion.stamps import StampSettings
 from swath_sysid.motion.trial import AXES
 from swath_sysid.motion.window import WindowSettings
 from swath_sysid.prediction.ekf import FilterSettings
+from swath_sysid.prediction.manoeuvring import ManoeuvreFilterSettings
+from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
 from swath_sysid.prediction.outlook import OutlookSettings
 from swath_sysid.prediction.predictor import PredictorSettings
 from swath_sysid.prediction.quiescence import QuiescenceLimits
@@ -121,6 +124,30 @@ IMU_BUFFER = (
     *DIAGNOSTICS,
 )
 
+MANOEUVRES = (
+    NodeParameter(
+        'manoeuvre_window_s', 900.0, 'Length of the window of odometry and thrust that ~/identify_manoeuvring fits',
+        's', 60.0, 7200.0, read_only=True,
+    ),
+    NodeParameter(
+        'manoeuvre_thrust_input', AUTO, 'What the thruster topics carry: N or commands of -1 to 1',
+        choices=THRUST_INPUTS,
+    ),
+    NodeParameter(
+        'manoeuvre_stop_after_s', 0.0, 'Without a command for so long the thrust is zero; 0: the last one holds', 's',
+        0.0, 60.0, read_only=True,
+    ),
+    NodeParameter('manoeuvre_mass_kg', 0.0, 'Mass of the craft, cargo included; 0: not known', 'kg', 0.0, 1e6),
+    NodeParameter(
+        'manoeuvre_lever_m', 0.0, 'Half the distance between the thrusters; 0: that of a WAM-V 16', 'm', 0.0, 100.0,
+    ),
+    NodeParameter(
+        'manoeuvre_model_path', '', 'Model file of the manoeuvring model, read at the start if it exists and replaced '
+        'whenever the model changes; empty: none', read_only=True,
+    ),
+)
+"""Of the identifier, for twin-thruster craft."""
+
 IDENTIFIER = (
     NodeParameter('axes', list(AXES), 'Axes to identify', choices=AXES),
     NodeParameter(
@@ -146,6 +173,7 @@ IDENTIFIER = (
         'model_path', '', 'Model file, read at the start if it exists and replaced whenever the model changes; '
         'empty: none', read_only=True,
     ),
+    *MANOEUVRES,
     *DIAGNOSTICS,
 )
 
@@ -204,8 +232,36 @@ PREDICTOR = (
     *DIAGNOSTICS,
 )
 
+MANOEUVRE_PREDICTOR = (
+    NodeParameter('model_file', '', 'Model file of manoeuvre identify; empty: wait for manoeuvre/model',
+                  read_only=True),
+    NodeParameter('leads_s', [1.0, 5.0, 10.0], 'Leads with a topic of their own, rising', 's', 0.1, 120.0,
+                  read_only=True),
+    NodeParameter('horizon_s', 20.0, 'Length of the path ahead', 's', 1.0, 120.0, read_only=True),
+    NodeParameter('horizon_step_s', 0.5, 'Time between poses of the path', 's', 0.1, 10.0, read_only=True),
+    NodeParameter('forecast_rate_hz', 5.0, 'Forecasts a second, at most', 'Hz', 0.1, 50.0, read_only=True),
+    NodeParameter('gap_limit_s', 5.0, 'After a longer silence of the odometry the filter begins anew', 's', 0.5, 60.0,
+                  read_only=True),
+    NodeParameter('backward_jump_s', 1.0, 'A stamp further back is a clock that was set back', 's', 0.05, 60.0,
+                  read_only=True),
+    NodeParameter('stop_after_s', 0.0, 'Without a command for so long the thrust is zero; 0: the last one holds', 's',
+                  0.0, 60.0, read_only=True),
+    NodeParameter('speed_noise_m_s', 0.05, 'Noise of the speeds, where the odometry does not tell it', 'm/s', 1e-4, 5.0,
+                  read_only=True),
+    NodeParameter('yaw_rate_noise_rad_s', 0.01, 'Noise of the yaw rate, where the sensor does not tell it', 'rad/s',
+                  1e-5, 1.0, read_only=True),
+    NodeParameter('heading_noise_rad', 0.01, 'Noise of the heading, where the odometry does not tell it', 'rad', 1e-5,
+                  1.0, read_only=True),
+    NodeParameter('position_noise_m', 0.5, 'Noise of the position, where the odometry does not tell it', 'm', 1e-3,
+                  100.0, read_only=True),
+    *DIAGNOSTICS,
+)  # fmt: skip
+
 TABLES = {'imu_buffer': IMU_BUFFER, 'identifier': IDENTIFIER, 'predictor': PREDICTOR}
-"""Node name to its parameters."""
+"""Node name to its parameters, of the nodes that run together."""
+
+ALL_TABLES = {**TABLES, 'manoeuvre_predictor': MANOEUVRE_PREDICTOR}
+"""Node name to its parameters, of every node."""
 
 
 def defaults(table):
@@ -307,6 +363,19 @@ def quiescence_limits(values):
     )
 
 
+def manoeuvre_outlook_settings(values):
+    """Settings of manoeuvre_predictor's core; see `window_settings`."""
+    check(MANOEUVRE_PREDICTOR, values)
+    noise = ManoeuvreFilterSettings(
+        speed_noise=values['speed_noise_m_s'], yaw_rate_noise=values['yaw_rate_noise_rad_s'],
+        heading_noise=values['heading_noise_rad'], position_noise=values['position_noise_m'],
+    )  # fmt: skip
+    return ManoeuvreOutlookSettings(
+        tuple(values['leads_s']), values['horizon_s'], values['horizon_step_s'], values['forecast_rate_hz'],
+        values['gap_limit_s'], values['backward_jump_s'], values['stop_after_s'], noise,
+    )  # fmt: skip
+
+
 def values_from_file(path, node_name):
     """The values of a node's parameters as a ROS parameter file sets them, without ROS.
 
@@ -315,7 +384,7 @@ def values_from_file(path, node_name):
     path : str or Path or None
         None: the defaults.
     node_name : str
-        A key of `TABLES`. The sections ``/**``, ``NAME``, ``/NAME`` and ``/**/NAME`` of the file apply, in
+        A key of `ALL_TABLES`. The sections ``/**``, ``NAME``, ``/NAME`` and ``/**/NAME`` of the file apply, in
         its order.
 
     Returns
@@ -329,7 +398,7 @@ def values_from_file(path, node_name):
         The file cannot be read, is no parameter file, or sets a parameter that does not exist or
         is of another type.
     """
-    values = defaults(TABLES[node_name])
+    values = defaults(ALL_TABLES[node_name])
     if path is None:
         return values
     applying = ('/**', node_name, f'/{node_name}', f'/**/{node_name}')
@@ -368,7 +437,7 @@ def _of_type(default, value, name, path):
 def configuration_file():
     """Text of the parameter file with every default, section by node."""
     lines = ['# Every parameter of the nodes with its default; made by swath_sysid.nodes.parameter_tables.']
-    for node_name, table in TABLES.items():
+    for node_name, table in ALL_TABLES.items():
         lines += ['', f'/**/{node_name}:', '  ros__parameters:']
         for parameter in table:
             allowed = f' ({parameter.range_text}{f" {parameter.unit}" if parameter.unit else ""})'
@@ -389,7 +458,7 @@ def markdown_table(node_name):
     str
     """
     lines = ['| Parameter | Default | Range | Unit | Meaning |', '|---|---|---|---|---|']
-    for p in TABLES[node_name]:
+    for p in ALL_TABLES[node_name]:
         fixed = '' if not p.read_only else ' (set at the start)'
         meaning = f'{p.meaning}{fixed}'.replace('|', '\\|')
         lines.append(f'| `{p.name}` | `{_yaml_value(p.default)}` | {p.range_text} | {p.unit} | {meaning} |')

@@ -157,4 +157,17 @@ def _limits(model, region, thrust):
     """Speed, sway and yaw rate that these inputs may rightly drive: seen ones, or the steady ones of the hull."""
     ahead = steady_speed(model, float(np.max(thrust.sum(axis=0))))
     speed = max(abs(region.slowest), region.fastest, ahead, 0.1)
-    return np.array([speed, max(region.largest_sway, 0.7 * speed), max(region.largest_yaw_rate, 0.05)])
+    seen = max(region.largest_yaw_rate, 0.05)
+    # manoeuvres are shorter than this check: inputs held for long may rightly turn a craft faster than was seen
+    turning = float(np.clip(_steady_yaw_rate(model, float(np.max(np.abs(thrust[1] - thrust[0])))), seen, 2.0 * seen))
+    return np.array([speed, max(region.largest_sway, 0.7 * speed), turning])
+
+
+def _steady_yaw_rate(model, difference):
+    """Yaw rate at which the hull's damping alone resists a difference of the thrusts, rad/s, at most 10."""
+    low, high = 0.0, 10.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        push = model.accelerations(0.0, 0.0, middle, -0.5 * difference, 0.5 * difference)[2]
+        low, high = (middle, high) if push > 0.0 else (low, middle)
+    return low

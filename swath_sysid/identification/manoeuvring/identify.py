@@ -21,6 +21,7 @@ from swath_sysid.identification.manoeuvring.selection import (
     shooting_of,
     with_drift_spread,
     with_noise,
+    with_usual_hull,
     without,
 )
 from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
@@ -172,6 +173,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
     names = (*problem.free, *problem.tentative)
     now = fit(problem, shooting, names, np.concatenate([start, problem.start(problem.tentative)]))
+    now = with_usual_hull(problem, now)
     problem = with_drift_spread(with_noise(problem, now), now)
     now = fit(problem, renewed(problem, now), now.names, now.values)
     note(0.5)

@@ -29,6 +29,9 @@ LEAST_DRIFT_SPREAD = 0.005
 LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
 
+USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
+FAR_BETTER = 0.5
+
 HELD_OUT_SCATTER = 0.5
 """Standard errors by which a term must help runs that were held out."""
 
@@ -127,6 +130,21 @@ def currents_of(problem, model, runs, window):
     return currents
 
 
+def with_usual_hull(problem, plain):
+    """A fit with `USUAL_HULL` from the start, where that is far better; else the plain one.
+
+    A hull that hardly keeps its course looks like a much heavier one without these terms, and one by one they
+    do not lead away from it.
+    """
+    names = tuple(n for n in USUAL_HULL if (n,) in problem.candidates and n not in plain.names)
+    if not names:
+        return plain
+    values = np.concatenate([problem.start(plain.names), problem.start(names)])
+    rich = fit(problem, plain.shooting, (*plain.names, *names), values)
+    better = _cost_with(rich, plain) < FAR_BETTER * plain.cost
+    return rich if better and (rich.stable or not plain.stable) else plain
+
+
 def covariance_of(shooting, values):
     """Covariance of the unknowns, autocorrelation of the residuals accounted for; regularisation not counted in."""
     residuals, jacobians = shooting.reports(values)
@@ -204,7 +222,7 @@ def select(problem, first, note=None):
         start = np.concatenate([now.values, [_first_value(problem, n) for n in group]])
         tried = fit(problem, now.shooting, names, start, rounds=1)
         remaining.remove(group)
-        if not tried.stable:
+        if now.stable and not tried.stable:
             rejected[' '.join(group)] = 'unstable'
             continue
         reference = now.shooting.refine(now.values, max_evaluations=6).cost
@@ -232,7 +250,8 @@ def regularised_to_stable(problem, found):
         std = np.sqrt(np.diag(found.covariance.matrix))
         with np.errstate(invalid='ignore', divide='ignore'):
             certainty = np.nan_to_num(np.abs(found.values) / std)
-        cross = [k for k, n in enumerate(found.names) if n not in problem.free and n not in CURRENT]
+        cross = [k for k, n in enumerate(found.names)
+                 if n not in problem.free and n in INDEX and PARAMETERS[INDEX[n]].kind != THRUST]  # fmt: skip
         if not cross:
             break
         weakest = min(cross, key=lambda k: certainty[k])
@@ -355,7 +374,7 @@ def _without_weak(problem, now):
         keep = [k for k in range(len(now.names)) if k != worst]
         problem = without(problem, (now.names[worst],))
         tried = fit(problem, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
-        if not tried.stable:
+        if now.stable and not tried.stable:
             return now
         now = tried
 

@@ -1,0 +1,140 @@
+"""The window of odometry and thrust, and what a refit on it believes."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from swath_sysid.errors import InputError
+from swath_sysid.hull.manoeuvring.presets import preset
+from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.identification.manoeuvring.refit import (
+    ManoeuvreRefitRequest,
+    ManoeuvreRefitter,
+    pieces,
+    refit_manoeuvring,
+)
+from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
+from swath_sysid.motion.manoeuvring_trial import COMMAND, FORCE, prepare
+from swath_sysid.motion.manoeuvring_window import ManoeuvringWindow
+
+OLD = preset('wamv-vrx-old')
+SETTINGS = ManoeuvringSettings(mass=180.0, generations=2, population=12)
+
+
+def filled(names=('speed_up', 'turns_fast', 'zigzag_20'), seed=1, **options):
+    """A window that saw these runs one after the other."""
+    window = ManoeuvringWindow(**options)
+    programme = trial_programme(OLD)
+    start = 0.0
+    for k, name in enumerate(names):
+        m = with_noise(programme[name], SensorNoise(), 10 * seed + k)
+        for i in range(m.time.size):
+            window.add_thrust('port', m.port[i])
+            window.add_thrust('starboard', m.starboard[i])
+            window.add_motion(start + m.time[i], m.surge[i], m.sway[i], m.yaw_rate[i], m.heading[i], m.x[i], m.y[i])
+        start += m.time[-1] + 10.0
+    return window
+
+
+@pytest.fixture(scope='module')
+def window():
+    return filled()
+
+
+@pytest.fixture(scope='module')
+def outcome(window):
+    return refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), None, SETTINGS))
+
+
+def test_the_window_keeps_what_came(window):
+    trial = window.trial()
+    assert trial.thrust_input == FORCE
+    assert trial.time.size == window.size
+    first = trial_programme(OLD)['speed_up']
+    assert np.array_equal(trial.port[: first.time.size], first.port)
+    assert trial.frame == 'enu'
+
+
+def test_memory_is_fixed_and_the_oldest_give_way():
+    window = ManoeuvringWindow(duration=60.0)
+    window.add_thrust('port', 0.5)
+    window.add_thrust('starboard', 0.4)
+    for k in range(20000):
+        window.add_motion(0.01 * k, 1.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    trial = window.trial()
+    assert trial.thrust_input == COMMAND
+    assert trial.time[-1] - trial.time[0] == pytest.approx(60.0, abs=0.2)
+    assert window.size <= 1200
+
+
+def test_what_is_wrong_is_counted_and_left_out():
+    window = ManoeuvringWindow(stop_after=0.5)
+    with pytest.raises(InputError, match='port and starboard'):
+        window.trial()
+    window.add_motion(0.0, 1, 0, 0, 0, 0, 0)
+    window.add_thrust('port', float('nan'))
+    window.add_thrust('port', 50.0)
+    window.add_thrust('starboard', 40.0)
+    with pytest.raises(InputError, match='odometry'):
+        window.trial()
+    for stamp in (0.0, 0.1, 0.1, 0.05, 0.2):
+        window.add_motion(stamp, 1, 0, 0.1, 0, 0, 0)
+    window.add_motion(0.3, float('inf'), 0, 0, 0, 0, 0)
+    window.add_motion(1.0, 1, 0, 0.1, 0, 0, 0)
+    assert window.counts == {'not-finite': 2, 'late': 2, 'jumped-back': 0, 'no-thrust': 1}
+    assert window.trial().port.tolist() == [50.0, 50.0, 50.0, 0.0]
+    window.add_motion(-50.0, 1, 0, 0.1, 0, 0, 0)
+    assert window.counts['jumped-back'] == 1
+    assert window.size == 1
+
+
+def test_odometry_without_speeds_leaves_them_to_the_pose():
+    window = ManoeuvringWindow()
+    window.add_thrust('port', 50.0)
+    window.add_thrust('starboard', 40.0)
+    for k in range(10):
+        window.add_motion(0.1 * k, 0.0, 0.0, 0.0, 0.1, 0.1 * k, 0.0)
+    trial = window.trial()
+    assert trial.surge is None and trial.sway is None and trial.yaw_rate is None
+
+
+def test_a_refit_finds_the_craft(outcome):
+    assert outcome.model is not None, outcome.message
+    assert outcome.model.model['Xuu'] == pytest.approx(OLD['Xuu'], rel=0.2)
+    assert outcome.model.model['Nr'] == pytest.approx(OLD['Nr'], rel=0.1)
+    assert outcome.model.metrics['held_out']
+    assert np.isnan(outcome.current_misfit)
+
+
+def test_only_a_better_model_replaces_the_current_one(window, outcome):
+    good = outcome.model
+    again = refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), good, SETTINGS))
+    assert again.model is None
+    assert 'as well' in again.message
+    wrong = replace(good, model=good.model.with_values(Xuu=-150.0, Nr=-800.0))
+    better = refit_manoeuvring(ManoeuvreRefitRequest(window.trial(), wrong, SETTINGS))
+    assert better.model is not None
+    assert better.misfit < 0.8 * better.current_misfit
+
+
+def test_the_way_back(outcome):
+    refitter = ManoeuvreRefitter()
+    assert not refitter.rollback()
+    assert refitter.take(outcome)
+    assert not refitter.rollback()
+    assert refitter.take(replace(outcome, model=replace(outcome.model, metrics={})))
+    assert refitter.rollback()
+    assert refitter.model is outcome.model
+    assert not refitter.take(replace(outcome, model=None))
+
+
+def test_pieces_do_not_span_gaps(window):
+    run = prepare(window.trial())
+    parts = pieces(run)
+    assert len(parts) >= 4
+    for part in parts:
+        known = np.flatnonzero(np.isfinite(part.surge))
+        assert np.max(np.diff(known)) * part.step < 2.1
+        assert part.smooth.shape == (3, part.time.size)
+    with pytest.raises(InputError, match='too short'):
+        pieces(replace(run, time=run.time[:300]))
