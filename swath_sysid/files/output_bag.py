@@ -1,6 +1,7 @@
 """Bags of what the nodes publish, written without ROS: mcap, messages through rosbags' type system."""
 import os
 from contextlib import contextmanager
+from struct import Struct
 
 import numpy as np
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
@@ -34,6 +35,8 @@ FLOAT64 = 8
 """sensor_msgs/PointField's number for doubles."""
 
 ENCAPSULATION_BYTES = 4
+FLOAT64_BYTES = 8
+_STAMP = Struct('<II')
 
 
 @contextmanager
@@ -277,19 +280,26 @@ class _Template:
         markers = _Markers()
         raw = store.serialize_cdr(message_of(markers), kind)
         # CDR places doubles at multiples of eight bytes, counted from behind the encapsulation header
-        self._size = len(raw)
-        body = bytes(raw[ENCAPSULATION_BYTES:])
-        self._body = np.frombuffer(bytearray(body.ljust(-(-len(body) // 8) * 8, b'\0')), dtype='<f8')
-        self._head = bytes(raw[:ENCAPSULATION_BYTES])
-        place_of = {value: place for place, value in enumerate(self._body.tolist())}
+        self._raw, self._size = bytearray(raw) + bytes(FLOAT64_BYTES), len(raw)
+        count = len(raw) // FLOAT64_BYTES
+        self._doubles = np.frombuffer(self._raw, dtype='<f8', count=count, offset=ENCAPSULATION_BYTES)
+        place_of = {value: place for place, value in enumerate(self._doubles.tolist())}
         self._places = np.array([place_of[marker] for marker in markers.given])
-        self._stamp = self._body.view('<u4')[:2]
+        self._pack_into = None
+        if np.all(np.diff(self._places) == 1):
+            # side by side: three times as fast
+            self._pack_into = Struct(f'<{self._places.size}d').pack_into
+            self._first = ENCAPSULATION_BYTES + FLOAT64_BYTES * int(self._places[0])
 
     def filled(self, stamp_ns, values):
         """The message's bytes with this stamp and these doubles."""
-        self._stamp[:] = stamp_ns // SECOND_NS & 0xFFFFFFFF, stamp_ns % SECOND_NS
-        self._body[self._places] = values
-        return (self._head + self._body.tobytes())[:self._size]
+        raw = self._raw
+        _STAMP.pack_into(raw, ENCAPSULATION_BYTES, stamp_ns // SECOND_NS & 0xFFFFFFFF, stamp_ns % SECOND_NS)
+        if self._pack_into is None:
+            self._doubles[self._places] = values
+        else:
+            self._pack_into(raw, self._first, *values)
+        return bytes(raw[:self._size])
 
 
 class _Markers:

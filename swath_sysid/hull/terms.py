@@ -45,7 +45,7 @@ def damping_moment(rate, ratios, active, friction_rate):
     """
     slope = ratios[B1]
     if active[B2]:
-        slope = slope + ratios[B2] * np.abs(rate)
+        slope = slope + ratios[B2] * abs(rate)
     if active[B3]:
         slope = slope + ratios[B3] * (rate * rate)
     moment = slope * rate
@@ -77,7 +77,7 @@ def damping_slope(rate, ratios, active, friction_rate):
     """Derivative of `damping_moment` by the rate, 1/s."""
     slope = ratios[B1] + 0.0 * rate
     if active[B2]:
-        slope = slope + 2.0 * ratios[B2] * np.abs(rate)
+        slope = slope + 2.0 * ratios[B2] * abs(rate)
     if active[B3]:
         slope = slope + 3.0 * ratios[B3] * (rate * rate)
     if active[B0]:
