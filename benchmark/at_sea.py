@@ -1,0 +1,98 @@
+"""How well a hull is identified from motion in waves: the published roll hull in seas of known excitation.
+
+For each peak period and kind of excitation, fresh seeds of several hundred incommensurate waves; IMU noise is
+added. The truth is the hull's own natural period and equivalent damping (`hull.amplitude`) at the record's amplitude,
+sqrt(2) standard deviations of the roll.
+"""
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
+
+from craft_at_sea import known_sea  # noqa: E402
+
+from swath_sysid.errors import InputError  # noqa: E402
+from swath_sysid.hull.catalogue import hull_named  # noqa: E402
+from swath_sysid.identification.at_sea import identify_at_sea  # noqa: E402
+from swath_sysid.motion.trial import AxisMotion  # noqa: E402
+
+RATIOS = (0.7, 1.0, 1.5, 2.0, 3.0)
+PERIOD_WITHIN, DAMPING_WITHIN = 0.03, 0.25
+
+
+def measured(sea, column, angle_noise, rate_noise):
+    """The motion of one seed as an IMU would have recorded it."""
+    rng = np.random.default_rng(1000 + column)
+    noise = rng.normal(size=(2, sea.time.size)) * [[angle_noise], [rate_noise]]
+    return AxisMotion('roll', sea.time, sea.angle[:, column] + noise[0], sea.rate[:, column] + noise[1])
+
+
+def score(sea, seeds, angle_noise, rate_noise):
+    """Relative errors and told standard deviations, shape (seeds, 4); seconds each."""
+    rows, begun = [], time.perf_counter()
+    for column in range(len(seeds)):
+        period, damping = sea.truth(column)
+        try:
+            found = identify_at_sea(measured(sea, column, angle_noise, rate_noise))
+        except InputError as error:
+            print(f'  seed {seeds[column]}: {error}')
+            rows.append([np.inf] * 4)
+            continue
+        rows.append([
+            found.natural_period / period - 1.0, found.damping_ratio / damping - 1.0,
+            found.natural_period_std / period, found.damping_ratio_std / damping,
+        ])  # fmt: skip
+    return np.array(rows), (time.perf_counter() - begun) / len(seeds)
+
+
+def main():
+    """Print a line for each sea."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--seeds', type=int, default=20)
+    parser.add_argument('--first-seed', type=int, default=101)
+    parser.add_argument('--minutes', type=float, default=15.0)
+    parser.add_argument('--rate-hz', type=float, default=20.0)
+    parser.add_argument('--std-deg', type=float, default=1.2, help='of the roll')
+    parser.add_argument('--angle-noise', type=float, default=1e-3, help='rad')
+    parser.add_argument('--rate-noise', type=float, default=1.65e-2, help='rad/s')
+    arguments = parser.parse_args()
+    model = hull_named('swath-roll').model
+    seeds = list(range(arguments.first_seed, arguments.first_seed + arguments.seeds))
+    print(
+        f'{arguments.seeds} seeds, {arguments.minutes:g} min at {arguments.rate_hz:g} Hz, roll of {arguments.std_deg:g} '
+        'deg; errors in % of the truth (bias, spread, worst); share within the target; told standard deviation'
+    )
+    for by_slope in (False, True):
+        for ratio in RATIOS:
+            try:
+                sea = known_sea(
+                    model, seeds, ratio, np.radians(arguments.std_deg), 60.0 * arguments.minutes, by_slope=by_slope,
+                    interval=1.0 / arguments.rate_hz,
+                )
+            except AssertionError as error:
+                print(f'Tp/Tn {ratio:g}: {error}')
+                continue
+            rows, seconds = score(sea, seeds, arguments.angle_noise, arguments.rate_noise)
+            largest = np.degrees(np.abs(sea.angle).max())
+            print(
+                f'moment by {"slope " if by_slope else "height"} Tp/Tn {ratio:g}, largest roll {largest:.1f} deg | '
+                f'period {_told(rows[:, 0], rows[:, 2], PERIOD_WITHIN)} | '
+                f'damping {_told(rows[:, 1], rows[:, 3], DAMPING_WITHIN)} | {seconds:.2f} s each',
+                flush=True,
+            )
+
+
+def _told(errors, stds, within):
+    share = np.mean(np.abs(errors) < within)
+    return (
+        f'{100 * errors.mean():+5.1f} {100 * errors.std():4.1f} {100 * np.abs(errors).max():5.1f}, '
+        f'{share:4.0%} within {100 * within:.0f}, told {100 * stds.mean():.1f}'
+    )
+
+
+if __name__ == '__main__':
+    main()
