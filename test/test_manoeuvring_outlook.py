@@ -137,3 +137,17 @@ def test_topics_and_settings():
     for wrong in ({'leads': (2.0, 1.0)}, {'leads': ()}, {'horizon_step': 99.0}, {'rate': 0.0}):
         with pytest.raises(InputError):
             ManoeuvreOutlookSettings(**wrong)
+
+
+def test_thrust_stamped_by_another_clock_before_the_first_odometry_acts():
+    """The node's clock may be far ahead of a simulator's, which is told only by its odometry."""
+    outlook = ManoeuvreOutlook(ManoeuvreOutlookSettings(leads=(5.0,)), MODEL)
+    for side, value in (('port', 40.0), ('starboard', 90.0)):
+        outlook.add_thrust(1.7e9, side, value)
+    for k in range(100):
+        for side, value in (('port', 40.0), ('starboard', 90.0)):
+            outlook.add_thrust(10.0 + 0.1 * k, side, value)
+        step = outlook.add_odometry(OdometryReading(10.0 + 0.1 * k, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, {}))
+        if step.leads:
+            last = step.leads[0]
+    assert last.yaw_rate > 0.05

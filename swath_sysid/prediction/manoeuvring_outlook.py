@@ -234,6 +234,9 @@ class ManoeuvreOutlook:
         elif filter_.is_started and reading.stamp > filter_.stamp + self.settings.gap_limit:
             self.counts[LONG_GAP] += 1
             filter_.stamp = math.nan
+        if filter_.thrust.last[0] > reading.stamp + 2.0 * self.settings.backward_jump:
+            # stamped by another clock than the odometry, before that was known: it holds from now on
+            filter_.thrust.forget()
         if not filter_.is_started:
             filter_.start(reading.stamp, **values)
             self._forecast_at = -math.inf

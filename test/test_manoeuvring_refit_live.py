@@ -1,0 +1,127 @@
+"""Over DDS: a simulated WAM-V drives, its model is identified on demand, the forecasts sharpen."""
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from live_bench import Bench, start_node, stop, wait_for  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
+from std_msgs.msg import Float32, Float64, String  # noqa: E402
+
+from swath_sysid.files.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model  # noqa: E402
+from swath_sysid.hull.manoeuvring.presets import preset  # noqa: E402
+from swath_sysid.hull.manoeuvring.programme import SensorNoise, with_noise  # noqa: E402
+from swath_sysid.hull.manoeuvring.simulation import simulate  # noqa: E402
+from swath_sysid.nodes.connections import LATCHED  # noqa: E402
+from swath_sysid.nodes.manoeuvre_messages import odometry_message  # noqa: E402
+from swath_sysid.nodes.messages import stamp_ns  # noqa: E402
+from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreState  # noqa: E402
+
+pytestmark = pytest.mark.dds
+
+OLD = preset('wamv-vrx-old')
+RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+START = 1000.0
+SEND_RATE = 250.0
+"""Of the odometry; forecasts once a second of the craft's time keep the predictor from falling behind."""
+LEAD = 2.0
+
+
+def driven(duration=200.0, step=0.1):
+    """The WAM-V under thrust steps straight on, in turns and in zig-zags."""
+    rng = np.random.default_rng(5)
+    count = round(duration / step)
+    port, starboard = np.zeros(count), np.zeros(count)
+    begin = 0
+    while begin < count:
+        span = slice(begin, begin + round(rng.uniform(5.0, 10.0) / step))
+        base, difference = rng.uniform(15.0, 120.0), rng.choice([0.0, 1.0, 1.0]) * rng.uniform(-40.0, 40.0)
+        port[span], starboard[span] = base - difference, base + difference
+        begin = span.stop
+    return simulate(OLD, port, starboard, step)
+
+
+class Craft:
+    """Publishes a run, faster than it was driven, stamped as it was."""
+
+    def __init__(self, bench, run):
+        self.run, self.sensed = run, with_noise(run, SensorNoise(), 3)
+        self.odometry = bench.publisher(Odometry, 'odometry')
+        self.left = bench.publisher(Float64, 'thrusters/left/thrust')
+        self.right = bench.publisher(Float64, 'thrusters/right/thrust')
+
+    def drive(self, begin, end):
+        """Publish the samples from begin to end, s."""
+        covariances = np.diag([0.3, 0.3, 0.005]) ** 2, np.diag([0.05, 0.05, 0.005]) ** 2
+        for k in range(round(begin / 0.1), round(end / 0.1)):
+            s = self.sensed
+            motion = (float(a[k]) for a in (s.x, s.y, s.heading, s.surge, s.sway, s.yaw_rate))
+            self.left.publish(Float64(data=float(s.port[k])))
+            self.right.publish(Float64(data=float(s.starboard[k])))
+            state = ManoeuvreState(START + s.time[k], *motion, *covariances)
+            self.odometry.publish(odometry_message(state, 'odom', 'base_link'))
+            time.sleep(1.0 / SEND_RATE)
+
+    def yaw_rate_error(self, forecasts, begin, end):
+        """Root mean square error of forecasts for stamps between begin and end, rad/s."""
+        errors = []
+        for message in forecasts:
+            at = stamp_ns(message.header.stamp) * 1e-9 - START
+            if begin <= at < min(end, self.run.time[-1]):
+                errors.append(message.twist.twist.angular.z - np.interp(at, self.run.time, self.run.yaw_rate))
+        assert len(errors) > 50
+        return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
+    path = tmp_path / 'craft.yaml'
+    options = ('-r', '__ns:=/wamv')
+    predictor = start_node('manoeuvre_predictor', '-p', f'leads_s:=[{LEAD}]', '-p', 'forecast_rate_hz:=1.0',
+                           '-p', 'horizon_s:=2.0', *options)  # fmt: skip
+    identifier = start_node(
+        'identifier', '-p', f'manoeuvre_model_path:={path}', '-p', 'manoeuvre_mass_kg:=180.0', '-p',
+        'manoeuvre_lever_m:=1.027135', *options)  # fmt: skip
+    bench = Bench('wamv')
+    forecasts, models, progress = [], [], []
+    try:
+        craft = Craft(bench, driven())
+        bench.node.create_subscription(Odometry, 'manoeuvre/lead_2_0s', forecasts.append, RELIABLE)
+        bench.node.create_subscription(String, 'manoeuvre/model', models.append, LATCHED)
+        bench.node.create_subscription(Float32, 'identifier/progress', progress.append, RELIABLE)
+        wait_for(lambda: craft.odometry.get_subscription_count() == 2 and craft.left.get_subscription_count() == 2
+                 and craft.right.get_subscription_count() == 2, 'subscriptions')  # fmt: skip
+        response = bench.call('identifier/identify_manoeuvring')
+        assert not response.success
+        assert 'check its topic' in response.message
+        craft.drive(0.0, 120.0)
+        wait_for(lambda: forecasts, 'forecasts')
+        assert not bench.call('identifier/rollback_manoeuvring').success
+        response = bench.call('identifier/identify_manoeuvring', seconds=90.0)
+        assert response.success, response.message
+        wait_for(lambda: models, 'model')
+        assert progress[-1].data == pytest.approx(1.0)
+        assert [m.data for m in progress] == sorted(m.data for m in progress)
+        found = manoeuvring_from_yaml(models[-1].data, 'manoeuvre/model')
+        assert found.model['Nr'] == pytest.approx(OLD['Nr'], rel=0.15)
+        assert read_manoeuvring_model(path).model['Nr'] == found.model['Nr']
+        before = len(forecasts)
+        craft.drive(120.0, 195.0)
+        wait_for(lambda: len(forecasts) > before + 70, 'forecasts with the model')
+        blind = craft.yaw_rate_error(forecasts[:before], 20.0, 120.0 + LEAD)
+        # the first forecast with the model comes without a new start: its state went on
+        sharp = craft.yaw_rate_error(forecasts[before:], 121.0 + LEAD, 200.0)
+        assert sharp < 0.8 * blind
+        again = bench.call_async('identifier/identify_manoeuvring')
+        wait_for(lambda: any(v.get('state') == 'identifying' for _, _, v in bench.statuses.values()), 'identification')
+        assert bench.call('identifier/cancel').success
+        assert not bench.wait_for_answer(again, 'identify_manoeuvring').success
+    finally:
+        bench.close()
+        codes = [stop(process) for process in (predictor, identifier)]
+    for code, output in codes:
+        assert code == 0, output
+    assert 'new model' in codes[0][1]
+    assert 'began anew' not in codes[0][1]
