@@ -57,11 +57,11 @@ setup(
     },
     entry_points={
         'console_scripts': [
-            'swath-sysid = swath_sysid.cli.main:main',
-            'imu_buffer = swath_sysid.nodes.imu_buffer:main',
-            'identifier = swath_sysid.nodes.identifier:main',
-            'predictor = swath_sysid.nodes.predictor:main',
-            'manoeuvre_predictor = swath_sysid.nodes.manoeuvre_predictor:main',
+            'swath-sysid = swath_sysid.start:command_line',
+            'imu_buffer = swath_sysid.start:imu_buffer',
+            'identifier = swath_sysid.start:identifier',
+            'predictor = swath_sysid.start:predictor',
+            'manoeuvre_predictor = swath_sysid.start:manoeuvre_predictor',
         ],
     },
 )

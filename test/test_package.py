@@ -55,6 +55,7 @@ MAY_IMPORT = {
     'advice': set(),
     'errors': set(),
     'share': {'errors'},
+    'start': set(),
     'motion': BASE,
     'hull': BASE | {'motion'},
     'identification': BASE | {'motion', 'hull'},
@@ -160,7 +161,7 @@ def requirement_names(requirements):
 
 
 def console_scripts(setup_arguments):
-    """Executables and where they start: ``{'imu_buffer': 'swath_sysid.nodes.imu_buffer:main'}``."""
+    """Executables and where they start: ``{'imu_buffer': 'swath_sysid.start:imu_buffer'}``."""
     return dict(re.split(r'\s*=\s*', line) for line in setup_arguments['entry_points']['console_scripts'])
 
 
@@ -267,7 +268,7 @@ def test_every_node_has_an_executable(setup_arguments):
     targets = set(console_scripts(setup_arguments).values())
     for path in (PACKAGE / 'nodes').glob('*.py'):
         if any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree_of(path).body):
-            assert f'{PACKAGE.name}.nodes.{path.stem}:main' in targets
+            assert f'{PACKAGE.name}.start:{path.stem}' in targets
 
 
 def test_ros2_run_finds_every_executable_after_pip(setup_arguments):

@@ -1,0 +1,66 @@
+"""The executables: from their first import on, Ctrl-C ends them without a traceback.
+
+Importing everything takes a second or two, in which an interrupt may come up anywhere, also in a library
+that swallows it. Nothing is under way by then, so the process just ends.
+"""
+import os
+import signal
+import sys
+from importlib import import_module
+
+SERVING_VERBS = ('run', 'replay', 'record')
+"""Those that a signal is the regular end of."""
+
+EXIT_INTERRUPTED = 130
+
+
+def command_line():
+    """``swath-sysid``; returns the exit code."""
+    verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
+    serving = verb in SERVING_VERBS
+    _end_on_signals(0 if serving else EXIT_INTERRUPTED)
+    cli = import_module('swath_sysid.cli.main')
+    if verb in cli.VERBS:
+        cli.module_of(verb)
+    if serving:
+        return cli.main()
+    # from here on there may be something to clean up
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return cli.main()
+    finally:
+        _end_on_signals(EXIT_INTERRUPTED)
+
+
+def imu_buffer():
+    """The node imu_buffer; returns the exit code."""
+    return _node('imu_buffer')
+
+
+def identifier():
+    """The node identifier; returns the exit code."""
+    return _node('identifier')
+
+
+def predictor():
+    """The node predictor; returns the exit code."""
+    return _node('predictor')
+
+
+def manoeuvre_predictor():
+    """The node manoeuvre_predictor; returns the exit code."""
+    return _node('manoeuvre_predictor')
+
+
+def _node(name):
+    _end_on_signals(0)
+    return import_module(f'swath_sysid.nodes.{name}').main()
+
+
+def _end_on_signals(code):
+    def end(*_):
+        os._exit(code)
+
+    signal.signal(signal.SIGINT, end)
+    if code == 0:
+        signal.signal(signal.SIGTERM, end)

@@ -1,0 +1,68 @@
+"""Ctrl-C while an executable is still importing: no traceback, and the exit code it should have."""
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def started(function, *arguments):
+    """A process that runs an executable as its console script does, and says when that begins."""
+    program = (
+        'import sys\nfrom swath_sysid.start import ' + function + ' as function\n'
+        "print('begun', flush=True)\nsys.exit(function())"
+    )
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
+    return subprocess.Popen(
+        [sys.executable, '-c', program, *arguments], env={**os.environ, 'PYTHONPATH': path},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def interrupted(process, after, number=signal.SIGINT):
+    """Exit code and output of a process that gets a signal so many seconds after its first instant."""
+    assert process.stdout.readline() == 'begun\n'
+    time.sleep(after)
+    process.send_signal(number)
+    try:
+        out, error = process.communicate(timeout=30.0)
+    finally:
+        process.kill()
+    return process.returncode, out + error
+
+
+@pytest.mark.parametrize('after', [0.02, 0.1, 0.3, 0.6, 1.0, 1.5])
+def test_a_tool_that_is_interrupted_at_its_start_ends_with_130(after, tmp_path):
+    process = started('command_line', 'campaign', str(tmp_path / 'missing.yaml'))
+    code, told = interrupted(process, after)
+    assert 'Traceback' not in told and 'Exception ignored' not in told
+    # it may have come to its own end before, and told so
+    assert code == 130 or (code == 2 and 'missing.yaml' in told), told
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('after', [0.02, 0.2, 0.5, 0.9])
+def test_a_node_that_is_interrupted_at_its_start_ends_with_0(after, number):
+    pytest.importorskip('rclpy', reason='nodes need ROS 2')
+    code, told = interrupted(started('predictor', '--ros-args', '-r', '__ns:=/early'), after, number)
+    assert 'Traceback' not in told and 'Exception ignored' not in told
+    assert code == 0, told
+
+
+@pytest.mark.parametrize('after', [0.02, 0.3, 0.8])
+def test_the_nodes_together_end_with_0(after):
+    pytest.importorskip('rclpy', reason='nodes need ROS 2')
+    code, told = interrupted(started('command_line', 'run', '--namespace', 'early'), after)
+    assert 'Traceback' not in told and 'Exception ignored' not in told
+    assert code == 0, told
+
+
+def test_it_starts_what_it_is_named():
+    process = started('command_line', '--version')
+    out, error = process.communicate(timeout=30.0)
+    assert process.returncode == 0 and out.startswith('begun\nswath_sysid'), error
