@@ -3,6 +3,8 @@ from math import radians
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.cli.main import main
@@ -11,13 +13,14 @@ from swath_sysid.files.bags import opened_bag, read_bag, read_imu, write_imu_bag
 from swath_sysid.files.csv_trials import write_csv
 from swath_sysid.files.imu_readings import read_readings
 from swath_sysid.files.model_file import model_from_yaml, read_model, write_model
-from swath_sysid.files.output_bag import OutputBag, _Template, writing_output_bag
+from swath_sysid.files.output_bag import OutputBag, _Template, diagnostics_cdr, writing_output_bag
 from swath_sysid.hull.catalogue import hull_named
 from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.motion.attitude import euler_angles
 from swath_sysid.motion.window import COLUMNS, MotionWindow
+from swath_sysid.nodes.health import ERROR, PlayedHealth
 from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast, Outlook, OutlookSettings
 from swath_sysid.prediction.play_through import PlayThrough, PlayThroughSettings
 from swath_sysid.prediction.predictor import PredictorSettings
@@ -88,7 +91,7 @@ def test_every_message_is_what_a_type_system_writes(played):
     for _, kind, _, raw in messages_of(played):
         kinds.add(kind.rpartition('/')[2])
         assert bytes(STORE.serialize_cdr(STORE.deserialize_cdr(raw, kind), kind)) == raw
-    assert kinds == {'Imu', 'JointTrajectory', 'PointCloud2', 'String', 'Float32', 'Float64MultiArray'}
+    assert kinds == {'DiagnosticArray', 'Imu', 'JointTrajectory', 'PointCloud2', 'String', 'Float32', 'Float64MultiArray'}
 
 
 def test_forecasts_are_those_of_the_predictor_core(bag, played):
@@ -188,6 +191,49 @@ def test_waves_are_fitted_inline_and_installed_at_once(bag):
         pipeline.add(reading)
     assert asked and installed == asked
     assert pipeline.outlook.predictor.diagnostics().has_waves
+
+
+def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag, played):
+    stamps = read_imu(bag).stamps
+    told = decoded(played, '/diagnostics')
+    by_node = {}
+    for time, message in told:
+        header = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        assert header == time and time in stamps
+        by_node.setdefault(message.status[0].name.partition(':')[0], []).append((time, message))
+    assert set(by_node) == {'imu_buffer', 'identifier', 'predictor'}
+    for messages in by_node.values():
+        assert [round((time - stamps[0]) / 1e9) for time, _ in messages] == list(range(1, 16))
+    names = {name: [status.name for status in by_node[name][-1][1].status] for name in by_node}
+    assert names == {
+        'imu_buffer': ['imu_buffer: imu', 'imu_buffer: window'], 'identifier': ['identifier: identification'],
+        'predictor': ['predictor: imu', 'predictor: forecast'],
+    }  # fmt: skip
+    stream, forecast = ({pair.key: pair.value for pair in s.values} for s in by_node['predictor'][-1][1].status)
+    assert (stream['rate_hz'], stream['processing_ms_max']) == ('50', '0') and abs(float(stream['stamp_age_s'])) < 1e-9
+    assert (int(stream['received']), forecast['has_model_roll']) == (750, 'True')
+    window = {pair.key: pair.value for pair in by_node['imu_buffer'][-1][1].status[1].values}
+    assert window['decays_noticed'] == '1'
+    identified = {pair.key: pair.value for pair in by_node['identifier'][-1][1].status[0].values}
+    assert (identified['refits'], identified['published'], identified['state']) == ('1', '1', 'ready')
+    assert 'roll' in identified['last_verdict']
+
+
+def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
+    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False))
+    health = PlayedHealth(pipeline, (1.0, 1.0, 1.0))
+    readings = list(read_readings(bag))[:300]
+    told = []
+    for shift in (0, 11, -20):
+        for reading in readings:
+            played = pipeline.add(reading._replace(stamp_ns=reading.stamp_ns + shift * 10**9))
+            for (level, name, _, values), *_ in health.follow(played):
+                if name == 'predictor: imu':
+                    told.append((round((played.stamp_ns - readings[0].stamp_ns) / 1e9), level, values['sensor-silent']))
+    seconds, levels, silences = zip(*told, strict=True)
+    assert seconds == (1, 2, 3, 4, 5, 11, 12, 13, 14, 15, 16, -19, -18, -17, -16, -15)
+    assert [second for second, level in zip(seconds, levels, strict=True) if level == ERROR] == [11]
+    assert silences == ('0',) * 5 + ('1',) * 11
 
 
 def test_nothing_is_identified_where_that_is_off(bag):
@@ -329,6 +375,23 @@ def test_diagnostics_are_written(tmp_path):
     (time, message), = decoded(path, '/diagnostics')
     status, = message.status
     assert (time, status.level, status.name, status.values[0].value) == (7, 1, 'predictor: imu', '99.5')
+
+
+@given(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), st.lists(st.tuples(
+    st.sampled_from([0, 1, 2]), st.text(max_size=9), st.text(max_size=9),
+    st.dictionaries(st.text(max_size=9), st.text(max_size=9), max_size=4),
+), max_size=3))
+def test_the_bytes_of_diagnostics_are_those_of_a_type_system(stamp_ns, statuses):
+    types = STORE.types
+    status, pair = types['diagnostic_msgs/msg/DiagnosticStatus'], types['diagnostic_msgs/msg/KeyValue']
+    seconds, rest = divmod(stamp_ns, 10**9)
+    message = types['diagnostic_msgs/msg/DiagnosticArray'](
+        header=types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](seconds, rest), ''),
+        status=[status(level, name, text, '', [pair(key, value) for key, value in values.items()])
+                for level, name, text, values in statuses],
+    )
+    wanted = bytes(STORE.serialize_cdr(message, 'diagnostic_msgs/msg/DiagnosticArray'))
+    assert diagnostics_cdr(stamp_ns, statuses) == wanted
 
 
 def test_an_output_that_fails_leaves_nothing(tmp_path):

@@ -11,6 +11,7 @@ from swath_sysid.files.imu_readings import read_readings
 from swath_sysid.files.model_file import read_model
 from swath_sysid.files.output_bag import IMU_TOPIC, writing_output_bag
 from swath_sysid.motion.sensing import Installation
+from swath_sysid.nodes.health import PlayedHealth
 from swath_sysid.nodes.parameter_tables import (
     outlook_settings,
     refit_settings,
@@ -58,6 +59,7 @@ def run(arguments):
         )  # fmt: skip
     pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
     pipeline.window.record(buffer['record_at_start'])
+    health = PlayedHealth(pipeline, [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)])
     verdicts = []
     with (
         progress_of('play-through') as progress,
@@ -68,6 +70,8 @@ def run(arguments):
                 bag.add_imu(IMU_TOPIC, reading.stamp_ns, reading.stamp_ns, readings.values[index])
             played = pipeline.add(reading)
             bag.add_played(played)
+            for statuses in health.follow(played):
+                bag.add_diagnostics(played.stamp_ns, statuses)
             if played.verdict is not None:
                 verdicts.append((reading.stamp_ns, played.verdict))
             if index % PROGRESS_STEP == 0:

