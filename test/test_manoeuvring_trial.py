@@ -190,3 +190,21 @@ def test_too_short_or_empty_trials(trials):
                                       ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')}))
     with pytest.raises(InputError, match='neither speed nor yaw rate'):
         prepare(replace(trials[0], surge=None, sway=None, yaw_rate=None, heading=None))
+
+
+def test_a_compass_askew_is_turned_along_the_keel():
+    """A craft that sails a square with its compass 10 deg off, position and heading only."""
+    time = np.arange(0.0, 160.0, 0.1)
+    heading = np.interp(time % 40.0, [0.0, 36.0, 40.0], [0.0, 0.0, np.pi / 2]) + np.pi / 2 * np.floor(time / 40.0)
+    x, y = (0.1 * np.cumsum(1.2 * f(heading)) for f in (np.cos, np.sin))
+    inputs = np.full(time.size, 50.0)
+    askew = ManoeuvringTrial(time, inputs, inputs, heading=heading - np.radians(10.0), x=x, y=y, frame='enu')
+    run = prepare(askew)
+    assert 'compass-misaligned' in {a.code for a in run.advice}
+    settled = np.abs(np.subtract.outer(run.time, [38.0, 78.0, 118.0, 158.0])).min(axis=1) > 5.0
+    expected = np.interp(run.time, time, heading)
+    assert np.allclose(run.heading[settled], expected[settled], atol=np.radians(1.0))
+    assert np.max(np.abs(run.sway[settled])) < 0.05
+    # on one course only it may as well be a current
+    one = replace(askew, heading=np.full(time.size, -np.radians(10.0)), x=1.2 * time, y=0.0 * time)
+    assert 'compass-misaligned' not in {a.code for a in prepare(one).advice}

@@ -41,6 +41,9 @@ STRANGE_MASS = 0.6
 MORE_THAN_NOISE = 2.0
 """A simulation within so many times the sensor's own noise is not called poor."""
 
+LEAST_DIFFERENCE = 0.02
+"""m/s; runs whose currents differ by less have one current."""
+
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
 
 
@@ -188,6 +191,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     stability = check_stability(model, problem.region)
     currents, held_out_currents = (
         currents_of(problem, model, some, settings.window) for some in (runs, held_out))
+    currents, held_out_currents = _worth_telling(model, currents, held_out_currents)
     scores = score(model, runs, settings.window, currents)
     validated = score(model, held_out, settings.window, held_out_currents) if held_out else None
     units = PrimeUnits(problem.length, float(np.clip(np.nanmedian(np.concatenate(
@@ -306,6 +310,14 @@ def _derivatives(problem, found, units):
         derivatives[name] = Derivative(
             float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name])))
     return derivatives, tuple(advice)
+
+
+def _worth_telling(model, currents, held_out_currents):
+    """The currents of the runs, or the model's for all where they hardly differ."""
+    everything = np.concatenate([currents, held_out_currents])
+    if np.max(np.hypot(*(everything - model.current).T), initial=0.0) > LEAST_DIFFERENCE:
+        return currents, held_out_currents
+    return tuple(np.tile(model.current, (len(some), 1)) for some in (currents, held_out_currents))
 
 
 def _drifts(model, currents, held_out_currents):

@@ -1,0 +1,119 @@
+"""What identification of a simulated WAM-V finds, seed by seed, and how long it takes.
+
+    python benchmark/manoeuvring.py              10 seeds of each case, about 3 minutes
+    python benchmark/manoeuvring.py --seeds 2    fewer
+
+The WAM-V is VRX's old one, driven through a programme of 15 min at 10 Hz; speeds are noisy by 0.05 m/s, yaw rates by
+0.005 rad/s; its mass is known. Cases: thrust as force; commands with a dead band and a lag of 0.3 s; a current of
+0.3 m/s; a current of 0.3 m/s that differs between the runs.
+"""
+import argparse
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from swath_sysid.hull.manoeuvring.model import COMMAND
+from swath_sysid.hull.manoeuvring.presets import preset
+from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.hull.manoeuvring.standard_tests import run_test
+from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
+from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
+from swath_sysid.motion.manoeuvring_trial import ManoeuvringTrial, prepare_all
+
+WAMV = preset('wamv-vrx-old')
+COMMANDED = replace(
+    WAMV.with_values(gain=150.0, dead_band=0.08, lag=0.3, reverse_ratio=0.7), thrust_input=COMMAND, largest_input=1.0)
+CURRENT = (0.25, -0.166)
+NAMES = ('Xu', 'Xuu', 'Nr')
+
+
+def drifting(manoeuvre, current):
+    """The manoeuvre over ground in a current."""
+    east, north = current
+    cosine, sine = np.cos(manoeuvre.heading), np.sin(manoeuvre.heading)
+    return replace(
+        manoeuvre, surge=manoeuvre.surge + east * cosine + north * sine,
+        sway=manoeuvre.sway - east * sine + north * cosine,
+        x=manoeuvre.x + east * manoeuvre.time, y=manoeuvre.y + north * manoeuvre.time,
+    )  # fmt: skip
+
+
+def runs_of(model, seed, currents=None):
+    """The programme as sensors would have recorded it; current of each run, by its place."""
+    trials = []
+    for k, (name, manoeuvre) in enumerate(trial_programme(model).items()):
+        if currents is not None:
+            manoeuvre = drifting(manoeuvre, currents[k])
+        m = with_noise(manoeuvre, SensorNoise(), 100 * seed + k)
+        trials.append(ManoeuvringTrial(
+            m.time, m.port, m.starboard, model.thrust_input, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y, 'enu',
+            source=name))  # fmt: skip
+    return prepare_all(trials)
+
+
+def diameters(model):
+    """Steady and tactical diameter of the turning circle, m."""
+    numbers = run_test('turning-circle', replace(model, largest_input=WAMV.largest_input, current=(0.0, 0.0),
+                                                 thrust_input='force') if model.thrust_input != COMMAND
+                       else replace(model, largest_input=1.0, current=(0.0, 0.0))).numbers  # fmt: skip
+    return np.array([numbers['steady_diameter_m'], numbers['tactical_diameter_m']])
+
+
+def row(truth, seed, currents=None):
+    """What one identification found."""
+    runs = runs_of(truth, seed, currents)
+    begun = time.perf_counter()
+    found = identify_manoeuvring(runs, ManoeuvringSettings(mass=180.0, lever=WAMV['lever'], length=WAMV.length))
+    took = time.perf_counter() - begun
+    plain = {name: d for name, d in found.derivatives.items() if not d.flags}
+    outside = [name for name, d in plain.items() if abs(d.value - truth[name]) > 3.0 * d.std]
+    worst = max(abs(found.model[name] / truth[name] - 1.0) for name in NAMES)
+    circle = np.max(np.abs(diameters(found.model) / diameters(truth) - 1.0))
+    if currents is None:
+        drift = math.hypot(*np.subtract(found.model.current, truth.current))
+    else:
+        place = {run.source: k for k, run in enumerate(runs)}
+        drift = max(
+            math.hypot(*(found_current - np.array(currents[place[run.source]])))
+            for some, which in ((found.identified_on, found.currents), (found.validated_on, found.validation_currents))
+            for run, found_current in zip(some, which, strict=True))
+    lag = abs(found.model['lag'] + found.model['delay'] - truth['lag'] - truth['delay'])
+    band = abs(found.model['dead_band'] - truth['dead_band'])
+    return (len(plain), len(outside), worst, circle, drift, lag, band, found.validation.r2['surge'],
+            found.validation.r2['yaw_rate'], took), outside  # fmt: skip
+
+
+def main():
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--seeds', type=int, default=10)
+    seeds = range(1, parser.parse_args().seeds + 1)
+    days = [CURRENT, tuple(-0.8 * c for c in CURRENT)]
+    cases = {
+        'force': (WAMV, None), 'commands, dead band, lag': (COMMANDED, None),
+        'current': (replace(WAMV, current=CURRENT), None),
+        'currents that differ': (WAMV, [days[k % 2] for k in range(len(trial_programme(WAMV)))]),
+    }  # fmt: skip
+    print(f'{"case":<26}{"seed":>5}{"plain":>6}{"out":>4}{"Xu Xuu Nr":>10}{"diam.":>7}{"drift":>7}{"lag":>7}{"band":>7}'
+          f'{"R2 u":>7}{"R2 r":>7}{"s":>6}')  # fmt: skip
+    for name, (truth, currents) in cases.items():
+        rows = []
+        for seed in seeds:
+            found, outside = row(truth, seed, currents)
+            rows.append(found)
+            n, out, worst, circle, drift, lag, band, surge, yaw, took = found
+            print(f'{name:<26}{seed:>5}{n:>6}{out:>4}{worst:>10.1%}{circle:>7.1%}{drift:>7.3f}{lag:>7.3f}{band:>7.3f}'
+                  f'{surge:>7.3f}{yaw:>7.3f}{took:>6.1f}  {" ".join(outside)}', flush=True)  # fmt: skip
+        table = np.array(rows)
+        print(f'{name + ", worst":<31}{"":>6}{table[:, 1].max():>4.0f}{table[:, 2].max():>10.1%}'
+              f'{table[:, 3].max():>7.1%}{table[:, 4].max():>7.3f}{table[:, 5].max():>7.3f}{table[:, 6].max():>7.3f}'
+              f'{table[:, 7].min():>7.3f}{table[:, 8].min():>7.3f}{table[:, 9].max():>6.1f}\n')  # fmt: skip
+    print('plain: derivatives without a flag; out: of these, beyond 3 std; Xu Xuu Nr: largest error of the three; '
+          'diam.: of the turning circle;\ndrift: of the current, m/s; lag: of lag and delay together, s; band: of the '
+          'dead band; R2: validation; s: time of the identification')  # fmt: skip
+
+
+if __name__ == '__main__':
+    main()
