@@ -37,9 +37,6 @@ EQUATIONS = {'roll': 'swath-roll-1', 'pitch': 'swath-pitch-1'}
 ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)
 """The first from which the hull returns is used."""
 
-WAVES_FIRST_FIT_S = 600.0
-"""The craft floats in still water, so there are no waves to be learnt."""
-
 STILL_S = 1.5
 START_TIMEOUT_S = 30.0
 MODEL_TIMEOUT_S = 18.0
@@ -134,17 +131,13 @@ class _Craft:
         """The nodes' ROS parameters."""
         return {
             '/**/identifier': {'ros__parameters': {'axes': [self.axis], 'equation': EQUATIONS[self.axis]}},
-            '/**/predictor': {'ros__parameters': {
-                'leads_s': list(self.leads), 'horizon_s': self.horizon, 'waves_first_fit_s': WAVES_FIRST_FIT_S,
-            }},
+            '/**/predictor': {'ros__parameters': {'leads_s': list(self.leads), 'horizon_s': self.horizon}},
         }
 
     @property
     def outlook_settings(self):
         """What the predictor is set to."""
-        return OutlookSettings(predictor=PredictorSettings(
-            leads=self.leads, horizon=self.horizon, first_refit=WAVES_FIRST_FIT_S
-        ))  # fmt: skip
+        return OutlookSettings(predictor=PredictorSettings(leads=self.leads, horizon=self.horizon))
 
 
 def _environment(domain):

@@ -10,6 +10,7 @@ import numpy as np
 _LEAST_WEIGHT = 1e-6
 _STEP = 0.5
 _LARGEST_SLOPE = 12.0
+_EARLY, _EARLY_ROUNDS = 20.0, 20
 
 
 class Combiner:
@@ -85,7 +86,8 @@ class Combiner:
         covariance /= self._time + self._trust[..., None]
         weights = self.weights
         new = present & (weights <= 0.0)
-        rounds = 2
+        # little is known, so that each error counts for much
+        rounds = _EARLY_ROUNDS if self._time.max() < _EARLY else 2
         if new.any():
             count = np.maximum(present.sum(axis=2, keepdims=True), 1)
             weights = np.where(new, 1.0 / count, weights)

@@ -19,6 +19,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from swath_sysid.errors import InputError
 
 _CLIP = 8.0
+_FURTHER_THAN_SEEN = 1.3
 _FEWEST_ROWS_A_COEFFICIENT = 1.5
 
 
@@ -74,6 +75,8 @@ class ForecastTable:
         (L, T).
     error : ndarray, shape (L, T)
         Root mean square error on the held-out parts, in the targets' units.
+    limit : ndarray, shape (T,)
+        Furthest from their mean that the targets are forecast: a little further than the window has seen.
     weights : tuple
         ((order, ridge), mean weight) of each candidate, for people.
     """
@@ -85,6 +88,7 @@ class ForecastTable:
     step: float
     shape: tuple[int, int]
     error: np.ndarray
+    limit: np.ndarray
     weights: tuple = field(repr=False, default=())
 
     def forecast(self, lags):
@@ -99,7 +103,8 @@ class ForecastTable:
         -------
         ndarray, shape (L, T)
         """
-        return (self.matrix @ (lags - self.mean).ravel()).reshape(self.shape) + self.offset
+        ahead = (self.matrix @ (lags - self.mean).ravel()).reshape(self.shape)
+        return np.minimum(np.maximum(ahead, -self.limit), self.limit) + self.offset
 
 
 def lag_matrix(values, order):
@@ -238,6 +243,7 @@ class _Window:
     crosses: np.ndarray
     orders: tuple[int, ...]
     channels: int
+    largest: np.ndarray
 
     @classmethod
     def cut(cls, scaled, settings):
@@ -257,7 +263,9 @@ class _Window:
         parts = [slice(*np.searchsorted(fold_of, (f, f + 1))) for f in range(settings.folds)]
         grams = np.array([lags[part].T @ lags[part] for part in parts])
         crosses = np.array([lags[part].T @ following[part] for part in parts])
-        return cls(lags, np.flatnonzero(whole), fold_of, grams, crosses, orders, channels)
+        return cls(
+            lags, np.flatnonzero(whole), fold_of, grams, crosses, orders, channels, np.nanmax(np.abs(scaled), axis=0)
+        )
 
     def solve(self, order, ridge, without=None):
         """Coefficients from all folds, or from all but one."""
@@ -292,6 +300,7 @@ def _average(window, candidates, mean, deviation, step, targets, leads, steps, s
         step,
         (leads.size, len(targets)),
         np.array([np.interp(places, np.log(steps), column) for column in pooled.T]).T,
+        window.largest[targets] * deviation[targets] * _FURTHER_THAN_SEEN,
         tuple(((c[0], c[1]), float(w.mean())) for c, w in zip(candidates, weights, strict=True)),
     )
 

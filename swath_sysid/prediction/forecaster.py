@@ -4,7 +4,7 @@ Six experts forecast each axis: its mean, constant rate, the hull alone, the wav
 all channels), the axis by itself (a regression on its own past), and the hull driven by the moments
 of the waves.  Their past errors weigh them lead
 by lead and calibrate the result.  What an expert lacks (a hull, enough past, a gap-free stretch)
-only takes that expert away.
+only takes that expert away.  In still water the hull alone forecasts (`Stillness`).
 """
 import math
 from dataclasses import dataclass, replace
@@ -18,6 +18,7 @@ from swath_sysid.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.prediction.free_forecast import carry_on, longest_horizon_step, spread_table
 from swath_sysid.prediction.history import History
 from swath_sysid.prediction.quiescence import Quiescence
+from swath_sysid.prediction.stillness import Stillness
 from swath_sysid.prediction.waves import CHANNELS, WaveRequest
 
 EXPERTS = ('mean', 'constant-rate', 'hull', 'waves', 'axis-alone', 'hull-and-waves')
@@ -30,6 +31,7 @@ _LARGEST_FORECAST = math.pi
 _PRIOR_TRUST = 5.0
 _EARLY = 5.0
 _INFANCY = 60.0
+_FOREIGN = 0.04
 _IDLE_TIME_A_ROW = 0.005
 _FASTEST_EVEN = 0.05
 
@@ -40,11 +42,17 @@ class _Issued:
 
     stamp: float
     experts: np.ndarray
+    combined: np.ndarray
     angles: np.ndarray
     rates: np.ndarray
     deviation: np.ndarray
     quantiles: np.ndarray
     activity: np.ndarray
+    claims: np.ndarray
+    levels: tuple[float, ...]
+    mean_levels: tuple[float, ...]
+    nominal: np.ndarray
+    is_still: np.ndarray
 
 
 class Forecaster:
@@ -71,7 +79,11 @@ class Forecaster:
         self._from_now = _interpolation(np.concatenate([[0.0], self._leads]), self._all)
         shape = len(AXES), self._leads.size
         self._combiner = Combiner(*shape, len(EXPERTS), settings.skill_memory, 2.0 + self._leads)
-        self._calibrator = Calibrator(shape)
+        # errors of another kind in still water: intervals of their own
+        self._calibrator = Calibrator((2, *shape))
+        self._stillness = [
+            Stillness(self._leads, settings.skill_memory, settings.filter.disturbance_initial) for _ in AXES
+        ]
         self._history = History(settings.window + 2.0 * self._all[-1] + 10.0, _FINEST, len(CHANNELS) + 2)
         limits = settings.quiescence
         self._quiescence = None if limits is None else Quiescence(limits, self._horizon)
@@ -107,6 +119,7 @@ class Forecaster:
         self._steps.clear()
         for expert in (HULL, HULL_AND_WAVES):
             self._combiner.forget_expert(place, expert)
+        self._stillness[place].forget()
         self._refit_due = -math.inf
 
     def take(self, sample, interval, estimates):
@@ -216,15 +229,46 @@ class Forecaster:
         angle, rate = _combine(angles, rates, weights, self._between)
         deviation = np.sqrt(np.maximum(variance, 1e-12)) * activity[:, None]
         at = self._at_leads
-        quantiles = self._calibrator.quantiles
-        self._issued.append(
-            _Issued(stamp, angles[:, :, at], angle[:, at], rate[:, at], deviation, quantiles, activity)
-        )
+        combined = angle[:, at]
+        claims, believed, nominal, hull_deviation = self._still(stamp, elapsed, deviation**2)
+        is_still = believed > 0.5
+        if believed.any():
+            share = believed @ self._between.T
+            angle = np.where(share > 0.0, angle + share * (angles[:, HULL] - angle), angle)
+            rate = np.where(share > 0.0, rate + share * (rates[:, HULL] - rate), rate)
+            deviation = np.where(is_still, believed * hull_deviation + (1.0 - believed) * deviation, deviation)
+        quantiles = np.where(is_still[..., None], self._calibrator.quantiles[1], self._calibrator.quantiles[0])
+        self._issued.append(_Issued(
+            stamp, angles[:, :, at], combined, angle[:, at], rate[:, at], deviation, quantiles, activity,
+            claims, tuple(s.excitation_variance for s in self._stillness),
+            tuple(s.mean_level for s in self._stillness), nominal, is_still,
+        ))  # fmt: skip
         at_leads, over_horizon = self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles, spread)
         if self._quiescence is None:
             return at_leads, over_horizon
         quiet = self._stays_quiet(over_horizon, activity, interval)
         return replace(at_leads, quiescence=quiet), replace(over_horizon, quiescence=quiet)
+
+    def _still(self, stamp, elapsed, combination):
+        """Whether the water is still: claimed and believed, and the hull's nominal and likely deviation, (A, L)."""
+        claims, believed, nominal, deviation = np.zeros((4, len(AXES), self._leads.size))
+        for place, axis in enumerate(AXES):
+            attitude = self._filters[axis]
+            if not (attitude.is_started and attitude.has_model):
+                continue
+            covariance, stillness = attitude.P.copy(), self._stillness[place]
+            stillness.follow(
+                stamp, elapsed, float(attitude.x[3]), float(covariance[3, 3]), attitude.disturbance_variance,
+                2.0 * math.pi / self._pace(attitude),
+            )  # fmt: skip
+            # of the disturbance that is believed in here, all is to come
+            covariance[3] = covariance[:, 3] = 0.0
+            covariance[3, 3] = level = stillness.excitation_variance
+            variance = self._tables[axis].covariance(covariance, level)[:, 0, 0] + 1e-12
+            nominal[place], deviation[place] = np.sqrt(variance), np.sqrt(variance * stillness.scale)
+            claims[place] = stillness.claims(deviation[place] ** 2, combination[place])
+            believed[place] = claims[place] * stillness.trust
+        return claims, believed, nominal, deviation
 
     def _stays_quiet(self, horizon, activity, interval):
         motion, deviation = np.full((2, self._horizon.size, len(AXES), 2), np.nan)
@@ -314,7 +358,17 @@ class Forecaster:
         issued = np.ones((*shape, 3))
         issued[:, due] = np.array([r.quantiles[:, k] for k, r in zip(due, records, strict=True)]).transpose(1, 0, 2)
         self._combiner.learn(errors, elapsed)
-        self._calibrator.learn(combined, issued, elapsed)
+        still = np.zeros(shape, dtype=bool)
+        still[:, due] = np.array([r.is_still[:, k] for k, r in zip(due, records, strict=True)]).T
+        calm = still.copy()
+        for place, stillness in enumerate(self._stillness):
+            for k, r in zip(due, records, strict=True) if still[place].any() else ():
+                # hands that took hold of the craft since say nothing of how well it is forecast without
+                calm[place, k] &= stillness.stayed_still([r.stamp], [r.levels[place]])[0]
+        self._calibrator.learn(
+            np.where([~still, calm], combined, np.nan), np.broadcast_to(issued, (2, *issued.shape)), elapsed
+        )
+        self._learn_stillness(due, records, errors, rows[:, 7:9], elapsed)
         error, rate_error = error / activity, rate_error / activity
         products = np.full((*shape, 3), np.nan)
         products[:, due] = np.array([error * error, error * rate_error, rate_error * rate_error]).transpose(2, 1, 0)
@@ -322,6 +376,24 @@ class Forecaster:
         self._joint_time += np.where(whole, elapsed, 0.0)
         gain = elapsed / np.maximum(np.minimum(self.settings.skill_memory, self._joint_time), 1e-9)
         self._joint += np.where(whole, gain, 0.0)[..., None] * (np.where(whole[..., None], products, 0.0) - self._joint)
+
+    def _learn_stillness(self, due, records, errors, truth, elapsed):
+        for place, stillness in enumerate(self._stillness):
+            claims, combination, nominal, stamps, levels, mean_levels = np.full((6, self._leads.size), np.nan)
+            claims[due] = [r.claims[place, k] for k, r in zip(due, records, strict=True)]
+            if not np.nansum(claims) > 0.0:
+                continue
+            told = np.array([
+                (
+                    r.combined[place, k], r.activity[place], r.nominal[place, k], r.stamp, r.levels[place],
+                    r.mean_levels[place],
+                ) for k, r in zip(due, records, strict=True)
+            ])  # fmt: skip
+            hull = errors[place, :, HULL]
+            combination[due] = (told[:, 0] - truth[:, place]) / told[:, 1]
+            nominal[due] = hull[due] * told[:, 1] / np.maximum(told[:, 2], 1e-9)
+            stamps[due], levels[due], mean_levels[due] = told[:, 3:].T
+            stillness.learn(np.nan_to_num(claims), stamps, levels, mean_levels, hull, combination, nominal, elapsed)
 
     def _experts(self, interval):
         """Forecasts of every expert: angles and rates, shape (A, E, leads), NaN where there is none."""
@@ -404,7 +476,12 @@ class Forecaster:
             strayed = 0.25 * leads**4 * self._acceleration_square[place]
             nominal[place, :, RATE] = p[0, 0] + leads**2 * p[1, 1] + strayed
             if attitude.has_model:
-                nominal[place, :, HULL] = spread[axis][:, 0, 0]
+                # before anything is known, most of what is seen is taken for the hull's own motion
+                own = self._pace(attitude) ** 4 * (x * x + w * w)
+                excess = max(attitude.disturbance_variance - _FOREIGN * own, 0.0)
+                nominal[place, :, HULL] = (
+                    spread[axis][:, 0, 0] - excess * self._tables[axis].by_disturbance[:, 0, 0]
+                )  # fmt: skip
             for expert, error in self._told_errors(place):
                 nominal[place, :, expert] = error**2 + p[0, 0]
         nominal[np.isnan(angles[:, :, self._at_leads].transpose(0, 2, 1))] = np.nan
@@ -468,7 +545,9 @@ class Forecaster:
     @property
     def coverage(self):
         """Share of the 50, 90 and 99 % intervals that have held, shape (A, L, 3)."""
-        return self._calibrator.coverage
+        held, count = self._calibrator.held.sum(axis=0), self._calibrator.count.sum(axis=0)
+        with np.errstate(invalid='ignore', divide='ignore'):
+            return held / count[..., None]
 
     @property
     def skill(self):
