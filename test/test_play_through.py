@@ -91,7 +91,9 @@ def test_every_message_is_what_a_type_system_writes(played):
     for _, kind, _, raw in messages_of(played):
         kinds.add(kind.rpartition('/')[2])
         assert bytes(STORE.serialize_cdr(STORE.deserialize_cdr(raw, kind), kind)) == raw
-    assert kinds == {'DiagnosticArray', 'Imu', 'JointTrajectory', 'PointCloud2', 'String', 'Float32', 'Float64MultiArray'}
+    assert kinds == {
+        'DiagnosticArray', 'Imu', 'JointTrajectory', 'PointCloud2', 'String', 'Float32', 'Float64MultiArray'
+    }
 
 
 def test_forecasts_are_those_of_the_predictor_core(bag, played):

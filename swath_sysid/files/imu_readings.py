@@ -50,10 +50,11 @@ class ImuReadings:
 
     def __iter__(self):
         """One `ImuReading` after the other."""
+        parts = ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE
         for first in range(0, len(self), AT_ONCE):
-            block = slice(first, first + AT_ONCE)
-            for stamp, v in zip(self.stamps[block].tolist(), self.values[block].tolist(), strict=True):
-                yield ImuReading(stamp, tuple(v[0:4]), v[4:13], tuple(v[13:16]), v[16:25], tuple(v[25:28]), v[28:37])
+            values = self.values[first:first + AT_ONCE]
+            stamps = self.stamps[first:first + AT_ONCE].tolist()
+            yield from map(ImuReading, stamps, *(values[:, part].tolist() for part in parts))
 
 
 def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):

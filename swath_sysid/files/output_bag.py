@@ -1,6 +1,7 @@
 """Bags of what the nodes publish, written without ROS: mcap, messages through rosbags' type system."""
 import os
 from contextlib import contextmanager
+from functools import lru_cache
 from struct import Struct
 
 import numpy as np
@@ -38,6 +39,7 @@ LITTLE_ENDIAN = b'\0\1\0\0'
 ENCAPSULATION_BYTES = len(LITTLE_ENDIAN)
 FLOAT64_BYTES = 8
 _STAMP = Struct('<II')
+_PADDING = b'', bytes(3), bytes(2), bytes(1)
 
 
 @contextmanager
@@ -249,30 +251,32 @@ def diagnostics_cdr(stamp_ns, statuses):
         CDR, little-endian: numbers of four bytes stand at multiples of four, a text is its length, its
         bytes and a zero (OMG formal/02-06-51).
     """
-    raw = bytearray(LITTLE_ENDIAN)
-
-    def number(value):
-        raw.extend(bytes(-len(raw) % 4) + value.to_bytes(4, 'little'))
-
-    def text(words):
-        content = words.encode() + b'\0'
-        number(len(content))
-        raw.extend(content)
-
     seconds, rest = divmod(stamp_ns, SECOND_NS)
-    number(seconds & 0xFFFFFFFF)
-    number(rest)
-    text('')
-    number(len(statuses))
+    raw = bytearray(LITTLE_ENDIAN + _STAMP.pack(seconds & 0xFFFFFFFF, rest) + _text(''))
+    _append(raw, _number(len(statuses)))
     for level, name, message, values in statuses:
         raw.append(level)
         for words in (name, message, ''):
-            text(words)
-        number(len(values))
+            _append(raw, _text(words))
+        _append(raw, _number(len(values)))
         for key, value in values.items():
-            text(key)
-            text(value)
+            _append(raw, _text(key))
+            _append(raw, _text(value))
     return bytes(raw)
+
+
+def _append(raw, part):
+    raw.extend(_PADDING[len(raw) % 4] + part)
+
+
+def _number(value):
+    return value.to_bytes(4, 'little')
+
+
+@lru_cache(maxsize=1024)
+def _text(words):
+    content = words.encode() + b'\0'
+    return _number(len(content)) + content
 
 
 def offered_qos(latched, reliable):

@@ -1,4 +1,5 @@
 """The intake: IMU messages, as plain numbers, to samples of the craft's motion."""
+from collections.abc import Sequence
 from math import inf, isfinite, nan
 from typing import NamedTuple
 
@@ -34,25 +35,25 @@ class ImuReading(NamedTuple):
     ----------
     stamp_ns : int
         header.stamp.
-    orientation : tuple of 4 floats
+    orientation : sequence of 4 floats
         Quaternion x, y, z, w.
     orientation_covariance : sequence of 9 floats
         rad^2, by rows; -1 in the first place: no orientation; all zero: unknown.
-    rates : tuple of 3 floats
+    rates : sequence of 3 floats
         rad/s.
     rates_covariance : sequence of 9 floats
-    force : tuple of 3 floats
+    force : sequence of 3 floats
         Specific force, m/s^2.
     force_covariance : sequence of 9 floats
     """
 
     stamp_ns: int
-    orientation: tuple[float, float, float, float]
-    orientation_covariance: tuple[float, ...]
-    rates: tuple[float, float, float]
-    rates_covariance: tuple[float, ...]
-    force: tuple[float, float, float]
-    force_covariance: tuple[float, ...]
+    orientation: Sequence[float]
+    orientation_covariance: Sequence[float]
+    rates: Sequence[float]
+    rates_covariance: Sequence[float]
+    force: Sequence[float]
+    force_covariance: Sequence[float]
 
 
 class CraftSample(NamedTuple):

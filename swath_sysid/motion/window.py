@@ -313,8 +313,12 @@ class DecayWatch:
         stamp, roll, pitch, roll_rate, pitch_rate = sample[:5]
         stamp *= NANOSECOND
         by_roll, by_pitch = self._watches.values()
-        by_roll.follow(roll if roll == roll else roll_rate)
-        by_pitch.follow(pitch if pitch == pitch else pitch_rate)
+        value = roll if roll == roll else roll_rate
+        if not by_roll.low <= value <= by_roll.high:
+            by_roll.widen(value)
+        value = pitch if pitch == pitch else pitch_rate
+        if not by_pitch.low <= value <= by_pitch.high:
+            by_pitch.widen(value)
         if self._block_end is None:
             self._block_end = stamp + WATCH_BLOCK
         if stamp < self._block_end:
@@ -355,23 +359,24 @@ class _AxisWatch:
     def __init__(self, spans, blocks):
         self._spans = spans
         self._lows, self._highs = np.full(blocks, np.inf), np.full(blocks, -np.inf)
-        self._low, self._high = np.inf, -np.inf
+        self.low, self.high = np.inf, -np.inf
         self._reaches = np.zeros(blocks)
         self._calm_since = None
         self._wait = FIRST_LOOK
 
-    def follow(self, value):
-        if value < self._low:
-            self._low = value
-        if value > self._high:
-            self._high = value
+    def widen(self, value):
+        """A value that may lie beyond the block's lowest and highest."""
+        if value < self.low:
+            self.low = value
+        if value > self.high:
+            self.high = value
 
     def is_due(self, stamp):
         """Close a block of samples; whether to look for a decay now."""
-        for history, value in ((self._lows, self._low), (self._highs, self._high)):
+        for history, value in ((self._lows, self.low), (self._highs, self.high)):
             history[:-1] = history[1:]
             history[-1] = value
-        self._low, self._high = np.inf, -np.inf
+        self.low, self.high = np.inf, -np.inf
         reach = max(float(self._highs[-self._spans:].max() - self._lows[-self._spans:].min()), 0.0)
         self._reaches[:-1] = self._reaches[1:]
         self._reaches[-1] = reach

@@ -347,10 +347,10 @@ class PlayedHealth:
         self._buffer = BufferHealth('imu/data', pipeline.window)
         self._identifier = IdentifierHealth()
         self._predictor = PredictorHealth('imu/data', pipeline.outlook)
-        self._periods = dict(zip(('imu_buffer', 'identifier', 'predictor'), periods, strict=True))
-        self._due = {}
-        self._now_ns = None
-        self._begun_ns = None
+        nodes = 'imu_buffer', 'identifier', 'predictor'
+        self._periods_ns = {node: round(1e9 * period) for node, period in zip(nodes, periods, strict=True)}
+        self._due_ns = {}
+        self._begun_ns = self._now_ns = self._next_ns = None
 
     def follow(self, played):
         """Take notice of one step.
@@ -364,14 +364,16 @@ class PlayedHealth:
         list of list
             Where diagnostics are due: those of each node, every one as `Report.told_by` gives it.
         """
-        told = []
+        told, stamp_ns = [], played.stamp_ns
         predicted = played.outlook.predicted
-        if predicted is not None and predicted.used or self._begun_ns is None:
-            # a stray stamp must not be taken for the time
-            told = self._at(played.stamp_ns)
-        now = self._now
-        for health in (self._buffer, self._predictor):
-            health.note_message(played.stamp_ns, now, now)
+        # a stray stamp must not be taken for the time
+        if (predicted is not None and predicted.used) or self._now_ns is None:
+            if self._now_ns is None or not self._now_ns <= stamp_ns < self._next_ns:
+                told = self._reports_at(stamp_ns)
+            self._now_ns = stamp_ns
+        now = (self._now_ns - self._begun_ns) * 1e-9
+        self._buffer.note_message(stamp_ns, now, now)
+        self._predictor.note_message(stamp_ns, now, now)
         if played.models is not None:
             self._predictor.note_model(now)
         if played.window is not None:
@@ -382,28 +384,26 @@ class PlayedHealth:
             self._identifier.end(played.models is not None, played.verdict)
         return told
 
-    @property
-    def _now(self):
-        return (self._now_ns - self._begun_ns) * 1e-9
-
-    def _at(self, stamp_ns):
-        if self._begun_ns is None or stamp_ns < self._now_ns:
+    def _reports_at(self, stamp_ns):
+        """What is due at a stamp, which begins time anew where it lies before the last."""
+        if self._now_ns is None or stamp_ns < self._now_ns:
             self._begun_ns = stamp_ns
-            self._due = dict(self._periods)
-        self._now_ns, now = stamp_ns, (stamp_ns - self._begun_ns) * 1e-9
+            self._due_ns = {node: stamp_ns + period for node, period in self._periods_ns.items()}
         told = []
-        for node, due in self._due.items():
-            if now >= due - 1e-9:
-                period = self._periods[node]
-                self._due[node] = due + period if now < due + period else now + period
-                told.append([report.told_by(node) for report in self._reports(node, now)])
+        for node, due_ns in self._due_ns.items():
+            if stamp_ns >= due_ns:
+                following = due_ns + self._periods_ns[node]
+                self._due_ns[node] = following if following > stamp_ns else stamp_ns + self._periods_ns[node]
+                told.append([report.told_by(node) for report in self._reports(node, stamp_ns)])
+        self._next_ns = min(self._due_ns.values())
         return told
 
-    def _reports(self, node, now):
+    def _reports(self, node, now_ns):
+        now = (now_ns - self._begun_ns) * 1e-9
         if node == 'imu_buffer':
-            return self._buffer.reports(now, self._now_ns)
+            return self._buffer.reports(now, now_ns)
         if node == 'predictor':
-            return self._predictor.reports(now, self._now_ns)
+            return self._predictor.reports(now, now_ns)
         refitter = self._pipeline.refitter
         return [self._identifier.report(refitter.described, refitter.steps_back, self._pipeline.is_refitting)]
 

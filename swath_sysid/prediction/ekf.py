@@ -389,11 +389,12 @@ class AttitudeFilter(ExtendedKalmanFilter):
 
     def _from_foreseen(self, duration):
         """How far to predict still, and from which state: not at all where just that was foreseen."""
-        mean, upper = self._state()
+        if self._x is not None or self._covariance is not None:
+            self._state()
         foreseen = self._foreseen
-        if foreseen is not None and abs(duration - foreseen[0]) < _SAME_LEAD:
+        if foreseen is not None and -_SAME_LEAD < duration - foreseen[0] < _SAME_LEAD:
             return 0.0, foreseen[1], foreseen[2]
-        return duration, mean, upper
+        return duration, self._mean, self._upper
 
     def correct(self, angle, rate, angle_variance, rate_variance):
         """Update with what was measured (NaN: not measured).
@@ -439,7 +440,7 @@ class AttitudeFilter(ExtendedKalmanFilter):
             mean, upper, rest, angle, rate, angle_variance, rate_variance, duration, self.disturbance_variance,
             self.nis_ratio, lead, self._drive, self._limits, self._hull,
         )  # fmt: skip
-        self._set_state(mean, upper)
+        self._mean, self._upper, self._x, self._covariance = mean, upper, None, None
         self._foreseen = lead, later, spread
         self.stamp = stamp
         self._elapsed = duration
@@ -447,13 +448,12 @@ class AttitudeFilter(ExtendedKalmanFilter):
 
     def _conclude(self, told, angle, rate, angle_variance, rate_variance):
         nis, measured, accepted, self.disturbance_variance, self.nis_ratio = told
-        measured = int(measured)
         if not accepted:
-            return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
+            return self._refuse(angle, rate, angle_variance, rate_variance, nis, int(measured))
         if measured:
             self.rejections = 0
         upper = self._upper
-        return AttitudeEstimate(self.stamp, *self._mean, upper[0], upper[1], upper[4], nis, measured)
+        return AttitudeEstimate(self.stamp, *self._mean, upper[0], upper[1], upper[4], nis, int(measured))
 
     def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
         self.rejections += 1
@@ -498,11 +498,12 @@ class AttitudeFilter(ExtendedKalmanFilter):
 
     def moments_ahead(self, lead):
         """What `ahead` tells, as five floats: angle, rate, angle variance, covariance of both, rate variance."""
-        mean, upper = self._state()
+        if self._x is not None or self._covariance is not None:
+            self._state()
         if self._foreseen is None or self._foreseen[0] != lead:
             # the next sample usually comes just then: its prediction is done
             self._foreseen = lead, *filter_step.predict(
-                mean, upper, self.disturbance_variance, lead, self._drive, self._hull
+                self._mean, self._upper, self.disturbance_variance, lead, self._drive, self._hull
             )
         _, later, spread = self._foreseen
         return later[0], later[1], spread[0], spread[1], spread[4]

@@ -354,7 +354,8 @@ class Predictor:
                 refit = self._forecaster.refit_request(stamp, interval)
         advice = ()
         for estimate in estimates.values():
-            advice += estimate.advice
+            if estimate.advice:
+                advice += estimate.advice
         return Step(stamp, True, tuple(reasons), estimates, self._ahead(), forecast, horizon, refit, advice)
 
     def _stamp_reason(self, stamp):
@@ -396,9 +397,9 @@ class Predictor:
             is_started = attitude.is_started
             if not is_started and angle != angle and rate != rate:
                 continue
-            angle_variance, rate_variance = self._noise(
-                axis, angle, rate, sample[8 + index], sample[10 + index], even
-            )
+            angle_variance, rate_variance = sample[8 + index], sample[10 + index]
+            if not (even and angle_variance > 0.0 and rate_variance > 0.0):
+                angle_variance, rate_variance = self._noise(axis, angle, rate, angle_variance, rate_variance, even)
             if restart or not is_started:
                 attitude.start(stamp, angle, rate, angle_variance, rate_variance)
                 estimates[axis] = attitude.estimate(restarted=True)
