@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from swath_sysid.cli import manoeuvre
+from swath_sysid.cli import manoeuvre, play_through
 from swath_sysid.errors import InputError
 from swath_sysid.files.bags import opened_bag
-from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag
+from swath_sysid.files.manoeuvring_bags import manoeuvres_beside, read_manoeuvring_bag
 
 
 def swath(*words):
@@ -126,3 +128,23 @@ def test_play_through_is_repeatable_and_right(folder, model, capsys):
 def test_one_clear_sentence(folder, words, match):
     with pytest.raises(InputError, match=match):
         swath(*(word.format(runs=folder / 'runs') for word in words))
+
+
+def test_play_through_of_attitude_says_where_manoeuvres_are_played(folder, tmp_path):
+    bag = tmp_path / 'zigzag.mcap'
+    assert swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--output', bag) == 0
+    assert [a.code for a in manoeuvres_beside(bag)] == ['manoeuvres-beside']
+    blind = tmp_path / 'blind'
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with (AnyReader([bag], default_typestore=store) as reader,
+          Writer(blind, version=9, storage_plugin=StoragePlugin.MCAP) as writer):  # fmt: skip
+        kept = {c.id: writer.add_connection(c.topic, c.msgtype, typestore=store)
+                for c in reader.connections if not c.msgtype.endswith('Imu')}  # fmt: skip
+        for connection, stamp, raw in reader.messages():
+            if connection.id in kept:
+                writer.write(kept[connection.id], stamp, raw)
+    parser = argparse.ArgumentParser()
+    play_through.add_arguments(parser)
+    with pytest.raises(InputError, match='swath-sysid manoeuvre play-through'):
+        play_through.run(parser.parse_args([str(blind), '--output', str(tmp_path / 'out.mcap')]))
+    assert swath('play-through', blind, '--output', tmp_path / 'out.mcap') == 0

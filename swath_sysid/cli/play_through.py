@@ -7,7 +7,9 @@ from pathlib import Path
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import finite
 from swath_sysid.errors import InputError
+from swath_sysid.files.bags import is_bag
 from swath_sysid.files.imu_readings import read_readings
+from swath_sysid.files.manoeuvring_bags import manoeuvres_beside
 from swath_sysid.files.model_file import read_model
 from swath_sysid.files.output_bag import IMU_TOPIC, writing_output_bag
 from swath_sysid.motion.sensing import Installation
@@ -48,6 +50,7 @@ def run(arguments):
         window_settings(buffer), refit_settings(identifier), outlook_settings(predictor),
         identifier['auto_identify'], arguments.refit_delay,
     )  # fmt: skip
+    elsewhere = manoeuvres_beside(arguments.record) if is_bag(arguments.record) else ()
     installation = settings.outlook.installation
     readings = read_readings(
         arguments.record, arguments.topic, frame=installation.frame, mounting=installation.mounting
@@ -77,7 +80,7 @@ def run(arguments):
             if index % PROGRESS_STEP == 0:
                 progress(index / len(readings))
         progress(1.0)
-    show_advice(readings.advice)
+    show_advice((*readings.advice, *elsewhere))
     for stamp_ns, verdict in verdicts:
         print(f'{(stamp_ns - int(readings.stamps[0])) / 1e9:.2f} s: {verdict}')
     _report_counts(pipeline)

@@ -101,6 +101,42 @@ def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=Non
     )  # fmt: skip
 
 
+def manoeuvres_beside(path):
+    """Advice where a bag holds odometry and thrust, which attitude verbs leave aside.
+
+    Parameters
+    ----------
+    path : str or Path
+        A bag.
+
+    Returns
+    -------
+    tuple of Advice
+
+    Raises
+    ------
+    InputError
+        It holds these and no IMU, so that there is nothing else in it to play through.
+    """
+    path = Path(path)
+    with opened_bag(path) as (readers, _):
+        topics = {}
+        for reader in readers:
+            for connection in reader.connections:
+                topics.setdefault(connection.msgtype, set()).add(connection.topic)
+    numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
+    sides = all(any(p.search(t) and THRUSTER.search(t) for t in numbers) for p in SIDES.values())
+    if not topics.get(ODOMETRY) or not (sides or topics.get(JOINTS)):
+        return ()
+    where = 'swath-sysid manoeuvre play-through'
+    if not topics.get(IMU):
+        raise InputError(f'{path} holds odometry and thrust, but no IMU to forecast attitude from: play it with '
+                         f'{where}')  # fmt: skip
+    return (Advice('manoeuvres-beside', (
+        f'{path} also holds odometry and thrust, which are left aside here: {where} forecasts surge, sway and yaw '
+        f'from them')),)  # fmt: skip
+
+
 def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0):
     """Write a simulated manoeuvre as VRX would have recorded it.
 
