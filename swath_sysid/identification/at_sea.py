@@ -79,6 +79,12 @@ _MODE_DEPTH = 8.0
 LEAST_FADING = 6.0
 """Within the record a free decay of the hull must fade by exp of so much; what does not is a tone."""
 
+EDGE_SOFTNESS = 0.1
+"""Of the logarithm of the natural frequency, above the highest band: what lies there cannot be seen."""
+
+MISSING_TOGETHER = 12
+"""Neighbouring bands whose misfits may be one and the same."""
+
 _DECREMENT_PERIODS = 3.0
 PERIOD_WANTED, DAMPING_WANTED = 0.03, 0.25
 """Relative standard deviations above which the sea is said to hide the hull."""
@@ -293,7 +299,7 @@ def gain_over(model, motion, heave=None, *, should_cancel=None):
     free = modes[0]
     held = _Fit(fit.sea, fit.spectra, fit.waves, np.log([model.natural_frequency, max(model.damping_ratio, 1e-4)]))
     given = held.optima(should_cancel=should_cancel)[0]
-    return float((given.fun - free.fun) / max(1.0, fit.deviance(free.x)))
+    return float((given.fun - free.fun) / fit.inflation(free.x))
 
 
 def excitation_spectrum(frequency, peak, peakedness, tail):
@@ -319,7 +325,7 @@ def excitation_spectrum(frequency, peak, peakedness, tail):
     u = frequency / peak
     width = np.where(u <= 1.0, 0.07, 0.09)
     log_peak = np.log(peakedness) * (np.exp(-0.5 * ((u - 1.0) / width) ** 2) - 1.0)
-    return np.exp(np.clip(log_peak - tail * np.log(u) - 1.25 * (u**-4 - 1.0), -80.0, 80.0))
+    return np.exp(np.clip(log_peak - np.clip(tail, -20.0, 20.0) * np.log(u) - 1.25 * (u**-4 - 1.0), -80.0, 80.0))
 
 
 def _best_fit(motion, heave, progress, should_cancel):
@@ -404,7 +410,8 @@ class _Heaving:
         yield self.prior.copy()
 
     def spectrum(self, frequency, parameters):
-        return self._shown * self._relative ** parameters[0] + np.exp(np.clip(parameters[1], -60.0, 60.0))
+        floor = np.exp(np.clip(parameters[1], -60.0, 60.0))
+        return self._shown * self._relative ** np.clip(parameters[0], -20.0, 20.0) + floor
 
 
 class _Fit:
@@ -412,14 +419,14 @@ class _Fit:
 
     def __init__(self, sea: SeaMotion, spectra: TermSpectra, waves, held=None):
         self.sea, self.spectra, self.waves, self.held = sea, spectra, waves, held
-        self.noise = sea.noise(spectra.frequency)
+        self.noise, self.highest = sea.noise(spectra.frequency), np.log(spectra.frequency[-1])
         hull = [np.log(sea.peak), np.log(_FIRST_DAMPING), 0.0, 0.0, 0.0, 0.0]
         self.prior = np.concatenate([hull, waves.prior])
         self.prior_std = np.concatenate([_PRIOR_STD, waves.prior_std])
 
     def weights(self, parameters):
         """Coefficients of the terms in the exciting moment, shape (6,)."""
-        frequency, damping = np.exp(parameters[:2])
+        frequency, damping = np.exp(np.clip(parameters[:2], -60.0, 60.0))
         b, r = 2.0 * damping * frequency, frequency**2
         return np.array([1.0, b, r, parameters[_QUADRATIC] * b, parameters[_EVEN] * r, parameters[_CUBIC] * r])
 
@@ -438,6 +445,7 @@ class _Fit:
         # the bands are those of the measured angle: the change of variables to the moment is the stiffness
         value = self.spectra.counts @ (np.log(given / stiffness) + needed / given)
         value += 0.5 * np.sum(((parameters - self.prior) / self.prior_std) ** 2)
+        value += 0.5 * (max(parameters[_FREQUENCY] - self.highest, 0.0) / EDGE_SOFTNESS) ** 2
         return value if np.isfinite(value) else 1e12
 
     def optima(self, progress=None, should_cancel=None):
@@ -509,6 +517,21 @@ class _Fit:
         total = 2.0 * self.spectra.counts @ (ratio - np.log(ratio) - 1.0)
         return float(total / max(1, self.spectra.counts.size - parameters.size))
 
+    def inflation(self, parameters):
+        """By how much the variance of the parameters exceeds that of a perfect fit, at least one.
+
+        The deviance, times the sum of the autocorrelation of the residuals over neighbouring bands: where the
+        sea has another shape, they miss together (as Newey and West 1987 for a time series).
+        """
+        needed, given, _ = self.parts(parameters)
+        residual = np.sqrt(self.spectra.counts) * (needed / given - 1.0).clip(-1.0, 3.0)
+        residual = residual - residual.mean()
+        variance = residual @ residual
+        together = 1.0
+        for lag in range(1, MISSING_TOGETHER):
+            together += 2.0 * (1.0 - lag / MISSING_TOGETHER) * (residual[lag:] @ residual[:-lag]) / variance
+        return max(1.0, self.deviance(parameters) * max(1.0, together))
+
     def covariance(self, parameters):
         """Inverse of the Hessian of the negative log posterior, by differences."""
         size, spread = parameters.size, self.prior_std
@@ -533,11 +556,17 @@ class _Fit:
 def _concluded(motion, fit, modes):
     sea, spectra, best = fit.sea, fit.spectra, modes[0]
     misfit = fit.deviance(best.x)
-    logs, log_covariance = _estimate_with_covariance(fit, modes, max(1.0, misfit))
+    logs, log_covariance = _estimate_with_covariance(fit, modes, fit.inflation(best.x))
     period, damping = np.exp(logs)
     scale = np.array([period, damping])
     covariance = log_covariance * np.outer(scale, scale)
     frequency = 2.0 * np.pi / period
+    if frequency > 0.95 * spectra.frequency[-1]:
+        raise InputError(
+            f'the {motion.axis} follows the waves as far as it is known (down to periods of '
+            f'{2.0 * np.pi / spectra.frequency[-1]:.3g} s), so the natural period is shorter and stays hidden: record '
+            'in shorter waves, with a quieter sensor, or a free decay in still water'
+        )
     if damping * frequency * sea.duration < LEAST_FADING:
         raise InputError(
             f'the {motion.axis} swings with a period of {period:.3g} s like a pure tone, as in regular waves, which '
