@@ -20,7 +20,7 @@ from swath_sysid.errors import InputError
 
 _CLIP = 8.0
 _FURTHER_THAN_SEEN = 1.3
-_FEWEST_ROWS_A_COEFFICIENT = 1.5
+_FEWEST_ROWS_A_COEFFICIENT = 4.0
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class ExcitationSettings:
     """
 
     orders: tuple[int, ...] = (5, 10, 20, 40)
-    ridges: tuple[tuple[float, float], ...] = ((1e-6, 2.0), (1e-5, 2.0), (1e-4, 2.0), (1e-3, 2.0), (1e-4, 0.0))
+    ridges: tuple[tuple[float, float], ...] = ((1e-6, 0.0), (1e-6, 2.0), (1e-5, 2.0), (1e-4, 2.0), (1e-3, 2.0))
     folds: int = 4
     sharpness: float = 0.8
     validation_leads: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)

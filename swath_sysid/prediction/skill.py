@@ -169,7 +169,7 @@ def run_through(trial, settings, models, clock=None, progress=None, limits_from=
             predictor.install(fit_waves(step.refit))
             refit_times.append(now() - begun)
             refits.append(step.stamp)
-            steps[-1] = replace(steps[-1], refit=None)
+            steps[-1] = step._replace(refit=None)
         if progress is not None and index % every == 0:
             progress(index / trial.time.size)
     return Run(
@@ -260,7 +260,7 @@ class _Grid:
 
     @classmethod
     def of(cls, trial, run, settings):
-        usual = float(np.median(np.diff(trial.time)))
+        usual = _interval(trial.time)
         target = 1.0 / settings.excitation_rate
         step = target if usual < 0.25 * target else max(1, round(target / usual)) * usual
         start = float(trial.time[0])
@@ -278,6 +278,14 @@ class _Grid:
     def column(self, name):
         """One channel on the grid, or None."""
         return self.values[:, self.names.index(name)] if name in self.names else None
+
+
+def _interval(time):
+    """The sensor's interval as its samples keep it: a grid of the nearest round figure would drift from them."""
+    intervals = np.diff(time)
+    counts = np.round(intervals / np.median(intervals))
+    even = (counts == 1) | (counts == 2)
+    return float(intervals[even].sum() / counts[even].sum())
 
 
 def _on_grid(time, values, wanted, usual):
