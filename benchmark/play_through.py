@@ -2,6 +2,10 @@
 
     python benchmark/play_through.py                 an hour at 100 Hz, a release every five minutes
     python benchmark/play_through.py --minutes 5 --profile
+
+Beside the whole it tells the parts: forecasts at the leads and over the horizon, fits of the waves, refits of
+the model, and all the rest, which is what every sample costs: reading, intake, window, filters, the forecast
+one sample ahead, diagnostics, writing. ``NUMBA_DISABLE_JIT=1`` shows it without numba.
 """
 import argparse
 import contextlib
@@ -24,8 +28,41 @@ from swath_sysid.files.bags import write_imu_bag  # noqa: E402
 from swath_sysid.hull.catalogue import hull_named  # noqa: E402
 from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft  # noqa: E402
 from swath_sysid.motion.trial import Trial  # noqa: E402
+from swath_sysid.prediction import play_through  # noqa: E402
+from swath_sysid.prediction.forecaster import Forecaster  # noqa: E402
 
 LIMIT = 100.0
+
+
+class Stopwatch:
+    """Processor time and number of calls of functions, by name."""
+
+    def __init__(self):
+        self.spent = {}
+
+    def around(self, name, function):
+        """The function, timed."""
+        self.spent[name] = [0.0, 0]
+
+        def timed(*arguments, **options):
+            begun = time.process_time()
+            try:
+                return function(*arguments, **options)
+            finally:
+                self.spent[name][0] += time.process_time() - begun
+                self.spent[name][1] += 1
+
+        return timed
+
+    def watch(self):
+        """Watch what a play-through spends the most on."""
+        Forecaster.issue = self.around('forecasts', Forecaster.issue)
+        begin = play_through.PlayThrough.__init__
+        fits = {
+            'fit': self.around('refits of the model', play_through.refit),
+            'fit_waves': self.around('fits of the waves', play_through.fit_waves),
+        }
+        play_through.PlayThrough.__init__ = lambda pipeline, *given: begin(pipeline, *given, **fits)
 
 
 def record(path, minutes, rate, every):
@@ -62,6 +99,8 @@ def run():
     with tempfile.TemporaryDirectory() as folder:
         bag, output = Path(folder) / 'record.mcap', Path(folder) / 'out.mcap'
         record(bag, arguments.minutes, arguments.rate, arguments.every)
+        stopwatch = Stopwatch()
+        stopwatch.watch()
         profile = cProfile.Profile() if arguments.profile else contextlib.nullcontext()
         wall, processor = time.perf_counter(), time.process_time()
         with profile:
@@ -72,6 +111,11 @@ def run():
     speed = 60.0 * arguments.minutes / processor
     print(f'{arguments.minutes:g} min at {arguments.rate:g} Hz: {processor:.1f} s of processor time ({wall:.1f} s of '
           f'wall clock), {speed:.0f} times real time, {size / 1e6:.0f} MB written')
+    for name, (spent, calls) in stopwatch.spent.items():
+        print(f'    {name:20s} {spent:6.1f} s, {calls} of {1e3 * spent / max(calls, 1):.2f} ms')
+    rest = processor - sum(spent for spent, _ in stopwatch.spent.values())
+    samples = 60.0 * arguments.minutes * arguments.rate
+    print(f'    {"all the rest":20s} {rest:6.1f} s, {1e6 * rest / samples:.0f} us a sample (imports included)')
     if arguments.profile:
         pstats.Stats(profile).sort_stats('tottime').print_stats(30)
     return 0 if speed >= LIMIT else 1
