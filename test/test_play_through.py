@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.cli.main import main
@@ -13,7 +14,14 @@ from swath_sysid.files.bags import opened_bag, read_bag, read_imu, write_imu_bag
 from swath_sysid.files.csv_trials import write_csv
 from swath_sysid.files.imu_readings import read_readings
 from swath_sysid.files.model_file import model_from_yaml, read_model, write_model
-from swath_sysid.files.output_bag import OutputBag, _Template, diagnostics_cdr, writing_output_bag
+from swath_sysid.files.output_bag import (
+    CHUNK_BYTES,
+    OutputBag,
+    _QuickWriter,
+    _Template,
+    diagnostics_cdr,
+    writing_output_bag,
+)
 from swath_sysid.hull.catalogue import hull_named
 from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
@@ -191,8 +199,7 @@ def test_waves_are_fitted_inline_and_installed_at_once(bag):
     pipeline.outlook.install = lambda fit: (installed.append(fit.stamp), install(fit))
     for reading in read_readings(bag):
         pipeline.add(reading)
-    assert asked and installed == asked
-    assert pipeline.outlook.predictor.diagnostics().has_waves
+    assert len(asked) > 1 and installed == asked
 
 
 def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag, played):
@@ -394,6 +401,24 @@ def test_the_bytes_of_diagnostics_are_those_of_a_type_system(stamp_ns, statuses)
     )
     wanted = bytes(STORE.serialize_cdr(message, 'diagnostic_msgs/msg/DiagnosticArray'))
     assert diagnostics_cdr(stamp_ns, statuses) == wanted
+
+
+def test_the_quick_writer_writes_what_that_of_rosbags_writes(tmp_path):
+    rng = np.random.default_rng(0)
+    messages = [
+        (int(rng.integers(0, 3)), int(time), rng.bytes(int(rng.integers(0, 9000))))
+        for time in rng.integers(0, 2**62, 600)
+    ]
+    files = []
+    for kind in (_QuickWriter, Writer):
+        folder = tmp_path / kind.__name__ / 'bag'
+        folder.parent.mkdir()
+        with kind(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            connections = [writer.add_connection(f'/{k}', 'std_msgs/msg/String', typestore=STORE) for k in range(3)]
+            for topic, time, raw in messages:
+                writer.write(connections[topic], time, raw)
+        files.append((folder / 'bag.mcap').read_bytes())
+    assert files[0] == files[1] and len(files[0]) > 2 * CHUNK_BYTES
 
 
 def test_an_output_that_fails_leaves_nothing(tmp_path):

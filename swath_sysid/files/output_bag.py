@@ -7,6 +7,7 @@ from struct import Struct
 import numpy as np
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.errors import InputError
@@ -39,6 +40,11 @@ LITTLE_ENDIAN = b'\0\1\0\0'
 ENCAPSULATION_BYTES = len(LITTLE_ENDIAN)
 FLOAT64_BYTES = 8
 _STAMP = Struct('<II')
+
+MESSAGE_RECORD, MESSAGE_HEAD_BYTES, CHUNK_BYTES = 0x05, 22, 2**20
+_MESSAGE = Struct('<BQHIQQ')
+"""An mcap record of a message up to its data: kind, length, channel, sequence, times of logging and publishing."""
+
 _PADDING = b'', bytes(3), bytes(2), bytes(1)
 
 
@@ -67,9 +73,36 @@ def writing_output_bag(path, *, frame_id='base_link', namespace=''):
         raise InputError(f"the messages are written as mcap: give an output name that ends in .mcap, not '{path}'")
     with replacing(path) as temporary:
         folder = temporary.with_suffix('')
-        with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        with _QuickWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             yield OutputBag(writer, frame_id, namespace)
         os.replace(folder / f'{folder.name}.mcap', temporary)
+
+
+class _QuickStorage(McapWriter):
+    """rosbags' mcap storage, which puts a message together field by field: in one piece that takes a third of the time.
+
+    The same calls give the same file.
+    """
+
+    def write(self, connection, timestamp, data):
+        """Write a message; see `McapWriter.write`."""
+        chunk, number = self.chunk, connection.id
+        if timestamp < chunk.message_start_time:
+            chunk.message_start_time = timestamp
+            self.message_start_time = min(timestamp, self.message_start_time)
+        if timestamp > chunk.message_end_time:
+            chunk.message_end_time = timestamp
+            self.message_end_time = max(timestamp, self.message_end_time)
+        self.channel_stats[number] += 1
+        place = chunk.bio.tell()
+        chunk.msgs[number].append((timestamp, place))
+        head = _MESSAGE.pack(MESSAGE_RECORD, MESSAGE_HEAD_BYTES + len(data), number, 0, timestamp, timestamp)
+        if place + chunk.bio.write(head + data) > CHUNK_BYTES:
+            self.close_chunk()
+
+
+class _QuickWriter(Writer):
+    STORAGE_PLUGINS = {StoragePlugin.MCAP: _QuickStorage}
 
 
 class OutputBag:
