@@ -11,7 +11,13 @@ from swath_sysid.prediction.calibration import LEVELS, Calibrator
 from swath_sysid.prediction.combination import Combiner
 from swath_sysid.prediction.ekf import runge_kutta_step
 from swath_sysid.prediction.excitation import ExcitationSettings, fit_table, iterate, lag_matrix
-from swath_sysid.prediction.free_forecast import carry_on, longest_horizon_step, mean_moments
+from swath_sysid.prediction.free_forecast import (
+    carry_on,
+    longest_horizon_step,
+    mean_moments,
+    mean_moments_kernel,
+    mean_moments_of_arrays,
+)
 from swath_sysid.prediction.history import History
 from swath_sysid.prediction.waves import WaveRequest, fit_waves
 
@@ -90,6 +96,22 @@ def test_moments_found_from_motion_drive_the_hull_along_it():
     found = mean_moments(ROLL, angles, rates, 0.0, step, per_grid)
     assert np.abs(found - moments).max() < 0.02
     assert time.size == found.size
+
+
+@pytest.mark.parametrize('hull', ['swath-roll', 'swath-pitch'])
+def test_moments_found_one_by_one_are_those_found_at_once(hull):
+    model, rng = hull_named(hull).model, np.random.default_rng(7)
+    angles, rates = 0.1 * rng.normal(size=60), 0.3 * rng.normal(size=60)
+    angles[20], rates[40], angles[55] = np.nan, np.nan, 2.0
+    step, per_grid = longest_horizon_step(model, 0.2)
+    at_once = mean_moments_of_arrays(model, angles, rates, model.trim + 0.01, step, per_grid)
+    one_by_one = np.empty(59)
+    mean_moments_kernel(
+        angles, rates, model.trim + 0.01, step, per_grid, tuple(model.ratios.tolist()), model.equation.active,
+        model.friction_rate, one_by_one,
+    )  # fmt: skip
+    assert np.allclose(one_by_one, at_once, rtol=1e-9, atol=1e-9, equal_nan=True)
+    assert 50 < np.isfinite(at_once).sum() < 59
 
 
 def test_a_hull_that_runs_away_is_held():

@@ -19,7 +19,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from swath_sysid.errors import InputError
 
 _CLIP = 8.0
-_FURTHER_THAN_SEEN = 1.3
+_FURTHER_THAN_SEEN = 2.0
 _FEWEST_ROWS_A_COEFFICIENT = 4.0
 
 
@@ -76,7 +76,7 @@ class ForecastTable:
     error : ndarray, shape (L, T)
         Root mean square error on the held-out parts, in the targets' units.
     limit : ndarray, shape (T,)
-        Furthest from their mean that the targets are forecast: a little further than the window has seen.
+        Furthest from their mean that the targets are forecast: twice as far as the window has seen.
     weights : tuple
         ((order, ridge), mean weight) of each candidate, for people.
     """

@@ -7,7 +7,8 @@ by lead and calibrate the result.  What an expert lacks (a hull, enough past, a 
 only takes that expert away.  In still water the hull alone forecasts (`Stillness`).
 """
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,27 +33,22 @@ _PRIOR_TRUST = 5.0
 _EARLY = 5.0
 _INFANCY = 60.0
 _FOREIGN = 0.04
-_IDLE_TIME_A_ROW = 0.005
+_IDLE_TIME_A_ROW = 0.015
 _FASTEST_EVEN = 0.05
 
 
-@dataclass(frozen=True)
-class _Issued:
-    """A forecast whose errors are not all known yet."""
+_COLUMNS = len(EXPERTS)
+COMBINED, ANGLE, RATE_TOLD, DEVIATION, QUANTILES, ACTIVITY, CLAIM, NOMINAL, LEVEL, MEAN_LEVEL, STILL = (
+    *range(_COLUMNS, _COLUMNS + 5), *range(_COLUMNS + 7, _COLUMNS + 13)
+)  # fmt: skip
+_WIDTH = STILL + 1
+
+
+class _Issued(NamedTuple):
+    """A forecast whose errors are not all known yet: everything of it by axis and lead, in columns."""
 
     stamp: float
-    experts: np.ndarray
-    combined: np.ndarray
-    angles: np.ndarray
-    rates: np.ndarray
-    deviation: np.ndarray
-    quantiles: np.ndarray
-    activity: np.ndarray
-    claims: np.ndarray
-    levels: tuple[float, ...]
-    mean_levels: tuple[float, ...]
-    nominal: np.ndarray
-    is_still: np.ndarray
+    table: np.ndarray
 
 
 class Forecaster:
@@ -90,6 +86,7 @@ class Forecaster:
         self._steps = {}
         self._tables = {}
         self._fit = self._waiting = None
+        self._usable = set()
         self.clear()
 
     def clear(self):
@@ -120,6 +117,7 @@ class Forecaster:
         for expert in (HULL, HULL_AND_WAVES):
             self._combiner.forget_expert(place, expert)
         self._stillness[place].forget()
+        self._find_usable()
         self._refit_due = -math.inf
 
     def take(self, sample, interval, estimates):
@@ -238,11 +236,16 @@ class Forecaster:
             rate = np.where(share > 0.0, rate + share * (rates[:, HULL] - rate), rate)
             deviation = np.where(is_still, believed * hull_deviation + (1.0 - believed) * deviation, deviation)
         quantiles = np.where(is_still[..., None], self._calibrator.quantiles[1], self._calibrator.quantiles[0])
-        self._issued.append(_Issued(
-            stamp, angles[:, :, at], combined, angle[:, at], rate[:, at], deviation, quantiles, activity,
-            claims, tuple(s.excitation_variance for s in self._stillness),
-            tuple(s.mean_level for s in self._stillness), nominal, is_still,
-        ))  # fmt: skip
+        table = np.empty((len(AXES), self._leads.size, _WIDTH))
+        table[:, :, :_COLUMNS] = angles[:, :, at].transpose(0, 2, 1)
+        table[:, :, COMBINED], table[:, :, ANGLE], table[:, :, RATE_TOLD] = combined, angle[:, at], rate[:, at]
+        table[:, :, DEVIATION], table[:, :, QUANTILES:ACTIVITY] = deviation, quantiles
+        table[:, :, ACTIVITY], table[:, :, STILL] = activity[:, None], is_still
+        table[:, :, CLAIM], table[:, :, NOMINAL] = claims, nominal
+        for place, stillness in enumerate(self._stillness):
+            table[place, :, LEVEL] = stillness.excitation_variance
+            table[place, :, MEAN_LEVEL] = stillness.mean_level
+        self._issued.append(_Issued(stamp, table))
         at_leads, over_horizon = self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles, spread)
         if self._quiescence is None:
             return at_leads, over_horizon
@@ -256,12 +259,15 @@ class Forecaster:
             attitude = self._filters[axis]
             if not (attitude.is_started and attitude.has_model):
                 continue
-            covariance, stillness = attitude.P.copy(), self._stillness[place]
+            covariance, stillness = attitude.P, self._stillness[place]
             stillness.follow(
                 stamp, elapsed, float(attitude.x[3]), float(covariance[3, 3]), attitude.disturbance_variance,
                 2.0 * math.pi / self._pace(attitude),
             )  # fmt: skip
+            if not stillness.is_conceivable:
+                continue
             # of the disturbance that is believed in here, all is to come
+            covariance = covariance.copy()
             covariance[3] = covariance[:, 3] = 0.0
             covariance[3, 3] = level = stillness.excitation_variance
             variance = self._tables[axis].covariance(covariance, level)[:, 0, 0] + 1e-12
@@ -296,6 +302,12 @@ class Forecaster:
         if self._fit is None or self._fit.hulls.keys() != fit.hulls.keys():
             self._steps.clear()
         self._fit = fit
+        self._find_usable()
+
+    def _find_usable(self):
+        """The axes whose hull is still the one that the fit knew."""
+        hulls = {} if self._fit is None else self._fit.hulls
+        self._usable = {axis for axis, model in hulls.items() if self._filters[axis].model == model}
 
     def _follow_motion(self, stamp, elapsed):
         """Running mean, size and speed of the motion."""
@@ -341,59 +353,46 @@ class Forecaster:
             self._first_issued += done
 
     def _learn(self, due, records, tolerance, elapsed):
-        due = np.array(due)
-        stamps = np.array([r.stamp for r in records]) + self._leads[due]
-        rows = self._history.at(stamps, tolerance)
-        # gathered by record (N, A, ...), then put at their leads
-        activity = np.array([r.activity for r in records])
-        error = np.array([r.angles[:, k] for k, r in zip(due, records, strict=True)]) - rows[:, 7:9]
-        rate_error = np.array([r.rates[:, k] for k, r in zip(due, records, strict=True)]) - rows[:, 2:4]
-        experts = np.array([r.experts[:, :, k] for k, r in zip(due, records, strict=True)]) - rows[:, 7:9, None]
-        deviation = np.array([r.deviation[:, k] for k, r in zip(due, records, strict=True)])
-        shape = len(AXES), self._leads.size
-        errors = np.full((*shape, len(EXPERTS)), np.nan)
-        errors[:, due] = (experts / activity[..., None]).transpose(1, 0, 2)
-        combined = np.full(shape, np.nan)
-        combined[:, due] = (error / deviation).T
-        issued = np.ones((*shape, 3))
-        issued[:, due] = np.array([r.quantiles[:, k] for k, r in zip(due, records, strict=True)]).transpose(1, 0, 2)
-        self._combiner.learn(errors, elapsed)
-        still = np.zeros(shape, dtype=bool)
-        still[:, due] = np.array([r.is_still[:, k] for k, r in zip(due, records, strict=True)]).T
-        calm = still.copy()
-        for place, stillness in enumerate(self._stillness):
-            for k, r in zip(due, records, strict=True) if still[place].any() else ():
-                # hands that took hold of the craft since say nothing of how well it is forecast without
-                calm[place, k] &= stillness.stayed_still([r.stamp], [r.levels[place]])[0]
-        self._calibrator.learn(
-            np.where([~still, calm], combined, np.nan), np.broadcast_to(issued, (2, *issued.shape)), elapsed
-        )
-        self._learn_stillness(due, records, errors, rows[:, 7:9], elapsed)
-        error, rate_error = error / activity, rate_error / activity
-        products = np.full((*shape, 3), np.nan)
-        products[:, due] = np.array([error * error, error * rate_error, rate_error * rate_error]).transpose(2, 1, 0)
-        whole = np.isfinite(products).all(axis=2)
-        self._joint_time += np.where(whole, elapsed, 0.0)
-        gain = elapsed / np.maximum(np.minimum(self.settings.skill_memory, self._joint_time), 1e-9)
-        self._joint += np.where(whole, gain, 0.0)[..., None] * (np.where(whole[..., None], products, 0.0) - self._joint)
+        stamps = np.full(self._leads.size, np.nan)
+        table = np.full((len(AXES), self._leads.size, _WIDTH), np.nan)
+        for lead, record in zip(due, records, strict=True):
+            stamps[lead] = record.stamp
+            table[:, lead] = record.table[:, lead]
+        truth = np.full((self._leads.size, 4), np.nan)
+        truth[due] = self._history.at(stamps[due] + self._leads[due], tolerance)[:, (7, 8, 2, 3)]
+        activity = table[:, :, ACTIVITY]
+        missed = table[:, :, :QUANTILES]
+        missed[:, :, :RATE_TOLD] -= truth.T[:2, :, None]
+        missed[:, :, RATE_TOLD] -= truth.T[2:]
+        over_deviation = missed[:, :, ANGLE] / table[:, :, DEVIATION]
+        missed[:, :, :DEVIATION] /= activity[:, :, None]
+        self._combiner.learn(missed[:, :, :_COLUMNS], elapsed)
+        still = table[:, :, STILL] == 1.0
+        calm = still
+        if (table[:, :, CLAIM] > 0.0).any():
+            calm = still & self._learn_stillness(table, stamps, elapsed)
+        issued = table[:, :, QUANTILES:ACTIVITY]
+        self._calibrator.learn(np.where((~still, calm), over_deviation, np.nan), issued, elapsed)
+        angle, rate = missed[:, :, ANGLE], missed[:, :, RATE_TOLD]
+        products = np.stack((angle * angle, angle * rate, rate * rate), axis=2)
+        whole = np.isfinite(products[:, :, 1])
+        self._joint_time += elapsed * whole
+        gain = elapsed / np.maximum(np.minimum(self.settings.skill_memory, self._joint_time), 1e-9) * whole
+        products[~whole] = 0.0
+        self._joint += gain[:, :, None] * (products - self._joint)
 
-    def _learn_stillness(self, due, records, errors, truth, elapsed):
+    def _learn_stillness(self, table, stamps, elapsed):
+        """Score the claims of still water; whether it has stayed still since, shape (A, L)."""
+        stayed = np.zeros(table.shape[:2], dtype=bool)
         for place, stillness in enumerate(self._stillness):
-            claims, combination, nominal, stamps, levels, mean_levels = np.full((6, self._leads.size), np.nan)
-            claims[due] = [r.claims[place, k] for k, r in zip(due, records, strict=True)]
-            if not np.nansum(claims) > 0.0:
-                continue
-            told = np.array([
-                (
-                    r.combined[place, k], r.activity[place], r.nominal[place, k], r.stamp, r.levels[place],
-                    r.mean_levels[place],
-                ) for k, r in zip(due, records, strict=True)
-            ])  # fmt: skip
-            hull = errors[place, :, HULL]
-            combination[due] = (told[:, 0] - truth[:, place]) / told[:, 1]
-            nominal[due] = hull[due] * told[:, 1] / np.maximum(told[:, 2], 1e-9)
-            stamps[due], levels[due], mean_levels[due] = told[:, 3:].T
-            stillness.learn(np.nan_to_num(claims), stamps, levels, mean_levels, hull, combination, nominal, elapsed)
+            rows = table[place]
+            claims = np.nan_to_num(rows[:, CLAIM])
+            if claims.any():
+                stayed[place] = stillness.learn(
+                    claims, stamps, rows[:, LEVEL], rows[:, MEAN_LEVEL], rows[:, HULL], rows[:, COMBINED],
+                    rows[:, HULL] * rows[:, ACTIVITY] / np.maximum(rows[:, NOMINAL], 1e-9), elapsed,
+                )  # fmt: skip
+        return stayed
 
     def _experts(self, interval):
         """Forecasts of every expert: angles and rates, shape (A, E, leads), NaN where there is none."""
@@ -434,7 +433,7 @@ class Forecaster:
         rows = min(fit.reach, int((self._history.time[-1] - self._history.time[0]) / fit.step + 1e-6) + 1)
         lags = self._history.back(fit.step, rows, interval)[:, :len(CHANNELS)]
         moments = None
-        usable = {a for a, model in fit.hulls.items() if self._filters[a].model == model}
+        usable = self._usable
         if usable:
             moments = fit.moments_ahead(lags, {axis: float(self._filters[axis].x[2]) for axis in fit.hulls})
         moments = {} if moments is None else {

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.accelerator import accelerated
+from swath_sysid.accelerator import HAS_NUMBA, accelerated
 from swath_sysid.hull import terms
 from swath_sysid.prediction.ekf import CAPSIZED, process_noise, runge_kutta_step, transition
 
@@ -19,6 +19,8 @@ LARGEST_MOMENT = 1e4
 
 _damping = accelerated(terms.damping_moment)
 _restoring = accelerated(terms.restoring_moment)
+_damping_slope = accelerated(terms.damping_slope)
+_restoring_slope = accelerated(terms.restoring_slope)
 
 
 def longest_horizon_step(model, grid_step):
@@ -126,6 +128,44 @@ def mean_moments(model, angles, rates, trim, step, per_grid):
     ndarray, shape (N - 1,)
         rad/s^2; NaN where the hull ran away.
     """
+    if HAS_NUMBA:
+        moments = np.empty(max(0, angles.size - 1))
+        mean_moments_kernel(
+            np.ascontiguousarray(angles), np.ascontiguousarray(rates), trim, step, per_grid,
+            tuple(model.ratios.tolist()), model.equation.active, model.friction_rate, moments,
+        )  # fmt: skip
+        return moments
+    return mean_moments_of_arrays(model, angles, rates, trim, step, per_grid)
+
+
+@accelerated
+def mean_moments_kernel(angles, rates, trim, step, per_grid, ratios, active, friction_rate, moments):
+    """Fill the moments, one after another; see `mean_moments`."""
+    half, sixth, h = 0.5 * step, step / 6.0, step * per_grid
+    for k in range(moments.size):
+        x = min(max(angles[k] - trim, -CAPSIZED), CAPSIZED)
+        w = rates[k]
+        for _ in range(per_grid):
+            a1 = -_damping(w, ratios, active, friction_rate) - _restoring(x, ratios, active)
+            w2 = w + half * a1
+            a2 = -_damping(w2, ratios, active, friction_rate) - _restoring(x + half * w, ratios, active)
+            w3 = w + half * a2
+            a3 = -_damping(w3, ratios, active, friction_rate) - _restoring(x + half * w2, ratios, active)
+            w4 = w + step * a3
+            a4 = -_damping(w4, ratios, active, friction_rate) - _restoring(x + step * w3, ratios, active)
+            x = float(x + sixth * (w + 2.0 * (w2 + w3) + w4))
+            w = float(w + sixth * (a1 + 2.0 * (a2 + a3) + a4))
+        middle = min(max((angles[k] + angles[k + 1]) / 2.0 - trim, -CAPSIZED), CAPSIZED)
+        speed = (rates[k] + rates[k + 1]) / 2.0
+        a = -_restoring_slope(middle, ratios, active)
+        c = -_damping_slope(speed, ratios, active, friction_rate)
+        gain = h * (1.0 + c * h / 2.0 + (a + c * c) * h * h / 6.0)
+        moment = (rates[k + 1] - w) / (gain if gain > 0.2 * h else h)
+        moments[k] = moment if abs(moment) < LARGEST_MOMENT else math.nan
+
+
+def mean_moments_of_arrays(model, angles, rates, trim, step, per_grid):
+    """`mean_moments`, all of them at once: quick without the accelerator."""
     x, w = angles[:-1] + (model.trim - trim), rates[:-1]
     x = np.clip(x, model.trim - CAPSIZED, model.trim + CAPSIZED)
     with np.errstate(over='ignore', invalid='ignore'):

@@ -12,12 +12,13 @@ from collections import deque
 import numpy as np
 
 _SMALL_ERROR = 1.0 / 4.0
-_SMALL_EXCITATION = 1.0 / 16.0
+_SMALL_EXCITATION = 1.0 / 24.0
 _NOT_SIGNIFICANT = 0.1
 _UNHEARD_OF = 9.0
 _NO_LONGER_STILL = 16.0
 _INFANCY = 5.0
 _SHARPNESS = 3.0
+_OUT_OF_QUESTION = 2.5
 _SHARE_OF_PERIOD = 0.1
 _LEAST_INFORMED = 0.1
 _RECORD_PRIOR = 0.01
@@ -103,9 +104,17 @@ class Stillness:
         -------
         ndarray, shape (L,)
         """
-        past = self.excitation_variance / max(_SMALL_EXCITATION * self.past_level, 1e-30)
-        share = np.maximum(hull / np.maximum(_SMALL_ERROR * combination, 1e-30), past)
-        return 1.0 / (1.0 + np.minimum(share, 1e3) ** _SHARPNESS)
+        share = np.maximum(hull / np.maximum(_SMALL_ERROR * combination, 1e-30), self._share_of_past)
+        return np.where(share < _OUT_OF_QUESTION, 1.0 / (1.0 + np.minimum(share, 1e3) ** _SHARPNESS), 0.0)
+
+    @property
+    def _share_of_past(self):
+        return self.excitation_variance / max(_SMALL_EXCITATION * self.past_level, 1e-30)
+
+    @property
+    def is_conceivable(self):
+        """Whether there may be a claim, whatever the errors."""
+        return self._share_of_past < _OUT_OF_QUESTION
 
     @property
     def past_level(self):
@@ -120,13 +129,6 @@ class Stillness:
                 break
             largest = max(largest, level)
         return largest
-
-    def stayed_still(self, stamps, levels):
-        """Whether the excitation has stayed what it was at each stamp, shape (L,)."""
-        return np.array([
-            stamp == stamp and self.level_since(stamp) <= _NO_LONGER_STILL * level
-            for stamp, level in zip(stamps, levels, strict=True)
-        ])  # fmt: skip
 
     @property
     def trust(self):
@@ -159,12 +161,19 @@ class Stillness:
             The hull's error over its nominal deviation.
         elapsed : float
             s.
+
+        Returns
+        -------
+        ndarray of bool, shape (L,)
+            Whether the excitation has stayed what it was.
         """
         known = np.isfinite(hull) & np.isfinite(combination) & np.isfinite(nominal)
         for lead in np.flatnonzero(known & (claims > 0.0)):
             # hands that take hold of the craft say nothing of still water
             known[lead] = self.level_since(stamps[lead]) <= _UNHEARD_OF * mean_levels[lead]
-        stayed = known & self.stayed_still(stamps, levels)
+        stayed = known & (claims > 0.0)
+        for lead in np.flatnonzero(stayed):
+            stayed[lead] = self.level_since(stamps[lead]) <= _NO_LONGER_STILL * levels[lead]
         gain = np.where(known, claims, 0.0) * elapsed
         squares = np.where(known, np.array([hull, combination]) ** 2, 0.0)
         self._record *= 1.0 - np.minimum(gain / self._memory, 1.0)
@@ -173,3 +182,4 @@ class Stillness:
         keep = 1.0 - np.minimum(gain / _SCALE_MEMORY, 1.0)
         self._scale_sum = keep * self._scale_sum + gain * np.where(stayed, nominal, 0.0) ** 2
         self._scale_time = keep * self._scale_time + gain
+        return stayed
