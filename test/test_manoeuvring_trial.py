@@ -208,3 +208,20 @@ def test_a_compass_askew_is_turned_along_the_keel():
     # on one course only it may as well be a current
     one = replace(askew, heading=np.full(time.size, -np.radians(10.0)), x=1.2 * time, y=0.0 * time)
     assert 'compass-misaligned' not in {a.code for a in prepare(one).advice}
+
+
+def test_single_spikes_are_left_out_and_told():
+    rng = np.random.default_rng(2)
+    time = np.arange(0.0, 100.0, 0.1)
+    inputs = 50.0 + 40.0 * np.sign(np.sin(0.3 * time))
+    surge = 1.0 + 0.5 * np.sin(0.3 * time) + 0.05 * rng.standard_normal(time.size)
+    rate = 0.3 * np.sin(0.5 * time) + 0.005 * rng.standard_normal(time.size)
+    places = np.array([100, 333, 334, 700])
+    struck = surge.copy()
+    struck[places] += 3.0
+    clean = prepare(ManoeuvringTrial(time, inputs, inputs, surge=surge, yaw_rate=rate))
+    run = prepare(ManoeuvringTrial(time, inputs, inputs, surge=struck, yaw_rate=rate))
+    assert [a.code for a in run.advice if a.code == 'spikes'] == ['spikes']
+    assert 'spikes' not in {a.code for a in clean.advice}
+    assert np.array_equal(np.flatnonzero(np.isnan(run.surge)), places)
+    assert np.allclose(run.smooth, clean.smooth, atol=0.05, equal_nan=True)

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.signal import lfilter, savgol_filter
 
 from swath_sysid.advice import Advice
@@ -28,6 +28,15 @@ LONGEST_GAP = 1.0
 """s; over a longer gap in the thrust nothing is known of the motion."""
 
 ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'heading': 1e6}
+LEAST_SPIKE = {'surge': 0.5, 'sway': 0.5, 'yaw_rate': 0.3, 'x': 3.0, 'y': 3.0}
+"""m/s, rad/s, m by which a single sample jumps away from its neighbours at least to be left out."""
+
+SPIKE = 10.0
+"""Usual distances from the neighbours, beyond which a sample is left out."""
+
+NEIGHBOURS = 7
+MOST_SPIKES = 0.03
+
 SMOOTHING = 0.4
 """s; width of the Gaussian that gives smooth states."""
 
@@ -179,7 +188,7 @@ def prepare_all(trials, gap_means_zero=False, step=None):
         Too few samples, no thrust, or neither speed nor yaw rate in one of them.
     """
     advice = [list(trial.advice) for trial in trials]
-    trials = [_without_absurd(_in_order(t, a), a) for t, a in zip(trials, advice, strict=True)]
+    trials = [_without_spikes(_without_absurd(_in_order(t, a), a), a) for t, a in zip(trials, advice, strict=True)]
     trials = _set_right(trials, advice)
     if step is None:
         interval = float(np.median([np.median(np.diff(trial.time)) for trial in trials]))
@@ -292,6 +301,27 @@ def _without_absurd(trial, advice):
         advice.append(Advice('missing-rows', (
             f'{trial.source}: {int(np.sum(rows))} rows hold no measured value and are bridged by the simulation: check '
             f'the logger if they are many')))  # fmt: skip
+    return trial
+
+
+def _without_spikes(trial, advice):
+    """Without single samples far from their neighbours on both sides, as receivers and buses make them."""
+    for name, least in LEAST_SPIKE.items():
+        values = getattr(trial, name)
+        known = np.flatnonzero(np.isfinite(values)) if values is not None else np.zeros(0, dtype=int)
+        if known.size < 10 * NEIGHBOURS:
+            continue
+        away = np.abs(values[known] - median_filter(values[known], NEIGHBOURS, mode='nearest'))
+        usual = 1.4826 * median_filter(away, 20 * NEIGHBOURS + 1, mode='nearest')
+        spikes = away > np.maximum(SPIKE * usual, least)
+        if not spikes.any() or spikes.mean() > MOST_SPIKES:
+            continue
+        advice.append(Advice('spikes', (
+            f'{trial.source}: {int(spikes.sum())} values of {name} jump away for a moment and are left out: look at '
+            f'the sensor if they are many')))  # fmt: skip
+        cleaned = values.copy()
+        cleaned[known[spikes]] = np.nan
+        trial = replace(trial, **{name: cleaned})
     return trial
 
 

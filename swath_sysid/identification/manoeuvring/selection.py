@@ -30,7 +30,9 @@ LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
 
 USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
-FAR_BETTER = 0.5
+FAR_BETTER = 0.7
+BEYOND_DOUBT = 0.1
+"""A share of the whole misfit that no chance explains away."""
 
 HELD_OUT_SCATTER = 0.5
 """Standard errors by which a term must help runs that were held out."""
@@ -227,13 +229,15 @@ def select(problem, first, note=None):
             continue
         reference = now.shooting.refine(now.values, max_evaluations=6).cost
         inflation = _inflation(tried)
-        if (reference - _cost_with(tried, now)) * 2.0 / inflation < 0.5 * _threshold(tried, len(group)):
+        gain = reference - _cost_with(tried, now)
+        if gain * 2.0 / inflation < 0.5 * _threshold(tried, len(group)):
             rejected[' '.join(group)] = 'no gain'
             continue
-        # a thruster's curve may show in one run only: held out, that run cannot vouch for it
-        if not all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in group) and not _helps_held_out(
-            tried, now
-        ):
+        # a thruster's curve may show in one run only: held out, that run cannot vouch for it; and a model that lacks
+        # much is too far from the truth for the linear view of what is held out
+        doubted = gain < BEYOND_DOUBT * reference and not all(
+            n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in group)
+        if doubted and not _helps_held_out(tried, now):
             rejected[' '.join(group)] = 'no gain on runs held out'
             continue
         now = tried
