@@ -56,7 +56,7 @@ def main():
     parser.add_argument('--first-seed', type=int, default=101)
     parser.add_argument('--minutes', type=float, default=15.0)
     parser.add_argument('--rate-hz', type=float, default=20.0)
-    parser.add_argument('--std-deg', type=float, default=1.2, help='of the roll')
+    parser.add_argument('--std-deg', type=float, default=1.1, help='of the roll')
     parser.add_argument('--angle-noise', type=float, default=1e-3, help='rad')
     parser.add_argument('--rate-noise', type=float, default=1.65e-2, help='rad/s')
     arguments = parser.parse_args()
