@@ -32,6 +32,7 @@ from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.terms import TERM_INDEX, TERM_NAMES
 from swath_sysid.identification.sea_motion import (
     BAND_RATIO,
+    EDGE_PERIODS,
     GAUSSIAN_RATE,
     LEAST_REACH,
     SeaMotion,
@@ -235,7 +236,9 @@ class AtSeaIdentification:
 
 def is_at_sea(identified):
     """Whether an `IdentifiedModel` is the linear equivalent that a record in waves gave."""
-    return identified.provenance.get('identified_from') == AT_SEA
+    provenance = identified.provenance
+    # a model file may say anything there
+    return isinstance(provenance, dict) and provenance.get('identified_from') == AT_SEA
 
 
 def is_forced(motion):
@@ -370,11 +373,12 @@ def _prepared(motion):
         )
     sea = sea_motion(motion)
     period = 2.0 * np.pi / sea.peak
+    needed = (FEWEST_WAVES + 2.0 * EDGE_PERIODS) * period
     if sea.duration < FEWEST_WAVES * period:
         raise InputError(
             f'the {motion.axis} holds {sea.duration:.0f} s of motion in waves with a peak period of {period:.3g} s, '
-            f'too few waves to tell hull and sea apart: record at least {FEWEST_WAVES * period:.0f} s, better three '
-            'times as long'
+            f'too few waves to tell hull and sea apart: record at least {np.ceil(needed):.0f} s, better three times as '
+            'long'
         )
     return sea, term_spectra(sea)
 

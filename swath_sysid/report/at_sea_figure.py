@@ -6,6 +6,7 @@ import numpy as np
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
 
 _SHOWN = 1e-5
+_TICKS = np.array([1.0, 2.0, 5.0])
 
 
 def at_sea_figure(found):
@@ -34,6 +35,15 @@ def at_sea_figure(found):
     return figure
 
 
+def _in_hertz(axes, hertz):
+    """The range of the frequencies, with plain numbers."""
+    ticks = (_TICKS * 10.0 ** np.arange(-4, 3)[:, None]).ravel()
+    ticks = ticks[(ticks >= hertz[0]) & (ticks <= hertz[-1])]
+    axes.set_xlim(hertz[0], hertz[-1])
+    axes.set_xticks(ticks, [f'{tick:g}' for tick in ticks])
+    axes.set_xticks([], minor=True)
+
+
 def _spectrum(axes, found):
     spectra, hertz = found.spectra, found.spectra.frequency / (2.0 * np.pi)
     unit = np.degrees(1.0) ** 2 * 2.0 * np.pi
@@ -41,6 +51,7 @@ def _spectrum(axes, found):
     axes.loglog(hertz, unit * spectra.fitted, '--', color=MODEL, linewidth=1.4, label='fitted')
     top = unit * spectra.measured.max()
     axes.set(ylabel=f'{found.model.axis}, deg²/Hz', ylim=(_SHOWN * top, 3.0 * top))
+    _in_hertz(axes, hertz)
     _marks(axes, found)
     axes.legend(frameon=False, fontsize='small', loc='lower left')
 
@@ -53,7 +64,7 @@ def _excitation(axes, found):
     axes.set(
         xlabel='frequency, Hz', ylabel='exciting moment / inertia, (rad/s²)² s', ylim=(_SHOWN * top, 3.0 * top)
     )
-    axes.set_xlim(hertz[0], hertz[-1])
+    _in_hertz(axes, hertz)
     _marks(axes, found)
     axes.legend(frameon=False, fontsize='small', loc='lower left')
 
@@ -85,6 +96,7 @@ def _response(axes, found):
     )
     axes.loglog(hertz, own, color=MODEL, label='equivalent linear hull')
     axes.set(xlabel='frequency, Hz', ylabel='response, angle / static angle', ylim=(1e-2, 3.0 * own.max()))
+    _in_hertz(axes, hertz)
     axes.axvline(1.0 / found.peak_period, color=RESIDUAL, linewidth=0.8, linestyle=':', label='peak of the excitation')
     axes.legend(frameon=False, fontsize='small', loc='lower left')
 
