@@ -114,7 +114,10 @@ def _add_identify(parser):
         '--towards', action='append', default=[], metavar='NAME=VALUE:STD',
         help='regularise a parameter towards a value',
     )  # fmt: skip
-    parser.add_argument('--current', choices=CURRENT_CHOICES, default=CURRENT_CHOICES[0], help='default: %(default)s')
+    parser.add_argument(
+        '--current', choices=CURRENT_CHOICES, default=CURRENT_CHOICES[0],
+        help='auto: one for each run where the heading is known; shared: one for all; none (default: %(default)s)',
+    )  # fmt: skip
     parser.add_argument('--window', type=finite, default=20.0, metavar='S', help='default: %(default)s')
     parser.add_argument('--generations', type=int, default=15, metavar='N', help='default: %(default)s')
     parser.add_argument('--population', type=int, default=24, metavar='N', help='default: %(default)s')

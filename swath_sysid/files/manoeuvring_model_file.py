@@ -7,6 +7,7 @@ import yaml
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
+from swath_sysid.files.plain_fields import check_fields, text_of, yaml_content
 from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.hull.manoeuvring.model import ManoeuvringModel, parameter_values
 from swath_sysid.hull.manoeuvring.stability import Region
@@ -71,16 +72,15 @@ def manoeuvring_from_yaml(text, source='the model'):
     InputError
         Not such a file, of another version, or with unknown, missing or wrong fields.
     """
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(f'{source} is no YAML: {str(error).splitlines()[0]}') from error
+    content = yaml_content(text, source)
     if not isinstance(content, dict) or content.get('format') != FORMAT:
         raise InputError(f"{source} is no manoeuvring model (its format is not '{FORMAT}'): write one with manoeuvre "
                          f'identify --output')  # fmt: skip
     if content.get('version') != VERSION:
         raise InputError(f'{source} has version {content.get("version")}, this software reads {VERSION}: identify anew')
-    _check_fields(content, _FIELDS, source)
+    check_fields(content, _FIELDS, source)
+    if content['frame'] != FRAME:
+        raise InputError(f"{source}: the frame '{content['frame']}' is not understood; it must be '{FRAME}'")
     parameters = content['parameters']
     if not isinstance(parameters, dict):
         raise InputError(f"{source}: 'parameters' must map names to values")
@@ -88,10 +88,10 @@ def manoeuvring_from_yaml(text, source='the model'):
     for name, plain in parameters.items():
         if name not in INDEX:
             raise InputError(f"{source}: there is no parameter '{name}'")
-        _check_fields(plain, _PARAMETER_FIELDS, f'{source}, {name}')
+        check_fields(plain, _PARAMETER_FIELDS, f'{source}, {name}')
         values[name] = _numbers(plain['value'], (), f'{source}, {name}')
     names = tuple(content['identified'])
-    _check_fields(content['region'], [f.name for f in fields(Region)], f'{source}, region')
+    check_fields(content['region'], [f.name for f in fields(Region)], f'{source}, region')
     model = ManoeuvringModel(
         parameter_values(values), thrust_input=content['thrust_input'], name=str(content['name']),
         length=float(_numbers(content['length_m'], (), source)),
@@ -115,23 +115,7 @@ def write_manoeuvring_model(path, identified):
 
 def read_manoeuvring_model(path):
     """Read a model file; see `manoeuvring_from_yaml`."""
-    try:
-        with open(path, encoding='utf-8') as file:
-            text = file.read()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f'cannot read {path}: {getattr(error, "strerror", None) or "it is no text"}') from error
-    return manoeuvring_from_yaml(text, str(path))
-
-
-def _check_fields(mapping, expected, source):
-    if not isinstance(mapping, dict):
-        raise InputError(f'{source} must hold {", ".join(expected)}')
-    missing = [name for name in expected if name not in mapping]
-    unknown = [name for name in mapping if name not in expected]
-    if missing or unknown:
-        parts = [f'lacks {", ".join(missing)}'] if missing else []
-        parts += [f'has unknown {", ".join(map(str, unknown))}'] if unknown else []
-        raise InputError(f'{source} {" and ".join(parts)}: identify anew, or mend the file')
+    return manoeuvring_from_yaml(text_of(path), str(path))
 
 
 def _numbers(value, shape, source):

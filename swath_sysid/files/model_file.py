@@ -9,6 +9,7 @@ import yaml
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
+from swath_sysid.files.plain_fields import check_fields, number_of, text_of, yaml_content
 from swath_sysid.hull.decay_model import DecayModel, Equation
 from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.scheduled_model import QUANTITIES, ScheduledModel
@@ -135,26 +136,22 @@ def schedules_from_yaml(text, source='the model'):
 
 
 def _schedule_from_plain(plain, axis, source):
-    _check_fields(plain, _SCHEDULE_FIELDS, source)
+    check_fields(plain, _SCHEDULE_FIELDS, source)
     if plain['quantity'] not in QUANTITIES:
         raise InputError(f"{source}: there is no quantity '{plain['quantity']}'; choose from {', '.join(QUANTITIES)}")
     if not isinstance(plain['models'], list):
         raise InputError(f"{source}: 'models' must be a list")
     loadings, models = [], []
     for number, item in enumerate(plain['models'], 1):
-        _check_fields(item, _SCHEDULED_FIELDS, f'{source}, model {number}')
-        loadings.append(_number(item['loading'], f'{source}, model {number}, loading'))
+        check_fields(item, _SCHEDULED_FIELDS, f'{source}, model {number}')
+        loadings.append(number_of(item['loading'], f'{source}, model {number}, loading'))
         models.append(_axis_from_plain(item['model'], axis, f'{source}, model {number}'))
     return ScheduledModel(plain['quantity'], tuple(loadings), tuple(models))
 
 
 def _checked_content(text, source):
     """The plain content of a model file, its frame and the names in it checked."""
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        line = getattr(getattr(error, 'problem_mark', None), 'line', 0) + 1
-        raise InputError(f'{source} is not YAML (line {line}): give a file written by identify --output') from error
+    content = yaml_content(text, source)
     if not isinstance(content, dict) or content.get('format') != FORMAT:
         raise InputError(f"{source} is no model file: its field 'format' is not '{FORMAT}'")
     if content.get('version') != VERSION:
@@ -162,7 +159,7 @@ def _checked_content(text, source):
             f'{source} is a model file of version {content.get("version")}; this software reads version {VERSION}: '
             'identify again'
         )
-    _check_fields({k: v for k, v in content.items() if k not in _OPTIONAL_FILE_FIELDS}, _FILE_FIELDS, source)
+    check_fields({k: v for k, v in content.items() if k not in _OPTIONAL_FILE_FIELDS}, _FILE_FIELDS, source)
     if content['frame'] != FRAME:
         raise InputError(f"{source}: the frame '{content['frame']}' is not understood; it must be '{FRAME}'")
     _check_axes(content['axes'], 'axes', source)
@@ -197,7 +194,7 @@ def read_model(path):
     InputError
         Also where the file cannot be read.
     """
-    return model_from_yaml(_text_of(path), str(path))
+    return model_from_yaml(text_of(path), str(path))
 
 
 def read_schedules(path):
@@ -208,17 +205,7 @@ def read_schedules(path):
     InputError
         Also where the file cannot be read.
     """
-    return schedules_from_yaml(_text_of(path), str(path))
-
-
-def _text_of(path):
-    try:
-        with open(path, encoding='utf-8') as file:
-            return file.read()
-    except OSError as error:
-        raise InputError(f'cannot read the model file {path}: {error.strerror}') from error
-    except UnicodeDecodeError as error:
-        raise InputError(f'{path} is no model file: it is not text') from error
+    return schedules_from_yaml(text_of(path), str(path))
 
 
 def _axis_to_plain(identified):
@@ -240,7 +227,7 @@ def _axis_to_plain(identified):
 
 
 def _axis_from_plain(plain, axis, source):
-    _check_fields(plain, _AXIS_FIELDS, source)
+    check_fields(plain, _AXIS_FIELDS, source)
     ratios = plain['ratios']
     if not isinstance(ratios, dict):
         raise InputError(f"{source}: the field 'ratios' must map names to values")
@@ -248,45 +235,28 @@ def _axis_from_plain(plain, axis, source):
     if unknown:
         raise InputError(f"{source}: there is no ratio '{unknown[0]}'; ratios are {', '.join(TERM_NAMES)}")
     for name, ratio in ratios.items():
-        _check_fields(ratio, _RATIO_FIELDS, f'{source}, {name}')
+        check_fields(ratio, _RATIO_FIELDS, f'{source}, {name}')
         if ratio['unit'] != RATIO_UNITS[name]:
             raise InputError(f"{source}, {name}: the unit '{ratio['unit']}' must be '{RATIO_UNITS[name]}'")
     amplitudes = plain['valid_amplitude_rad']
     if not isinstance(amplitudes, list) or len(amplitudes) != 2:
         raise InputError(f"{source}: 'valid_amplitude_rad' must be the smallest and the largest amplitude")
     equation = Equation(str(plain['equation']), tuple(ratios))
-    values = {name: _number(ratio['value'], f'{source}, {name}') for name, ratio in ratios.items()}
+    values = {name: number_of(ratio['value'], f'{source}, {name}') for name, ratio in ratios.items()}
     return IdentifiedModel(
         model=DecayModel.from_terms(
-            equation, values, trim=_number(plain['trim_rad'], f'{source}, trim_rad'),
-            friction_rate=_number(plain['friction_rate_rad_s'], f'{source}, friction_rate_rad_s'), axis=axis,
+            equation, values, trim=number_of(plain['trim_rad'], f'{source}, trim_rad'),
+            friction_rate=number_of(plain['friction_rate_rad_s'], f'{source}, friction_rate_rad_s'), axis=axis,
         ),
         covariance=_square_table(plain['covariance'], len(ratios), f'{source}, covariance'),
-        trim_std=_number(plain['trim_std_rad'], f'{source}, trim_std_rad'),
-        amplitude_range=tuple(_number(a, f'{source}, valid_amplitude_rad') for a in amplitudes),
+        trim_std=number_of(plain['trim_std_rad'], f'{source}, trim_std_rad'),
+        amplitude_range=tuple(number_of(a, f'{source}, valid_amplitude_rad') for a in amplitudes),
         metrics=plain['metrics'],
         provenance=plain['provenance'],
     )  # fmt: skip
 
 
-def _check_fields(mapping, expected, source):
-    if not isinstance(mapping, dict):
-        raise InputError(f'{source}: expected the fields {", ".join(expected)}')
-    unknown = [str(name) for name in mapping if name not in expected]
-    missing = [name for name in expected if name not in mapping]
-    if unknown:
-        raise InputError(f"{source}: unknown field '{unknown[0]}'; fields are {', '.join(expected)}")
-    if missing:
-        raise InputError(f"{source}: the field '{missing[0]}' is missing")
-
-
 def _square_table(rows, size, source):
     if not isinstance(rows, list) or [len(row) if isinstance(row, list) else 0 for row in rows] != [size] * size:
         raise InputError(f'{source}: {size} ratios need {size} rows of {size} numbers')
-    return [[_number(value, source) for value in row] for row in rows]
-
-
-def _number(value, source):
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{source}: '{value}' is not a number")
-    return float(value)
+    return [[number_of(value, source) for value in row] for row in rows]

@@ -33,7 +33,7 @@ class ManoeuvringSettings:
     towards : dict of str to (value, std)
         What parameters are regularised towards.
     current : str
-        ``auto`` (if it shows), ``shared`` (always), ``none``.
+        ``auto`` (one for each of several runs with heading), ``shared`` (one for all), ``none``.
     window : float
         Length of the windows, s.
     generations, population : int
