@@ -1,5 +1,6 @@
 """Identification of manoeuvring models: truth found, nonsense flagged, nothing unstable."""
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from swath_sysid.identification.manoeuvring.assembly import assemble, seen_regio
 from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring, split
 from swath_sysid.identification.manoeuvring.least_squares import minimise
 from swath_sysid.identification.manoeuvring.selection import (
+    _held_out_costs,
     covariance_of,
     fit,
     model_of,
@@ -113,23 +115,61 @@ def test_added_terms_are_selected():
     assert diameters(found.model, model) == pytest.approx([1, 1], abs=0.05)
 
 
-def test_forward_model_is_what_is_differentiated(force_runs):
-    """The Jacobian with eliminated initial states against differences of the minimum over them."""
+@pytest.mark.parametrize('drift_spread', [0.0, 0.05])
+def test_forward_model_is_what_is_differentiated(force_runs, drift_spread):
+    """The Jacobian with eliminated initial states and drifts against differences of the minimum over them."""
     problem = assemble(force_runs[5:7], ManoeuvringSettings(**QUICK))
     names = ('Xu', 'Nr', 'lag', 'gain', 'current_east')
     shooting = shooting_of(problem, 20.0).with_unknowns(problem.unknowns(names), problem.base)
+    shooting = shooting.with_drift_spread(drift_spread)
     values = np.array([-55.0, -380.0, 0.2, 1.02, 0.05])
-    for _ in range(4):
+    for _ in range(6):
         residual = shooting.residuals(values)
     gradient = shooting.jacobian(values).T @ residual
 
     def cost(v):
-        for _ in range(3):
+        for _ in range(5):
             r = shooting.residuals(v)
         return 0.5 * float(r @ r)
 
     expected = approx_fprime(values, cost, 1e-4 * np.abs(values))
     assert np.allclose(gradient, expected, rtol=0.05, atol=0.02 * np.max(np.abs(expected)) * 1e-2)
+    assert np.any(shooting.drift != 0.0) == bool(drift_spread)
+
+
+def test_held_out_costs_against_fits_without_each_part():
+    """Exact for a linear problem: each part under the least squares of the others."""
+    rng = np.random.default_rng(3)
+    sizes, truth = (30, 50, 40), np.array([1.0, -2.0, 0.5])
+    matrices = [rng.standard_normal((n, 3)) for n in sizes]
+    targets = [m @ truth + 0.3 * rng.standard_normal(len(m)) for m in matrices]
+    spread = np.array([np.inf, 2.0, np.inf])
+    prior = np.diag(np.where(np.isfinite(spread), spread**-2.0, 0.0))
+
+    def solved(keep):
+        information = sum(matrices[k].T @ matrices[k] for k in keep) + prior
+        return np.linalg.solve(information, sum(matrices[k].T @ targets[k] for k in keep))
+
+    best = solved(range(3))
+    shooting = SimpleNamespace(
+        unknowns=SimpleNamespace(units=np.array([1.0, 10.0, 0.1]), spread=spread),
+        parts=lambda values: [(m @ values - y, m) for m, y in zip(matrices, targets, strict=True)],
+    )  # fmt: skip
+    expected = [0.5 * np.sum((matrices[k] @ solved([j for j in range(3) if j != k]) - targets[k]) ** 2)
+                for k in range(3)]  # fmt: skip
+    assert np.allclose(_held_out_costs(shooting, best), expected, rtol=1e-6)
+
+
+def test_a_craft_that_hardly_keeps_its_course_gets_a_stable_model():
+    """Slightly unstable on straight courses: the model is stable, and simulates as well as may be."""
+    craft = OLD.with_values(Nuv=-200.0, Nrr=-1000.0, Yv=-120.0, Yv_dot=-60.0)
+    assert check_stability(craft, seen_region(runs_of(OLD, 1, ['mixed']))).largest_growth > 0.0
+    runs = runs_of(craft, 6, ['speed_up', 'turns_slow', 'turns_fast', 'zigzag_10', 'zigzag_20', 'mixed'])
+    found = identify_manoeuvring(runs[:5], ManoeuvringSettings(**QUICK), runs[5:])
+    assert found.stability.stable
+    assert found.stability.largest_growth < 0.0
+    assert found.validation.diverged == 0
+    assert found.validation.r2['yaw_rate'] > 0.9
 
 
 def test_least_squares_against_scipy():
