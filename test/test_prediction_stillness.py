@@ -110,7 +110,7 @@ def test_a_claim_that_does_not_come_true_is_withdrawn():
     for k in range(200):
         stillness.follow(0.1 * k, 0.1, 0.01, 1e-6, 1e-4, 2.5)
         stillness.learn(
-            np.ones(2), np.full(2, 0.1 * k), np.ones(2), np.ones(2), np.array([1.0, 0.1]), np.array([0.1, 1.0]),
+            np.ones(2), np.full(2, 0.1 * k), *np.ones((3, 2)), np.array([1.0, 0.1]), np.array([0.1, 1.0]),
             np.array([2.0, 2.0]), 0.1,
         )  # fmt: skip
     assert stillness.trust[0] < 0.01 and stillness.trust[1] == 1.0
@@ -124,6 +124,7 @@ def test_what_hands_did_says_nothing_of_still_water():
     issued = stillness.mean_level
     stillness.follow(5.0, 0.1, 1.0, 1e-6, 1.0, 2.5)
     stillness.learn(
-        np.ones(1), np.array([4.5]), np.array([1e-4]), np.array([issued]), np.ones(1), np.full(1, 0.1), np.ones(1), 0.1
+        np.ones(1), np.array([4.5]), np.array([1e-4]), np.array([issued]), np.ones(1), np.ones(1), np.full(1, 0.1),
+        np.ones(1), 0.1,
     )
     assert stillness.trust[0] == 1.0

@@ -38,8 +38,8 @@ _FASTEST_EVEN = 0.05
 
 
 _COLUMNS = len(EXPERTS)
-COMBINED, ANGLE, RATE_TOLD, DEVIATION, QUANTILES, ACTIVITY, CLAIM, NOMINAL, LEVEL, MEAN_LEVEL, STILL = (
-    *range(_COLUMNS, _COLUMNS + 5), *range(_COLUMNS + 7, _COLUMNS + 13)
+COMBINED, ANGLE, RATE_TOLD, DEVIATION, QUANTILES, ACTIVITY, CLAIM, NOMINAL, LEVEL, MEAN_LEVEL, PAST_LEVEL, STILL = (
+    *range(_COLUMNS, _COLUMNS + 5), *range(_COLUMNS + 7, _COLUMNS + 14)
 )  # fmt: skip
 _WIDTH = STILL + 1
 
@@ -245,6 +245,7 @@ class Forecaster:
         for place, stillness in enumerate(self._stillness):
             table[place, :, LEVEL] = stillness.excitation_variance
             table[place, :, MEAN_LEVEL] = stillness.mean_level
+            table[place, :, PAST_LEVEL] = stillness.past_level
         self._issued.append(_Issued(stamp, table))
         at_leads, over_horizon = self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles, spread)
         if self._quiescence is None:
@@ -389,8 +390,8 @@ class Forecaster:
             claims = np.nan_to_num(rows[:, CLAIM])
             if claims.any():
                 stayed[place] = stillness.learn(
-                    claims, stamps, rows[:, LEVEL], rows[:, MEAN_LEVEL], rows[:, HULL], rows[:, COMBINED],
-                    rows[:, HULL] * rows[:, ACTIVITY] / np.maximum(rows[:, NOMINAL], 1e-9), elapsed,
+                    claims, stamps, rows[:, LEVEL], rows[:, MEAN_LEVEL], rows[:, PAST_LEVEL], rows[:, HULL],
+                    rows[:, COMBINED], rows[:, HULL] * rows[:, ACTIVITY] / np.maximum(rows[:, NOMINAL], 1e-9), elapsed,
                 )  # fmt: skip
         return stayed
 

@@ -23,6 +23,9 @@ _SHARE_OF_PERIOD = 0.1
 _LEAST_INFORMED = 0.1
 _RECORD_PRIOR = 0.01
 _DOUBT = 1.5
+_LASTING_MEMORY, _LASTING_PRIOR = 30.0, 5.0
+_RETURNED = 4.0
+_SOON = 2.2
 _SCALE_MEMORY = 10.0
 _SCALE_PRIOR = 0.5
 _LEAST_SCALE = 1e-4
@@ -45,6 +48,8 @@ class Stillness:
         self._memory = memory
         self._usual = usual
         self._leads = leads.size
+        self._lead_times = leads
+        self._period = 1.0
         self._reach = float(leads[-1]) + 1.0
         self.forget()
 
@@ -56,6 +61,8 @@ class Stillness:
         self._square, self._fourth = self._usual**2, self._usual**4
         # squared errors of the hull and of the combination while stillness was claimed
         self._record = np.full((2, self._leads), _RECORD_PRIOR)
+        # s of claims that have lasted, and of all
+        self._lasted = np.zeros((2, self._leads))
         self._scale_sum = np.zeros(self._leads)
         self._scale_time = np.zeros(self._leads)
         self.excitation_variance = self._square
@@ -83,6 +90,7 @@ class Stillness:
         while self._levels[0][0] < stamp - self._reach:
             self._levels.popleft()
         # for so long it must have been small: passing through zero, an excitation at the hull's pace is not
+        self._period = period
         self.excitation_variance = self.level_since(stamp - _SHARE_OF_PERIOD * period)
         self._age += elapsed
         if self.mean_level != self.mean_level:
@@ -134,7 +142,12 @@ class Stillness:
     def trust(self):
         """What the record leaves of a claim, shape (L,)."""
         hull, combination = self._record
-        return np.minimum(1.0, _DOUBT * combination / hull) ** 2
+        lasted, claimed = self._lasted + _LASTING_PRIOR
+        lasting = np.minimum(1.0, 2.0 * lasted / claimed) ** 4
+        # an excitation that soon returns was not gone at the shorter leads either
+        soon = self._lead_times <= _SOON * self._period
+        lasting[soon] = np.minimum.accumulate(lasting[soon][::-1])[::-1]
+        return np.minimum(1.0, _DOUBT * combination / hull) ** 2 * lasting
 
     @property
     def scale(self):
@@ -146,15 +159,15 @@ class Stillness:
             result[lead] = before = max(before, _LEAST_SCALE)
         return result
 
-    def learn(self, claims, stamps, levels, mean_levels, hull, combination, nominal, elapsed):
+    def learn(self, claims, stamps, levels, mean_levels, past_levels, hull, combination, nominal, elapsed):
         """Take in errors that have become known; NaN where none has.
 
         Parameters
         ----------
         claims : ndarray, shape (L,)
             What `claims` said when they were issued.
-        stamps, levels, mean_levels : ndarray, shape (L,)
-            When that was, s, and `excitation_variance` and `mean_level` then.
+        stamps, levels, mean_levels, past_levels : ndarray, shape (L,)
+            When that was, s, and `excitation_variance`, `mean_level` and `past_level` then.
         hull, combination : ndarray, shape (L,)
             Errors over the motion's size.
         nominal : ndarray, shape (L,)
@@ -167,17 +180,19 @@ class Stillness:
         ndarray of bool, shape (L,)
             Whether the excitation has stayed what it was.
         """
-        known = np.isfinite(hull) & np.isfinite(combination) & np.isfinite(nominal)
-        for lead in np.flatnonzero(known & (claims > 0.0)):
-            # hands that take hold of the craft say nothing of still water
-            known[lead] = self.level_since(stamps[lead]) <= _UNHEARD_OF * mean_levels[lead]
-        stayed = known & (claims > 0.0)
-        for lead in np.flatnonzero(stayed):
-            stayed[lead] = self.level_since(stamps[lead]) <= _NO_LONGER_STILL * levels[lead]
+        known = np.isfinite(hull) & np.isfinite(combination) & np.isfinite(nominal) & (claims > 0.0)
+        since = np.zeros(self._leads)
+        for lead in np.flatnonzero(known):
+            since[lead] = self.level_since(stamps[lead])
         gain = np.where(known, claims, 0.0) * elapsed
-        squares = np.where(known, np.array([hull, combination]) ** 2, 0.0)
+        self._lasted *= 1.0 - np.minimum(gain / _LASTING_MEMORY, 1.0)
+        self._lasted += gain * ((since <= _RETURNED * _SMALL_EXCITATION * past_levels), np.ones(self._leads))
+        # hands that take hold of the craft say nothing of still water
+        gain *= since <= _UNHEARD_OF * mean_levels
+        squares = np.where(known, (hull, combination), 0.0) ** 2
         self._record *= 1.0 - np.minimum(gain / self._memory, 1.0)
         self._record += gain * squares
+        stayed = known & (since <= _NO_LONGER_STILL * levels)
         gain = np.where(stayed, gain, 0.0)
         keep = 1.0 - np.minimum(gain / _SCALE_MEMORY, 1.0)
         self._scale_sum = keep * self._scale_sum + gain * np.where(stayed, nominal, 0.0) ** 2
