@@ -40,6 +40,7 @@ LITTLE_ENDIAN = b'\0\1\0\0'
 ENCAPSULATION_BYTES = len(LITTLE_ENDIAN)
 FLOAT64_BYTES = 8
 _STAMP = Struct('<II')
+_FLOAT32 = Struct('<4sf')
 
 MESSAGE_RECORD, MESSAGE_HEAD_BYTES, CHUNK_BYTES = 0x05, 22, 2**20
 _MESSAGE = Struct('<BQHIQQ')
@@ -147,7 +148,7 @@ class OutputBag:
         if outlook.horizon is not None:
             self.add_horizon(time_ns, outlook.horizon)
         if outlook.quiescence is not None:
-            self._serialise(QUIESCENCE_TOPIC, FLOAT, time_ns, self._types[FLOAT](data=outlook.quiescence))
+            self._write(QUIESCENCE_TOPIC, FLOAT, time_ns, _FLOAT32.pack(LITTLE_ENDIAN, outlook.quiescence))
         if played.window is not None:
             self.add_window(time_ns, played.window)
 
