@@ -31,6 +31,8 @@ class ExcitationSettings:
     ----------
     orders : tuple of int
         Candidate orders p.
+    most_coefficients : int
+        Of one target: an order that needs more with all the channels is no candidate, for the cost of it.
     ridges : tuple of (float, float)
         Candidate ridges: relative to the channels' variance, and the power of the lag they grow with.
     folds : int
@@ -41,7 +43,8 @@ class ExcitationSettings:
         Leads whose errors decide, s.
     """
 
-    orders: tuple[int, ...] = (5, 10, 20, 40)
+    orders: tuple[int, ...] = (5, 10, 20, 40, 80)
+    most_coefficients: int = 280
     ridges: tuple[tuple[float, float], ...] = ((1e-6, 0.0), (1e-6, 2.0), (1e-5, 2.0), (1e-4, 2.0), (1e-3, 2.0))
     folds: int = 4
     sharpness: float = 0.8
@@ -249,7 +252,9 @@ class _Window:
     def cut(cls, scaled, settings):
         count, channels = scaled.shape
         needed = {p: _FEWEST_ROWS_A_COEFFICIENT * channels * p + settings.folds for p in sorted(settings.orders)}
-        orders = tuple(p for p, rows in needed.items() if count - p >= rows)
+        orders = tuple(
+            p for p, rows in needed.items() if count - p >= rows and channels * p <= settings.most_coefficients
+        )
         if not orders:
             return None
         largest = orders[-1]
