@@ -72,7 +72,7 @@ def test_gaps_in_a_window_are_left_out_and_short_windows_refused():
     whole = fit_table(values[:, None], 0.1, [0], np.array([0.1]))
     values[[300, 900, 901]] = np.nan
     gappy = fit_table(values[:, None], 0.1, [0], np.array([0.1]))
-    lags = np.linspace(-1.0, 1.0, 40)[:, None]
+    lags = np.linspace(-1.0, 1.0, 80)[:, None]
     assert gappy.forecast(lags[:gappy.order]) == pytest.approx(whole.forecast(lags[:whole.order]), abs=0.2)
     assert fit_table(values[:8, None], 0.1, [0], np.array([0.1])) is None
     with pytest.raises(InputError, match='folds'):
