@@ -20,6 +20,7 @@ from swath_sysid.errors import InputError
 
 _CLIP = 8.0
 _FURTHER_THAN_SEEN = 2.0
+_ENOUGH_TO_JUDGE = 2000
 _FEWEST_ROWS_A_COEFFICIENT = 4.0
 
 
@@ -244,6 +245,8 @@ class _Window:
     fold_of: np.ndarray
     grams: np.ndarray
     crosses: np.ndarray
+    gram: np.ndarray
+    cross: np.ndarray
     orders: tuple[int, ...]
     channels: int
     largest: np.ndarray
@@ -269,16 +272,24 @@ class _Window:
         grams = np.array([lags[part].T @ lags[part] for part in parts])
         crosses = np.array([lags[part].T @ following[part] for part in parts])
         return cls(
-            lags, np.flatnonzero(whole), fold_of, grams, crosses, orders, channels, np.nanmax(np.abs(scaled), axis=0)
-        )
+            lags, np.flatnonzero(whole), fold_of, grams, crosses, grams.sum(axis=0), crosses.sum(axis=0), orders, channels,
+            np.nanmax(np.abs(scaled), axis=0),
+        )  # fmt: skip
 
     def solve(self, order, ridge, without=None):
         """Coefficients from all folds, or from all but one."""
         size = self.channels * order
-        kept = np.arange(self.grams.shape[0]) != (-1 if without is None else without)
-        rows = int(kept[self.fold_of].sum())
-        gram, cross = self.grams[kept, :size, :size].sum(axis=0), self.crosses[kept, :size].sum(axis=0)
+        gram, cross, rows = self.gram[:size, :size], self.cross[:size], self.lags.shape[0]
+        if without is not None:
+            gram = gram - self.grams[without, :size, :size]
+            cross = cross - self.crosses[without, :size]
+            rows -= int((self.fold_of == without).sum())
         return solve_ridge(gram, cross, ridge, rows, order)
+
+    @property
+    def judged(self):
+        """Every so many rows judge a candidate: rows soon after each other judge alike."""
+        return max(1, self.lags.shape[0] // _ENOUGH_TO_JUDGE)
 
 
 def _average(window, candidates, mean, deviation, step, targets, leads, steps, settings, decisive):
@@ -339,11 +350,12 @@ def _held_out_error(window, aims, order, ridge, steps, targets):
         except LinAlgError:
             return None
         matrices = iterate(coefficients, order, targets, int(steps[-1]))[steps]
-        held = slice(*np.searchsorted(window.fold_of, (fold, fold + 1)))
+        held = slice(*np.searchsorted(window.fold_of, (fold, fold + 1)), window.judged)
         forecast = window.lags[held, :size] @ matrices.reshape(-1, size).T
         forecast = forecast.reshape(-1, steps.size, len(targets)).transpose(1, 0, 2)
         square = (forecast - aims[:, held]) ** 2
-        total += np.nansum(square, axis=1)
-        count += np.isfinite(square).sum(axis=1)
+        known = np.isfinite(square)
+        total += np.where(known, square, 0.0).sum(axis=1)
+        count += known.sum(axis=1)
     error = np.sqrt(total / np.maximum(count, 1))
     return error if np.isfinite(error).all() and (count > 0).all() else None
