@@ -272,8 +272,8 @@ class _Window:
         grams = np.array([lags[part].T @ lags[part] for part in parts])
         crosses = np.array([lags[part].T @ following[part] for part in parts])
         return cls(
-            lags, np.flatnonzero(whole), fold_of, grams, crosses, grams.sum(axis=0), crosses.sum(axis=0), orders, channels,
-            np.nanmax(np.abs(scaled), axis=0),
+            lags, np.flatnonzero(whole), fold_of, grams, crosses, grams.sum(axis=0), crosses.sum(axis=0), orders,
+            channels, np.nanmax(np.abs(scaled), axis=0),
         )  # fmt: skip
 
     def solve(self, order, ridge, without=None):

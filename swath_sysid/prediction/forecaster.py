@@ -87,6 +87,7 @@ class Forecaster:
         self._tables = {}
         self._fit = self._waiting = None
         self._usable = set()
+        self._pace = {}
         self.clear()
 
     def clear(self):
@@ -114,6 +115,7 @@ class Forecaster:
         attitude, place = self._filters[axis], AXES.index(axis)
         self._tables[axis] = spread_table(attitude.model, self.settings.filter.disturbance_time, self._leads)
         self._steps.clear()
+        self._pace[axis] = _natural_frequency(attitude.model)
         for expert in (HULL, HULL_AND_WAVES):
             self._combiner.forget_expert(place, expert)
         self._stillness[place].forget()
@@ -263,7 +265,7 @@ class Forecaster:
             covariance, stillness = attitude.P, self._stillness[place]
             stillness.follow(
                 stamp, elapsed, float(attitude.x[3]), float(covariance[3, 3]), attitude.disturbance_variance,
-                2.0 * math.pi / self._pace(attitude),
+                2.0 * math.pi / self._pace[axis],
             )  # fmt: skip
             if not stillness.is_conceivable:
                 continue
@@ -470,14 +472,14 @@ class Forecaster:
                 continue
             p = attitude.P
             # a mean of a few seconds may be off by all that the craft can swing from here
-            x, w = attitude.x[0] - attitude.x[2], attitude.x[1] / self._pace(attitude)
+            x, w = attitude.x[0] - attitude.x[2], attitude.x[1] / self._pace[axis]
             early = _EARLY / (_EARLY + self._last - self._begun)
             nominal[place, :, MEAN] = self._variance[place] + early * (x * x + w * w) + 1e-8
             strayed = 0.25 * leads**4 * self._acceleration_square[place]
             nominal[place, :, RATE] = p[0, 0] + leads**2 * p[1, 1] + strayed
             if attitude.has_model:
                 # before anything is known, most of what is seen is taken for the hull's own motion
-                own = self._pace(attitude) ** 4 * (x * x + w * w)
+                own = self._pace[axis] ** 4 * (x * x + w * w)
                 excess = max(attitude.disturbance_variance - _FOREIGN * own, 0.0)
                 nominal[place, :, HULL] = (
                     spread[axis][:, 0, 0] - excess * self._tables[axis].by_disturbance[:, 0, 0]
@@ -486,12 +488,6 @@ class Forecaster:
                 nominal[place, :, expert] = error**2 + p[0, 0]
         nominal[np.isnan(angles[:, :, self._at_leads].transpose(0, 2, 1))] = np.nan
         return nominal
-
-    @staticmethod
-    def _pace(attitude):
-        """Natural frequency, or one radian a second where no hull tells it."""
-        stiffness = -float(attitude.model.jacobian(attitude.model.trim, 0.0)[0])
-        return math.sqrt(stiffness) if stiffness > 0.01 else 1.0
 
     def _told_errors(self, place):
         """Errors at the leads that the fit itself expects of its experts."""
@@ -569,6 +565,12 @@ def _interpolation(known, wanted):
     return np.array([np.interp(wanted, known, unit) for unit in np.eye(known.size)]).T
 
 
+def _natural_frequency(model):
+    """rad/s; one where no hull tells it."""
+    stiffness = -float(model.jacobian(model.trim, 0.0)[0])
+    return math.sqrt(stiffness) if stiffness > 0.01 else 1.0
+
+
 def _hermite(leads, grid):
     """Places and weights of cubic Hermite interpolation of values, and linear of slopes."""
     position = leads / grid
@@ -582,11 +584,11 @@ def _hermite(leads, grid):
 
 def _combine(angles, rates, weights, between):
     """Weighted angle and rate at all leads, from weights at the scored ones."""
-    spread = np.einsum('kl,ale->aek', between, weights)
-    spread = np.where(np.isfinite(angles), spread, 0.0)
+    known = np.isfinite(angles)
+    spread = weights.transpose(0, 2, 1) @ between.T * known
     spread /= np.maximum(spread.sum(axis=1, keepdims=True), 1e-30)
     return (
-        (spread * np.where(np.isfinite(angles), angles, 0.0)).sum(axis=1),
+        (spread * np.where(known, angles, 0.0)).sum(axis=1),
         (spread * np.where(np.isfinite(rates), rates, 0.0)).sum(axis=1),
     )
 

@@ -138,6 +138,19 @@ class Stillness:
             largest = max(largest, level)
         return largest
 
+    def _levels_since(self, stamps, known):
+        """`level_since` of the known stamps, which grow older with the lead, shape (L,)."""
+        result, largest = np.zeros(self._leads), 0.0
+        levels = iter(reversed(self._levels))
+        when, level = next(levels)
+        for lead in np.flatnonzero(known).tolist():
+            stamp = stamps[lead]
+            while when >= stamp:
+                largest = max(largest, level)
+                when, level = next(levels, (-math.inf, 0.0))
+            result[lead] = largest
+        return result
+
     @property
     def trust(self):
         """What the record leaves of a claim, shape (L,)."""
@@ -181,9 +194,7 @@ class Stillness:
             Whether the excitation has stayed what it was.
         """
         known = np.isfinite(hull) & np.isfinite(combination) & np.isfinite(nominal) & (claims > 0.0)
-        since = np.zeros(self._leads)
-        for lead in np.flatnonzero(known):
-            since[lead] = self.level_since(stamps[lead])
+        since = self._levels_since(stamps, known)
         gain = np.where(known, claims, 0.0) * elapsed
         self._lasted *= 1.0 - np.minimum(gain / _LASTING_MEMORY, 1.0)
         self._lasted += gain * ((since <= _RETURNED * _SMALL_EXCITATION * past_levels), np.ones(self._leads))
