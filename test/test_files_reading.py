@@ -48,7 +48,7 @@ def test_frame_and_mounting_reach_every_reader(tmp_path):
     ('noise.bin', bytes(range(256)) * 8, 'not a text file'),
     ('old.bag', b'#ROSBAG V2.0\n' + bytes(100), 'ROS 1 bag'),
     ('log.mtb', b'\xfa\xff\x3e\x02' + bytes(100), 'binary MTi log'),
-    ('a.csv.gz', gzip.compress(b'time_s,roll_rad\n'), 'gzip'),
+    ('a.csv.gz', gzip.compress(b'time_s,roll_rad\n', mtime=0), 'gzip'),
     ('axis.csv', b'time_s,heave_m\n' + b'0,1\n' * 20, 'no roll or pitch motion'),
     ('nan.csv', b'time_s,roll_rad\n' + b''.join(b'%d,nan\n' % n for n in range(50)), '0 rows of 50'),
     ('two.csv', b'time_s,roll_rad\n0,1\n1,2\n', '2 rows'),

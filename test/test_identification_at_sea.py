@@ -296,6 +296,16 @@ def test_the_command_line_refuses_with_a_sentence(sea_file, capsys, arguments, s
     assert sentence in capsys.readouterr().err.strip().splitlines()[-1]
 
 
+def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr('swath_sysid.identification.at_sea.DAMPING_USABLE', 1e-3)
+    model = tmp_path / 'model.yaml'
+    assert main(['identify', str(sea_file), '--output', str(model)]) == 2
+    told = capsys.readouterr()
+    assert 'natural period' in told.out
+    assert told.err.strip().splitlines()[-1].startswith(f'swath-sysid identify: {model} was not written')
+    assert not model.exists()
+
+
 def test_thirds_of_a_measured_record_agree(data_folder):
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')
     heave = heave_of(trial)

@@ -59,6 +59,7 @@ def test_a_push_now_and_then_is_no_staleness(white):
 
 def test_motion_beyond_what_the_model_saw_is_told(white):
     assert watched(white, excursion=0.3, largest=0.4).advice('roll') == ()
+    assert watched(white, excursion=-0.5, largest=0.4).amplitude == pytest.approx(0.5 * math.sqrt(2.0))
     (advice,) = watched(white, excursion=-0.5, largest=0.4).advice('roll')
     assert advice.code == 'beyond-amplitude' and '22.9 deg' in advice.message
 

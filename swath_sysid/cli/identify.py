@@ -113,7 +113,7 @@ def _run_at_sea(arguments, trials, axis, began):
         found = identify_at_sea(
             trials[0].axis(axis), heave_of(trials[0]), arguments.start, arguments.end, progress=progress
         )
-    if arguments.output:
+    if arguments.output and found.is_usable:
         write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
     if arguments.plot:
         save_figure(at_sea_figure(found), arguments.plot)
@@ -122,4 +122,9 @@ def _run_at_sea(arguments, trials, axis, began):
         print(json.dumps(at_sea_as_data(found, time.perf_counter() - began), indent=2))
     else:
         print('\n'.join(at_sea_in_words(found)))
+    if arguments.output and not found.is_usable:
+        raise InputError(
+            f'{arguments.output} was not written, this sea tells too little of the hull: record longer, on another '
+            'heading or in another sea, or record a free decay in still water'
+        )
     return 0

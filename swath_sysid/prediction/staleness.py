@@ -29,14 +29,14 @@ class StalenessSettings:
     most_alike : float
         Share of innovations with the sign of the one before from which on they are not white.
     most_beyond : float
-        Share of the time beyond the amplitudes that the model was identified at.
+        Amplitude, over the largest that the model was identified at, from which on it is no longer believed.
     """
 
     memory: float = 60.0
     expected: float = 0.95
     most_outside: float = 0.3
     most_alike: float = 0.85
-    most_beyond: float = 0.1
+    most_beyond: float = 1.25
 
 
 class ModelWatch:
@@ -63,7 +63,12 @@ class ModelWatch:
         self._largest = largest_amplitude
         self._age = 0.0
         self._positive = None
-        self.outside = self.alike = self.beyond = 0.0
+        self.outside = self.alike = self._square = 0.0
+
+    @property
+    def amplitude(self):
+        """Of the harmonic motion of the same standard deviation, rad."""
+        return math.sqrt(2.0 * self._square)
 
     def take(self, elapsed, nis, measured, innovation, excursion):
         """One sample.
@@ -86,7 +91,7 @@ class ModelWatch:
         positive = innovation > 0.0
         self.outside += gain * ((nis > self._inside[measured]) - self.outside)
         self.alike += gain * ((positive is self._positive) - self.alike)
-        self.beyond += gain * ((abs(excursion) > self._largest) - self.beyond)
+        self._square += gain * (excursion * excursion - self._square)
         self._positive = positive
 
     def advice(self, axis):
@@ -111,10 +116,11 @@ class ModelWatch:
                 f'of the one before, usual: 50 %): identify again, and if it stays check the covariances that the '
                 f'sensor tells',
             ))  # fmt: skip
-        if self.beyond > s.most_beyond:
+        if self.amplitude > s.most_beyond * self._largest:
             found.append(Advice(
                 'beyond-amplitude',
-                f'the craft moves beyond the {math.degrees(self._largest):.1f} deg of {axis} that its model was '
-                f'identified at: identify again from larger motions',
+                f'the craft moves with an amplitude of {math.degrees(self.amplitude):.1f} deg of {axis}, beyond the '
+                f'{math.degrees(self._largest):.1f} deg that its model was identified at: identify again from larger '
+                f'motions',
             ))  # fmt: skip
         return tuple(found)
