@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 from swath_sysid.cli import manoeuvre, play_through
 from swath_sysid.errors import InputError
 from swath_sysid.files.bags import opened_bag
-from swath_sysid.files.manoeuvring_bags import manoeuvres_beside, read_manoeuvring_bag
+from swath_sysid.files.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
 
 
 def swath(*words):
@@ -130,10 +130,10 @@ def test_one_clear_sentence(folder, words, match):
         swath(*(word.format(runs=folder / 'runs') for word in words))
 
 
-def test_play_through_of_attitude_says_where_manoeuvres_are_played(folder, tmp_path):
+def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path, capsys):
     bag = tmp_path / 'zigzag.mcap'
     assert swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--output', bag) == 0
-    assert [a.code for a in manoeuvres_beside(bag)] == ['manoeuvres-beside']
+    assert holds_manoeuvres(bag) == (True, True)
     blind = tmp_path / 'blind'
     store = get_typestore(Stores.ROS2_JAZZY)
     with (AnyReader([bag], default_typestore=store) as reader,
@@ -145,6 +145,12 @@ def test_play_through_of_attitude_says_where_manoeuvres_are_played(folder, tmp_p
                 writer.write(kept[connection.id], stamp, raw)
     parser = argparse.ArgumentParser()
     play_through.add_arguments(parser)
-    with pytest.raises(InputError, match='swath-sysid manoeuvre play-through'):
-        play_through.run(parser.parse_args([str(blind), '--output', str(tmp_path / 'out.mcap')]))
-    assert swath('play-through', blind, '--output', tmp_path / 'out.mcap') == 0
+    assert holds_manoeuvres(blind) == (True, False)
+    both = [tmp_path / 'out.mcap', tmp_path / 'again' / 'out.mcap']
+    both[1].parent.mkdir()
+    assert play_through.run(parser.parse_args([str(blind), '--output', str(both[0])])) == 0
+    assert 'forecasts of surge, sway and yaw' in capsys.readouterr().out
+    assert swath('play-through', blind, '--output', both[1]) == 0
+    assert both[0].read_bytes() == both[1].read_bytes()
+    assert play_through.run(parser.parse_args([str(bag), '--output', str(tmp_path / 'attitude.mcap')])) == 0
+    assert 'swath-sysid manoeuvre play-through' in capsys.readouterr().err

@@ -4,17 +4,21 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from swath_sysid.advice import Advice
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import finite
 from swath_sysid.errors import InputError
 from swath_sysid.files.bags import is_bag
 from swath_sysid.files.imu_readings import read_readings
-from swath_sysid.files.manoeuvring_bags import manoeuvres_beside
+from swath_sysid.files.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
+from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model
+from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.files.model_file import read_model
 from swath_sysid.files.output_bag import IMU_TOPIC, writing_output_bag
 from swath_sysid.motion.sensing import Installation
 from swath_sysid.nodes.health import PlayedHealth
 from swath_sysid.nodes.parameter_tables import (
+    manoeuvre_outlook_settings,
     outlook_settings,
     refit_settings,
     values_from_file,
@@ -43,6 +47,9 @@ def run(arguments):
     """Play the record through and write the output."""
     if arguments.refit_delay < 0.0:
         raise InputError('the refit delay must not be negative')
+    manoeuvres, imu = holds_manoeuvres(arguments.record) if is_bag(arguments.record) else (False, True)
+    if manoeuvres and not imu:
+        return _play_manoeuvres(arguments)
     buffer, identifier, predictor = (
         values_from_file(arguments.params, name) for name in ('imu_buffer', 'identifier', 'predictor')
     )
@@ -50,7 +57,6 @@ def run(arguments):
         window_settings(buffer), refit_settings(identifier), outlook_settings(predictor),
         identifier['auto_identify'], arguments.refit_delay,
     )  # fmt: skip
-    elsewhere = manoeuvres_beside(arguments.record) if is_bag(arguments.record) else ()
     installation = settings.outlook.installation
     readings = read_readings(
         arguments.record, arguments.topic, frame=installation.frame, mounting=installation.mounting
@@ -80,12 +86,30 @@ def run(arguments):
             if index % PROGRESS_STEP == 0:
                 progress(index / len(readings))
         progress(1.0)
-    show_advice((*readings.advice, *elsewhere))
+    beside = Advice(
+        'manoeuvres-beside',
+        f'{arguments.record} also holds odometry and thrust, which are left aside here: swath-sysid manoeuvre '
+        f'play-through forecasts surge, sway and yaw from them',
+    )
+    show_advice((*readings.advice, *([beside] if manoeuvres else ())))
     for stamp_ns, verdict in verdicts:
         print(f'{(stamp_ns - int(readings.stamps[0])) / 1e9:.2f} s: {verdict}')
     _report_counts(pipeline)
     published = ', '.join(f'{topic} {count}' for topic, count in bag.counts.items()) or 'nothing'
     print(f'{arguments.output}: from {len(readings)} messages {published}')
+    return 0
+
+
+def _play_manoeuvres(arguments):
+    """What manoeuvre_predictor would have published: the bag holds odometry and thrust, and no IMU."""
+    values = values_from_file(arguments.params, 'manoeuvre_predictor')
+    trial = read_manoeuvring_bag(arguments.record)
+    model = arguments.model or values['model_file']
+    settings = manoeuvre_outlook_settings(values)
+    identified = read_manoeuvring_model(model) if model else None
+    count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
+    show_advice(trial.advice)
+    print(f'{arguments.output}: {count} forecasts of surge, sway and yaw (there is no IMU to forecast attitude from)')
     return 0
 
 

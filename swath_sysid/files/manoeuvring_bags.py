@@ -101,8 +101,8 @@ def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=Non
     )  # fmt: skip
 
 
-def manoeuvres_beside(path):
-    """Advice where a bag holds odometry and thrust, which attitude verbs leave aside.
+def holds_manoeuvres(path):
+    """Whether a bag holds odometry and thrust, and whether it holds an IMU.
 
     Parameters
     ----------
@@ -111,12 +111,7 @@ def manoeuvres_beside(path):
 
     Returns
     -------
-    tuple of Advice
-
-    Raises
-    ------
-    InputError
-        It holds these and no IMU, so that there is nothing else in it to play through.
+    manoeuvres, imu : bool
     """
     path = Path(path)
     with opened_bag(path) as (readers, _):
@@ -126,15 +121,7 @@ def manoeuvres_beside(path):
                 topics.setdefault(connection.msgtype, set()).add(connection.topic)
     numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
     sides = all(any(p.search(t) and THRUSTER.search(t) for t in numbers) for p in SIDES.values())
-    if not topics.get(ODOMETRY) or not (sides or topics.get(JOINTS)):
-        return ()
-    where = 'swath-sysid manoeuvre play-through'
-    if not topics.get(IMU):
-        raise InputError(f'{path} holds odometry and thrust, but no IMU to forecast attitude from: play it with '
-                         f'{where}')  # fmt: skip
-    return (Advice('manoeuvres-beside', (
-        f'{path} also holds odometry and thrust, which are left aside here: {where} forecasts surge, sway and yaw '
-        f'from them')),)  # fmt: skip
+    return bool(topics.get(ODOMETRY) and (sides or topics.get(JOINTS))), bool(topics.get(IMU))
 
 
 def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0):
