@@ -7,6 +7,7 @@ import pytest
 from swath_sysid.hull.catalogue import hull_named
 from swath_sysid.hull.simulation import simulate
 from swath_sysid.prediction.ekf import runge_kutta_step
+from swath_sysid.prediction.forecaster import CLAIM
 from swath_sysid.prediction.predictor import ImuSample, Predictor, PredictorSettings
 from swath_sysid.prediction.stillness import Stillness
 from swath_sysid.prediction.waves import fit_waves
@@ -128,3 +129,21 @@ def test_what_hands_did_says_nothing_of_still_water():
         np.ones(1), 0.1,
     )
     assert stillness.trust[0] == 1.0
+
+
+@pytest.mark.parametrize('other', [None, hull_named('swath-roll').model.with_trim(0.01)])
+def test_another_hull_amid_claims_of_still_water_is_taken_up(other):
+    model = hull_named('swath-roll').model
+    time, angle, rate, _ = handled(model, [math.radians(4.0)] * 2)
+    predictor, claimed = Predictor(), 0
+    predictor.set_model('roll', model)
+    for k, (stamp, a, w) in enumerate(np.column_stack([time, angle, rate]).tolist()):
+        if k and k % 301 == 0:
+            issued = predictor._forecaster._issued
+            claimed += sum(bool((i.table[0, :, CLAIM] > 0.0).any()) for i in issued)
+            predictor.set_model('roll', other)
+            assert all((i.table[0, :, CLAIM] == 0.0).all() for i in issued)
+            predictor.set_model('roll', model)
+        step = predictor.observe(ImuSample(stamp, roll=a, roll_rate=w))
+        assert step.used
+    assert claimed > 0

@@ -38,7 +38,7 @@ def interrupted(process, after, number=signal.SIGINT):
 
 @pytest.mark.parametrize('after', [0.02, 0.1, 0.3, 0.6, 1.0, 1.5])
 def test_a_tool_that_is_interrupted_at_its_start_ends_with_130(after, tmp_path):
-    process = started('command_line', 'campaign', str(tmp_path / 'missing.yaml'))
+    process = started('command_line', 'campaign', str(tmp_path / 'missing.yaml'), '--output', str(tmp_path))
     code, told = interrupted(process, after)
     assert 'Traceback' not in told and 'Exception ignored' not in told
     # it may have come to its own end before, and told so

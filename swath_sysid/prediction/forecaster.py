@@ -118,6 +118,10 @@ class Forecaster:
         self._pace[axis] = _natural_frequency(attitude.model)
         for expert in (HULL, HULL_AND_WAVES):
             self._combiner.forget_expert(place, expert)
+            for issued in self._issued:
+                # what the hull before it foretold says nothing of this one
+                issued.table[place, :, expert] = math.nan
+                issued.table[place, :, CLAIM] = 0.0
         self._stillness[place].forget()
         self._find_usable()
         self._refit_due = -math.inf

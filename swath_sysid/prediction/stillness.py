@@ -141,13 +141,13 @@ class Stillness:
     def _levels_since(self, stamps, known):
         """`level_since` of the known stamps, which grow older with the lead, shape (L,)."""
         result, largest = np.zeros(self._leads), 0.0
-        levels = iter(reversed(self._levels))
-        when, level = next(levels)
+        levels, ended = iter(reversed(self._levels)), (-math.inf, 0.0)
+        when, level = next(levels, ended)
         for lead in np.flatnonzero(known).tolist():
             stamp = stamps[lead]
             while when >= stamp:
                 largest = max(largest, level)
-                when, level = next(levels, (-math.inf, 0.0))
+                when, level = next(levels, ended)
             result[lead] = largest
         return result
 
