@@ -181,3 +181,15 @@ def test_what_cannot_be_used_is_counted_and_forecasts_nothing():
 
 def test_warm_up_runs():
     warm_up()
+
+
+def test_the_next_attitude_is_told_before_the_leads_are_worked_out():
+    outlook, told = Outlook(), []
+    issue = outlook.predictor._forecaster.issue
+    outlook.predictor._forecaster.issue = lambda *given: (told.append('leads'), issue(*given))[1]
+    for k in range(50):
+        step = outlook.add(reading(EPOCH_NS + 10_000_000 * k, 0.1, 0.02), told.append)
+        assert step.next is None or step.next in told
+        if step.leads and step.next is not None:
+            assert told[-2:] == [step.next, 'leads']
+    assert told.count('leads') > 3

@@ -72,9 +72,7 @@ class Predictor(Node):
         while self._fits:
             self._install(*self._fits.popleft())
         reading = imu_reading(message)
-        step = self.outlook.add(reading)
-        if step.next is not None:
-            self._next.publish(self._message.filled(step.next))
+        step = self.outlook.add(reading, self._publish_next)
         for lead, forecast in step.leads:
             self._leads[lead].publish(self._message.filled(forecast))
         if step.horizon is not None:
@@ -86,6 +84,9 @@ class Predictor(Node):
             # the end comes in the worker's thread: a deque hands it over to this one
             self.worker.submit(fit_waves, (step.waves,), lambda *ending: self._fits.append(ending))
         self.health.note_message(reading.stamp_ns, begun, perf_counter())
+
+    def _publish_next(self, forecast):
+        self._next.publish(self._message.filled(forecast))
 
     def _install(self, fit, error):
         self._fitting = False

@@ -193,25 +193,29 @@ class Outlook:
         """
         self.predictor.install(fit)
 
-    def add(self, reading: ImuReading):
+    def add(self, reading: ImuReading, on_next=None):
         """Take in one message.
 
         Parameters
         ----------
         reading : ImuReading
+        on_next : callable, optional
+            Called with the step's ``next`` as soon as it is known: the leads take longer.
 
         Returns
         -------
         OutlookStep
         """
-        return self.add_taken(self._intake.take(reading))
+        return self.add_taken(self._intake.take(reading), on_next)
 
-    def add_taken(self, taken):
+    def add_taken(self, taken, on_next=None):
         """Take in what the intake made of one message.
 
         Parameters
         ----------
         taken : Taken
+        on_next : callable, optional
+            See `add`.
 
         Returns
         -------
@@ -229,11 +233,6 @@ class Outlook:
             self._first_ns = stamp_ns
         # seconds since the epoch would resolve 0.2 us only
         since_first = (stamp_ns - self._first_ns) * NANOSECOND
-        step = self.predictor.observe(ImuSample(since_first, *sample[1:12]))
-        reasons += step.reasons
-        if not step.used:
-            return OutlookStep(reasons, predicted=step)
-        self.used += 1
         # heading and its rate are not forecast: the last measured are held
         yaw, yaw_rate = sample[12:]
         if yaw == yaw:
@@ -241,8 +240,18 @@ class Outlook:
         if yaw_rate == yaw_rate:
             self._yaw_rate = yaw_rate
         following = None
-        if step.ahead is not None:
-            following = attitude_forecast(stamp_ns, *step.ahead, self._yaw, self._yaw_rate)
+
+        def tell(ahead):
+            nonlocal following
+            following = attitude_forecast(stamp_ns, *ahead, self._yaw, self._yaw_rate)
+            if on_next is not None:
+                on_next(following)
+
+        step = self.predictor.observe(ImuSample(since_first, *sample[1:12]), tell)
+        reasons += step.reasons
+        if not step.used:
+            return OutlookStep(reasons, predicted=step)
+        self.used += 1
         if step.forecast is None:
             return OutlookStep(reasons, following, predicted=step)
         return OutlookStep(

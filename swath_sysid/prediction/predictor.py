@@ -313,12 +313,14 @@ class Predictor:
         """
         self._forecaster.install(fit)
 
-    def observe(self, sample):
+    def observe(self, sample, on_ahead=None):
         """Take in one sample.
 
         Parameters
         ----------
         sample : ImuSample
+        on_ahead : callable, optional
+            Called with the `Ahead` of a used sample as soon as it is known: the leads take longer.
 
         Returns
         -------
@@ -344,6 +346,9 @@ class Predictor:
         estimates = self._estimate(stamp, values, sample, elapsed, restart, reasons)
         for counted in reasons:
             self._counts[counted] += 1
+        ahead = self._ahead()
+        if on_ahead is not None and ahead is not None:
+            on_ahead(ahead)
         forecast = horizon = refit = None
         if estimates:
             interval = self._interval if self._interval == self._interval else SLOWEST_INTERVAL
@@ -356,7 +361,7 @@ class Predictor:
         for estimate in estimates.values():
             if estimate.advice:
                 advice += estimate.advice
-        return Step(stamp, True, tuple(reasons), estimates, self._ahead(), forecast, horizon, refit, advice)
+        return Step(stamp, True, tuple(reasons), estimates, ahead, forecast, horizon, refit, advice)
 
     def _stamp_reason(self, stamp):
         if self._last != self._last:
