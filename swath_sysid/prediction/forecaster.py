@@ -222,6 +222,7 @@ class Forecaster:
             self._adopt()
         self._follow_motion(stamp, elapsed)
         self._score(stamp, interval, elapsed)
+        self._follow_excitation(stamp, elapsed)
         angles, rates = self._experts(interval)
         activity = np.maximum(np.sqrt(self._activity_square), _LEAST_ACTIVITY)
         spread = {
@@ -234,7 +235,7 @@ class Forecaster:
         deviation = np.sqrt(np.maximum(variance, 1e-12)) * activity[:, None]
         at = self._at_leads
         combined = angle[:, at]
-        claims, believed, nominal, hull_deviation = self._still(stamp, elapsed, deviation**2)
+        claims, believed, nominal, hull_deviation = self._still(deviation**2)
         is_still = believed > 0.5
         if believed.any():
             share = believed @ self._between.T
@@ -259,7 +260,15 @@ class Forecaster:
         quiet = self._stays_quiet(over_horizon, activity, interval)
         return replace(at_leads, quiescence=quiet), replace(over_horizon, quiescence=quiet)
 
-    def _still(self, stamp, elapsed, combination):
+    def _follow_excitation(self, stamp, elapsed):
+        for (axis, attitude), stillness in zip(self._filters.items(), self._stillness, strict=True):
+            if attitude.is_started and attitude.has_model:
+                stillness.follow(
+                    stamp, elapsed, float(attitude.x[3]), float(attitude.P[3, 3]), attitude.disturbance_variance,
+                    2.0 * math.pi / self._pace[axis],
+                )  # fmt: skip
+
+    def _still(self, combination):
         """Whether the water is still: claimed and believed, and the hull's nominal and likely deviation, (A, L)."""
         claims, believed, nominal, deviation = np.zeros((4, len(AXES), self._leads.size))
         for place, axis in enumerate(AXES):
@@ -267,10 +276,6 @@ class Forecaster:
             if not (attitude.is_started and attitude.has_model):
                 continue
             covariance, stillness = attitude.P, self._stillness[place]
-            stillness.follow(
-                stamp, elapsed, float(attitude.x[3]), float(covariance[3, 3]), attitude.disturbance_variance,
-                2.0 * math.pi / self._pace[axis],
-            )  # fmt: skip
             if not stillness.is_conceivable:
                 continue
             # of the disturbance that is believed in here, all is to come
@@ -418,7 +423,10 @@ class Forecaster:
             if attitude.has_model:
                 state = angle, rate, trim
                 step, fade = self._grid_of(axis)
-                angles[place, HULL], rates[place, HULL] = self._carry(axis, state, disturbance * fade, step)
+                # what is no larger than its own uncertainty is mostly noise, and none of it is to come
+                level = self._stillness[place].excitation_variance
+                moment = disturbance * level / (level + float(attitude.P[3, 3]))
+                angles[place, HULL], rates[place, HULL] = self._carry(axis, state, moment * fade, step)
                 if axis in moments:
                     angles[place, HULL_AND_WAVES], rates[place, HULL_AND_WAVES] = self._carry(
                         axis, state, moments[axis], self._fit.step
