@@ -6,7 +6,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from swath_sysid.accelerator import HAS_NUMBA
-from swath_sysid.hull import simulation
+from swath_sysid.hull import compiled as hull_compiled
+from swath_sysid.hull import simulation, terms
 from swath_sysid.hull.amplitude import amplitude_curves, orbit_centre
 from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
 from swath_sysid.hull.decay_model import DecayModel, Equation
@@ -61,8 +62,8 @@ def test_compiled_and_uncompiled_source_give_the_same_numbers(monkeypatch):
     arguments = (*start, ratios, ALL_TERMS.active, 0.02, 0.03, 200)
     compiled = simulation.runge_kutta_population(*arguments)
     monkeypatch.setattr(simulation, 'HAS_NUMBA', False)
-    monkeypatch.setattr(simulation, '_damping_moment', simulation.terms.damping_moment)
-    monkeypatch.setattr(simulation, '_restoring_moment', simulation.terms.restoring_moment)
+    monkeypatch.setattr(hull_compiled, 'damping_moment', terms.damping_moment)
+    monkeypatch.setattr(hull_compiled, 'restoring_moment', terms.restoring_moment)
     plain = simulation.runge_kutta_population(*arguments)
     for found, expected in zip(compiled, plain, strict=True):
         assert found == pytest.approx(expected, rel=1e-10, abs=1e-12)

@@ -5,32 +5,12 @@ import math
 import numpy as np
 
 from swath_sysid.accelerator import HAS_NUMBA, accelerated
-from swath_sysid.hull import terms
+from swath_sysid.hull.compiled import motion_step, step_of_arrays
 
 STEPS_PER_PERIOD = 60
 """Runge-Kutta steps a natural period: phase error below 1e-7 rad a step."""
 
 _SWING = np.linspace(-1.0, 1.0, 33)
-
-_damping_moment = accelerated(terms.damping_moment)
-_restoring_moment = accelerated(terms.restoring_moment)
-
-
-def _step(x, rate, ratios, active, friction_rate, step):
-    """One Runge-Kutta step: acceleration before it, angle and rate after it; floats or arrays."""
-    half, sixth = 0.5 * step, step / 6.0
-    a1 = -_damping_moment(rate, ratios, active, friction_rate) - _restoring_moment(x, ratios, active)
-    w2 = rate + half * a1
-    a2 = -_damping_moment(w2, ratios, active, friction_rate) - _restoring_moment(x + half * rate, ratios, active)
-    w3 = rate + half * a2
-    a3 = -_damping_moment(w3, ratios, active, friction_rate) - _restoring_moment(x + half * w2, ratios, active)
-    w4 = rate + step * a3
-    a4 = -_damping_moment(w4, ratios, active, friction_rate) - _restoring_moment(x + step * w3, ratios, active)
-    return a1, x + sixth * (rate + 2.0 * (w2 + w3) + w4), rate + sixth * (a1 + 2.0 * (a2 + a3) + a4)
-
-
-_compiled_step = accelerated(_step)
-
 
 @accelerated
 def _one_by_one(x, rate, ratios, active, friction_rate, step, angles, rates, accelerations):
@@ -43,14 +23,16 @@ def _one_by_one(x, rate, ratios, active, friction_rate, step, angles, rates, acc
                 ratios[7, p], ratios[8, p],
             )  # fmt: skip
             angles[k, p], rates[k, p] = x[p], rate[p]
-            accelerations[k, p], x[p], rate[p] = _compiled_step(x[p], rate[p], column, active, friction_rate, step)
+            accelerations[k, p], x[p], rate[p] = motion_step(
+                x[p], rate[p], 0.0, step, column, active, friction_rate
+            )
 
 
 def _side_by_side(x, rate, ratios, active, friction_rate, step, angles, rates, accelerations):
     """All candidates at once: what plain Python is fast at."""
     for k in range(angles.shape[0]):
         angles[k], rates[k] = x, rate
-        accelerations[k], x, rate = _step(x, rate, ratios, active, friction_rate, step)
+        accelerations[k], x, rate = step_of_arrays(x, rate, 0.0, step, ratios, active, friction_rate)
 
 
 def runge_kutta_population(x, rate, ratios, active, friction_rate, step, steps):

@@ -19,7 +19,7 @@ limits
 import math
 
 from swath_sysid.accelerator import accelerated
-from swath_sysid.hull import terms
+from swath_sysid.hull.compiled import damping_moment, damping_slope, motion_step, restoring_moment, restoring_slope
 
 CAPSIZED = 1.5
 """rad from trim; no decay model is believed beyond."""
@@ -29,32 +29,6 @@ LARGEST_RATE_VARIANCE = 100.0
 LARGEST_RATIO = 6.0
 USUAL_RATIO = 1.2
 LARGEST_GAIN = 0.2
-
-_damping_moment = accelerated(terms.damping_moment)
-_restoring_moment = accelerated(terms.restoring_moment)
-_damping_slope = accelerated(terms.damping_slope)
-_restoring_slope = accelerated(terms.restoring_slope)
-
-
-@accelerated
-def _acceleration(x, rate, ratios, active, friction_rate):
-    """At an angle from trim, without the disturbance."""
-    # numpy's functions turn a float into a numpy.float64, which is slow to go on with
-    return -float(_damping_moment(rate, ratios, active, friction_rate) + _restoring_moment(x, ratios, active))
-
-
-@accelerated
-def _moved(x, rate, disturbance, step, ratios, active, friction_rate):
-    """Angle from trim and rate after one classical Runge-Kutta step, the disturbance held."""
-    half, sixth = 0.5 * step, step / 6.0
-    a1 = _acceleration(x, rate, ratios, active, friction_rate) + disturbance
-    rate2 = rate + half * a1
-    a2 = _acceleration(x + half * rate, rate2, ratios, active, friction_rate) + disturbance
-    rate3 = rate + half * a2
-    a3 = _acceleration(x + half * rate2, rate3, ratios, active, friction_rate) + disturbance
-    rate4 = rate + step * a3
-    a4 = _acceleration(x + step * rate3, rate4, ratios, active, friction_rate) + disturbance
-    return x + sixth * (rate + 2.0 * (rate2 + rate3) + rate4), rate + sixth * (a1 + 2.0 * (a2 + a3) + a4)
 
 
 @accelerated
@@ -135,13 +109,16 @@ def predict(mean, covariance, disturbance_variance, duration, drive, hull):
     for _ in range(count):
         # linearised in the middle of the step
         x, half = angle - trim, 0.5 * step
-        middle_rate = rate + half * _acceleration(x, rate, ratios, active, friction_rate)
-        by_angle = -float(_restoring_slope(x + half * rate, ratios, active))
-        by_rate = -float(_damping_slope(middle_rate, ratios, active, friction_rate))
+        # numpy's functions turn a float into a numpy.float64, which is slow to go on with
+        middle_rate = rate - half * float(
+            damping_moment(rate, ratios, active, friction_rate) + restoring_moment(x, ratios, active)
+        )
+        by_angle = -float(restoring_slope(x + half * rate, ratios, active))
+        by_rate = -float(damping_slope(middle_rate, ratios, active, friction_rate))
         fast = step * max(abs(by_rate), math.sqrt(abs(by_angle)))
         if abs(x) < CAPSIZED and fast < 1.0:
-            x, rate = _moved(x, rate, disturbance, step, ratios, active, friction_rate)
-            angle = x + trim
+            _, x, rate = motion_step(x, rate, disturbance, step, ratios, active, friction_rate)
+            angle, rate = float(x) + trim, float(rate)
         else:
             # far outside what the hull was identified on, the equation is no longer believed (nor stable)
             by_angle = by_rate = 0.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.accelerator import HAS_NUMBA, accelerated
-from swath_sysid.hull import terms
+from swath_sysid.hull.compiled import damping_slope, motion_step, restoring_slope
 from swath_sysid.prediction.ekf import CAPSIZED, process_noise, runge_kutta_step, transition
 
 RADIANS_PER_STEP = 0.35
@@ -16,11 +16,6 @@ FASTEST = 20.0
 
 LARGEST_MOMENT = 1e4
 """rad/s^2; over inertia."""
-
-_damping = accelerated(terms.damping_moment)
-_restoring = accelerated(terms.restoring_moment)
-_damping_slope = accelerated(terms.damping_slope)
-_restoring_slope = accelerated(terms.restoring_slope)
 
 
 def longest_horizon_step(model, grid_step):
@@ -48,7 +43,6 @@ def longest_horizon_step(model, grid_step):
 @accelerated
 def carry_on_kernel(angle, rate, moments, step, per_grid, ratios, active, friction_rate, angles, rates):
     """Fill angles and rates (from trim) over the grid; see `carry_on`."""
-    half, sixth = 0.5 * step, step / 6.0
     angles[0], rates[0] = angle, rate
     held = False
     for k in range(moments.size):
@@ -58,18 +52,8 @@ def carry_on_kernel(angle, rate, moments, step, per_grid, ratios, active, fricti
             held = held or not (abs(angle) < CAPSIZED and abs(rate) < FASTEST)
             if held:
                 break
-            a1 = moment - _damping(rate, ratios, active, friction_rate) - _restoring(angle, ratios, active)
-            w2 = rate + half * a1
-            x2 = angle + half * rate
-            a2 = moment - _damping(w2, ratios, active, friction_rate) - _restoring(x2, ratios, active)
-            w3 = rate + half * a2
-            x3 = angle + half * w2
-            a3 = moment - _damping(w3, ratios, active, friction_rate) - _restoring(x3, ratios, active)
-            w4 = rate + step * a3
-            x4 = angle + step * w3
-            a4 = moment - _damping(w4, ratios, active, friction_rate) - _restoring(x4, ratios, active)
-            angle = float(angle + sixth * (rate + 2.0 * (w2 + w3) + w4))
-            rate = float(rate + sixth * (a1 + 2.0 * (a2 + a3) + a4))
+            _, angle, rate = motion_step(angle, rate, moment, step, ratios, active, friction_rate)
+            angle, rate = float(angle), float(rate)
         if held:
             angle, rate = angles[k], 0.0
         angles[k + 1] = angle = min(max(angle, -CAPSIZED), CAPSIZED)
@@ -141,24 +125,17 @@ def mean_moments(model, angles, rates, trim, step, per_grid):
 @accelerated
 def mean_moments_kernel(angles, rates, trim, step, per_grid, ratios, active, friction_rate, moments):
     """Fill the moments, one after another; see `mean_moments`."""
-    half, sixth, h = 0.5 * step, step / 6.0, step * per_grid
+    h = step * per_grid
     for k in range(moments.size):
         x = min(max(angles[k] - trim, -CAPSIZED), CAPSIZED)
         w = rates[k]
         for _ in range(per_grid):
-            a1 = -_damping(w, ratios, active, friction_rate) - _restoring(x, ratios, active)
-            w2 = w + half * a1
-            a2 = -_damping(w2, ratios, active, friction_rate) - _restoring(x + half * w, ratios, active)
-            w3 = w + half * a2
-            a3 = -_damping(w3, ratios, active, friction_rate) - _restoring(x + half * w2, ratios, active)
-            w4 = w + step * a3
-            a4 = -_damping(w4, ratios, active, friction_rate) - _restoring(x + step * w3, ratios, active)
-            x = float(x + sixth * (w + 2.0 * (w2 + w3) + w4))
-            w = float(w + sixth * (a1 + 2.0 * (a2 + a3) + a4))
+            _, x, w = motion_step(x, w, 0.0, step, ratios, active, friction_rate)
+            x, w = float(x), float(w)
         middle = min(max((angles[k] + angles[k + 1]) / 2.0 - trim, -CAPSIZED), CAPSIZED)
         speed = (rates[k] + rates[k + 1]) / 2.0
-        a = -_restoring_slope(middle, ratios, active)
-        c = -_damping_slope(speed, ratios, active, friction_rate)
+        a = -restoring_slope(middle, ratios, active)
+        c = -damping_slope(speed, ratios, active, friction_rate)
         gain = h * (1.0 + c * h / 2.0 + (a + c * c) * h * h / 6.0)
         moment = (rates[k + 1] - w) / (gain if gain > 0.2 * h else h)
         moments[k] = moment if abs(moment) < LARGEST_MOMENT else math.nan
