@@ -4,6 +4,7 @@ from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import read_model
 from swath_sysid.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named
 from swath_sysid.hull.decay_model import DecayModel
+from swath_sysid.hull.physical_range import check_physical
 from swath_sysid.hull.terms import TERM_NAMES
 
 
@@ -44,7 +45,9 @@ def hull_of(arguments):
         raise InputError(
             f'{equation.name} has the terms {", ".join(equation.terms)}: give --ratio {missing[0]}=VALUE too'
         )
-    return DecayModel.from_terms(equation, values, axis=axis)
+    model = DecayModel.from_terms(equation, values, axis=axis)
+    check_physical(model)
+    return model
 
 
 def published_ratios_for(equation, axis=None):
