@@ -41,7 +41,8 @@ def add_arguments(parser):
         '--accel-noise', type=finite, default=usual.acceleration, metavar='M_S2', help='default: %(default)s'
     )
     parser.add_argument(
-        '--noise', choices=('published', 'none'), default='published', help='none: an ideal sensor (default: %(default)s)'
+        '--noise', choices=('published', 'none'), default='published',
+        help='none: an ideal sensor (default: %(default)s)',
     )
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')
