@@ -115,15 +115,15 @@ def test_the_model_before_stays_and_a_good_one_ends_the_warning(nodes):
     assert refusals(bench, topic) == count + 1
 
 
-@pytest.mark.parametrize('name', ['nested brackets', 'trim NaN', 'a folder', 'too large', 'no text'])
+@pytest.mark.parametrize('name', ['nested brackets', 'trim NaN', 'a folder', 'a device', 'too large', 'no text'])
 def test_a_model_file_that_cannot_be_used_does_not_end_the_identifier(name, tmp_path):
-    path = tmp_path / 'model.yaml'
+    path = tmp_path / 'model.yaml' if name != 'a device' else Path('/dev/null')
     if name == 'a folder':
         path.mkdir()
-    else:
+    elif name != 'a device':
         content = {'too large': b'#' * 1_000_000, 'no text': b'\xff\xfe\x00'}
         path.write_bytes(content.get(name) or attitude_texts()[name][0].encode())
-    kept = None if path.is_dir() else path.read_bytes()
+    kept = path.read_bytes() if path.is_file() else None
     bench = Bench()
     process = start_node(
         'identifier', '-r', '__ns:=/alone', '-p', f'model_path:={path}', '-p',
