@@ -126,10 +126,10 @@ def test_a_model_file_that_cannot_be_used_does_not_end_the_identifier(name, tmp_
     kept = path.read_bytes() if path.is_file() else None
     bench = Bench()
     process = start_node(
-        'identifier', '-r', '__ns:=/alone', '-p', f'model_path:={path}', '-p',
+        'identifier', '-r', '__ns:=/refusing', '-p', f'model_path:={path}', '-p',
         f'manoeuvre_model_path:={tmp_path / "absent.yaml"}')
     try:
-        status = 'alone/identifier: identification'
+        status = 'refusing/identifier: identification'
         wait_for(lambda: status in bench.statuses, 'diagnostics', PATIENCE)
         reports = bench.reports
         wait_for(lambda: bench.reports > reports + 10, 'further diagnostics', PATIENCE)
@@ -146,9 +146,9 @@ def test_a_model_file_of_manoeuvres_that_cannot_be_used_does_not_end_its_node(tm
     path = tmp_path / 'model.yaml'
     path.write_text(manoeuvring_texts()['mass NaN'][0])
     bench = Bench()
-    process = start_node('manoeuvre_predictor', '-r', '__ns:=/alone', '-p', f'model_file:={path}')
+    process = start_node('manoeuvre_predictor', '-r', '__ns:=/refusing', '-p', f'model_file:={path}')
     try:
-        status = 'alone/manoeuvre_predictor: manoeuvre'
+        status = 'refusing/manoeuvre_predictor: manoeuvre'
         wait_for(
             lambda: str(path) in bench.statuses.get(status, (0, '', {}))[2].get('refused_model', ''), 'refusal',
             PATIENCE)
