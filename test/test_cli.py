@@ -189,8 +189,8 @@ def test_truncated_bag_is_read_as_far_as_it_goes_or_refused(tmp_path, capsys):
     [
         (['--axis', 'yaw'], "no axis 'yaw'"),
         (['--equation', 'swath-pitch-99'], "no equation 'swath-pitch-99'"),
-        (['--generations', '0'], 'generations must be at least 1'),
-        (['--population', '1'], 'population must be at least 8'),
+        (['--generations', '0'], 'generations must be a whole number from 1'),
+        (['--population', '1'], 'population must be a whole number from 8'),
         (['--seed', '-1'], 'seed must not be negative'),
         (['--start', '9', '--end', '3'], 'start must lie before the end'),
         (['--start', '100'], 'the record runs from'),

@@ -117,7 +117,7 @@ def test_a_file_holds_it_and_serves_readers_that_know_no_schedule(schedule, tmp_
 @pytest.mark.parametrize(
     'old, new, words',
     [
-        ('quantity: draft_factor', 'quantity: speed', 'no quantity'),
+        ('quantity: draft_factor', 'quantity: speed', "quantity: 'speed' must be"),
         ('loading: 1.15', 'loading: 0.95', 'must increase'),
         ('loading: 1.15', 'loading: high', "'high' is not a number"),
         ('loading: 1.15', 'weight: 1.15', "unknown field 'weight'"),

@@ -159,8 +159,13 @@ def test_published_variables_map_to_ratios_and_back():
         ({'algorithm': 'sa'}, "no search 'sa'"),
         ({'preset': 'nobody'}, "no preset 'nobody'"),
         ({'algorithm': 'pso', 'preset': 'swath-roll'}, 'genetic algorithm'),
-        ({'generations': 0}, 'at least 1'),
-        ({'population': 3}, 'at least 8'),
+        ({'generations': 0}, 'generations must be a whole number from 1 to 100000, not 0'),
+        ({'generations': 'abc'}, 'generations must be a whole number'),
+        ({'generations': True}, 'generations must be a whole number'),
+        ({'population': 3}, 'population must be a whole number from 8'),
+        ({'population': 10**12}, 'population must be a whole number'),
+        ({'seed': -1}, 'seed must be a whole number from 0'),
+        ({'seed': None}, 'seed must be a whole number'),
     ],
 )
 def test_bad_settings_are_named(choice, words):

@@ -123,6 +123,32 @@ def test_the_predictor_tells_that_it_has_no_model():
     assert 'nrmse_roll_1.0s' in state.values and 'coverage90_pitch_5.0s' in state.values
 
 
+def test_a_refused_model_is_told_until_a_good_one_comes():
+    health = PredictorHealth('imu/data', Outlook())
+    for _ in range(2):
+        health.note_refused_model('model/description, pitch: the trim')
+    for _ in range(3):
+        stream, forecast = health.reports(1.0, EPOCH_NS)
+        assert forecast.level == WARN
+        assert forecast.message.startswith('model/description, pitch: the trim; the model before it stays')
+        assert forecast.values['refused_model'] == 'model/description, pitch: the trim'
+        assert stream.values[BAD_MODEL] == 2
+    health.note_model(2.0)
+    _, forecast = health.reports(3.0, EPOCH_NS)
+    assert 'the trim' not in forecast.message and forecast.values['refused_model'] == ''
+
+
+def test_a_model_file_that_cannot_be_used_is_told_for_good():
+    health = IdentifierHealth()
+    health.note_refused_file('a.yaml is a folder')
+    health.note_refused_file('b.yaml is a folder')
+    health.end(True, 'found one')
+    for _ in range(2):
+        told = health.report('none', 0, False)
+        assert told.level == WARN and told.values['bad-model-file'] == 2
+        assert told.message.startswith('a.yaml is a folder; b.yaml is a folder; the model file cannot be used')
+
+
 def test_the_identifier_tells_what_it_does():
     health = IdentifierHealth()
     assert health.report('no model', 0, False).level == OK

@@ -367,7 +367,6 @@ def a_window():
     ('imu_buffer', ['-p', 'frame:=ned'], "frame cannot be 'ned'"),
     ('imu_buffer', ['-p', 'window_s:=60'], 'window_s'),
     ('predictor', ['-p', 'leads_s:=[2.0, 1.0]'], 'leads'),
-    ('identifier', ['-p', 'model_path:=/dev/null'], 'no model file'),
 ])
 def test_a_wrong_parameter_at_the_start_is_one_sentence_and_exit_code_2(node, arguments, sentence):
     process = start('-m', f'swath_sysid.nodes.{node}', ros_args=arguments)

@@ -1,8 +1,8 @@
 """``swath-sysid play-through``: what the nodes would have published on a record, as fast as the machine can."""
 
+import os
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 from swath_sysid.advice import Advice
 from swath_sysid.cli.progress import progress_of, show_advice
@@ -117,8 +117,8 @@ def _known_models(model, model_path):
     """The models at the start: of the file named, else of the node's own file if it has one already."""
     if model:
         return read_model(model)
-    own = Path(model_path).expanduser() if model_path else None
-    return read_model(own) if own is not None and own.exists() else None
+    own = os.path.expanduser(model_path)
+    return read_model(own) if os.path.exists(own) else None
 
 
 def _report_counts(pipeline):

@@ -1,7 +1,7 @@
 """``swath-sysid scale``: a model at another scale, by Froude's law."""
 
 from swath_sysid.cli.progress import show_advice
-from swath_sysid.files.model_file import read_model, read_schedules, write_model, write_scheduled
+from swath_sysid.files.model_file import read_description, read_model, write_model, write_scheduled
 from swath_sysid.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
 
 
@@ -20,8 +20,7 @@ def add_arguments(parser):
 def run(arguments):
     """Scale, warn, and write."""
     ratio = length_ratio(arguments.ratio)
-    models = read_model(arguments.model)
-    schedules = read_schedules(arguments.model)
+    models, schedules = read_description(arguments.model)
     if schedules:
         write_scheduled(arguments.output, {axis: scaled_schedule(s, ratio) for axis, s in schedules.items()})
     else:

@@ -5,7 +5,7 @@ others are kept, because a campaign shall not stop at one bad entry.
 """
 
 import difflib
-import math
+import os
 import re
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -14,6 +14,7 @@ import yaml
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
+from swath_sysid.files.untrusted_yaml import parsed, scalar_value, shown, text_of
 from swath_sysid.hull.catalogue import equation_named
 from swath_sysid.hull.scheduled_model import QUANTITIES
 from swath_sysid.identification.identify import OBJECTIVES
@@ -47,6 +48,12 @@ TRIAL_KEYS = (
 )
 FRAMES = ('flu', 'frd')
 SHOWN_FILES = 3
+LARGEST = 1e9
+"""Of any number but those of the search: kg, s, m, deg."""
+
+LONGEST_WORD = 40
+LONGEST_TEXT = 1000
+"""Characters; of a title, a file's name with its folders, a pattern."""
 
 
 @dataclass(frozen=True)
@@ -182,20 +189,7 @@ def read_manifest(path):
         It cannot be read, is not YAML, its search or objectives cannot be used, or no trial is left.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding='utf-8')
-    except OSError as error:
-        raise InputError(f'cannot read the manifest {path}: {error.strerror}') from error
-    except UnicodeDecodeError as error:
-        raise InputError(f'{path} is no manifest: it is not text') from error
-    try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
-    except yaml.YAMLError as error:
-        line = getattr(getattr(error, 'problem_mark', None), 'line', 0) + 1
-        what = getattr(error, 'problem', None) or 'it cannot be parsed'
-        raise InputError(
-            f'{path}, line {line}: this is not YAML ({what}): check indentation, colons and quotes'
-        ) from error
+    root = parsed(text_of(path, 'manifest'), str(path))
     if not isinstance(root, yaml.MappingNode):
         raise InputError(
             f"{path} is no manifest: it must hold 'trials:' (start one with swath-sysid campaign --new FOLDER)"
@@ -246,10 +240,10 @@ def _mapping(node, keys, what, faults):
         raise _Faulty(_line(node), f'{what} must be written as keys and values; keys are {", ".join(keys)}')
     found = {}
     for key_node, value_node in node.value:
-        key = str(key_node.value)
+        key = key_node.value if isinstance(key_node, yaml.ScalarNode) else '[...]'
         wrong = None
         if key not in keys:
-            wrong = f"{what} has no key '{key}': {_nearest(key, keys)}keys are {', '.join(keys)}"
+            wrong = f"{what} has no key '{shown(key)}': {_nearest(key, keys)}keys are {', '.join(keys)}"
         elif key in found:
             wrong = f"'{key}' is given twice: leave one out"
         if wrong is None:
@@ -262,33 +256,43 @@ def _mapping(node, keys, what, faults):
 
 
 def _nearest(word, known):
-    close = difflib.get_close_matches(word, known, 1)
+    # the search takes time by the length of the word
+    close = difflib.get_close_matches(word[:LONGEST_WORD], known, 1)
     return f"'{close[0]}' is meant? " if close else ''
 
 
 def _scalar(node):
     if not isinstance(node, yaml.ScalarNode):
         raise _Faulty(_line(node), 'one value is expected here, not a list or a mapping')
-    return _Value(yaml.SafeLoader('').construct_object(node), _line(node))
+    try:
+        return _Value(scalar_value(node), _line(node))
+    except InputError as error:
+        raise _Faulty(_line(node), str(error)) from error
 
 
 def _number(node, name, positive=False):
     item = _scalar(node)
-    if isinstance(item.value, bool) or not isinstance(item.value, int | float) or not math.isfinite(item.value):
-        raise _Faulty(item.line, f"{name} must be a number, not '{item.value}'")
+    if isinstance(item.value, bool) or not isinstance(item.value, int | float):
+        raise _Faulty(item.line, f"{name} must be a number, not '{shown(item.value)}'")
+    if not abs(item.value) <= LARGEST:
+        raise _Faulty(item.line, f'{name} of {item.value:g} is no measure of a trial: it is at most {LARGEST:g}')
     if positive and not item.value > 0:
         raise _Faulty(item.line, f'{name} must be greater than zero')
     return float(item.value)
 
 
 def _text(node):
-    return str(_scalar(node).value)
+    """As it is written: a file may be called 007."""
+    _scalar(node)
+    if not node.value or len(node.value) > LONGEST_TEXT or not node.value.isprintable():
+        raise _Faulty(_line(node), f"'{shown(node.value)}' is no name: 1 to {LONGEST_TEXT} characters on one line")
+    return node.value
 
 
 def _axis(node):
     item = _scalar(node)
     if item.value not in AXES:
-        raise _Faulty(item.line, f"there is no axis '{item.value}': choose {' or '.join(AXES)}")
+        raise _Faulty(item.line, f"there is no axis '{shown(item.value)}': choose {' or '.join(AXES)}")
     return item.value
 
 
@@ -314,12 +318,12 @@ def _equations(node, faults):
     names = []
     for item in _items(node, 'equations'):
         try:
-            equation_named(str(item.value))
+            equation_named(shown(item.value))
         except InputError as error:
             faults.append(Fault(item.line, f'{error}; it is left out'))
             continue
         if item.value in names:
-            faults.append(Fault(item.line, f"the equation '{item.value}' is named twice: leave one out"))
+            faults.append(Fault(item.line, f"the equation '{shown(item.value)}' is named twice: leave one out"))
         else:
             names.append(str(item.value))
     if not names:
@@ -333,7 +337,8 @@ def _objectives(node):
     items = _items(node, 'objectives')
     for item in items:
         if item.value not in OBJECTIVES:
-            raise _Faulty(item.line, f"there is no objective '{item.value}': choose from {', '.join(OBJECTIVES)}")
+            named = shown(item.value)
+            raise _Faulty(item.line, f"there is no objective '{named}': choose from {', '.join(OBJECTIVES)}")
     # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
     return tuple(o for o in OBJECTIVES if o == OBJECTIVES[0] or o in {item.value for item in items})
 
@@ -342,10 +347,20 @@ def _search(node, faults):
     if node is None:
         return SearchSettings()
     found = _mapping(node, SEARCH_KEYS, 'search', faults)
+    values = {}
+    for key, value_node in found.items():
+        value = _scalar(value_node).value
+        values[key] = shown(value) if isinstance(value, str) else value
+        # each alone first, so that the line is that of the key
+        _search_settings({key: values[key]}, value_node)
+    return _search_settings(values, node)
+
+
+def _search_settings(values, node):
     try:
-        return SearchSettings(**{key: _scalar(value).value for key, value in found.items()})
-    except (InputError, TypeError) as error:
-        raise _Faulty(_line(node), f'{error}') from error
+        return SearchSettings(**values)
+    except InputError as error:
+        raise _Faulty(_line(node), str(error)) from error
 
 
 def _entries(node, folder, default_axis, faults):
@@ -361,9 +376,9 @@ def _entries(node, folder, default_axis, faults):
     if 'start' in shared and 'end' in shared and not shared['start'] < shared['end']:
         raise _Faulty(line, 'start_s must lie before end_s')
     if 'frame' in found:
-        shared['frame'] = _text(found['frame'])
-        if shared['frame'] not in FRAMES:
-            raise _Faulty(_line(found['frame']), f"there is no frame '{shared['frame']}': choose {' or '.join(FRAMES)}")
+        shared['frame'] = frame = _text(found['frame'])
+        if frame not in FRAMES:
+            raise _Faulty(_line(found['frame']), f"there is no frame '{shown(frame)}': choose {' or '.join(FRAMES)}")
     if 'topic' in found:
         shared['topic'] = _text(found['topic'])
     given = {
@@ -374,9 +389,11 @@ def _entries(node, folder, default_axis, faults):
     if 'file' in found:
         name = _text(found['file'])
         path = folder / name
-        if not path.exists():
+        # not Path.exists, which raises an error for a name that is too long
+        if not os.path.exists(path):
             raise _Faulty(
-                _line(found['file']), f"there is no file '{name}': check the name, it is relative to the manifest"
+                _line(found['file']),
+                f"there is no file '{shown(name)}': check the name, it is relative to the manifest",
             )
         return [_entry(path, shared, given, {})]
     entries = []
@@ -450,6 +467,8 @@ def _matches(node, folder):
         expression = pattern_expression(pattern)
     except InputError as error:
         raise _Faulty(_line(node), str(error)) from error
+    if '**' in pattern:
+        raise _Faulty(_line(node), f"the pattern '{shown(pattern)}' holds **: write * for each folder")
     base = Path(pattern).anchor
     root = Path(base) if base else folder
     relative = pattern[len(base) :]
@@ -457,8 +476,8 @@ def _matches(node, folder):
     glob = re.sub(r'\{[^{}]*\}', '*', relative)
     try:
         candidates = sorted(root.glob(glob))
-    except (ValueError, NotImplementedError) as error:
-        raise _Faulty(_line(node), f"'{pattern}' is no pattern: {error}") from error
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise _Faulty(_line(node), f"'{shown(pattern)}' is no pattern: {shown(error)}") from error
     found = []
     for path in candidates:
         match = expression.fullmatch(_relative(path, root, relative))

@@ -3,25 +3,66 @@
 from dataclasses import asdict, fields
 
 import numpy as np
-import yaml
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
-from swath_sysid.files.plain_fields import check_fields, text_of, yaml_content
+from swath_sysid.files.fields import (
+    check_std,
+    covariance,
+    if_known,
+    list_of,
+    mapping,
+    metrics,
+    number,
+    one_of,
+    record,
+    table_of,
+    text,
+)
+from swath_sysid.files.untrusted_yaml import dumped, plain_content, shown, text_of
 from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.model import ManoeuvringModel, parameter_values
+from swath_sysid.hull.manoeuvring.model import INPUTS, ManoeuvringModel, parameter_values
+from swath_sysid.hull.manoeuvring.physical_range import check_physical
 from swath_sysid.hull.manoeuvring.stability import Region
 from swath_sysid.hull.manoeuvring.terms import INDEX, NEUTRAL, PARAMETERS
+from swath_sysid.identification.manoeuvring.shooting import CURRENT
 
 FORMAT = 'swath_sysid manoeuvring model'
 VERSION = 1
 FRAME = 'body x forward, y port, z up; world x east, y north (REP 103)'
 
-_FIELDS = (
-    'format', 'version', 'frame', 'name', 'thrust_input', 'length_m', 'largest_input', 'parameters', 'current_m_s',
-    'identified', 'covariance', 'noise', 'region', 'metrics', 'provenance',
-)  # fmt: skip
-_PARAMETER_FIELDS = ('value', 'std', 'unit')
+
+def _anything(value, where):
+    return value
+
+
+_SPEED = number(-100.0, 100.0)
+_INPUT = number(-1e9, 1e9)
+_REGION = {
+    'slowest': _SPEED, 'fastest': _SPEED, 'largest_sway': number(0.0, 100.0), 'largest_yaw_rate': number(0.0, 100.0),
+    'least_input': _INPUT, 'most_input': _INPUT, 'largest_difference': number(0.0, 2e9),
+}  # fmt: skip
+_FILE = record({
+    'format': one_of((FORMAT,)),
+    'version': _anything,
+    'frame': one_of((FRAME,)),
+    'name': text(),
+    'thrust_input': one_of(INPUTS),
+    'length_m': number(0.01, 1000.0),
+    'largest_input': number(0.0, 1e9, above=0.0),
+    'parameters': table_of(INDEX, 'parameter', {
+        p.name: record({'value': number(), 'std': if_known(number(lowest=0.0)), 'unit': one_of((p.unit,))})
+        for p in PARAMETERS
+    }),
+    'current_m_s': list_of(number(-20.0, 20.0), 2),
+    'identified': list_of(one_of((*INDEX, *CURRENT))),
+    'covariance': _anything,
+    'noise': list_of(number(0.0, 100.0), 3),
+    'region': record({field.name: _REGION[field.name] for field in fields(Region)}),
+    'metrics': metrics,
+    'provenance': mapping,
+})  # fmt: skip
+"""What a model file holds; null stands for what is not known."""
 
 
 def manoeuvring_to_yaml(identified):
@@ -51,7 +92,7 @@ def manoeuvring_to_yaml(identified):
         'region': {name: float(value) for name, value in asdict(identified.region).items()},
         'metrics': identified.metrics, 'provenance': identified.provenance,
     }  # fmt: skip
-    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    return dumped(content)
 
 
 def manoeuvring_from_yaml(text, source='the model'):
@@ -72,57 +113,59 @@ def manoeuvring_from_yaml(text, source='the model'):
     InputError
         Not such a file, of another version, or with unknown, missing or wrong fields.
     """
-    content = yaml_content(text, source)
+    content = plain_content(text, source)
     if not isinstance(content, dict) or content.get('format') != FORMAT:
         raise InputError(f"{source} is no manoeuvring model (its format is not '{FORMAT}'): write one with manoeuvre "
                          f'identify --output')  # fmt: skip
-    if content.get('version') != VERSION:
-        raise InputError(f'{source} has version {content.get("version")}, this software reads {VERSION}: identify anew')
-    check_fields(content, _FIELDS, source)
-    if content['frame'] != FRAME:
-        raise InputError(f"{source}: the frame '{content['frame']}' is not understood; it must be '{FRAME}'")
-    parameters = content['parameters']
-    if not isinstance(parameters, dict):
-        raise InputError(f"{source}: 'parameters' must map names to values")
-    values = {}
-    for name, plain in parameters.items():
-        if name not in INDEX:
-            raise InputError(f"{source}: there is no parameter '{name}'")
-        check_fields(plain, _PARAMETER_FIELDS, f'{source}, {name}')
-        values[name] = _numbers(plain['value'], (), f'{source}, {name}')
+    version = content.get('version')
+    # to Python True is 1
+    if version != VERSION or not isinstance(version, int) or isinstance(version, bool):
+        raise InputError(f'{source} has version {shown(version)}, this software reads {VERSION}: identify anew')
+    content = _FILE(content, source)
     names = tuple(content['identified'])
-    check_fields(content['region'], [f.name for f in fields(Region)], f'{source}, region')
-    model = ManoeuvringModel(
-        parameter_values(values), thrust_input=content['thrust_input'], name=str(content['name']),
-        length=float(_numbers(content['length_m'], (), source)),
-        largest_input=float(_numbers(content['largest_input'], (), source)),
-        current=tuple(_numbers(content['current_m_s'], (2,), source).tolist()),
-    )  # fmt: skip
-    region = Region(**{k: float(_numbers(v, (), f'{source}, region')) for k, v in content['region'].items()})
+    if len(set(names)) < len(names):
+        raise InputError(f'{source}, identified: a name is given twice: leave one out')
+    region = Region(**content['region'])
+    if not (region.slowest <= region.fastest and region.least_input <= region.most_input):
+        raise InputError(f'{source}, region: slowest and least_input must not exceed fastest and most_input')
     # YAML knows no empty table, only an empty list
-    covariance = content['covariance'] or np.zeros((0, 0))
+    matrix = covariance(content['covariance'], names, f'{source}, covariance')
+    # the current has no std of its own in the file
+    told = {name: content['parameters'][name]['std'] for name in names if name in content['parameters']}
+    check_std(told, np.diag(matrix)[[names.index(name) for name in told]], source)
     return IdentifiedManoeuvringModel(
-        model, names, _numbers(covariance, (len(names), len(names)), f'{source}, covariance'),
-        _numbers(content['noise'], (3,), f'{source}, noise'), region, content['metrics'], content['provenance'],
+        _model_of(content, source), names, matrix, np.array(content['noise']), region, content['metrics'],
+        content['provenance'],
     )  # fmt: skip
+
+
+def _model_of(content, source):
+    values = {name: plain['value'] for name, plain in content['parameters'].items()}
+    try:
+        model = ManoeuvringModel(
+            parameter_values(values), thrust_input=content['thrust_input'], name=content['name'],
+            length=content['length_m'], largest_input=content['largest_input'], current=tuple(content['current_m_s']),
+        )  # fmt: skip
+        check_physical(model)
+    except InputError as error:
+        raise InputError(f'{source}: {error}') from error
+    return model
 
 
 def write_manoeuvring_model(path, identified):
-    """Write a model file whole or not at all."""
+    """Write a model file whole or not at all.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, or would be refused by its readers.
+    """
+    text = manoeuvring_to_yaml(identified)
+    manoeuvring_from_yaml(text, f'{path} is not written: what it would hold')
     with replacing(path) as temporary:
-        temporary.write_text(manoeuvring_to_yaml(identified), encoding='utf-8')
+        temporary.write_text(text, encoding='utf-8')
 
 
 def read_manoeuvring_model(path):
     """Read a model file; see `manoeuvring_from_yaml`."""
     return manoeuvring_from_yaml(text_of(path), str(path))
-
-
-def _numbers(value, shape, source):
-    try:
-        found = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f'{source}: {value!r} is no number') from error
-    if found.shape != shape:
-        raise InputError(f'{source}: expected numbers of shape {shape}, found {found.shape}')
-    return found

@@ -5,13 +5,29 @@ the predictor and `forecast` read. A file may also hold a schedule on draft (`sc
 its ``axes`` are then the models of the middle draft, for readers that know of no schedule.
 """
 
-import yaml
+import math
+
+import numpy as np
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
-from swath_sysid.files.plain_fields import check_fields, number_of, text_of, yaml_content
+from swath_sysid.files.fields import (
+    check_std,
+    covariance,
+    if_known,
+    list_of,
+    mapping,
+    metrics,
+    number,
+    one_of,
+    record,
+    table_of,
+    text,
+)
+from swath_sysid.files.untrusted_yaml import dumped, plain_content, shown, text_of
 from swath_sysid.hull.decay_model import DecayModel, Equation
 from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.hull.physical_range import check_physical
 from swath_sysid.hull.scheduled_model import QUANTITIES, ScheduledModel
 from swath_sysid.hull.terms import RATIO_UNITS, TERM_NAMES
 from swath_sysid.motion.trial import AXES
@@ -20,15 +36,35 @@ FORMAT = 'swath_sysid decay model'
 VERSION = 1
 FRAME = 'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)'
 
-_FILE_FIELDS = ('format', 'version', 'frame', 'axes')
-_OPTIONAL_FILE_FIELDS = ('schedule',)
-_SCHEDULE_FIELDS = ('quantity', 'models')
-_SCHEDULED_FIELDS = ('loading', 'model')
-_AXIS_FIELDS = (
-    'equation', 'ratios', 'covariance', 'trim_rad', 'trim_std_rad', 'friction_rate_rad_s', 'valid_amplitude_rad',
-    'metrics', 'provenance',
+def _anything(value, where):
+    return value
+
+
+_ANGLE = number(-math.pi, math.pi)
+_AMPLITUDE = number(0.0, math.pi)
+_AXIS = record({
+    'equation': text(),
+    'ratios': table_of(TERM_NAMES, 'ratio', {
+        name: record({'value': number(), 'std': if_known(number(lowest=0.0)), 'unit': one_of((unit,))})
+        for name, unit in RATIO_UNITS.items()
+    }),
+    'covariance': _anything,
+    'trim_rad': _ANGLE,
+    'trim_std_rad': if_known(number(lowest=0.0)),
+    'friction_rate_rad_s': number(above=0.0),
+    'valid_amplitude_rad': list_of(if_known(_AMPLITUDE, math.inf), 2),
+    'metrics': metrics,
+    'provenance': mapping,
+})  # fmt: skip
+_SCHEDULE = record({
+    'quantity': one_of(QUANTITIES), 'models': list_of(record({'loading': number(above=0.0), 'model': _AXIS})),
+})  # fmt: skip
+_FILE = record(
+    {'format': one_of((FORMAT,)), 'version': _anything, 'frame': one_of((FRAME,)),
+     'axes': table_of(AXES, 'axis', _AXIS)},
+    optional={'schedule': table_of(AXES, 'axis', _SCHEDULE)},
 )  # fmt: skip
-_RATIO_FIELDS = ('value', 'std', 'unit')
+"""What a model file holds; null stands for what is not known."""
 
 
 def model_to_yaml(models):
@@ -74,138 +110,147 @@ def scheduled_to_yaml(schedules):
 def _dumped(models, **more):
     axes = {axis: _axis_to_plain(identified) for axis, identified in models.items()}
     content = {'format': FORMAT, 'version': VERSION, 'frame': FRAME, 'axes': axes, **more}
-    return yaml.dump(
-        content, Dumper=_PlainDumper, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True
-    )
-
-
-class _PlainDumper(yaml.SafeDumper):
-    """Writes the middle model of a schedule out instead of referring to it."""
-
-    def ignore_aliases(self, data):
-        return True
+    return dumped(content)
 
 
 def model_from_yaml(text, source='the model'):
-    """Models of a model file's text, by axis.
-
-    Parameters
-    ----------
-    text : str
-    source : str
-        Named in the errors.
-
-    Returns
-    -------
-    dict of str to IdentifiedModel
-
-    Raises
-    ------
-    InputError
-        Not a model file, of another version, or with unknown, missing or wrong fields, which
-        the sentence names.
-    """
-    content = _checked_content(text, source)
-    return {axis: _axis_from_plain(plain, axis, f'{source}, {axis}') for axis, plain in content['axes'].items()}
+    """Models of a model file's text, by axis; see `description_from_yaml`."""
+    return description_from_yaml(text, source)[0]
 
 
 def schedules_from_yaml(text, source='the model'):
-    """The schedules of a model file's text, by axis; empty where it holds none.
+    """The schedules of a model file's text, by axis; see `description_from_yaml`."""
+    return description_from_yaml(text, source)[1]
+
+
+def description_from_yaml(text, source='the model'):
+    """Models and schedules of a model file's text, whoever wrote it.
 
     Parameters
     ----------
     text : str
+        Any text whatever.
     source : str
         Named in the errors.
 
     Returns
     -------
-    dict of str to ScheduledModel
+    models : dict of str to IdentifiedModel
+        By axis.
+    schedules : dict of str to ScheduledModel
+        By axis; empty where the text holds none.
 
     Raises
     ------
     InputError
-        As `model_from_yaml`.
+        Not a model file, of another version, with unknown, missing or wrong fields, or of a hull
+        that no craft has; the sentence names the field.
     """
-    content = _checked_content(text, source)
-    schedule = content.get('schedule', {})
-    _check_axes(schedule, 'schedule', source, empty=True)
-    if schedule and set(schedule) != set(content['axes']):
-        raise InputError(f"{source}: the axes of 'schedule' and of 'axes' differ; give the same in both")
-    return {axis: _schedule_from_plain(item, axis, f'{source}, schedule of {axis}') for axis, item in schedule.items()}
-
-
-def _schedule_from_plain(plain, axis, source):
-    check_fields(plain, _SCHEDULE_FIELDS, source)
-    if plain['quantity'] not in QUANTITIES:
-        raise InputError(f"{source}: there is no quantity '{plain['quantity']}'; choose from {', '.join(QUANTITIES)}")
-    if not isinstance(plain['models'], list):
-        raise InputError(f"{source}: 'models' must be a list")
-    loadings, models = [], []
-    for number, item in enumerate(plain['models'], 1):
-        check_fields(item, _SCHEDULED_FIELDS, f'{source}, model {number}')
-        loadings.append(number_of(item['loading'], f'{source}, model {number}, loading'))
-        models.append(_axis_from_plain(item['model'], axis, f'{source}, model {number}'))
-    return ScheduledModel(plain['quantity'], tuple(loadings), tuple(models))
-
-
-def _checked_content(text, source):
-    """The plain content of a model file, its frame and the names in it checked."""
-    content = yaml_content(text, source)
+    content = plain_content(text, source)
     if not isinstance(content, dict) or content.get('format') != FORMAT:
         raise InputError(f"{source} is no model file: its field 'format' is not '{FORMAT}'")
-    if content.get('version') != VERSION:
+    version = content.get('version')
+    # to Python True is 1
+    if version != VERSION or not isinstance(version, int) or isinstance(version, bool):
         raise InputError(
-            f'{source} is a model file of version {content.get("version")}; this software reads version {VERSION}: '
+            f'{source} is a model file of version {shown(version)}; this software reads version {VERSION}: '
             'identify again'
         )
-    check_fields({k: v for k, v in content.items() if k not in _OPTIONAL_FILE_FIELDS}, _FILE_FIELDS, source)
-    if content['frame'] != FRAME:
-        raise InputError(f"{source}: the frame '{content['frame']}' is not understood; it must be '{FRAME}'")
-    _check_axes(content['axes'], 'axes', source)
-    return content
+    content = _FILE(content, source)
+    axes, schedule = content['axes'], content.get('schedule', {})
+    if not axes:
+        raise InputError(f"{source}: the field 'axes' holds no axis; give {' or '.join(AXES)}")
+    if schedule and set(schedule) != set(axes):
+        raise InputError(f"{source}: the axes of 'schedule' and of 'axes' differ; give the same in both")
+    models = {axis: _identified(plain, axis, f'{source}, {axis}') for axis, plain in axes.items()}
+    return models, {axis: _scheduled(item, axis, f'{source}, schedule of {axis}') for axis, item in schedule.items()}
 
 
-def _check_axes(mapping, name, source, empty=False):
-    if not isinstance(mapping, dict) or not (mapping or empty):
-        raise InputError(f"{source}: the field '{name}' holds no axis; give {' or '.join(AXES)}")
-    unknown = [axis for axis in mapping if axis not in AXES]
-    if unknown:
-        raise InputError(f"{source}: there is no axis '{unknown[0]}'; axes are {', '.join(AXES)}")
+def _scheduled(plain, axis, where):
+    models = [
+        _identified(item['model'], axis, f'{where}, model {number}') for number, item in enumerate(plain['models'], 1)
+    ]
+    return _built(
+        lambda: ScheduledModel(plain['quantity'], tuple(item['loading'] for item in plain['models']), tuple(models)),
+        where,
+    )
+
+
+def _identified(plain, axis, where):
+    ratios = plain['ratios']
+    smallest, largest = plain['valid_amplitude_rad']
+    if not smallest <= largest:
+        raise InputError(f'{where}, valid_amplitude_rad: give the smallest and the largest amplitude, in this order')
+    model = _built(lambda: _model_of(plain, axis), where)
+    # the model has its terms in their own order, the rows of the file are in the file's
+    matrix = covariance(plain['covariance'], tuple(ratios), f'{where}, covariance')
+    check_std({name: ratio['std'] for name, ratio in ratios.items()}, np.diag(matrix), where)
+    order = [tuple(ratios).index(name) for name in model.equation.terms]
+    return IdentifiedModel(
+        model, matrix[np.ix_(order, order)], plain['trim_std_rad'], (smallest, largest), plain['metrics'],
+        plain['provenance'],
+    )  # fmt: skip
+
+
+def _model_of(plain, axis):
+    ratios = plain['ratios']
+    model = DecayModel.from_terms(
+        Equation(plain['equation'], tuple(ratios)), {name: ratio['value'] for name, ratio in ratios.items()},
+        trim=plain['trim_rad'], friction_rate=plain['friction_rate_rad_s'], axis=axis,
+    )  # fmt: skip
+    check_physical(model)
+    return model
+
+
+def _built(build, where):
+    """What the core makes of it; its errors do not know where it stands."""
+    try:
+        return build()
+    except InputError as error:
+        raise InputError(f'{where}: {error}') from error
 
 
 def write_model(path, models):
-    """Write a model file, whole or not at all; see `model_to_yaml`."""
-    with replacing(path) as temporary:
-        temporary.write_text(model_to_yaml(models), encoding='utf-8')
+    """Write a model file, whole or not at all; see `model_to_yaml`.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, or would be refused by its readers.
+    """
+    _write(path, model_to_yaml(models))
 
 
 def write_scheduled(path, schedules):
-    """Write a model file with a schedule, whole or not at all; see `scheduled_to_yaml`."""
+    """Write a model file with a schedule, as `write_model`; see `scheduled_to_yaml`."""
+    _write(path, scheduled_to_yaml(schedules))
+
+
+def _write(path, text):
+    description_from_yaml(text, f'{path} is not written: what it would hold')
     with replacing(path) as temporary:
-        temporary.write_text(scheduled_to_yaml(schedules), encoding='utf-8')
+        temporary.write_text(text, encoding='utf-8')
+
+
+def read_description(path):
+    """Read models and schedules of a model file; see `description_from_yaml`.
+
+    Raises
+    ------
+    InputError
+        Also where the file cannot be read.
+    """
+    return description_from_yaml(text_of(path), str(path))
 
 
 def read_model(path):
-    """Read a model file; see `model_from_yaml`.
-
-    Raises
-    ------
-    InputError
-        Also where the file cannot be read.
-    """
-    return model_from_yaml(text_of(path), str(path))
+    """Read the models of a model file; see `read_description`."""
+    return read_description(path)[0]
 
 
 def read_schedules(path):
-    """Read the schedules of a model file; see `schedules_from_yaml`.
-
-    Raises
-    ------
-    InputError
-        Also where the file cannot be read.
-    """
-    return schedules_from_yaml(text_of(path), str(path))
+    """Read the schedules of a model file; see `read_description`."""
+    return read_description(path)[1]
 
 
 def _axis_to_plain(identified):
@@ -224,39 +269,3 @@ def _axis_to_plain(identified):
         'metrics': identified.metrics,
         'provenance': identified.provenance,
     }
-
-
-def _axis_from_plain(plain, axis, source):
-    check_fields(plain, _AXIS_FIELDS, source)
-    ratios = plain['ratios']
-    if not isinstance(ratios, dict):
-        raise InputError(f"{source}: the field 'ratios' must map names to values")
-    unknown = [name for name in ratios if name not in TERM_NAMES]
-    if unknown:
-        raise InputError(f"{source}: there is no ratio '{unknown[0]}'; ratios are {', '.join(TERM_NAMES)}")
-    for name, ratio in ratios.items():
-        check_fields(ratio, _RATIO_FIELDS, f'{source}, {name}')
-        if ratio['unit'] != RATIO_UNITS[name]:
-            raise InputError(f"{source}, {name}: the unit '{ratio['unit']}' must be '{RATIO_UNITS[name]}'")
-    amplitudes = plain['valid_amplitude_rad']
-    if not isinstance(amplitudes, list) or len(amplitudes) != 2:
-        raise InputError(f"{source}: 'valid_amplitude_rad' must be the smallest and the largest amplitude")
-    equation = Equation(str(plain['equation']), tuple(ratios))
-    values = {name: number_of(ratio['value'], f'{source}, {name}') for name, ratio in ratios.items()}
-    return IdentifiedModel(
-        model=DecayModel.from_terms(
-            equation, values, trim=number_of(plain['trim_rad'], f'{source}, trim_rad'),
-            friction_rate=number_of(plain['friction_rate_rad_s'], f'{source}, friction_rate_rad_s'), axis=axis,
-        ),
-        covariance=_square_table(plain['covariance'], len(ratios), f'{source}, covariance'),
-        trim_std=number_of(plain['trim_std_rad'], f'{source}, trim_std_rad'),
-        amplitude_range=tuple(number_of(a, f'{source}, valid_amplitude_rad') for a in amplitudes),
-        metrics=plain['metrics'],
-        provenance=plain['provenance'],
-    )  # fmt: skip
-
-
-def _square_table(rows, size, source):
-    if not isinstance(rows, list) or [len(row) if isinstance(row, list) else 0 for row in rows] != [size] * size:
-        raise InputError(f'{source}: {size} ratios need {size} rows of {size} numbers')
-    return [[number_of(value, source) for value in row] for row in rows]

@@ -26,6 +26,13 @@ LOADING_POWERS = {'draft_factor': 0, 'draft_m': 1, 'displacement_kg': 3}
 
 RATE_METRICS = ('rate_rmse_rad_s',)
 
+LARGEST_RATIO = 10_000
+"""Length ratios reach to this and to its inverse: from a bath tub to the largest ship it is 1,000."""
+
+LONGEST_SHOWN = 40
+LONGEST_RATIO = 200
+"""Characters; the product of several scalings is kept as an exact fraction."""
+
 
 def length_ratio(text):
     """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``.
@@ -33,14 +40,23 @@ def length_ratio(text):
     Raises
     ------
     InputError
-        Not a positive number.
+        Not a positive number, or larger than `LARGEST_RATIO`, or smaller than its inverse.
     """
+    told = text if len(text) <= LONGEST_SHOWN else f'{text[:LONGEST_SHOWN]}...'
     try:
-        ratio = Fraction(text)
+        if len(text) > LONGEST_RATIO:
+            raise ValueError(text)
+        above, _, below = text.partition('/')
+        size = float(above) / float(below or 1)
+        # exactly only where it is small: 1e300000000 would take for ever
+        ratio = Fraction(text) if 1.0 / LARGEST_RATIO <= size <= LARGEST_RATIO else None
     except (ValueError, ZeroDivisionError) as error:
-        raise InputError(f"'{text}' is no length ratio: give a number such as 25, or 1/25 for the way back") from error
-    if not ratio > 0:
-        raise InputError(f'the length ratio must be greater than zero, not {text}')
+        raise InputError(f"'{told}' is no length ratio: give a number such as 25, or 1/25 for the way back") from error
+    if not size > 0.0:
+        raise InputError(f'the length ratio must be greater than zero, not {told}')
+    if ratio is None:
+        raise InputError(f'the length ratio {told} is no ratio of craft: it lies within 1/{LARGEST_RATIO} and '
+                         f'{LARGEST_RATIO}')  # fmt: skip
     return ratio
 
 
@@ -159,7 +175,7 @@ def _at_scale_of_trials(identified):
     if history is None:
         return identified, Fraction(1)
     try:
-        before = Fraction(history['length_ratio'])
+        before = length_ratio(history['length_ratio'])
         kept = history['scale_of_trials']
         origin = replace(
             identified,
@@ -174,7 +190,7 @@ def _at_scale_of_trials(identified):
             metrics=kept['metrics'],
             provenance={key: value for key, value in identified.provenance.items() if key != 'froude_scaling'},
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(
             "the model's provenance has a damaged entry 'froude_scaling': scale the file of the identification instead"
         ) from error

@@ -217,6 +217,9 @@ def models_at(models, schedules, loading):
     """
     if loading is None:
         return dict(models), ()
+    # also where no schedule asks for it: one may come later
+    if not (np.isfinite(loading) and loading > 0.0):
+        raise InputError(f'the draft or displacement must be a number greater than zero, not {loading}')
     found = {axis: schedule.at(loading) for axis, schedule in schedules.items()}
     advice = dict.fromkeys(a for _, remarks in found.values() for a in remarks)
     return {**models, **{axis: model for axis, (model, _) in found.items()}}, tuple(advice)

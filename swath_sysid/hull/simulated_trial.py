@@ -21,7 +21,7 @@ class SensorNoise:
     angle : float
         rad.
     rate : float
-        rad/s; the published trials' noise floor is 0.0165.
+        rad/s; by default about that of the SWATH pitch trials; `PublishedHull.rate_noise` is that of each study.
     acceleration : float
         m/s^2.
     """

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from numbers import Integral
 
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -116,6 +117,10 @@ def published_space(equation, preset, scales):
     )
 
 
+WHOLE_NUMBERS = {'generations': (1, 100_000), 'population': (8, 100_000), 'seed': (0, 2**31 - 1)}
+"""Least and largest of what a search is given."""
+
+
 @dataclass(frozen=True)
 class SearchSettings:
     """Which algorithm with which budget.
@@ -129,6 +134,7 @@ class SearchSettings:
     generations, population : int or None
         Override the budget of the preset or of the algorithm's default.
     seed : int
+        Ranges are in `WHOLE_NUMBERS`.
     """
 
     algorithm: str = 'ga'
@@ -144,10 +150,13 @@ class SearchSettings:
             raise InputError(f"there is no preset '{self.preset}': choose from {', '.join(PRESETS)}")
         if self.preset is not None and self.algorithm != 'ga':
             raise InputError('the presets are settings of the genetic algorithm: leave the search at ga')
-        if self.generations is not None and self.generations < 1:
-            raise InputError('generations must be at least 1')
-        if self.population is not None and self.population < 8:
-            raise InputError('population must be at least 8')
+        for name, (lowest, highest) in WHOLE_NUMBERS.items():
+            value = getattr(self, name)
+            if value is None and name != 'seed':
+                continue
+            # to Python True is 1
+            if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= value <= highest:
+                raise InputError(f'{name} must be a whole number from {lowest} to {highest}, not {value}')
 
     def budget(self, default):
         """``default`` with the overrides of generations and population."""

@@ -16,6 +16,7 @@ BAD_MODEL = 'bad-model'
 BAD_LOADING = 'bad-loading'
 LOADING_ADVICE = 'loading-advice'
 BAD_WINDOW = 'bad-window'
+BAD_MODEL_FILE = 'bad-model-file'
 WORKER_DIED = 'worker-died'
 NOT_SAVED = 'model-not-saved'
 
@@ -25,6 +26,8 @@ NODE_REASONS = {
     '`ros2 topic info --verbose`',
     SILENT: 'the sensor stopped publishing: check its driver and cable',
     BAD_MODEL: 'a model description could not be read, the model before it stays: publish what `identify` writes',
+    BAD_MODEL_FILE: 'the model file cannot be used and is not written over: correct it or move it away, and start '
+    'again',
     BAD_LOADING: 'a draft or displacement that is no positive number came in, the one before it stays: look at what '
     'publishes it',
     LOADING_ADVICE: 'the craft floats where its model was not identified: see the log, and add trials at this draft',
@@ -259,10 +262,17 @@ class PredictorHealth(StreamHealth):
         self.counts.update(dict.fromkeys((BAD_MODEL, BAD_LOADING, LOADING_ADVICE, WORKER_DIED), 0))
         self._outlook = outlook
         self._model_arrival = None
+        self._refusal = ''
 
     def note_model(self, now):
         """A model came, s of the clock of `note_message`."""
         self._model_arrival = now
+        self._refusal = ''
+
+    def note_refused_model(self, sentence):
+        """A model came that cannot be used, for this reason; it is told until a good one comes."""
+        self.note(BAD_MODEL)
+        self._refusal = sentence
 
     def reports(self, now, now_ns):
         """The statuses of now; see `StreamHealth.report`."""
@@ -272,11 +282,13 @@ class PredictorHealth(StreamHealth):
             counts[reason] = counts.get(reason, 0) + count
         interval = None if isnan(state.sample_interval) else state.sample_interval
         level, message = OK, 'forecasting with the identified model'
-        if state.advice:
-            level, message = WARN, '; '.join(advice.message for advice in state.advice)
+        refused = [f'{self._refusal}; the model before it stays'] if self._refusal else []
+        if refused or state.advice:
+            level, message = WARN, '; '.join([*refused, *(advice.message for advice in state.advice)])
         values = {
             **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
             'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
+            'refused_model': self._refusal,
             'has_waves': state.has_waves,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
             **{f'innovations_outside_{axis}': share for axis, share in state.innovations_outside.items()},
@@ -296,7 +308,8 @@ class IdentifierHealth:
     """How identification goes."""
 
     def __init__(self):
-        self.counts = dict.fromkeys((BAD_WINDOW, WORKER_DIED, NOT_SAVED, QOS_MISMATCH), 0)
+        self.counts = dict.fromkeys((BAD_WINDOW, WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH), 0)
+        self.refused_files = []
         self.progress = 0.0
         self.refits = self.published = 0
         self.last = 'none yet'
@@ -305,6 +318,11 @@ class IdentifierHealth:
     def note(self, reason):
         """Count one more of a reason."""
         self.counts[reason] += 1
+
+    def note_refused_file(self, sentence):
+        """The model file cannot be used, for this reason: told until the node ends, as it stays on the disk."""
+        self.note(BAD_MODEL_FILE)
+        self.refused_files.append(sentence)
 
     def begin(self):
         """A refit begins."""
@@ -322,6 +340,8 @@ class IdentifierHealth:
         self._reported_counts = dict(self.counts)
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
         level, message = (WARN, REASON_ADVICE[fresh[0]]) if fresh else (OK, doing)
+        if self.refused_files:
+            level, message = WARN, '; '.join([*self.refused_files, REASON_ADVICE[BAD_MODEL_FILE]])
         values = {
             'state': 'identifying' if is_busy else 'ready', 'progress': self.progress, 'models': models,
             'rollbacks_kept': steps_back, 'refits': self.refits, 'published': self.published, 'last_verdict': self.last,

@@ -1,12 +1,9 @@
 """What the identifier does for manoeuvres: it keeps odometry and thrust, and publishes and saves the model."""
-from pathlib import Path
-
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64, String
 
 from swath_sysid import __version__
-from swath_sysid.errors import InputError
 from swath_sysid.files.manoeuvring_model_file import (
     manoeuvring_to_yaml,
     read_manoeuvring_model,
@@ -16,7 +13,8 @@ from swath_sysid.identification.manoeuvring.refit import ManoeuvreRefitRequest, 
 from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
 from swath_sysid.motion.manoeuvring_window import ManoeuvringWindow
 from swath_sysid.nodes.connections import LATCHED, watched_publisher, watched_subscription
-from swath_sysid.nodes.health import NOT_SAVED, OK, Report
+from swath_sysid.nodes.health import OK, Report
+from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.manoeuvre_messages import odometry_reading
 
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -35,9 +33,9 @@ class ManoeuvreIdentification:
 
     def __init__(self, node, parameters, health):
         self.parameters, self._health = parameters, health
-        path = parameters['manoeuvre_model_path']
-        self._path = Path(path).expanduser() if path else None
-        known = read_manoeuvring_model(self._path) if self._path is not None and self._path.exists() else None
+        self._file = ModelFile(
+            parameters['manoeuvre_model_path'], read_manoeuvring_model, write_manoeuvring_model, health)
+        known = self._file.read()
         self.refitter = ManoeuvreRefitter(known)
         self.window = ManoeuvringWindow(parameters['manoeuvre_window_s'], parameters['manoeuvre_stop_after_s'])
         self._publisher = watched_publisher(node, String, 'manoeuvre/model', LATCHED, health)
@@ -87,14 +85,7 @@ class ManoeuvreIdentification:
     def _publish(self):
         """Publish the model and save it; a remark where it could not be saved."""
         self._publisher.publish(String(data=manoeuvring_to_yaml(self.refitter.model)))
-        if self._path is None:
-            return ''
-        try:
-            write_manoeuvring_model(self._path, self.refitter.model)
-        except (InputError, OSError) as error:
-            self._health.note(NOT_SAVED)
-            return f'; not saved: {error}'
-        return ''
+        return self._file.keep(self.refitter.model)
 
     def _on_odometry(self, message):
         reading = odometry_reading(message)

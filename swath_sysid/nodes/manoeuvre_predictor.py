@@ -16,6 +16,7 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.health import ERROR, OK, WARN, Report
 from swath_sysid.nodes.manoeuvre_messages import odometry_message, odometry_reading, path_message
 from swath_sysid.nodes.messages import NANOSECONDS, stamp_ns
+from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameter_tables import MANOEUVRE_PREDICTOR, manoeuvre_outlook_settings
 from swath_sysid.nodes.parameters import NodeParameters
 from swath_sysid.nodes.spinning import events_executor, run
@@ -37,9 +38,9 @@ class ManoeuvrePredictor(Node):
     def __init__(self):
         super().__init__('manoeuvre_predictor')
         self.parameters = NodeParameters(self, MANOEUVRE_PREDICTOR, manoeuvre_outlook_settings)
-        path = self.parameters['model_file']
-        self.outlook = ManoeuvreOutlook(self.parameters.settings, read_manoeuvring_model(path) if path else None)
+        self.outlook = ManoeuvreOutlook(self.parameters.settings)
         self._bad_models = 0
+        self._refusal = ''
         self._received = 0
         self._arrival = None
         self._stamp = None
@@ -51,6 +52,7 @@ class ManoeuvrePredictor(Node):
             for lead in self.parameters.settings.leads
         ]
         sensor = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._intake = ModelIntake(lambda text: manoeuvring_from_yaml(text, 'manoeuvre/model'), self._refuse)
         self._kept = [
             self.create_subscription(Odometry, 'odometry', self._on_odometry, sensor),
             self.create_subscription(Imu, 'imu/data', self._on_imu, sensor),
@@ -58,11 +60,19 @@ class ManoeuvrePredictor(Node):
             self.create_subscription(
                 Float64, 'thrusters/right/thrust', lambda m: self._on_thrust('starboard', m), sensor),
             self.create_subscription(Float64MultiArray, 'manoeuvre/future_thrust', self._on_future, 10),
-            self.create_subscription(String, 'manoeuvre/model', self._on_model, LATCHED),
+            self.create_subscription(
+                String, 'manoeuvre/model', lambda message: self._intake.submit(message.data), LATCHED),
         ]
+        self._read_file(self.parameters['model_file'])
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
+    def destroy_node(self):
+        """Also end the intake."""
+        self._intake.close()
+        super().destroy_node()
+
     def _on_odometry(self, message):
+        self._take_models()
         self._received += 1
         self._arrival = perf_counter()
         reading = odometry_reading(message)
@@ -93,15 +103,28 @@ class ManoeuvrePredictor(Node):
             return
         self.outlook.supply(zip(values[::3], values[1::3], values[2::3], strict=True))
 
-    def _on_model(self, message):
+    def _read_file(self, path):
+        """Begin with the model of a file; one that cannot be used leaves the craft its steady motion."""
         try:
-            identified = manoeuvring_from_yaml(message.data, 'manoeuvre/model')
+            if path:
+                self._use(read_manoeuvring_model(path))
         except InputError as error:
-            self._bad_models += 1
-            self.get_logger().error(f'{error}; the model before it stays')
-            return
+            self._refuse(str(error))
+
+    def _take_models(self):
+        """Use what came on manoeuvre/model, once it is read."""
+        for identified in self._intake.taken():
+            self._use(identified)
+
+    def _use(self, identified):
         self.outlook.set_model(identified)
+        self._refusal = ''
         self.get_logger().info(f'new model: {", ".join(identified.names)}')
+
+    def _refuse(self, sentence):
+        self._bad_models += 1
+        self._refusal = sentence
+        self.get_logger().error(f'{sentence}; the model before it stays')
 
     def _now(self):
         """Stamp for a message without one: the node's clock, unless that is not the clock of the odometry."""
@@ -111,6 +134,8 @@ class ManoeuvrePredictor(Node):
         return self._stamp + min(perf_counter() - self._arrival, CLOCKS_APART)
 
     def _reports(self):
+        # also while the odometry is silent
+        self._take_models()
         counts = self.outlook.counts
         fresh = {reason: count - self._told[reason] for reason, count in counts.items() if count > self._told[reason]}
         self._told = dict(counts)
@@ -118,13 +143,17 @@ class ManoeuvrePredictor(Node):
         if not self.outlook.has_model:
             level = WARN
             text = 'no model yet, steady motion is taken: give model_file, or publish one on manoeuvre/model'
+        if self._refusal:
+            level, text = WARN, f'{self._refusal}; the model before it stays'
         if fresh:
             worst = max(fresh, key=fresh.get)
             level, text = WARN, f'{worst} ({fresh[worst]} times lately): {REASONS[worst]}'
         silence = None if self._arrival is None else perf_counter() - self._arrival
         if silence is None or silence > SILENT_AFTER:
             level, text = ERROR, 'no odometry: check that it is published, or remap the topic odometry'
-        values = {'received': self._received, 'bad_models': self._bad_models, **counts}
+        values = {
+            'received': self._received, 'bad_models': self._bad_models, 'refused_model': self._refusal, **counts,
+        }  # fmt: skip
         return [Report('manoeuvre', level, text, values)]
 
 

@@ -5,11 +5,11 @@ documentation, and the settings of the cores.
 """
 from dataclasses import dataclass
 from math import inf, radians
-from pathlib import Path
 
 import yaml
 
 from swath_sysid.errors import InputError
+from swath_sysid.files.untrusted_yaml import plain_content, shown, text_of
 from swath_sysid.identification.identify import OBJECTIVES, IdentificationSettings
 from swath_sysid.identification.refit import RefitSettings
 from swath_sysid.identification.search import ALGORITHMS, SearchSettings
@@ -408,21 +408,20 @@ def values_from_file(path, node_name):
                 if name in values:
                     values[name] = _of_type(values[name], value, name, path)
                 elif section != '/**' and name != 'use_sim_time':
-                    raise InputError(f'{path}: {node_name} has no parameter {name}; it has {", ".join(values)}')
+                    raise InputError(f'{path}: {node_name} has no parameter {shown(name)}; it has {", ".join(values)}')
     return values
 
 
 def _sections(path):
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except OSError as error:
-        raise InputError(f'cannot read the parameter file {path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f'{path} is not YAML: give a ROS parameter file') from error
+    content = plain_content(text_of(path, 'parameter file'), str(path))
     sections = content if isinstance(content, dict) else {}
     if not sections or any(not isinstance(s, dict) or 'ros__parameters' not in s for s in sections.values()):
         raise InputError(f'{path} is no ROS parameter file: every section needs ros__parameters')
-    return {name: section['ros__parameters'] or {} for name, section in sections.items()}
+    found = {name: section['ros__parameters'] or {} for name, section in sections.items()}
+    wrong = [name for name, parameters in found.items() if not isinstance(parameters, dict)]
+    if wrong:
+        raise InputError(f'{path}: the ros__parameters of {shown(wrong[0])} must map names to values')
+    return found
 
 
 def _of_type(default, value, name, path):
@@ -430,7 +429,7 @@ def _of_type(default, value, name, path):
     elements = value if isinstance(value, list) else [value]
     if isinstance(value, list) != isinstance(default, list) or any(type(e) is not kind for e in elements):
         example = ', as in 1.0 instead of 1' if kind is float else ''
-        raise InputError(f'{path}: the parameter {name} must be of the type of {default}{example}, not {value}')
+        raise InputError(f'{path}: the parameter {name} must be of the type of {default}{example}, not {shown(value)}')
     return value
 
 

@@ -9,7 +9,7 @@ from std_msgs.msg import Float32, Float64, String
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, schedules_from_yaml
+from swath_sysid.files.model_file import description_from_yaml
 from swath_sysid.hull.scheduled_model import models_at
 from swath_sysid.nodes.connections import (
     LATCHED,
@@ -19,8 +19,9 @@ from swath_sysid.nodes.connections import (
     watched_subscription,
 )
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
-from swath_sysid.nodes.health import BAD_LOADING, BAD_MODEL, LOADING_ADVICE, WORKER_DIED, PredictorHealth
+from swath_sysid.nodes.health import BAD_LOADING, LOADING_ADVICE, WORKER_DIED, PredictorHealth
 from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
+from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameter_tables import PREDICTOR, outlook_settings
 from swath_sysid.nodes.parameters import NodeParameters
 from swath_sysid.nodes.spinning import events_executor, run
@@ -54,7 +55,10 @@ class Predictor(Node):
         self._quiescence = watched_publisher(self, Float32, QUIESCENCE_TOPIC, NEWEST, self.health)
         self._described = {}, {}
         self._told_loading = None
-        watched_subscription(self, String, 'model/description', self._on_model, LATCHED, self.health)
+        self._intake = ModelIntake(described, self._refuse_model)
+        watched_subscription(
+            self, String, 'model/description', lambda message: self._intake.submit(message.data), LATCHED, self.health
+        )
         watched_subscription(self, Float64, 'craft/loading', self._on_loading, NEWEST, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
@@ -63,12 +67,14 @@ class Predictor(Node):
         self.worker = Worker(warm_up, lambda: self.health.note(WORKER_DIED))
 
     def destroy_node(self):
-        """Also end the worker."""
+        """Also end the worker and the intake."""
         self.worker.close()
+        self._intake.close()
         super().destroy_node()
 
     def _on_imu(self, message):
         begun = perf_counter()
+        self._take_models()
         while self._fits:
             self._install(*self._fits.popleft())
         reading = imu_reading(message)
@@ -95,19 +101,18 @@ class Predictor(Node):
         else:
             self.get_logger().error(f'the waves were not fitted, {error}')
 
-    def _on_model(self, message):
-        try:
-            models = model_from_yaml(message.data, 'model/description') if message.data else {}
-            schedules = schedules_from_yaml(message.data, 'model/description') if message.data else {}
-        except InputError as error:
-            self.health.note(BAD_MODEL)
-            self.get_logger().error(f'{error}; the model before it stays')
-            return
-        self._described = models, schedules
-        self._load()
-        self.health.note_model(perf_counter())
-        known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in models.items()) or 'none'
-        self.get_logger().info(f'new model: {known}')
+    def _take_models(self):
+        """Use what came on model/description, once it is read."""
+        for description in self._intake.taken():
+            self._described = description
+            self._load()
+            self.health.note_model(perf_counter())
+            known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in description[0].items()) or 'none'
+            self.get_logger().info(f'new model: {known}')
+
+    def _refuse_model(self, sentence):
+        self.health.note_refused_model(sentence)
+        self.get_logger().error(f'{sentence}; the model before it stays')
 
     def _on_loading(self, message):
         before, self._told_loading = self._told_loading, message.data
@@ -131,8 +136,15 @@ class Predictor(Node):
             self.get_logger().warning(item.message)
 
     def _reports(self):
+        # also while the sensor is silent
+        self._take_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
+
+
+def described(text):
+    """Models and schedules of a message on model/description; an empty one takes the models away."""
+    return description_from_yaml(text, 'model/description') if text else ({}, {})
 
 
 def main(args=None):

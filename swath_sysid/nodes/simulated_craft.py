@@ -17,7 +17,7 @@ from swath_sysid.nodes.messages import NANOSECONDS, time_message
 from swath_sysid.nodes.spinning import events_executor, run
 
 MEMS_NOISE = SensorNoise(angle=0.0005, rate=0.003, acceleration=0.02)
-"""What a small attitude sensor shows at rest at 100 Hz; the published trials' noise floor is five times that."""
+"""What a small attitude sensor shows at rest at 100 Hz; the published trials were noisier, up to five times."""
 
 LARGEST_LAG = 0.5
 """s; a machine that pauses for longer loses samples, as a sensor's driver would."""
