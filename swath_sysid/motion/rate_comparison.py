@@ -1,0 +1,161 @@
+"""Rates held against the derivative of the angles: on which axis they are, with which sign, scale, delay and offset."""
+from dataclasses import dataclass
+
+import numpy as np
+
+LEAST_ANGLE = np.radians(0.25)
+"""rad, standard deviation; a craft that moves less shows nothing."""
+
+BAND_POWER = 0.98
+"""Share of an angle's power below the highest frequency that is looked at; what is above is mostly noise."""
+
+WIDEST_BAND = 0.5
+"""Of the Nyquist frequency. An angle that fills more of it is noise, or too coarsely sampled to be differentiated."""
+
+LEAST_SWINGS = 1.0
+"""Periods of the highest frequency in a window, below which the window shows no swing."""
+
+LONGEST_LAG = 1.0
+"""s either way."""
+
+LAG_OF_PERIOD = 0.45
+"""Longest lag as a share of the shortest period in the band: beyond half of it a lag is a reversal."""
+
+OVERSAMPLING = 4
+
+
+@dataclass(frozen=True)
+class RateComparison:
+    """What the rates have in common with the derivatives of the angles, in the order roll, pitch, yaw.
+
+    Attributes
+    ----------
+    moves : ndarray of bool, shape (3,)
+        Angles that move enough, and smoothly enough, to be differentiated.
+    has_rate : ndarray of bool, shape (3,)
+    at_once : ndarray, shape (3, 3)
+        Correlation of rate i with the derivative of angle j at the same time; NaN where angle j does not move
+        or there is no rate i.
+    lagged : ndarray, shape (3,)
+        Highest correlation of each rate with its own derivative over the lags.
+    lag : ndarray, shape (3,)
+        s at which it is reached; positive: the rate comes late.
+    lag_std : ndarray, shape (3,)
+        Its standard deviation, s.
+    gain : ndarray, shape (3, 3)
+        Rate i over the derivative of angle j by least squares, at the same time.
+    lagged_gain : ndarray, shape (3,)
+        The same of each with its own, at the lag.
+    offset : ndarray, shape (3,)
+        Mean rate less the change of the angle over the time it took, rad/s; NaN where either is unknown.
+    """
+
+    moves: np.ndarray
+    has_rate: np.ndarray
+    at_once: np.ndarray
+    lagged: np.ndarray
+    lag: np.ndarray
+    lag_std: np.ndarray
+    gain: np.ndarray
+    lagged_gain: np.ndarray
+    offset: np.ndarray
+
+
+def compare_rates(step, angles, rates):
+    """Hold rates against the derivative of the angles.
+
+    Angle differences are compared with the mean rate between the same two samples, both tapered and limited to
+    the band in which the angle has its power, so that the noise of neither is amplified.
+
+    Parameters
+    ----------
+    step : float
+        s between rows, even.
+    angles : ndarray, shape (N, 3)
+        Roll, pitch, yaw without jumps, rad; a column of NaN is not known.
+    rates : ndarray, shape (N, 3)
+        Their rates as measured, rad/s.
+
+    Returns
+    -------
+    RateComparison
+
+    Notes
+    -----
+    Correlations, gain and delay are those of the cross-spectrum: J. S. Bendat, A. G. Piersol, Random Data, 4th
+    edition, Wiley, 2010, chapters 5 and 6. The standard deviation of the delay is its equation for the phase of a
+    coherent pair over the mean circular frequency, with twice band times duration degrees of freedom.
+    """
+    differences, means = np.diff(angles, axis=0) / step, 0.5 * (rates[1:] + rates[:-1])
+    known = np.isfinite(differences).all(axis=0)
+    has_rate = np.isfinite(means).all(axis=0)
+    offset = np.where(known & has_rate, means.mean(axis=0) - differences.mean(axis=0), np.nan)
+    size = len(differences)
+    taper = np.hanning(size)[:, None]
+    padded = 2 * size
+    frequency = np.fft.rfftfreq(padded, step)
+    spectra_of_rates = np.fft.rfft((means - means.mean(axis=0)) * taper, padded, axis=0)
+    spectra = np.fft.rfft((differences - differences.mean(axis=0)) * taper, padded, axis=0)
+    moves = np.zeros(3, dtype=bool)
+    at_once, gain = np.full((2, 3, 3), np.nan)
+    lagged, lag, lag_std, lagged_gain = np.full((4, 3), np.nan)
+    for j in np.flatnonzero(known):
+        highest = _highest_frequency(angles[:, j], step)
+        moves[j] = (
+            highest is not None
+            and highest <= WIDEST_BAND * 0.5 / step
+            and highest * size * step >= LEAST_SWINGS
+        )
+        if not moves[j]:
+            continue
+        band = (frequency > 0.0) & (frequency <= highest)
+        derivative = spectra[band, j]
+        power = np.sum(np.abs(derivative) ** 2)
+        for i in np.flatnonzero(has_rate):
+            measured = spectra_of_rates[band, i]
+            scale = np.sqrt(power * np.sum(np.abs(measured) ** 2))
+            common = float(np.sum((np.conj(derivative) * measured).real))
+            at_once[i, j] = common / scale if scale > 0.0 else 0.0
+            gain[i, j] = common / power
+        if has_rate[j]:
+            lag[j], lagged[j], lagged_gain[j] = _delay(derivative, spectra_of_rates[band, j], frequency[band], step)
+            mean_square = np.sum((2.0 * np.pi * frequency[band]) ** 2 * np.abs(derivative) ** 2) / power
+            freedom = max(2.0 * highest * size * step * _TAPERED, 1.0)
+            incoherent = max(1.0 - lagged[j] ** 2, 0.0) / max(lagged[j] ** 2, 1e-6)
+            lag_std[j] = np.sqrt(incoherent / freedom / mean_square)
+    return RateComparison(moves, has_rate, at_once, lagged, lag, lag_std, gain, lagged_gain, offset)
+
+
+_TAPERED = 0.5
+"""Share of the degrees of freedom that a Hann taper leaves, about."""
+
+
+def _highest_frequency(angle, step):
+    """Hz below which an angle has `BAND_POWER` of its power; None where it hardly moves."""
+    size = len(angle)
+    row = np.linspace(-1.0, 1.0, size)
+    centred = angle - angle.mean()
+    centred = centred - row * (row @ centred) / (row @ row)
+    if np.std(centred) < LEAST_ANGLE:
+        return None
+    power = np.cumsum(np.abs(np.fft.rfft(centred * np.hanning(size))) ** 2)
+    return float(np.fft.rfftfreq(size, step)[np.searchsorted(power, BAND_POWER * power[-1])])
+
+
+def _delay(derivative, measured, frequency, step):
+    """The delay of the measured rate, s, with correlation and gain at that delay."""
+    cross = np.conj(derivative) * measured
+    power = np.sum(np.abs(derivative) ** 2)
+    scale = np.sqrt(power * np.sum(np.abs(measured) ** 2))
+    if not scale > 0.0:
+        return 0.0, 0.0, 0.0
+    longest = min(LONGEST_LAG, LAG_OF_PERIOD / frequency[-1]) if frequency.size else LONGEST_LAG
+    count = max(int(np.ceil(OVERSAMPLING * longest / step)), 2)
+    lags = np.linspace(-longest, longest, 2 * count + 1)
+    common = (cross[None, :] * np.exp(2j * np.pi * lags[:, None] * frequency)).real.sum(axis=1)
+    best = int(np.argmax(common))
+    lag = lags[best]
+    if 0 < best < lags.size - 1:
+        before, at, after = common[best - 1:best + 2]
+        lag += 0.5 * (before - after) / (before - 2.0 * at + after) * (lags[1] - lags[0])
+    return float(lag), float(common[best] / scale), float(common[best] / power)
