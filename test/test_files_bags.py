@@ -20,7 +20,7 @@ COUNT = 200
 RNG = np.random.default_rng(1)
 STAMPS = 1_700_000_000_123_456_789 + 10_000_000 * np.arange(COUNT)
 ROLL, PITCH, YAW = RNG.uniform(-0.5, 0.5, (3, COUNT))
-RATES, FORCE = RNG.normal(0, 1, (2, COUNT, 3))
+RATES, FORCE = RNG.normal(0, 1, (2, COUNT, 3)) + [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 9.81]]]
 STORAGES = {'sqlite3': StoragePlugin.SQLITE3, 'mcap': StoragePlugin.MCAP}
 
 

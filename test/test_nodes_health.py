@@ -117,7 +117,7 @@ def test_the_predictor_tells_that_it_has_no_model():
     health = PredictorHealth('imu/data', outlook)
     for k in range(100):
         outlook.add(reading(EPOCH_NS + k * 10_000_000))
-    stream, state = health.reports(1.0, EPOCH_NS)
+    stream, state, _ = health.reports(1.0, EPOCH_NS)
     assert state.level == WARN and 'no pitch model' in state.message and state.values['model_age_s'] == 'no model'
     assert set(REASONS) | {BAD_MODEL} <= set(stream.values)
     assert 'nrmse_roll_1.0s' in state.values and 'coverage90_pitch_5.0s' in state.values

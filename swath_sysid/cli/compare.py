@@ -10,7 +10,14 @@ from rich.table import Table
 
 from swath_sysid.cli.identify import add_search_arguments, settings_of
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import add_source_arguments, chosen_axis, motions_of, provenance_of, read_trials
+from swath_sysid.cli.sources import (
+    add_source_arguments,
+    chosen_axis,
+    motions_of,
+    provenance_of,
+    read_trials,
+    refuse_contradictions,
+)
 from swath_sysid.files.model_file import write_model
 from swath_sysid.hull.catalogue import equation_named, equations_of_axis
 from swath_sysid.identification.problem import prepare
@@ -44,6 +51,7 @@ def run(arguments):
     settings = settings_of(arguments)
     trials = read_trials(arguments.trials, arguments)
     axis = chosen_axis(trials, arguments.axis)
+    refuse_contradictions(trials, axis)
     equations = equations_asked(arguments.equations, axis)
     problem = prepare(motions_of(trials, axis), settings.start, settings.end)
     with progress_of('compare') as progress:

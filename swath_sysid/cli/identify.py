@@ -4,7 +4,15 @@ import json
 import time
 
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import add_source_arguments, chosen_axis, finite, motions_of, provenance_of, read_trials
+from swath_sysid.cli.sources import (
+    add_source_arguments,
+    chosen_axis,
+    finite,
+    motions_of,
+    provenance_of,
+    read_trials,
+    refuse_contradictions,
+)
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import write_model
 from swath_sysid.identification.at_sea import identify_at_sea, is_forced
@@ -73,6 +81,7 @@ def run(arguments):
     settings = settings_of(arguments, arguments.equation)
     trials = read_trials(arguments.trials, arguments)
     axis = chosen_axis(trials, arguments.axis)
+    refuse_contradictions(trials, axis)
     if _is_at_sea(arguments, trials, axis):
         return _run_at_sea(arguments, trials, axis, began)
     with progress_of('identify') as progress:

@@ -2,15 +2,28 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal.windows import tukey
 
 LEAST_ANGLE = np.radians(0.25)
 """rad, standard deviation; a craft that moves less shows nothing."""
+
+LEAST_RATE = np.radians(0.5)
+"""rad/s, standard deviation of the derivative; slower angles may be the wander of an attitude filter."""
 
 BAND_POWER = 0.98
 """Share of an angle's power below the highest frequency that is looked at; what is above is mostly noise."""
 
 WIDEST_BAND = 0.5
 """Of the Nyquist frequency. An angle that fills more of it is noise, or too coarsely sampled to be differentiated."""
+
+LIVELY = 0.9
+"""Share of the energy of the angles' derivatives within the part of a stretch that is looked at."""
+
+SMOOTHING = 0.25
+"""s over which derivatives are averaged to find that part."""
+
+LEAST_ROWS = 40
 
 LEAST_SWINGS = 1.0
 """Periods of the highest frequency in a window, below which the window shows no swing."""
@@ -19,7 +32,7 @@ LONGEST_LAG = 1.0
 """s either way."""
 
 LAG_OF_PERIOD = 0.45
-"""Longest lag as a share of the shortest period in the band: beyond half of it a lag is a reversal."""
+"""Longest lag as a share of the mean period: beyond half of it a delay looks like a reversal."""
 
 OVERSAMPLING = 4
 
@@ -44,8 +57,8 @@ class RateComparison:
         Its standard deviation, s.
     gain : ndarray, shape (3, 3)
         Rate i over the derivative of angle j by least squares, at the same time.
-    lagged_gain : ndarray, shape (3,)
-        The same of each with its own, at the lag.
+    lagged_gain, gain_std : ndarray, shape (3,)
+        The same of each with its own, at the lag, and its standard deviation.
     offset : ndarray, shape (3,)
         Mean rate less the change of the angle over the time it took, rad/s; NaN where either is unknown.
     """
@@ -58,6 +71,7 @@ class RateComparison:
     lag_std: np.ndarray
     gain: np.ndarray
     lagged_gain: np.ndarray
+    gain_std: np.ndarray
     offset: np.ndarray
 
 
@@ -90,21 +104,24 @@ def compare_rates(step, angles, rates):
     known = np.isfinite(differences).all(axis=0)
     has_rate = np.isfinite(means).all(axis=0)
     offset = np.where(known & has_rate, means.mean(axis=0) - differences.mean(axis=0), np.nan)
+    lively = _lively(differences[:, :2], step)
+    angles, differences, means = angles[lively], differences[lively], means[lively]
     size = len(differences)
-    taper = np.hanning(size)[:, None]
+    taper = tukey(size)[:, None]
     padded = 2 * size
     frequency = np.fft.rfftfreq(padded, step)
     spectra_of_rates = np.fft.rfft((means - means.mean(axis=0)) * taper, padded, axis=0)
     spectra = np.fft.rfft((differences - differences.mean(axis=0)) * taper, padded, axis=0)
     moves = np.zeros(3, dtype=bool)
     at_once, gain = np.full((2, 3, 3), np.nan)
-    lagged, lag, lag_std, lagged_gain = np.full((4, 3), np.nan)
+    lagged, lag, lag_std, lagged_gain, gain_std = np.full((5, 3), np.nan)
     for j in np.flatnonzero(known):
         highest = _highest_frequency(angles[:, j], step)
         moves[j] = (
             highest is not None
             and highest <= WIDEST_BAND * 0.5 / step
             and highest * size * step >= LEAST_SWINGS
+            and _deviation(spectra[frequency <= highest, j], taper) >= LEAST_RATE
         )
         if not moves[j]:
             continue
@@ -118,16 +135,32 @@ def compare_rates(step, angles, rates):
             at_once[i, j] = common / scale if scale > 0.0 else 0.0
             gain[i, j] = common / power
         if has_rate[j]:
-            lag[j], lagged[j], lagged_gain[j] = _delay(derivative, spectra_of_rates[band, j], frequency[band], step)
             mean_square = np.sum((2.0 * np.pi * frequency[band]) ** 2 * np.abs(derivative) ** 2) / power
-            freedom = max(2.0 * highest * size * step * _TAPERED, 1.0)
+            longest = min(LONGEST_LAG, LAG_OF_PERIOD * 2.0 * np.pi / np.sqrt(mean_square))
+            lag[j], lagged[j], lagged_gain[j] = _delay(
+                derivative, spectra_of_rates[band, j], frequency[band], step, longest
+            )
+            freedom = max(2.0 * highest * step * np.sum(taper**2), 1.0)
             incoherent = max(1.0 - lagged[j] ** 2, 0.0) / max(lagged[j] ** 2, 1e-6)
             lag_std[j] = np.sqrt(incoherent / freedom / mean_square)
-    return RateComparison(moves, has_rate, at_once, lagged, lag, lag_std, gain, lagged_gain, offset)
+            gain_std[j] = abs(lagged_gain[j]) * np.sqrt(incoherent / freedom)
+    return RateComparison(moves, has_rate, at_once, lagged, lag, lag_std, gain, lagged_gain, gain_std, offset)
 
 
-_TAPERED = 0.5
-"""Share of the degrees of freedom that a Hann taper leaves, about."""
+def _lively(differences, step):
+    """The part of a stretch in which the angles change: a decay is short beside what lies before and after it."""
+    width = max(round(SMOOTHING / step), 1)
+    known = differences[:, np.isfinite(differences).all(axis=0)]
+    energy = np.cumsum(np.sum(uniform_filter1d(known - known.mean(axis=0), width, axis=0) ** 2, axis=1))
+    quiet = 0.5 * (1.0 - LIVELY)
+    first, last = np.searchsorted(energy, [quiet * energy[-1], (1.0 - quiet) * energy[-1]])
+    margin = max(width, (LEAST_ROWS - (last - first)) // 2 + 1, (last - first) // 4)
+    return slice(max(first - margin, 0), min(last + margin, len(differences)))
+
+
+def _deviation(spectrum, taper):
+    """Standard deviation of a tapered signal from its one-sided spectrum, padded to twice its length."""
+    return np.sqrt(np.sum(np.abs(spectrum) ** 2) / taper.size / np.sum(taper**2))
 
 
 def _highest_frequency(angle, step):
@@ -138,18 +171,17 @@ def _highest_frequency(angle, step):
     centred = centred - row * (row @ centred) / (row @ row)
     if np.std(centred) < LEAST_ANGLE:
         return None
-    power = np.cumsum(np.abs(np.fft.rfft(centred * np.hanning(size))) ** 2)
+    power = np.cumsum(np.abs(np.fft.rfft(centred * tukey(size))) ** 2)
     return float(np.fft.rfftfreq(size, step)[np.searchsorted(power, BAND_POWER * power[-1])])
 
 
-def _delay(derivative, measured, frequency, step):
+def _delay(derivative, measured, frequency, step, longest):
     """The delay of the measured rate, s, with correlation and gain at that delay."""
     cross = np.conj(derivative) * measured
     power = np.sum(np.abs(derivative) ** 2)
     scale = np.sqrt(power * np.sum(np.abs(measured) ** 2))
     if not scale > 0.0:
         return 0.0, 0.0, 0.0
-    longest = min(LONGEST_LAG, LAG_OF_PERIOD / frequency[-1]) if frequency.size else LONGEST_LAG
     count = max(int(np.ceil(OVERSAMPLING * longest / step)), 2)
     lags = np.linspace(-longest, longest, 2 * count + 1)
     common = (cross[None, :] * np.exp(2j * np.pi * lags[:, None] * frequency)).real.sum(axis=1)
