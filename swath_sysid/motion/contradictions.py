@@ -3,7 +3,7 @@ from dataclasses import dataclass
 
 from swath_sysid.advice import Advice
 
-FROZEN_CODES = frozenset({'sensor-frozen'})
+FROZEN_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
 
 GRAVITY_CODES = frozenset({
     'axes-of-sensor', 'accelerations-in-g', 'accelerations-scaled', 'gravity-missing', 'sensor-turned',
@@ -19,7 +19,7 @@ RATE_CODES = frozenset({
 })  # fmt: skip
 """Found only while the craft moves."""
 
-DOUBTFUL_CODES = frozenset({'accelerations-scaled', 'gravity-missing', 'sensor-frozen'})
+DOUBTFUL_CODES = frozenset({'accelerations-scaled', 'gravity-missing', *FROZEN_CODES})
 """The rest of the data is as good without what these are about."""
 
 

@@ -18,6 +18,9 @@ NO_GRAVITY = 0.3
 LARGEST_LIST = np.radians(45.0)
 """rad; no craft floats at a larger mean angle."""
 
+LEAST_LENGTH = 0.5
+"""Of the mean of unit vectors, below which they have no direction in common."""
+
 LEAST_DISAGREEMENT = np.cos(np.radians(30.0))
 """Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees."""
 
@@ -30,12 +33,13 @@ BODY_AXES = 'xyz'
 
 
 def mean_up(angles):
-    """Mean direction of up in the axes of the craft, as the angles say; None where they are not known."""
+    """Mean direction of up in the axes of the craft, as the angles say; None where they say none."""
     roll, pitch = angles[:, 0], angles[:, 1]
     if not (np.isfinite(roll) & np.isfinite(pitch)).any():
         return None
     up = np.nanmean(up_of(roll, pitch), axis=0)
-    return up / np.linalg.norm(up)
+    length = float(np.linalg.norm(up))
+    return up / length if length > LEAST_LENGTH else None
 
 
 def up_of(roll, pitch):

@@ -3,8 +3,6 @@
 Gravity is held against the attitude, and the rates against the derivative of the angles. A sensor whose orientation,
 rates and accelerations are all turned alike about the vertical agrees with itself: no such check can see it.
 """
-from collections import deque
-
 import numpy as np
 
 from swath_sysid.motion.contradictions import (
@@ -25,16 +23,10 @@ from swath_sysid.motion.gravity_check import (
     size_of_gravity,
 )
 from swath_sysid.motion.rate_check import evidenced_axes, rates_against_angles
-from swath_sysid.motion.rate_comparison import compare_rates
+from swath_sysid.motion.rate_comparison import LEAST_RATE, compare_rates
 
 WINDOW = 30.0
 """s; over so long the accelerations of waves average out."""
-
-INTERVAL = 5.0
-"""s between judgements of a running sensor."""
-
-LEAST_DURATION = 9.0
-"""s below which a mean acceleration is not taken for gravity while a sensor runs."""
 
 BIN = 0.05
 """s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more."""
@@ -47,19 +39,11 @@ WINDOW_BINS = 300
 FROZEN = 5.0
 """s of fresh stamps with the same values; the noise of a sensor does not repeat."""
 
-CONFIRMATIONS = 2
-"""Judgements in a row that must agree on a contradiction, or on its end."""
+LEAST_FROZEN = 20
+"""Bins of the same, at least."""
 
 MOST_STRETCHES = 20
 """Of a long record, over which they are spread; up to twice as many are judged."""
-
-MOST_SAMPLES = 60_000
-"""Kept between judgements: a minute at 1 kHz."""
-
-LEAST_FRESH = 2
-
-GAP_NS = 3_000_000_000
-"""ns; a longer silence begins a window anew."""
 
 PARTS = (
     ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('accel_x', 'accel_y', 'accel_z')
@@ -89,11 +73,9 @@ def judge(time, angles, rates, force, *, installation, interval, least_duration=
     """
     if time.size < LEAST_BINS or time[-1] - time[0] < least_duration:
         return Judgement()
-    if _is_frozen(time, angles, rates, force):
-        return Judgement((Contradiction('sensor-frozen', (
-            f'every value of the sensor has been the same for {FROZEN:g} s while its stamps go on: restart its driver, '
-            f'and look for one that repeats its last message'
-        )),), FROZEN_CODES)  # fmt: skip
+    frozen = _frozen(time, angles, rates, force)
+    if frozen:
+        return Judgement(frozen, FROZEN_CODES)
     up, mean_force = mean_up(angles), mean_force_of(force)
     comparison = _compared(time, angles, rates)
     decided, found, turn = FROZEN_CODES, [], None
@@ -114,16 +96,25 @@ def judge(time, angles, rates, force, *, installation, interval, least_duration=
     return Judgement(tuple(found), decided)
 
 
-def _is_frozen(time, angles, rates, force):
-    """Whether nothing that is measured has changed for `FROZEN`; angles alone may stand still."""
-    if not (np.isfinite(rates).any() or np.isfinite(force).any()):
-        return False
-    first = np.searchsorted(time, time[-1] - FROZEN)
-    if first == 0:
-        return False
-    return all(
-        np.all((part[first:] == part[first]) | np.isnan(part[first:])) for part in (angles, rates, force)
-    ) and bool(np.isfinite(rates[first:]).any() or np.isfinite(force[first:]).any())
+def _frozen(time, angles, rates, force):
+    """What has not changed for `FROZEN` though it should have; angles that come alone may stand still."""
+    first = min(int(np.searchsorted(time, time[-1] - FROZEN)), max(time.size - LEAST_FROZEN, 0))
+    lately = [part[first:] for part in (angles, rates, force)]
+    known = [bool(np.isfinite(part).any()) for part in lately]
+    if first == 0 or not any(known[1:]):
+        return ()
+    still = [bool(np.all((part == part[0]) | np.isnan(part))) for part in lately]
+    if all(still):
+        return (Contradiction('sensor-frozen', (
+            f'every value of the sensor has been the same for {FROZEN:g} s while its stamps go on: restart its driver, '
+            f'and look for one that repeats its last message'
+        )),)  # fmt: skip
+    if known[0] and still[0] and known[1] and np.nanmax(np.nanstd(lately[1][:, :2], axis=0)) > LEAST_RATE:
+        return (Contradiction('angles-frozen', (
+            f'the orientation has been the same for {FROZEN:g} s while the rates show motion: look at what gives the '
+            f'orientation, or let the driver set orientation_covariance[0] to -1'
+        )),)  # fmt: skip
+    return ()
 
 
 def _compared(time, angles, rates):
@@ -178,20 +169,15 @@ def contradictions_in(time, channels, installation):
     -------
     tuple of Contradiction
     """
-    parts = [
-        np.stack([np.asarray(channels.get(name, np.full(time.size, np.nan)), dtype=float) for name in names], axis=1)
-        for names in PARTS
-    ]
     interval = float(np.median(np.diff(time)))
-    time, *parts = _binned(time, parts, interval)
-    size = max(WINDOW_BINS, round(WINDOW / float(np.median(np.diff(time)))))
+    size = max(WINDOW_BINS * _samples_a_bin(interval), round(WINDOW / interval))
     starts = range(0, max(time.size - size // 2, 1), size // 2)
     judgements = []
     for start in starts[:: max(len(starts) // MOST_STRETCHES, 1)]:
-        stretch = slice(start, start + size)
-        judgements.append(
-            judge(time[stretch], *(part[stretch] for part in parts), installation=installation, interval=interval)
-        )
+        rows = slice(start, start + size)
+        unknown = np.full(time[rows].size, np.nan)
+        parts = [np.stack([channels[n][rows] if n in channels else unknown for n in names], axis=1) for names in PARTS]
+        judgements.append(judge(*binned(time[rows], parts, interval), installation=installation, interval=interval))
     found = {}
     for judgement in judgements:
         for contradiction in judgement.contradictions:
@@ -202,9 +188,13 @@ def contradictions_in(time, channels, installation):
     )  # fmt: skip
 
 
-def _binned(time, parts, interval):
+def _samples_a_bin(interval):
+    return max(int(BIN / interval + 0.5), 1)
+
+
+def binned(time, parts, interval):
     """Samples averaged by so many that a bin is `BIN` long; a value that is missing leaves its bin unknown."""
-    count = max(int(BIN / interval + 0.5), 1) if interval > 0.0 else 1
+    count = _samples_a_bin(interval)
     if count == 1 or time.size < 2 * count:
         return time, *parts
     whole = time.size // count * count
@@ -215,113 +205,3 @@ def _binned(time, parts, interval):
     return (
         time[:whole].reshape(-1, count).mean(axis=1), angles.mean(axis=1), *(other.mean(axis=1) for other in others)
     )
-
-
-class InstallationCheck:
-    """The judgement of a running sensor: what it has been found to contradict, until it no longer does.
-
-    Parameters
-    ----------
-    installation : Installation
-        What frame and mounting are taken to be.
-    """
-
-    def __init__(self, installation):
-        self._installation = installation
-        self._fresh = deque(maxlen=MOST_SAMPLES)
-        self._bins = None
-        self._votes = {}
-        self._judged_ns = None
-        self._decided = frozenset()
-        self.contradictions = ()
-        self.judgements = 0
-
-    def add(self, sample):
-        """Take in one sample.
-
-        Parameters
-        ----------
-        sample : CraftSample
-        """
-        self._fresh.append(sample)
-
-    @property
-    def described(self):
-        """What could be judged lately, in words."""
-        if RATE_CODES <= self._decided:
-            return 'gravity and rates agree with the attitude' if GRAVITY_CODES <= self._decided else (
-                'the rates agree with the attitude')  # fmt: skip
-        if GRAVITY_CODES <= self._decided:
-            return 'gravity agrees with the attitude; the rates show when the craft moves'
-        return 'not judged yet: it takes 10 s of samples, with orientation or accelerations'
-
-    def judge(self):
-        """Judge anew where enough has come in since the last time.
-
-        Returns
-        -------
-        tuple of Contradiction
-            What stands.
-        """
-        if len(self._fresh) < LEAST_FRESH:
-            return self.contradictions
-        first_ns, newest_ns = self._fresh[0][0], self._fresh[-1][0]
-        if self._judged_ns is None:
-            self._judged_ns = first_ns
-        # a clock that was set back also is a reason to begin anew
-        if 0 <= newest_ns - self._judged_ns < INTERVAL * 1e9:
-            return self.contradictions
-        self._judged_ns = newest_ns
-        time, parts, interval = self._window()
-        judgement = judge(
-            time, *parts, installation=self._installation, interval=interval, least_duration=LEAST_DURATION
-        )
-        self._weigh(judgement)
-        self._decided = judgement.decided
-        self.judgements += bool(judgement.decided)
-        return self.contradictions
-
-    def _window(self):
-        """Time and parts of the last `WINDOW`, in bins, with what is fresh."""
-        table = np.array([sample[1:8] + sample[12:] for sample in self._fresh])
-        stamps = np.array([sample[0] for sample in self._fresh], dtype=np.int64)
-        self._fresh.clear()
-        unbroken = np.flatnonzero((np.diff(stamps) <= 0) | (np.diff(stamps) > GAP_NS))
-        if unbroken.size:
-            stamps, table, self._bins = stamps[unbroken[-1] + 1:], table[unbroken[-1] + 1:], None
-        if stamps.size < 2:
-            return np.empty(0), tuple(np.empty((3, 0, 3))), 1.0
-        if self._bins is not None and not 0 < stamps[0] - self._bins[0] < GAP_NS:
-            self._bins = None
-        roll, pitch, roll_rate, pitch_rate, accel_x, accel_y, accel_z, yaw, yaw_rate = table.T
-        parts = [
-            np.stack(part, axis=1) for part in (
-                (roll, pitch, yaw), (roll_rate, pitch_rate, yaw_rate), (accel_x, accel_y, accel_z)
-            )
-        ]  # fmt: skip
-        interval = float(np.median(np.diff(stamps))) * 1e-9
-        origin = stamps[0] if self._bins is None else self._bins[1]
-        time, *parts = _binned((stamps - origin) * 1e-9, parts, interval)
-        if self._bins is not None:
-            time = np.concatenate([self._bins[2], time])
-            parts = [np.concatenate(both) for both in zip(self._bins[3], parts, strict=True)]
-        kept = slice(max(time.size - max(WINDOW_BINS, np.count_nonzero(time > time[-1] - WINDOW)), 0), None)
-        time, parts = time[kept], [part[kept] for part in parts]
-        self._bins = stamps[-1], origin, time, parts
-        return time, parts, interval
-
-    def _weigh(self, judgement):
-        """Contradictions stand, and fall, when so many judgements in a row agree."""
-        found = {(each.code, each.axis): each for each in judgement.contradictions}
-        for key, each in found.items():
-            votes = self._votes.get(key, (0, None))[0]
-            self._votes[key] = min(votes + 1, CONFIRMATIONS), each
-        for key, (votes, each) in list(self._votes.items()):
-            if key not in found and each.code in judgement.decided:
-                self._votes[key] = votes - 1, each
-                if votes <= 1:
-                    del self._votes[key]
-        held = {(each.code, each.axis) for each in self.contradictions}
-        self.contradictions = tuple(
-            each for key, (votes, each) in self._votes.items() if votes >= CONFIRMATIONS or key in held
-        )

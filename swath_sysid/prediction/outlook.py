@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.motion import attitude
-from swath_sysid.motion.installation_checks import InstallationCheck
+from swath_sysid.motion.installation_watch import InstallationCheck
 from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
 from swath_sysid.motion.sensing import Installation
 from swath_sysid.motion.stamps import GAP, JUMPED_BACK, LONG_GAP, STAMP_REASONS, StampSettings
