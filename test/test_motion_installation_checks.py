@@ -198,7 +198,7 @@ def test_nothing_is_named_of_a_craft_that_rests_is_lifted_and_let_go(hull):
     (lambda rate: np.degrees(rate), 'rate-unit'), (lambda rate: -rate, 'rate-sign'),
     (lambda rate: np.concatenate([np.full(40, rate[0]), rate[:-40]]), 'rate-late'),
     (lambda rate: rate + np.radians(20.0), 'rate-offset'),
-    (lambda rate: np.random.default_rng(3).normal(0.0, 0.2, rate.size), 'rate-unrelated'),
+    (lambda rate: np.random.default_rng(3).normal(0.0, 0.02, rate.size), 'rate-unrelated'),
 ])  # fmt: skip
 def test_a_decay_with_a_wrong_rate_column_is_named(fault, code):
     trial = simulated_trial(HULLS[0].model, np.radians(5.0), 15.0, 100.0, SensorNoise(), 1, 2.0)

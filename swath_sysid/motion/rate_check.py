@@ -10,9 +10,6 @@ FOLLOWS = 0.7
 EXPLAINS = 0.9
 """Mean correlation from which a delay, or another arrangement of the axes, explains the rates."""
 
-UNRELATED = 0.6
-"""Correlation with the derivative of its angle at every delay below which a rate does not follow it."""
-
 UNITS = {
     57.29578: 'the rate is in deg/s where rad/s is expected',
     1.0 / 57.29578: 'the angle is in degrees where rad is expected',
@@ -26,6 +23,15 @@ UNIT_TOLERANCE = 1.3
 
 LAG_INTERVALS, LEAST_LAG = 2.5, 0.05
 """A delay is told beyond so many sample intervals and so many seconds."""
+
+UNRELATED = 0.6
+"""Correlation with the derivative of its angle at every delay below which a rate does not follow it."""
+
+LEAST_SHARE = 0.3
+"""Of the derivative's standard deviation that a rate must have to hold it."""
+
+LEAST_FREEDOM = 6.0
+"""Degrees of freedom below which a poor correlation is no proof: one noisy swing."""
 
 SIGNIFICANT = 4.0
 """Standard deviations beyond which a delay or a gain is no chance."""
@@ -126,7 +132,7 @@ def _scales(comparison, evidenced):
     found = []
     for j in evidenced:
         axis, gain = AXIS_NAMES[j], comparison.lagged_gain[j]
-        if comparison.lagged[j] < EXPLAINS or _is_near(gain, 1.0) or not _differs(comparison, j):
+        if comparison.lagged[j] < EXPLAINS or not _differs(comparison, j):
             continue
         seen = f'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle'
         unit = next((unit for factor, unit in UNITS.items() if _is_near(gain, factor)), None)
@@ -139,8 +145,9 @@ def _scales(comparison, evidenced):
 
 
 def _differs(comparison, axis):
-    """Whether a rate is not the derivative of its angle but for noise."""
-    return abs(comparison.lagged_gain[axis] - 1.0) > SIGNIFICANT * comparison.gain_std[axis]
+    """Whether a rate is more than noise away from the derivative of its angle."""
+    gain = comparison.lagged_gain[axis]
+    return not _is_near(gain, 1.0) and abs(gain - 1.0) > SIGNIFICANT * comparison.gain_std[axis]
 
 
 def _is_near(gain, factor):
@@ -182,5 +189,13 @@ def _unrelated(comparison, evidenced):
             f'the {AXIS_NAMES[j]} angle moves and its rate does not follow it at any delay: look at what gives the '
             f'rate, or leave it out'
         ), AXIS_NAMES[j])
-        for j in evidenced if comparison.has_rate[j] and comparison.lagged[j] < UNRELATED and _differs(comparison, j)
+        for j in evidenced if comparison.has_rate[j] and _is_unrelated(comparison, j)
     ]  # fmt: skip
+
+
+def _is_unrelated(comparison, axis):
+    # noise on top of the derivative makes a rate larger, never smaller
+    if comparison.share[axis] < LEAST_SHARE:
+        return comparison.lagged[axis] < EXPLAINS
+    enough = comparison.freedom[axis] >= LEAST_FREEDOM
+    return enough and comparison.lagged[axis] < UNRELATED and _differs(comparison, axis)

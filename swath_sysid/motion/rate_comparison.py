@@ -11,6 +11,9 @@ LEAST_ANGLE = np.radians(0.25)
 LEAST_RATE = np.radians(0.5)
 """rad/s, standard deviation of the derivative; slower angles may be the wander of an attitude filter."""
 
+SURE = 0.95
+"""Correlation from which a rate shows that the angle moves, though it does so slowly by stamps in a wrong unit."""
+
 BAND_POWER = 0.98
 """Share of an angle's power below the highest frequency that is looked at; what is above is mostly noise."""
 
@@ -59,6 +62,10 @@ class RateComparison:
         Rate i over the derivative of angle j by least squares, at the same time.
     lagged_gain, gain_std : ndarray, shape (3,)
         The same of each with its own, at the lag, and its standard deviation.
+    freedom : ndarray, shape (3,)
+        Degrees of freedom that these standard deviations rest on.
+    share : ndarray, shape (3,)
+        Standard deviation of each rate over that of its own derivative, in the band.
     offset : ndarray, shape (3,)
         Mean rate less the change of the angle over the time it took, rad/s; NaN where either is unknown.
     """
@@ -72,6 +79,8 @@ class RateComparison:
     gain: np.ndarray
     lagged_gain: np.ndarray
     gain_std: np.ndarray
+    freedom: np.ndarray
+    share: np.ndarray
     offset: np.ndarray
 
 
@@ -114,37 +123,35 @@ def compare_rates(step, angles, rates):
     spectra = np.fft.rfft((differences - differences.mean(axis=0)) * taper, padded, axis=0)
     moves = np.zeros(3, dtype=bool)
     at_once, gain = np.full((2, 3, 3), np.nan)
-    lagged, lag, lag_std, lagged_gain, gain_std = np.full((5, 3), np.nan)
+    lagged, lag, lag_std, lagged_gain, gain_std, freedom, share = np.full((7, 3), np.nan)
     for j in np.flatnonzero(known):
         highest = _highest_frequency(angles[:, j], step)
-        moves[j] = (
-            highest is not None
-            and highest <= WIDEST_BAND * 0.5 / step
-            and highest * size * step >= LEAST_SWINGS
-            and _deviation(spectra[frequency <= highest, j], taper) >= LEAST_RATE
+        if highest is None or highest > WIDEST_BAND * 0.5 / step or highest * size * step < LEAST_SWINGS:
+            continue
+        band = (frequency > 0.0) & (frequency <= highest)
+        derivative, own = spectra[band, j], spectra_of_rates[band, j]
+        moves[j] = _deviation(derivative, taper) >= LEAST_RATE or (
+            has_rate[j] and _coherence(derivative, own) >= SURE and _deviation(own, taper) >= LEAST_RATE
         )
         if not moves[j]:
             continue
-        band = (frequency > 0.0) & (frequency <= highest)
-        derivative = spectra[band, j]
         power = np.sum(np.abs(derivative) ** 2)
         for i in np.flatnonzero(has_rate):
             measured = spectra_of_rates[band, i]
-            scale = np.sqrt(power * np.sum(np.abs(measured) ** 2))
-            common = float(np.sum((np.conj(derivative) * measured).real))
-            at_once[i, j] = common / scale if scale > 0.0 else 0.0
-            gain[i, j] = common / power
+            at_once[i, j] = _coherence(derivative, measured)
+            gain[i, j] = float(np.sum((np.conj(derivative) * measured).real)) / power
         if has_rate[j]:
             mean_square = np.sum((2.0 * np.pi * frequency[band]) ** 2 * np.abs(derivative) ** 2) / power
             longest = min(LONGEST_LAG, LAG_OF_PERIOD * 2.0 * np.pi / np.sqrt(mean_square))
-            lag[j], lagged[j], lagged_gain[j] = _delay(
-                derivative, spectra_of_rates[band, j], frequency[band], step, longest
-            )
-            freedom = max(2.0 * highest * step * np.sum(taper**2), 1.0)
+            lag[j], lagged[j], lagged_gain[j] = _delay(derivative, own, frequency[band], step, longest)
+            freedom[j] = max(2.0 * highest * step * np.sum(taper**2), 1.0)
             incoherent = max(1.0 - lagged[j] ** 2, 0.0) / max(lagged[j] ** 2, 1e-6)
-            lag_std[j] = np.sqrt(incoherent / freedom / mean_square)
-            gain_std[j] = abs(lagged_gain[j]) * np.sqrt(incoherent / freedom)
-    return RateComparison(moves, has_rate, at_once, lagged, lag, lag_std, gain, lagged_gain, gain_std, offset)
+            lag_std[j] = np.sqrt(incoherent / freedom[j] / mean_square)
+            share[j] = _deviation(own, taper) / _deviation(derivative, taper)
+            gain_std[j] = abs(lagged_gain[j]) * np.sqrt(incoherent / freedom[j])
+    return RateComparison(
+        moves, has_rate, at_once, lagged, lag, lag_std, gain, lagged_gain, gain_std, freedom, share, offset
+    )
 
 
 def _lively(differences, step):
@@ -156,6 +163,12 @@ def _lively(differences, step):
     first, last = np.searchsorted(energy, [quiet * energy[-1], (1.0 - quiet) * energy[-1]])
     margin = max(width, (LEAST_ROWS - (last - first)) // 2 + 1, (last - first) // 4)
     return slice(max(first - margin, 0), min(last + margin, len(differences)))
+
+
+def _coherence(first, second):
+    """Correlation at the same time, from spectra."""
+    scale = np.sqrt(np.sum(np.abs(first) ** 2) * np.sum(np.abs(second) ** 2))
+    return float(np.sum((np.conj(first) * second).real) / scale) if scale > 0.0 else 0.0
 
 
 def _deviation(spectrum, taper):
