@@ -1,4 +1,6 @@
 """Sensors that sit in the craft in another way than was said: the readings of one that sits right, made wrong."""
+from functools import cache
+
 import numpy as np
 from imu_stream import diagonal
 from scipy.spatial.transform import Rotation
@@ -70,6 +72,7 @@ WRONG = {
 """All at 10 Hz."""
 
 
+@cache
 def buoy(path):
     """Attitude, rates and specific force of the moored buoy's sensor, FRD in NED, at 10 Hz."""
     table = np.genfromtxt(path, delimiter=',', names=True)

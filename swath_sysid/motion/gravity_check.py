@@ -90,7 +90,7 @@ def list_of_craft(up, installation):
     roll, pitch = attitude.tilt_angles(*up)
     mounting = composed((nearest_quarter(roll), nearest_quarter(pitch), 0.0), installation)
     return [Contradiction('sensor-turned', (
-        f'the attitude averages roll {np.degrees(roll):.0f} deg and pitch {np.degrees(pitch):.0f} deg, at which no '
+        f'the attitude averages roll {in_degrees([roll])[0]} deg and pitch {in_degrees([pitch])[0]} deg, at which no '
         f'craft floats, so this is how the sensor sits: set mounting_deg to {in_degrees(mounting)} (roll, pitch, yaw, '
         f'of which the yaw does not show)'
     ))]  # fmt: skip

@@ -43,8 +43,9 @@ def composed(further, installation):
 
 
 def in_degrees(mounting):
-    """A mounting in whole degrees."""
-    return [round(float(np.degrees(angle))) + 0 for angle in mounting]
+    """A mounting in whole degrees, of which -180 is 180."""
+    degrees = [round(float(np.degrees(angle))) for angle in mounting]
+    return [180 if angle == -180 else angle for angle in degrees]
 
 
 def turn_and_cure(turn, installation):
