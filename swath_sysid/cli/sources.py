@@ -5,7 +5,6 @@ import math
 from swath_sysid import __version__
 from swath_sysid.errors import InputError
 from swath_sysid.files.reading import read_trial, source_hash
-from swath_sysid.motion.contradictions import Contradiction
 from swath_sysid.motion.trial import AXES
 
 
@@ -39,26 +38,6 @@ def finite(text):
 def read_trials(paths, arguments):
     """Read the trials of the command line."""
     return [read_trial(path, topic=arguments.topic, frame=arguments.frame) for path in paths]
-
-
-def refuse_contradictions(trials, axis=None):
-    """Refuse records whose angles, rates and accelerations contradict each other plainly.
-
-    Parameters
-    ----------
-    trials : sequence of Trial
-    axis : str, optional
-        What only concerns the other is no matter; by default both matter.
-
-    Raises
-    ------
-    InputError
-        What contradicts itself, and what mends it.
-    """
-    for trial in trials:
-        for advice in trial.advice:
-            if isinstance(advice, Contradiction) and advice.is_plain and (not axis or advice.axis in (None, axis)):
-                raise InputError(f'{trial.source}: {advice.message}')
 
 
 def chosen_axis(trials, asked):

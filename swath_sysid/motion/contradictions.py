@@ -2,6 +2,7 @@
 from dataclasses import dataclass
 
 from swath_sysid.advice import Advice
+from swath_sysid.errors import InputError
 
 FROZEN_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
 
@@ -55,3 +56,22 @@ class Judgement:
 
     contradictions: tuple[Contradiction, ...] = ()
     decided: frozenset[str] = frozenset()
+
+
+def refuse_contradictions(trial, axis=None):
+    """Refuse a record whose angles, rates and accelerations contradict each other plainly.
+
+    Parameters
+    ----------
+    trial : Trial
+    axis : str, optional
+        What only concerns the other is no matter; by default both matter.
+
+    Raises
+    ------
+    InputError
+        What contradicts itself, and what mends it.
+    """
+    for advice in trial.advice:
+        if isinstance(advice, Contradiction) and advice.is_plain and (axis is None or advice.axis in (None, axis)):
+            raise InputError(f'{trial.source}: {advice.message}' if trial.source else advice.message)

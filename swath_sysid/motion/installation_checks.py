@@ -169,6 +169,8 @@ def contradictions_in(time, channels, installation):
     -------
     tuple of Contradiction
     """
+    if time.size < LEAST_BINS:
+        return ()
     interval = float(np.median(np.diff(time)))
     size = max(WINDOW_BINS * _samples_a_bin(interval), round(WINDOW / interval))
     starts = range(0, max(time.size - size // 2, 1), size // 2)
