@@ -35,23 +35,21 @@ def installation(bench):
     return bench.statuses.get('predictor: installation', (None, '', {}))
 
 
-def sent_until_named(bench, first):
-    """Messages until the diagnostics warn; the number of those sent."""
-    for _ in range(12):
+def sent_until(bench, condition):
+    """Five seconds of messages after the others, a minute at most, until the diagnostics say what is waited for."""
+    for first in range(0, 60 * 10**9 // STEP, 5 * 10**9 // STEP):
         bench.send(rolling(first, 5.0))
-        first += round(5e9) // STEP
-        bench.settle('predictor', first)
+        # messages may be lost on a busy machine; what has come is judged with the next diagnostics
         reports = bench.reports
-        wait_for(lambda heard=reports: bench.reports > heard + 2, 'further diagnostics')
-        if installation(bench)[0] == WARN:
-            break
-    return first
+        wait_for(lambda heard=reports: bench.reports > heard + 6, 'further diagnostics')
+        if condition():
+            return
+    raise AssertionError(f'after a minute of messages: {installation(bench)}')
 
 
 def test_axes_of_the_other_frame_are_named_with_their_cure(bench):
     with running(bench, start_together()):
-        sent = sent_until_named(bench, 0)
-        assert sent * STEP <= 60 * 10**9
+        sent_until(bench, lambda: installation(bench)[0] == WARN)
         level, message, values = installation(bench)
         assert level == WARN and values['contradictions'] == 'axes-of-sensor'
         assert 'gravity reads -9.8 m/s^2' in message and 'set frame to frd' in message
@@ -63,7 +61,5 @@ def test_axes_of_the_other_frame_are_named_with_their_cure(bench):
 
 def test_the_right_frame_is_not_warned_of(bench):
     with running(bench, start_together('-p', 'frame:=frd')):
-        bench.send(rolling(0, 25.0))
-        bench.settle('predictor', round(25e9) // STEP)
-        wait_for(lambda: installation(bench)[2].get('judgements', '0') != '0', 'judgement')
-        assert installation(bench)[0] == OK
+        sent_until(bench, lambda: int(installation(bench)[2].get('judgements', 0)) >= 3)
+        assert installation(bench)[0] == OK and 'agree' in installation(bench)[1]
