@@ -205,6 +205,18 @@ def test_nothing_usable_is_an_error(tmp_path):
         work_off(tmp_path, tmp_path / 'out')
 
 
+def test_a_record_that_contradicts_itself_is_left_out_with_its_cure(trials, tmp_path):
+    right, wrong, *_ = sorted(trials.glob('*0.9T*.csv'))
+    (tmp_path / 'wrong.csv').write_text(wrong.read_text().replace('pitch_rate_rad_s', 'pitch_rate_deg_s'))
+    (tmp_path / 'campaign.yaml').write_text(
+        'axis: pitch\nequations: [linear]\ntrials:\n'
+        f'  - {{file: {right}, draft_factor: 0.9}}\n  - {{file: wrong.csv, draft_factor: 0.9}}\n'
+    )
+    used, refused = work_off(tmp_path, tmp_path / 'out').trials
+    assert used.record is not None and refused.record is None
+    assert 'times the derivative of the pitch angle' in refused.reason
+
+
 def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
     names = sorted(p.name for p in trials.glob('*0.9T*.csv'))
     entries = (

@@ -238,3 +238,22 @@ def test_what_cannot_be_simulated_is_said(options, words, tmp_path, monkeypatch,
 def test_published_hulls_all_simulate(tmp_path):
     for name in PUBLISHED_HULLS:
         assert main(['simulate', '--hull', name, '--initial-angle-deg', '2', '--output', str(tmp_path / 'a.csv')]) == 0
+
+
+@pytest.mark.parametrize('verb', ['identify', 'compare', 'forecast'])
+def test_a_record_that_contradicts_itself_is_refused_with_its_cure(verb, trial_file, tmp_path, capsys):
+    wrong = tmp_path / 'wrong.csv'
+    wrong.write_text(trial_file.read_text().replace('pitch_rate_rad_s', 'pitch_rate_deg_s'))
+    assert main([verb, str(wrong), *(['--output', str(tmp_path / 'm.yaml')] if verb == 'identify' else [])]) == 2
+    told = capsys.readouterr().err
+    assert 'times the derivative of the pitch angle' in told and 'Traceback' not in told
+    assert not (tmp_path / 'm.yaml').exists()
+
+
+def test_inspect_tells_what_contradicts_itself(trial_file, tmp_path, capsys):
+    wrong = tmp_path / 'wrong.csv'
+    wrong.write_text(trial_file.read_text().replace('# frame: flu', '# frame: frd'))
+    assert main(['inspect', str(wrong), '--json']) == 0
+    (told,) = json.loads(capsys.readouterr().out)['warnings']
+    assert told['code'] == 'axes-of-sensor' and 'set frame to flu' in told['message']
+    assert main(['identify', str(wrong), '--frame', 'flu']) == 0

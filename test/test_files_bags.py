@@ -20,7 +20,7 @@ COUNT = 200
 RNG = np.random.default_rng(1)
 STAMPS = 1_700_000_000_123_456_789 + 10_000_000 * np.arange(COUNT)
 ROLL, PITCH, YAW = RNG.uniform(-0.5, 0.5, (3, COUNT))
-RATES, FORCE = RNG.normal(0, 1, (2, COUNT, 3))
+RATES, FORCE = RNG.normal(0, 1, (2, COUNT, 3)) + [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 9.81]]]
 STORAGES = {'sqlite3': StoragePlugin.SQLITE3, 'mcap': StoragePlugin.MCAP}
 
 
@@ -139,7 +139,9 @@ def test_big_endian_messages_are_read():
 def test_blocks_and_mixed_frames_keep_the_order(tmp_path, monkeypatch):
     monkeypatch.setattr(bags, 'MESSAGES_AT_ONCE', 16)
     messages = [('/imu/data', STAMPS[at], imu(at, frame_id='imu' * (1 + at % 3))) for at in range(COUNT)]
-    assert_right(read_bag(write_bag(tmp_path / 'bag', messages)))
+    trial = read_bag(write_bag(tmp_path / 'bag', messages))
+    assert_right(trial)
+    assert codes(trial) == ['frame-id-changed'] and "3 frames ('imu', 'imuimu'" in trial.advice[0].message
 
 
 @pytest.mark.parametrize('absent,left', [

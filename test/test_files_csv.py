@@ -267,3 +267,26 @@ def test_kvlcc2_is_read_as_it_is(data_folder):
     trial = read_csv(path)
     assert np.array_equal(trial.time, raw['time_s']) and np.array_equal(trial.roll, raw['roll_rad'])
     assert trial.advice == ()
+
+
+def test_a_file_says_how_its_sensor_is_mounted(tmp_path):
+    """A craft in waves whose sensor hangs upside down: named, then mended by the line that the sentence asks for."""
+    time = np.arange(0.0, 30.0, 0.05)
+    roll, pitch = 0.1 * np.sin(time), 0.05 * np.sin(1.3 * time)
+    rows = np.column_stack([time, (roll + 2 * np.pi) % (2 * np.pi) - np.pi, pitch])
+    path = tmp_path / 'hanging.csv'
+    table = 'time_s,roll_rad,pitch_rad\n' + '\n'.join(','.join(map(repr, row)) for row in rows.tolist()) + '\n'
+    path.write_text(table)
+    (told,) = read_csv(path).advice
+    assert told.code == 'sensor-turned' and 'mounting_deg to [180, 0, 0]' in told.message
+    path.write_text('# mounting_deg: [180, 0, 0]\n' + table)
+    trial = read_csv(path)
+    assert trial.advice == () and np.allclose(trial.roll, roll) and np.allclose(trial.pitch, pitch)
+
+
+@pytest.mark.parametrize('line', ['upside down', '180', '180, 0, nan', '1, 2, 3, 4'])
+def test_a_mounting_that_is_none_is_one_sentence(tmp_path, line):
+    path = tmp_path / 'a.csv'
+    path.write_text(f'# mounting_deg: {line}\ntime_s,roll_deg,pitch_deg\n' + '\n'.join(f'{k},1,1' for k in range(20)))
+    with pytest.raises(InputError, match='angles'):
+        read_csv(path)

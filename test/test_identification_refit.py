@@ -23,7 +23,7 @@ from swath_sysid.identification.refit import (
     window_provenance,
 )
 from swath_sysid.identification.search import Cancelled, SearchSettings
-from swath_sysid.motion.window import MotionTable, MotionWindow, WindowSettings
+from swath_sysid.motion.window import COLUMNS, MotionTable, MotionWindow, WindowSettings
 
 QUICK = RefitSettings(
     axes=('pitch',), identification=IdentificationSettings(search=SearchSettings(generations=15, population=40)))
@@ -56,6 +56,15 @@ def test_the_first_refit_is_believed(first):
     assert model.damping_ratio == pytest.approx(0.08, rel=0.1)
     assert 'odd-cubic' in first.message and '\n' not in first.message
     assert refitter.models['pitch'].provenance['source'] == 'here'
+
+
+def test_a_window_whose_rates_are_reversed_is_not_fitted(table):
+    column = COLUMNS.index('pitch_rate')
+    rows = table.rows.copy()
+    rows[:, column] *= -1.0
+    outcome = refit(Refitter(QUICK).request(replace(table, rows=rows)))
+    assert not outcome.succeeded
+    assert 'not fitted' in outcome.message and 'derivative of the pitch angle with the opposite sign' in outcome.message
 
 
 def test_the_same_window_again_changes_nothing(table, first):

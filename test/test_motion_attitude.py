@@ -188,9 +188,10 @@ def test_installation_that_cannot_be_is_refused(arguments):
 
 def readings(count=50):
     time = np.linspace(0, 5, count)
+    roll, pitch = 0.3 * np.sin(time), 0.2 * np.cos(time)
+    gyro = attitude.body_rates(roll, pitch, 0.3 * np.cos(time), -0.2 * np.sin(time), 0.1)
     return time, {
-        'roll': 0.3 * np.sin(time), 'pitch': 0.2 * np.cos(time),
-        'gyro_x': 0.1 + 0 * time, 'gyro_y': 0.2 * np.sin(time), 'gyro_z': 0.3 * np.cos(time),
+        'roll': roll, 'pitch': pitch, **dict(zip(('gyro_x', 'gyro_y', 'gyro_z'), gyro, strict=True)),
         'accel_x': 0 * time, 'accel_y': 0 * time, 'accel_z': 9.81 + 0 * time,
     }
 

@@ -6,6 +6,7 @@ from swath_sysid.motion.window import WINDOW_REASONS, MotionWindow
 from swath_sysid.nodes.health import (
     BAD_MODEL,
     ERROR,
+    FRAME_CHANGED,
     HARMLESS,
     OK,
     REASON_ADVICE,
@@ -117,7 +118,7 @@ def test_the_predictor_tells_that_it_has_no_model():
     health = PredictorHealth('imu/data', outlook)
     for k in range(100):
         outlook.add(reading(EPOCH_NS + k * 10_000_000))
-    stream, state = health.reports(1.0, EPOCH_NS)
+    stream, state, _ = health.reports(1.0, EPOCH_NS)
     assert state.level == WARN and 'no pitch model' in state.message and state.values['model_age_s'] == 'no model'
     assert set(REASONS) | {BAD_MODEL} <= set(stream.values)
     assert 'nrmse_roll_1.0s' in state.values and 'coverage90_pitch_5.0s' in state.values
@@ -160,3 +161,29 @@ def test_the_identifier_tells_what_it_does():
     health.note('worker-died')
     assert health.report('pitch odd-cubic', 1, False).level == WARN
     assert health.report('pitch odd-cubic', 1, False).level == OK
+
+
+def test_a_frame_id_that_changes_is_counted_and_warned_of():
+    health = StreamHealth('imu/data')
+    report(health, 0.0)
+    receive(health, 0.0, 1.0)
+    for name in ('imu_link', 'imu_link', 'imu_raw', 'imu_link'):
+        health.note_frame_id(name)
+    told = report(health, 1.0)
+    assert told.values[FRAME_CHANGED] == 2 and told.level == WARN and 'two sensors may share the topic' in told.message
+
+
+def test_a_wrong_installation_stays_a_warning():
+    outlook = Outlook()
+    health = PredictorHealth('imu/data', outlook)
+    levels = []
+    for second in range(40):
+        for k in range(20):
+            stamp = EPOCH_NS + second * 10**9 + k * 50_000_000
+            outlook.add(reading(stamp, 1e-3 * (k % 3), force=(0.0, 0.01 * (k % 3), -9.81)))
+        *_, told = health.reports(float(second), EPOCH_NS)
+        levels.append(told.level)
+    assert told.name == 'installation' and 'set frame to frd' in told.message
+    assert told.values['contradictions'] == 'axes-of-sensor' and told.values['judgements'] >= 6
+    first = levels.index(WARN)
+    assert first <= 20 and set(levels[first:]) == {WARN} and set(levels[:first]) == {OK}

@@ -216,11 +216,13 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
     names = {name: [status.name for status in by_node[name][-1][1].status] for name in by_node}
     assert names == {
         'imu_buffer': ['imu_buffer: imu', 'imu_buffer: window'], 'identifier': ['identifier: identification'],
-        'predictor': ['predictor: imu', 'predictor: forecast'],
+        'predictor': ['predictor: imu', 'predictor: forecast', 'predictor: installation'],
     }  # fmt: skip
-    stream, forecast = ({pair.key: pair.value for pair in s.values} for s in by_node['predictor'][-1][1].status)
+    statuses = by_node['predictor'][-1][1].status
+    stream, forecast, installation = ({pair.key: pair.value for pair in status.values} for status in statuses)
     assert (stream['rate_hz'], stream['processing_ms_max']) == ('50', '0') and abs(float(stream['stamp_age_s'])) < 1e-9
     assert (int(stream['received']), forecast['has_model_roll']) == (750, 'True')
+    assert (installation['contradictions'], int(installation['judgements'])) == ('none', 2)
     window = {pair.key: pair.value for pair in by_node['imu_buffer'][-1][1].status[1].values}
     assert window['decays_noticed'] == '1'
     identified = {pair.key: pair.value for pair in by_node['identifier'][-1][1].status[0].values}

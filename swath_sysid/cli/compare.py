@@ -10,11 +10,18 @@ from rich.table import Table
 
 from swath_sysid.cli.identify import add_search_arguments, settings_of
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import add_source_arguments, chosen_axis, motions_of, provenance_of, read_trials
+from swath_sysid.cli.sources import (
+    add_source_arguments,
+    chosen_axis,
+    motions_of,
+    provenance_of,
+    read_trials,
+)
 from swath_sysid.files.model_file import write_model
 from swath_sysid.hull.catalogue import equation_named, equations_of_axis
 from swath_sysid.identification.problem import prepare
 from swath_sysid.identification.selection import compare
+from swath_sysid.motion.contradictions import refuse_contradictions
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data
@@ -44,6 +51,8 @@ def run(arguments):
     settings = settings_of(arguments)
     trials = read_trials(arguments.trials, arguments)
     axis = chosen_axis(trials, arguments.axis)
+    for trial in trials:
+        refuse_contradictions(trial, axis)
     equations = equations_asked(arguments.equations, axis)
     problem = prepare(motions_of(trials, axis), settings.start, settings.end)
     with progress_of('compare') as progress:

@@ -13,6 +13,7 @@ from swath_sysid.cli.sources import finite
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import read_model
 from swath_sysid.files.reading import read_trial
+from swath_sysid.motion.contradictions import refuse_contradictions
 from swath_sysid.motion.trial import AXES
 from swath_sysid.prediction.predictor import PredictorSettings
 from swath_sysid.prediction.quiescence import QuiescenceLimits
@@ -55,6 +56,7 @@ def add_arguments(parser):
 def run(arguments):
     """Run the predictor through the record and tell its skill."""
     trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
+    refuse_contradictions(trial, arguments.axis)
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
     models = {}

@@ -4,13 +4,21 @@ import json
 import time
 
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import add_source_arguments, chosen_axis, finite, motions_of, provenance_of, read_trials
+from swath_sysid.cli.sources import (
+    add_source_arguments,
+    chosen_axis,
+    finite,
+    motions_of,
+    provenance_of,
+    read_trials,
+)
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import write_model
 from swath_sysid.identification.at_sea import identify_at_sea, is_forced
 from swath_sysid.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
 from swath_sysid.identification.sea_motion import heave_of
 from swath_sysid.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.motion.contradictions import refuse_contradictions
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
 from swath_sysid.report.figures import save_figure
@@ -73,6 +81,8 @@ def run(arguments):
     settings = settings_of(arguments, arguments.equation)
     trials = read_trials(arguments.trials, arguments)
     axis = chosen_axis(trials, arguments.axis)
+    for trial in trials:
+        refuse_contradictions(trial, axis)
     if _is_at_sea(arguments, trials, axis):
         return _run_at_sea(arguments, trials, axis, began)
     with progress_of('identify') as progress:

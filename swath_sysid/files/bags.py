@@ -196,7 +196,13 @@ def read_imu(path, topic=None):
     order = np.argsort(received, kind='stable')
     if np.any(np.diff(order) != 1):
         stamps, received, values = stamps[order], received[order], values[order]
-    return ImuRecord(topic, decoder.frame_id, stamps, received, values, tuple(advice))
+    if len(decoder.frame_ids) > 1:
+        names = ', '.join(repr(name[:40]) for name in list(decoder.frame_ids)[:3])
+        advice.append(Advice('frame-id-changed', (
+            f'the messages on {topic} come in {len(decoder.frame_ids)} frames ({names}): if these are two sensors, '
+            f'record each on a topic of its own; else look whether the mounting is still right'
+        )))
+    return ImuRecord(topic, next(iter(decoder.frame_ids), ''), stamps, received, values, tuple(advice))
 
 
 def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id='imu_link'):
@@ -274,7 +280,7 @@ class _ImuDecoder:
     """
 
     def __init__(self):
-        self.frame_id = ''
+        self.frame_ids = {}
         self.damaged = 0
         self._waiting = []
         self._blocks = []
@@ -301,8 +307,9 @@ class _ImuDecoder:
                 self.damaged += len(messages)
                 continue
             table = np.frombuffer(b''.join(raw for _, raw in messages), dtype=layout)
-            if not self._blocks:
-                self.frame_id = table['frame_id'][0].decode('utf-8', 'replace')
+            first = table['frame_id'][0]
+            ids = np.unique(table['frame_id']) if np.any(table['frame_id'] != first) else [first]
+            self.frame_ids.update(dict.fromkeys(frame_id.decode('utf-8', 'replace') for frame_id in ids))
             stamps = table['sec'].astype(np.int64) * 1_000_000_000 + table['nanosec']
             received = np.array([time for time, _ in messages], dtype=np.int64)
             self._blocks.append((stamps, received, table['values'].astype(float)))

@@ -34,6 +34,7 @@ from swath_sysid.identification.campaign import (
     spread_of_repeats,
 )
 from swath_sysid.identification.problem import prepare
+from swath_sysid.motion.contradictions import refuse_contradictions
 
 RESULT_FORMAT = 1
 """To be raised when results of before can no longer be used."""
@@ -258,6 +259,7 @@ def _prepared(entry, manifest, quantity):
     try:
         sha256 = source_hash(entry.path)
         trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame)
+        refuse_contradictions(trial, entry.axis)
         problem = prepare([trial.axis(entry.axis)], entry.start, entry.end)
         angle = entry.initial_angle_deg
         if angle is None:

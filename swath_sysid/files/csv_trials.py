@@ -69,7 +69,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     ===================================== ======================= ===========================
 
     Comment lines above (``# key: value``) may give ``draft_m``, ``initial_angle_deg`` or
-    ``initial_angle_rad``, and ``frame``.
+    ``initial_angle_rad``, ``frame``, and ``mounting_deg`` (roll, pitch, yaw of the sensor, as in ``180, 0, 0``).
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     frame : str, optional
         ``flu`` or ``frd``; by default what the file says of itself, else ``flu``.
     mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad.
+        Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, what the file says of itself.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
         )),)
     time = _time([readings.pop(name) for name in time_names])
     return assemble_trial(
-        time, readings, Installation(frame or head.remarks.get('frame', 'flu').lower(), mounting), source=str(path),
+        time, readings, _installation(path, head.remarks, frame, mounting), source=str(path),
         draft=_remark(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks), advice=advice,
     )
 
@@ -205,6 +205,18 @@ def _plain_name(name):
     plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
     plain = re.sub('[^a-z0-9]+', '_', plain).strip('_')
     return re.sub('_(per|p)_', '_', plain)
+
+
+def _installation(path, remarks, frame, mounting):
+    """How the sensor sits: as given, else as the file says of itself."""
+    if remarks.get('mounting_deg') and not any(mounting):
+        parts = re.split(r'[,;\s]+', remarks['mounting_deg'].strip('[]() '))
+        try:
+            mounting = tuple(float(part) * ANGLE_UNITS['deg'] for part in parts)
+        except ValueError as error:
+            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which are no three "
+                             f'angles: write it as 180, 0, 0') from error
+    return Installation(frame or remarks.get('frame', 'flu').lower(), mounting)
 
 
 def _remark(path, remarks, key):

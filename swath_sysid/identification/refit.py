@@ -5,7 +5,7 @@ this gives never replaces the model of a free decay, which knows other amplitude
 """
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -20,6 +20,9 @@ from swath_sysid.identification.motion_fit import MotionFit
 from swath_sysid.identification.problem import prepare
 from swath_sysid.identification.sea_motion import heave_of
 from swath_sysid.identification.search import SearchSettings
+from swath_sysid.motion.contradictions import OFFSET_CODES, RATE_CODES, refuse_contradictions
+from swath_sysid.motion.installation_checks import contradictions_in
+from swath_sysid.motion.sensing import Installation
 from swath_sysid.motion.trial import AXES
 from swath_sysid.motion.window import MotionTable
 
@@ -153,6 +156,11 @@ def refit(request, *, progress=None, should_cancel=None):
         ``should_cancel`` said so.
     """
     trial = request.table.trial()
+    # a hull is fitted to angles and rates, wherever gravity is
+    trial = replace(trial, advice=tuple(
+        each for each in contradictions_in(trial.time, trial.channels, Installation())
+        if each.code in RATE_CODES | OFFSET_CODES
+    ))  # fmt: skip
     axes = request.settings.axes
     verdicts = []
     for index, axis in enumerate(axes):
@@ -162,6 +170,7 @@ def refit(request, *, progress=None, should_cancel=None):
                 progress((index + share) / len(axes))
 
         try:
+            refuse_contradictions(trial, axis)
             verdicts.append(_refit_axis(axis, trial, request, report, should_cancel))
         except InputError as error:
             verdicts.append(AxisVerdict(axis, None, f'not fitted, {error}'))

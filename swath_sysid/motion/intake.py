@@ -1,6 +1,6 @@
 """The intake: IMU messages, as plain numbers, to samples of the craft's motion."""
 from collections.abc import Sequence
-from math import inf, isfinite, nan
+from math import inf, isfinite, nan, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +15,13 @@ ABSURD = 'absurd-value'
 BAD_QUATERNION = 'bad-quaternion'
 NO_ORIENTATION = 'no-orientation'
 UNKNOWN_COVARIANCE = 'unknown-covariance'
+ABSURD_COVARIANCE = 'absurd-covariance'
+NEAR_VERTICAL = 'near-vertical'
 EMPTY = 'nothing-usable'
-INTAKE_REASONS = (NOT_FINITE, ABSURD, BAD_QUATERNION, NO_ORIENTATION, UNKNOWN_COVARIANCE, EMPTY)
-"""Everything that is counted; only the last leaves the whole sample out."""
+INTAKE_REASONS = (
+    NOT_FINITE, ABSURD, BAD_QUATERNION, NO_ORIENTATION, UNKNOWN_COVARIANCE, ABSURD_COVARIANCE, NEAR_VERTICAL, EMPTY,
+)  # fmt: skip
+"""Everything that is counted; only the last two leave the whole sample out."""
 
 NOT_MEASURED = -1.0
 """First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu)."""
@@ -26,6 +30,12 @@ NANOSECOND = 1e-9
 _UNKNOWN = (nan, nan)
 _NOT_MEASURED = (nan, nan, nan)
 _LARGEST_RATE, _LARGEST_ACCELERATION = LARGEST_VALUES['rate'], LARGEST_VALUES['acceleration']
+
+LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = LARGEST_VALUES['angle'] ** 2, LARGEST_VALUES['rate'] ** 2
+"""A sensor that knows less than this knows nothing, or its covariance is not in rad^2 and rad^2/s^2."""
+
+LARGEST_PITCH = radians(80.0)
+"""Beyond it roll and yaw are hardly told apart, and every rate error is more than five times as large in theirs."""
 
 
 class ImuReading(NamedTuple):
@@ -139,12 +149,14 @@ def take_in(reading, installation):
     roll = pitch = yaw = roll_rate = pitch_rate = yaw_rate = nan
     if quaternion is not None:
         roll, pitch, yaw = attitude.euler_angles(*installation.orientation(*quaternion))
-        angle_variances = _variances(angle_covariance, installation)
+        if abs(pitch) > LARGEST_PITCH:
+            return Taken(None, (*reasons, NEAR_VERTICAL))
+        angle_variances = _variances(angle_covariance, installation, LARGEST_ANGLE_VARIANCE, reasons)
     if rates is not None:
         roll_rate, pitch_rate, yaw_rate = installation.vector(*rates)
         if quaternion is not None:
             roll_rate, pitch_rate, yaw_rate = attitude.euler_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
-        rate_variances = _variances(rate_covariance, installation)
+        rate_variances = _variances(rate_covariance, installation, LARGEST_RATE_VARIANCE, reasons)
     accelerations = _NOT_MEASURED if force is None else installation.vector(*force)
     if (quaternion is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
         reasons.append(UNKNOWN_COVARIANCE)
@@ -184,10 +196,13 @@ def _note(reason, reasons):
         reasons.append(reason)
 
 
-def _variances(covariance, installation):
-    """Variances about the craft's x and y axes; `_UNKNOWN` where the sensor does not tell."""
+def _variances(covariance, installation, largest, reasons):
+    """Variances about the craft's x and y axes; `_UNKNOWN` where the sensor does not tell, or they cannot be."""
     about_x, about_y = covariance[0], covariance[4]
     if not (0.0 < about_x < inf and 0.0 < about_y < inf):
+        return _UNKNOWN
+    if about_x > largest or about_y > largest:
+        _note(ABSURD_COVARIANCE, reasons)
         return _UNKNOWN
     if installation.is_turned:
         sensor = np.reshape(covariance, (3, 3))

@@ -9,6 +9,7 @@ from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
 from swath_sysid.motion import attitude
 from swath_sysid.motion.cleaning import clean
+from swath_sysid.motion.installation_checks import contradictions_in
 from swath_sysid.motion.trial import CHANNELS, Trial
 
 FRAMES = ('flu', 'frd')
@@ -160,9 +161,10 @@ def assemble_trial(time, readings, installation=None, *, source='', draft=None, 
     time, readings, cleaning_advice = clean(time, readings, name)
     channels, motion_advice = _craft_channels(readings, installation, name)
     channels = {key: values for key, values in channels.items() if np.isfinite(values).any()}
+    contradictions = contradictions_in(time, channels, installation)
     trial = Trial(
-        time=time, **channels, source=source, draft=draft, initial_angle=initial_angle,
-        advice=(*advice, *cleaning_advice, *motion_advice),
+        time=time, **{key: values for key, values in channels.items() if key in CHANNELS}, source=source, draft=draft,
+        initial_angle=initial_angle, advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
     )
     if not trial.axes:
         raise InputError(f'{name} holds no usable roll or pitch, neither angle nor rate: check what the sensor sends')
@@ -170,7 +172,7 @@ def assemble_trial(time, readings, installation=None, *, source='', draft=None, 
 
 
 def _craft_channels(readings, installation, name):
-    """The channels of a trial from cleaned readings, and what to tell."""
+    """The channels of a trial and the yaw from cleaned readings, and what to tell."""
     advice = []
     angles = _angles(readings, installation, name)
     if _has(readings, QUATERNION):
@@ -186,12 +188,12 @@ def _craft_channels(readings, installation, name):
     if any(part in readings for part in GYRO[:2]):
         body = _turned_vector(readings, GYRO, installation, name)
         if _has(body, GYRO) and 'roll' in angles and 'pitch' in angles:
-            rates['roll_rate'], rates['pitch_rate'], _ = attitude.euler_rates(
+            rates['roll_rate'], rates['pitch_rate'], rates['yaw_rate'] = attitude.euler_rates(
                 angles['roll'], angles['pitch'], *_parts(body, GYRO))
         else:
             rates = {euler: body[part] for euler, part in (('roll_rate', GYRO[0]), ('pitch_rate', GYRO[1]))
                      if part in body}
-    from_gyro = set(rates)
+    from_gyro = set(rates) - {'yaw_rate'}
     rates.update(_euler_rates(readings, installation, name))
     force = _turned_vector(readings, ACCEL, installation, name)
     if from_gyro - set(readings) and not ('roll' in angles and 'pitch' in angles and _has(readings, GYRO)):
@@ -199,16 +201,19 @@ def _craft_channels(readings, installation, name):
             'the angles (or a gyro axis) are not known, so body rates stand for the Euler rates, which is good for '
             'small angles only: record roll, pitch and all three gyro axes'
         )))
-    return {key: values for key, values in {**angles, **rates, **force}.items() if key in CHANNELS}, advice
+    return {**angles, **rates, **force}, advice
 
 
 def _angles(readings, installation, name):
-    """Roll and pitch of the craft, those that are known."""
+    """Roll, pitch and yaw of the craft, those that are known."""
     if _has(readings, QUATERNION):
         orientation = _parts(readings, QUATERNION)
     elif not installation.is_turned:
         sign = -1 if installation.frame == 'frd' else 1
-        return {axis: side * readings[axis] for axis, side in (('roll', 1), ('pitch', sign)) if axis in readings}
+        known = {axis: side * readings[axis] for axis, side in (('roll', 1), ('pitch', sign)) if axis in readings}
+        if known and 'yaw' in readings:
+            known['yaw'] = np.pi / 2 - readings['yaw'] if sign < 0 else readings['yaw']
+        return known
     elif _has(readings, ('roll', 'pitch')):
         orientation = attitude.quaternion(readings['roll'], readings['pitch'], readings.get('yaw', 0.0))
     elif 'roll' in readings or 'pitch' in readings:
@@ -216,12 +221,12 @@ def _angles(readings, installation, name):
                          f'give both, or no mounting')
     else:
         return {}
-    roll, pitch, _ = attitude.euler_angles(*installation.orientation(*orientation))
-    return {'roll': roll, 'pitch': pitch}
+    roll, pitch, yaw = attitude.euler_angles(*installation.orientation(*orientation))
+    return {'roll': roll, 'pitch': pitch, 'yaw': yaw}
 
 
 def _euler_rates(readings, installation, name):
-    """The Euler rates that were measured as such."""
+    """The Euler rates of roll and pitch that were measured as such."""
     measured = [rate for rate in ('roll_rate', 'pitch_rate') if rate in readings]
     if measured and installation.is_turned:
         raise InputError(f'{name} holds Euler rates ({", ".join(measured)}), which a mounting cannot turn: '

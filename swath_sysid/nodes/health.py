@@ -19,6 +19,7 @@ BAD_WINDOW = 'bad-window'
 BAD_MODEL_FILE = 'bad-model-file'
 WORKER_DIED = 'worker-died'
 NOT_SAVED = 'model-not-saved'
+FRAME_CHANGED = 'frame-id-changed'
 
 NODE_REASONS = {
     SEVERAL_PUBLISHERS: 'more than one node publishes the IMU topic: stop one, or remap them apart',
@@ -34,6 +35,8 @@ NODE_REASONS = {
     BAD_WINDOW: 'a motion window could not be read: publish what imu_buffer publishes',
     WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
     NOT_SAVED: 'the model file could not be written: check model_path, its folder and its permissions',
+    FRAME_CHANGED: 'the frame_id of the messages changed: two sensors may share the topic, or the driver was set anew; '
+    'give each sensor a topic of its own, and look whether the mounting is still right',
 }
 
 REASON_ADVICE = {
@@ -50,6 +53,10 @@ REASON_ADVICE = {
     'orientation, let the driver set orientation_covariance[0] to -1',
     intake.NO_ORIENTATION: 'the sensor gives no orientation, rates alone are used',
     intake.UNKNOWN_COVARIANCE: 'the sensor does not tell its noise, which is therefore measured',
+    intake.ABSURD_COVARIANCE: 'covariances of more than half a turn, or 35 rad/s, were taken as unknown: let the '
+    'driver give them in rad^2 and rad^2/s^2, or all zero where it does not know them',
+    intake.NEAR_VERTICAL: 'samples with pitch beyond 80 deg were left out, where roll and yaw cannot be told apart: if '
+    'there are more and more, the sensor stands on end: set mounting_deg to [0, 90, 0] or [0, -90, 0]',
     intake.EMPTY: 'messages with nothing usable in them were left out: look at the driver',
     predictor.GAP: 'samples are missing and were predicted through: look at the load of the machine and of the network',
     **{reason: 'samples that contradict the forecast were rejected: look for shocks or magnetic disturbance'
@@ -118,13 +125,14 @@ class StreamHealth:
 
     def __init__(self, topic):
         self.topic = topic
-        self.counts = dict.fromkeys((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT), 0)
+        self.counts = dict.fromkeys((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED), 0)
         self.received = 0
         self._stamp_ns = None
         self._arrival = None
         self._spent = self._longest = 0.0
         self._since_report = 0
         self._silent = self._several = False
+        self._frame_id = None
         self._reported_counts = {}
         self._begun = self._reported_at = None
 
@@ -137,6 +145,13 @@ class StreamHealth:
         self._spent += spent
         if spent > self._longest:
             self._longest = spent
+
+    def note_frame_id(self, frame_id):
+        """A message was in this frame."""
+        if frame_id != self._frame_id:
+            if self._frame_id is not None:
+                self.note(FRAME_CHANGED)
+            self._frame_id = frame_id
 
     def note_publishers(self, count):
         """So many nodes publish the topic now."""
@@ -301,7 +316,27 @@ class PredictorHealth(StreamHealth):
         return [
             self.report(now, now_ns, counts, self._outlook.used, interval),
             Report('forecast', level, message, values),
+            installation_report(self._outlook.installation),
         ]
+
+
+def installation_report(check):
+    """Whether the sensor sits as was said.
+
+    Parameters
+    ----------
+    check : InstallationCheck
+
+    Returns
+    -------
+    Report
+    """
+    contradictions = check.judge()
+    level, message = OK, check.described
+    if contradictions:
+        level, message = WARN, '; '.join(each.message for each in contradictions)
+    codes = ' '.join(dict.fromkeys(each.code for each in contradictions))
+    return Report('installation', level, message, {'contradictions': codes or 'none', 'judgements': check.judgements})
 
 
 class IdentifierHealth:

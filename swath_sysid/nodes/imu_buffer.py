@@ -47,6 +47,7 @@ class ImuBuffer(Node):
                 f'publishing its window'
             )
             self._publish(step.finished.table)
+        self.health.note_frame_id(message.header.frame_id)
         self.health.note_message(reading.stamp_ns, begun, perf_counter())
 
     def _publish(self, table):

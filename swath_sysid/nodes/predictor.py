@@ -89,6 +89,7 @@ class Predictor(Node):
             self._fitting = True
             # the end comes in the worker's thread: a deque hands it over to this one
             self.worker.submit(fit_waves, (step.waves,), lambda *ending: self._fits.append(ending))
+        self.health.note_frame_id(message.header.frame_id)
         self.health.note_message(reading.stamp_ns, begun, perf_counter())
 
     def _publish_next(self, forecast):

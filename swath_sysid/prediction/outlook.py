@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.motion import attitude
+from swath_sysid.motion.installation_watch import InstallationCheck
 from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
 from swath_sysid.motion.sensing import Installation
 from swath_sysid.motion.stamps import GAP, JUMPED_BACK, LONG_GAP, STAMP_REASONS, StampSettings
@@ -162,6 +163,7 @@ class Outlook:
         self.settings = settings or OutlookSettings()
         self.predictor = Predictor(self.settings.predictor)
         self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
+        self.installation = InstallationCheck(self.settings.installation)
         self.counts = dict.fromkeys(OUTLOOK_REASONS, 0)
         self.used = 0
         self._hulls = dict.fromkeys(AXES)
@@ -228,6 +230,7 @@ class Outlook:
                 self.counts[reason] += 1
         if sample is None:
             return OutlookStep(reasons)
+        self.installation.add(sample)
         stamp_ns = sample[0]
         if self._first_ns is None:
             self._first_ns = stamp_ns
