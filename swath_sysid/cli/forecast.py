@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import finite
+from swath_sysid.cli.sources import check_model_and_plot, finite
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import read_model
 from swath_sysid.files.reading import read_trial
@@ -54,6 +54,7 @@ def add_arguments(parser):
 
 def run(arguments):
     """Run the predictor through the record and tell its skill."""
+    check_model_and_plot(arguments, [arguments.record, arguments.model])
     trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
@@ -78,7 +79,8 @@ def run(arguments):
         )  # fmt: skip
     if arguments.axis is not None:
         skill = replace(skill, axes={arguments.axis: skill.axes[arguments.axis]})
-    show_advice((*trial.advice, *skill.advice))
+    skill = replace(skill, advice=tuple(dict.fromkeys((*trial.advice, *skill.advice))))
+    show_advice(skill.advice)
     if arguments.plot:
         save_figure(forecast_figure(skill), arguments.plot)
     if arguments.json:
