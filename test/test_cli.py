@@ -76,8 +76,10 @@ def test_identify_writes_model_and_picture_and_says_the_published_form(trial_fil
 
 def test_one_step_objective_and_preset(trial_file, capsys):
     command = ['identify', str(trial_file), '--objective', 'one-step', '--preset', 'swath-pitch', '--json']
-    assert main([*command, '--equation', 'swath-pitch-1', '--generations', '300']) == 0
+    # the published objective is biased by noise so far that the model does not follow the motion
+    assert main([*command, '--equation', 'swath-pitch-1', '--generations', '300']) == 1
     found = json.loads(capsys.readouterr().out)
+    assert 'poor-fit' in [w['code'] for w in found['warnings']]
     assert found['generations'] == 300
     assert found['evaluations'] == 200 + 299 * 190
     assert found['search']['value'] == pytest.approx(found['objective']['value'], rel=1e-4)

@@ -19,6 +19,7 @@ from rich.live import Live
 
 import swath_sysid
 from swath_sysid.errors import InputError
+from swath_sysid.files.outputs import Output, check_outputs
 from swath_sysid.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.hull.simulated_craft import returns
 from swath_sysid.motion.intake import NANOSECOND
@@ -80,7 +81,9 @@ def run(arguments):
     if not 0 <= domain <= 101:
         raise InputError(f'the ROS domain must lie between 0 and 101, not {domain}')
     output = Path(arguments.output)
+    check_outputs([Output('--output', output, is_folder=True)])
     output.mkdir(parents=True, exist_ok=True)
+    check_outputs([Output('the log', output / 'demo.log'), Output('the picture', output / 'demo.png')])
     os.environ.update(_environment(domain))
     began = time.monotonic()
     rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import finite
+from swath_sysid.cli.sources import check_model_and_plot, finite
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import read_model
 from swath_sysid.files.reading import read_trial
@@ -55,6 +55,7 @@ def add_arguments(parser):
 
 def run(arguments):
     """Run the predictor through the record and tell its skill."""
+    check_model_and_plot(arguments, [arguments.record, arguments.model])
     trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
     refuse_contradictions(trial, arguments.axis)
     if trial.time.size < 3:
@@ -80,7 +81,8 @@ def run(arguments):
         )  # fmt: skip
     if arguments.axis is not None:
         skill = replace(skill, axes={arguments.axis: skill.axes[arguments.axis]})
-    show_advice((*trial.advice, *skill.advice))
+    skill = replace(skill, advice=tuple(dict.fromkeys((*trial.advice, *skill.advice))))
+    show_advice(skill.advice)
     if arguments.plot:
         save_figure(forecast_figure(skill), arguments.plot)
     if arguments.json:

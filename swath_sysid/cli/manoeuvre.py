@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import finite, provenance_of
+from swath_sysid.cli.sources import check_model_and_plot, finite, provenance_of, without_copies
 from swath_sysid.errors import InputError
 from swath_sysid.files.bags import is_bag
 from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.files.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
 from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
+from swath_sysid.files.outputs import Output, check_outputs
 from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.hull.manoeuvring.model import COMMAND, INPUTS
 from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
@@ -27,8 +28,8 @@ from swath_sysid.identification.manoeuvring.settings import CURRENT_CHOICES, Man
 from swath_sysid.motion.manoeuvring_trial import prepare_all
 from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
 from swath_sysid.prediction.manoeuvring_skill import LEADS, score_forecasts
-from swath_sysid.report.figures import save_figure
-from swath_sysid.report.fit_summary import finite_or_none
+from swath_sysid.report.figures import FORMATS, save_figure
+from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
 from swath_sysid.report.manoeuvring_figures import forecast_figure, run_figures, summary_figures, test_figure
 from swath_sysid.report.manoeuvring_summary import (
     condensed,
@@ -142,15 +143,20 @@ def _identify(arguments):
         generations=arguments.generations, population=arguments.population, seed=arguments.seed,
     )  # fmt: skip
     both = [*arguments.runs, *(arguments.validate or [])]
-    runs = read_runs(both, arguments)
+    check_outputs([Output('--output', arguments.output), Output('--plot', arguments.plot, is_folder=True)], both)
+    once, copies = without_copies(both)
+    show_advice(copies)
+    runs = read_runs(once, arguments)
     validation = None
     if arguments.validate or arguments.no_validation:
-        runs, validation = runs[: len(arguments.runs)], runs[len(arguments.runs) :]
+        fitted = sum(path in arguments.runs for path in once)
+        runs, validation = runs[:fitted], runs[fitted:]
     with progress_of('identify') as progress:
         found = identify_manoeuvring(runs, settings, validation, progress=progress)
     data = identification_as_data(found, time.perf_counter() - began)
+    data['warnings'] = [*warnings_as_data(copies)['warnings'], *data['warnings']]
     if arguments.output:
-        write_manoeuvring_model(arguments.output, _for_file(found, data, both))
+        write_manoeuvring_model(arguments.output, _for_file(found, data, once))
     if arguments.plot:
         folder = Path(arguments.plot)
         folder.mkdir(parents=True, exist_ok=True)
@@ -210,6 +216,7 @@ def _add_forecast(parser):
 
 
 def _forecast(arguments):
+    check_model_and_plot(arguments, [*arguments.runs, *arguments.train, arguments.model])
     identified = read_manoeuvring_model(arguments.model)
     leads = _leads(arguments.leads) if arguments.leads else LEADS
     runs = read_runs([*arguments.runs, *arguments.train], arguments)
@@ -217,9 +224,11 @@ def _forecast(arguments):
     scores = score_forecasts(identified, scored, training, arguments.future == 'supplied', leads=leads)
     if arguments.plot:
         save_figure(forecast_figure(scores, arguments.future), arguments.plot)
-    show_advice(condensed([a for run in runs for a in run.advice]))
+    advice = condensed([a for run in runs for a in run.advice])
+    show_advice(advice)
     if arguments.json:
-        print(json.dumps(forecast_as_data(scores, arguments.future), indent=2))
+        data = {**forecast_as_data(scores, arguments.future), **warnings_as_data(advice)}
+        print(json.dumps(data, indent=2))
     else:
         print('\n'.join(forecast_in_words(scores, arguments.future)))
     return 0
@@ -246,6 +255,8 @@ def _add_play_through(parser):
 def _play_through(arguments):
     if len(arguments.runs) != 1 or not is_bag(arguments.runs[0]):
         raise InputError('one bag is played through: give one rosbag2 bag')
+    output = Output('--output', arguments.output, is_recording=True, endings=('mcap',))
+    check_outputs([output], [*arguments.runs, arguments.model])
     trial = _read(arguments.runs[0], arguments)
     identified = read_manoeuvring_model(arguments.model) if arguments.model else None
     silence = 0.5 if arguments.gap_means_zero else 0.0
@@ -290,9 +301,17 @@ def _add_simulate(parser):
 def _simulate(arguments):
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
+    is_folder = arguments.test == PROGRAMME
+    check_outputs(
+        [
+            Output('--output', arguments.output, is_folder=is_folder, is_recording=True),
+            Output('--plot', arguments.plot, endings=FORMATS),
+        ],
+        [arguments.model],
+    )
     name = arguments.hull or arguments.model
     model = preset(name) if name in PRESETS else read_manoeuvring_model(name).model
-    if arguments.test == PROGRAMME:
+    if is_folder:
         return _programme(model, arguments)
     for option in ('current', 'command'):
         if getattr(arguments, option) is not None:

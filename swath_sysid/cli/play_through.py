@@ -15,6 +15,7 @@ from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.files.model_file import read_model
 from swath_sysid.files.output_bag import IMU_TOPIC, writing_output_bag
+from swath_sysid.files.outputs import Output, check_outputs
 from swath_sysid.motion.sensing import Installation
 from swath_sysid.nodes.health import PlayedHealth
 from swath_sysid.nodes.parameter_tables import (
@@ -47,6 +48,10 @@ def run(arguments):
     """Play the record through and write the output."""
     if arguments.refit_delay < 0.0:
         raise InputError('the refit delay must not be negative')
+    check_outputs(
+        [Output('--output', arguments.output, is_recording=True, endings=('mcap',))],
+        [arguments.record, arguments.params, arguments.model],
+    )
     manoeuvres, imu = holds_manoeuvres(arguments.record) if is_bag(arguments.record) else (False, True)
     if manoeuvres and not imu:
         return _play_manoeuvres(arguments)

@@ -2,6 +2,7 @@
 
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.files.model_file import read_description, read_model, write_model, write_scheduled
+from swath_sysid.files.outputs import Output, check_outputs
 from swath_sysid.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
 
 
@@ -19,6 +20,7 @@ def add_arguments(parser):
 
 def run(arguments):
     """Scale, warn, and write."""
+    check_outputs([Output('--output', arguments.output)], [arguments.model])
     ratio = length_ratio(arguments.ratio)
     models, schedules = read_description(arguments.model)
     if schedules:

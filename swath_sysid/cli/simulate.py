@@ -7,6 +7,7 @@ from swath_sysid.cli.sources import finite
 from swath_sysid.errors import InputError
 from swath_sysid.files.bags import write_imu_bag
 from swath_sysid.files.csv_trials import write_csv
+from swath_sysid.files.outputs import Output, check_outputs
 from swath_sysid.hull.catalogue import hull_named, hull_of_family
 from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
 
@@ -50,6 +51,7 @@ def add_arguments(parser):
 
 def run(arguments):
     """Write the trial."""
+    check_outputs([Output('--output', arguments.output, is_recording=True)], [arguments.model])
     model = hull_of(arguments).with_trim(math.radians(arguments.trim_deg))
     noise = SensorNoise(arguments.angle_noise, _rate_noise(arguments), arguments.accel_noise)
     if arguments.seed < 0:

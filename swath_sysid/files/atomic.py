@@ -13,7 +13,8 @@ def replacing(path):
     """A temporary name to write a file or a folder under, which takes the final name at the end.
 
     The temporary lies in a hidden folder beside the final place, and bears the final name there.
-    If the block raises, nothing is left behind and what was at `path` before stays.
+    If the block raises, nothing is left behind and what was at `path` before stays. A symbolic link
+    stays one: what it points at is replaced.
 
     Parameters
     ----------
@@ -31,11 +32,18 @@ def replacing(path):
         The folder does not exist or cannot be written to, the disk is full, or a folder stands at
         `path` already (folders are never replaced).
     """
-    path = Path(path)
+    if not Path(path).name:
+        raise InputError(f"'{path}' names no file: give one")
+    try:
+        path = Path(os.path.realpath(path))
+    except ValueError as error:
+        raise InputError(f'a file cannot have this name ({error}): choose another') from error
     if path.is_dir():
         raise InputError(f'{path} is a folder that exists already: choose another name, or remove it first')
-    if not path.name:
-        raise InputError(f"'{path}' names no file: give one")
+    if path.exists() and not path.is_file():
+        raise InputError(f'{path} is a device or a pipe: give the name of a file')
+    if path.is_symlink():
+        raise InputError(f'{path} is a symbolic link that leads back to itself: choose another name')
     try:
         workshop = Path(tempfile.mkdtemp(prefix='.writing-', dir=path.parent))
     except OSError as error:

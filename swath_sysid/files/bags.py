@@ -13,6 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
+from swath_sysid.files.mcap_checksums import add_checksums, chunk_holds, damage_of
 from swath_sysid.motion.attitude import body_rates, quaternion
 from swath_sysid.motion.sensing import ACCEL, GYRO, QUATERNION, Installation, assemble_trial
 
@@ -235,6 +236,8 @@ def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id=
             connection = writer.add_connection(topic, IMU_TYPE, typestore=store)
             for stamp, message in _imu_messages(store.types, trial, stamps.tolist(), frame_id):
                 writer.write(connection, stamp, store.serialize_cdr(message, IMU_TYPE))
+        if kind != '.db3':
+            add_checksums(folder / f'{folder.name}.mcap')
         if kind:
             os.replace(folder / f'{folder.name}{kind}', temporary)
 
@@ -400,7 +403,10 @@ def _open_storage(path, stack):
         raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
     open_storage = Reader.STORAGE_PLUGINS[kind]
     try:
-        return [stack.enter_context(_opened(open_storage(path)))], []
+        storage = _opened(open_storage(path))
+        if kind == '.mcap' and (damage := damage_of(path)):
+            raise InputError(damage)
+        return [stack.enter_context(storage)], []
     except Exception as error:  # as above
         if kind != '.mcap':
             raise InputError(f'{path} is damaged ({_reason(path, error)}): recover it with the sqlite3 tool, as in '
@@ -424,7 +430,7 @@ def _opened(storage):
 
 
 def _copy_whole_records(path, target):
-    """Copy an mcap file that was cut off up to its last whole record, and close it without an index.
+    """Copy an mcap file up to its last whole record, without chunks of which the check sum does not hold or an index.
 
     Records are an operation code, a length of eight bytes, and the content (mcap.dev/spec).
     """
@@ -435,7 +441,9 @@ def _copy_whole_records(path, target):
         while len(head := source.read(9)) == 9 and head[0] not in (MCAP_FOOTER, MCAP_DATA_END):
             length = int.from_bytes(head[1:], 'little')
             if source.tell() + length <= size:
-                copy.write(head + source.read(length))
+                content = source.read(length)
+                if head[0] != MCAP_CHUNK or chunk_holds(content):
+                    copy.write(head + content)
             elif head[0] != MCAP_CHUNK or not _enter_plain_chunk(source):
                 break
         copy.write(bytes([MCAP_FOOTER]) + (20).to_bytes(8, 'little') + bytes(20) + magic)

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from swath_sysid import __version__
 from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
+from swath_sysid.files.executors import connection_losses
 from swath_sysid.files.manifest import Manifest, TrialEntry
 from swath_sysid.files.reading import read_trial, source_hash
 from swath_sysid.files.result_store import key_of
@@ -183,7 +184,7 @@ def run_campaign(manifest, store, executor, tell=lambda progress: None):
         Nothing could be used, or a worker process was killed.
     """
     quantity = loading_quantity(manifest)
-    trials = _numbered([_prepared(entry, manifest, quantity) for entry in manifest.trials])
+    trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
     axes = {t.record.condition.axis for t in trials if t.record is not None}
     if not axes:
         told = '; '.join(f'{t.name}: {t.reason}' for t in trials[:3])
@@ -284,6 +285,20 @@ def _rounded_angle(trial, problem):
     return round(math.degrees(problem.scales.amplitude) / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
 
 
+def _without_copies(trials):
+    """Leave out what has the very content, axis and bounds of a trial before: a copy is no repeat."""
+    found, first = [], {}
+    for t in trials:
+        if t.record is not None:
+            what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic
+            original = first.setdefault(what, t)
+            if original is not t:
+                reason = f'it has the same content as {original.name}, and would count twice as a repeat that it is not'
+                t = TrialOutcome(t.entry, t.name, t.sha256, None, _with_line(t.entry, reason))
+        found.append(t)
+    return found
+
+
 def _numbered(trials):
     """Give repeats without a number the next free one of their condition; refuse those taken twice."""
     taken = {}
@@ -364,6 +379,11 @@ class _Work:
                 for future in finished:
                     self._finish(future, pending.pop(future), found)
                 self._say(pending)
+        except connection_losses() as error:
+            raise InputError(
+                'the connection to the Dask scheduler was lost: start it again, and give the same command again; '
+                'it goes on from the results that are kept'
+            ) from error
         except BrokenProcessPool as error:
             raise InputError(
                 'a worker process was killed, perhaps because memory ran out: give the same command again, with '
@@ -375,7 +395,7 @@ class _Work:
     def _finish(self, future, task, found):
         try:
             result, cpu_s = future.result()
-        except BrokenProcessPool:
+        except (BrokenProcessPool, *connection_losses()):
             raise
         except InputError as error:
             self._fail(task, str(error))

@@ -1,5 +1,7 @@
 """CSV trials: a line of column names that say their units, and lines of numbers."""
+import math
 import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,9 @@ from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
 from swath_sysid.files.tables import listed_names, read_columns, read_head, shown
-from swath_sysid.motion.sensing import Installation, assemble_trial
+from swath_sysid.motion.attitude import euler_angles
+from swath_sysid.motion.sensing import ACCEL, QUATERNION, Installation, assemble_trial
+from swath_sysid.motion.time_base import check_time_base, motion_period
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, ISO 80000-3."""
@@ -17,6 +21,9 @@ EPOCH_SECONDS = 1e8
 """A time column that begins beyond this counts from an epoch, and is told from its first sample instead."""
 
 TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
+SAMPLES = 'samples'
+"""The unit of a time column that numbers the samples; a comment line says how many a second."""
+
 ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
 RATE_UNITS = {'rad_s': 1.0, 'deg_s': np.pi / 180}
 ACCELERATION_UNITS = {'m_s2': 1.0, 'g': STANDARD_GRAVITY}
@@ -35,6 +42,23 @@ QUANTITIES = (
       for part in 'xyzw'),
 )
 """Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
+
+TIMES = ('time', 'time_sec', 'time_nanosec')
+
+LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}
+"""rad, with some rounding: beyond these there is no roll or pitch."""
+
+BROKEN_PACKETS, BROKEN_SHARE = 3, 0.002
+"""So many values beyond all limits, or this part of them, may be broken packets."""
+
+LEAST_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7
+"""Half the range of angles in rad of a craft that moves by 2 to 40 deg."""
+
+LEAST_SAMPLES_A_CYCLE = 8
+"""Noise of a sensor at rest turns faster."""
+
+SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3
+"""Two columns of one quantity may differ by this part of its size, or by as much in SI units: rounding."""
 
 MOTION = frozenset(('roll', 'pitch', 'roll_rate', 'pitch_rate', 'gyro_x', 'gyro_y', 'quaternion_x'))
 """Readings without any of which there is no roll or pitch."""
@@ -60,7 +84,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     ===================================== ======================= ===========================
     column                                units                   reading
     ===================================== ======================= ===========================
-    time, t, stamp, timestamp             s, ms, us, ns           needed
+    time, t, stamp, timestamp             s, ms, us, ns, samples  needed
     roll, pitch, yaw                      rad, deg                Euler angles
     quaternion_x, _y, _z, _w              (none)                  orientation
     roll_rate, pitch_rate                 rad_s, deg_s            Euler rates
@@ -69,7 +93,10 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     ===================================== ======================= ===========================
 
     Comment lines above (``# key: value``) may give ``draft_m``, ``initial_angle_deg`` or
-    ``initial_angle_rad``, ``frame``, and ``mounting_deg`` (roll, pitch, yaw of the sensor, as in ``180, 0, 0``).
+    ``initial_angle_rad``, ``frame``, ``mounting_deg`` (roll, pitch, yaw of the sensor, as in ``180, 0, 0``), and
+    ``sample_rate_hz``, which goes with ``time_samples``.
+
+    A quantity that stands in two columns is read where both agree.
 
     Parameters
     ----------
@@ -87,28 +114,36 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     ------
     InputError
         The file cannot be read, lacks a time column or any roll or pitch motion, names a column
-        without its unit, or holds too few usable rows.
+        without its unit, holds columns that contradict each other or values that their unit cannot
+        have, or holds too few usable rows.
     """
     path = Path(path)
     try:
         head = read_head(path)
-        columns, time_names, unitless = _find_columns(path, head.names)
-        values, advice = read_columns(path, head, [index for index, _ in columns.values()])
+        columns, unitless = _find_columns(path, head.names)
+        values, advice = read_columns(path, head, [column.index for column in columns])
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from error
-    readings = {
-        name: row if scale == 1 else row * scale
-        for row, (name, (_, scale)) in zip(values, columns.items(), strict=True)
-    }
+    check_units(path, columns, values)
+    readings = _agreeing(path, columns, values)
     if unitless:
         advice += (Advice('unit-missing', (
             f'columns without a unit left out ({listed_names(unitless)}): {UNIT_ADVICE}'
         )),)
-    time = _time([readings.pop(name) for name in time_names])
-    return assemble_trial(
+    times = [column for column in columns if column.reading in TIMES]
+    time = _time([readings.pop(name) for name in TIMES if name in readings])
+    if times[0].unit == SAMPLES:
+        time = time / _sample_rate(path, head.remarks)
+    trial = assemble_trial(
         time, readings, _installation(path, head.remarks, frame, mounting), source=str(path),
-        draft=_remark(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks), advice=advice,
+        draft=_remark(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks),
+        advice=(*advice, *small_angle_advice(columns, values)),
     )
+    swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
+    start = _first_finite(values[columns.index(times[0])]) * times[0].scale
+    moved = trial.time + (start - trial.time[0]) if times[0].unit == 's' else trial.time
+    told = check_time_base(moved, swinging, path, times[0].name, times[0].unit)
+    return replace(trial, advice=(*trial.advice, *told))
 
 
 def write_csv(path, trial):
@@ -137,28 +172,156 @@ def write_csv(path, trial):
             file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
 
 
+@dataclass(frozen=True)
+class Column:
+    """A column that is read: what it holds, where it stands, and in which unit."""
+
+    reading: str
+    name: str
+    index: int
+    unit: str
+    scale: float
+
+
 def _find_columns(path, names):
-    """Reading to (index, scale) of the columns to read, which of them make up the time, and which lack a unit."""
-    known = {f'{alias}_{unit}' if unit else alias: (reading, scale)
+    """The columns to read, those of the time first, and the names of those that lack a unit."""
+    known = {f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
              for aliases, reading, units in QUANTITIES for alias in aliases for unit, scale in units.items()}
     bare = {alias for aliases, _, units in QUANTITIES for alias in aliases if '' not in units}
     plain = [_plain_name(name) for name in names]
-    readings, unitless = {}, []
+    columns, unitless = _time_columns(plain, names), []
+    if not columns:
+        _refuse_without_time(path, names, plain)
     for index, name in enumerate(plain):
         if name in known:
-            reading, scale = known[name]
-            readings.setdefault(reading, (index, scale))
+            reading, unit, scale = known[name]
+            columns.append(Column(reading, names[index], index, unit, scale))
         elif name in bare:
             unitless.append(names[index])
-    times = _time_columns(plain)
-    if not times:
-        _refuse_without_time(path, names, plain)
-    if not any(reading in MOTION for reading in readings):
+    if not any(column.reading in MOTION for column in columns):
         if unitless:
             raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}")
         raise InputError(f'{path} has no roll or pitch motion: looked for {", ".join(LOOKED_FOR)}, '
                          f'found {listed_names(names)}; name the columns so')
-    return {**times, **readings}, tuple(times), unitless
+    refuse_doubled(path, [column.name for column in columns])
+    return columns, unitless
+
+
+def refuse_doubled(path, names):
+    """Refuse a table in which a column that is read stands twice.
+
+    Parameters
+    ----------
+    path : Path
+    names : sequence of str
+        Of the columns that are read, as written.
+
+    Raises
+    ------
+    InputError
+    """
+    plain = [_plain_name(name) for name in names]
+    twice = next((name for place, name in enumerate(names) if plain[place] in plain[:place]), None)
+    if twice is not None:
+        raise InputError(f"{path} has two columns '{shown(twice)}': leave one out, or rename it")
+
+
+def _agreeing(path, columns, values):
+    """Reading to values in SI units, of the first column of each; columns that contradict it are refused."""
+    readings, first = {}, {}
+    for column, row in zip(columns, values, strict=True):
+        row = row if column.scale == 1 else row * column.scale
+        if column.reading not in readings:
+            readings[column.reading], first[column.reading] = row, column
+        elif column.reading != 'yaw' and not _agree(readings[column.reading], row):
+            raise InputError(f"{path}: its columns '{shown(first[column.reading].name)}' and '{shown(column.name)}' "
+                             f'contradict each other: leave out the one that is wrong')
+    _refuse_contradicting_orientation(path, readings)
+    return readings
+
+
+def _agree(one, other):
+    """Whether two columns say the same, as far as rounding and a few broken packets allow."""
+    apart = np.abs(one - other)
+    known = np.isfinite(apart)
+    if not known.any():
+        return True
+    size = np.percentile(np.abs(one[known] - np.median(one[known])), 95)
+    return float(np.percentile(apart[known], 90)) <= max(SAME_SHARE * float(size), SAME_AT_LEAST)
+
+
+def _refuse_contradicting_orientation(path, readings):
+    """Hold roll and pitch against the quaternion."""
+    if not all(part in readings for part in QUATERNION):
+        return
+    roll, pitch, _ = euler_angles(*(readings[part] for part in QUATERNION))
+    for name, angle in (('roll', roll), ('pitch', pitch)):
+        if name in readings and np.isfinite(angle).any() and not _agree(readings[name], angle):
+            raise InputError(f'{path}: its {name} and its quaternion contradict each other: leave out the one that is '
+                             f'wrong')
+
+
+def check_units(path, columns, values):
+    """Refuse angles that are called rad and can only be degrees.
+
+    Parameters
+    ----------
+    path : Path
+    columns : sequence of Column
+    values : sequence of ndarray, shape (N,)
+        As written.
+
+    Raises
+    ------
+    InputError
+    """
+    for column, row in zip(columns, values, strict=True):
+        limit = LARGEST_ANGLES.get(column.reading)
+        known = row[np.isfinite(row)]
+        if column.unit != 'rad' or limit is None or not known.size:
+            continue
+        beyond = np.count_nonzero(np.abs(known) > limit)
+        if beyond > max(BROKEN_PACKETS, BROKEN_SHARE * known.size):
+            name = re.sub('rad', 'deg', column.name, flags=re.IGNORECASE)
+            raise InputError(f"{path}: '{shown(column.name)}' goes to {np.abs(known).max():.4g} in {beyond} rows, more "
+                             f"than an angle in rad can be: if it is in degrees, call it '{shown(name)}'")
+
+
+def small_angle_advice(columns, values):
+    """What to tell where all angles are called degrees and move as little as angles in rad do.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+    values : sequence of ndarray, shape (N,)
+        As written.
+
+    Returns
+    -------
+    tuple of Advice
+        Code ``hardly-moves``.
+    """
+    angles = {column.name: row[np.isfinite(row)] for column, row in zip(columns, values, strict=True)
+              if column.reading in LARGEST_ANGLES and column.unit == 'deg'}
+    swings = {name: float(np.subtract(*np.percentile(row, [99, 1]))) / 2 for name, row in angles.items() if row.size}
+    if not swings or not LEAST_SWING_RAD < max(swings.values()) < LARGEST_SWING_RAD:
+        return ()
+    name = max(swings, key=swings.get)
+    samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
+    if samples_a_cycle is None or samples_a_cycle < LEAST_SAMPLES_A_CYCLE:
+        return ()
+    return (Advice('hardly-moves', (
+        f"'{shown(name)}' swings by {swings[name]:.2g} deg only: if it is in rad, call it "
+        f"'{shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE))}'"
+    )),)
+
+
+def _sample_rate(path, remarks):
+    rate = _remark(path, remarks, 'sample_rate_hz')
+    if rate is None or not 0.0 < rate < math.inf:
+        raise InputError(f"{path} numbers its samples and does not say how many come a second: put a line "
+                         f"'# sample_rate_hz: 100' above the columns")
+    return rate
 
 
 def _refuse_without_time(path, names, plain):
@@ -171,17 +334,20 @@ def _refuse_without_time(path, names, plain):
                      f'timestamp_), found {listed_names(names)}; name the columns so')
 
 
-def _time_columns(plain):
+def _time_columns(plain, names):
     """The column (or the two columns, seconds and nanoseconds) of the time, by any of its names."""
     for alias in TIME_NAMES:
-        for unit, scale in TIME_UNITS.items():
-            if f'{alias}_{unit}' in plain:
-                return {'time': (plain.index(f'{alias}_{unit}'), scale)}
+        for unit, scale in {**TIME_UNITS, SAMPLES: 1.0}.items():
+            found = [index for index, name in enumerate(plain) if name == f'{alias}_{unit}']
+            if found:
+                return [Column(TIMES[0], names[index], index, unit, scale) for index in found]
     for alias in ('', *(f'{name}_' for name in TIME_NAMES)):
         if f'{alias}sec' in plain and f'{alias}nanosec' in plain:
-            return {'time_sec': (plain.index(f'{alias}sec'), 1.0),
-                    'time_nanosec': (plain.index(f'{alias}nanosec'), TIME_UNITS['ns'])}
-    return {}
+            places = plain.index(f'{alias}sec'), plain.index(f'{alias}nanosec')
+            scales = 1.0, TIME_UNITS['ns']
+            return [Column(reading, names[index], index, 's', scale)
+                    for reading, index, scale in zip(TIMES[1:], places, scales, strict=True)]
+    return []
 
 
 def _time(parts):

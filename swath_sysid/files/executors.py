@@ -1,6 +1,9 @@
 """Where work is done: in this process, on all cores, or on a Dask cluster; all by futures."""
 
+import asyncio
+import concurrent.futures
 import contextlib
+import logging
 import multiprocessing
 import os
 import signal
@@ -17,6 +20,22 @@ except ImportError:
 RETRIES = 10
 """How often a task is begun again on another worker when its worker died."""
 CONNECT_S = 20
+
+
+def connection_losses():
+    """What distributed raises where the connection to its scheduler is lost.
+
+    The futures of its executor are cancelled then (``distributed.cfexecutor``); handing in more raises
+    ``CommClosedError`` or ``ClosedClientError``.
+
+    Returns
+    -------
+    tuple of exception types
+    """
+    cancelled = concurrent.futures.CancelledError, asyncio.CancelledError
+    if distributed is None:
+        return cancelled
+    return (*cancelled, distributed.comm.CommClosedError, distributed.client.ClosedClientError)
 
 
 class SerialExecutor(Executor):
@@ -102,6 +121,9 @@ def _cluster(address):
     try:
         if not client.scheduler_info()['workers']:
             raise InputError(f'the Dask scheduler at {address} has no workers: start some with dask worker {address}')
+        # the loss of the connection is told in one sentence, not by its tracebacks
+        logging.getLogger('distributed').setLevel(logging.CRITICAL)
         yield client.get_executor(pure=False, retries=RETRIES)
     finally:
-        client.close()
+        with contextlib.suppress(OSError, TimeoutError, *connection_losses()):
+            client.close()

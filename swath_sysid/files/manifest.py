@@ -566,7 +566,7 @@ trials:
 """
 
 
-def new_manifest(folder, axis='pitch', name='campaign.yaml'):
+def new_manifest(folder, axis='pitch', name='campaign.yaml', at=None):
     """Text of a commented manifest for the trials in a folder.
 
     Parameters
@@ -576,6 +576,8 @@ def new_manifest(folder, axis='pitch', name='campaign.yaml'):
         Where the names do not say it.
     name : str
         File name of the manifest, for its first line.
+    at : str or Path, optional
+        The folder the manifest is to stand in, to which its paths are relative; by default that of the trials.
 
     Returns
     -------
@@ -595,12 +597,14 @@ def new_manifest(folder, axis='pitch', name='campaign.yaml'):
     by_pattern = {}
     for file in files:
         by_pattern.setdefault(pattern_of_name(file.name), []).append(file.name)
+    way = '' if at is None else Path(os.path.relpath(os.path.realpath(folder), os.path.realpath(at))).as_posix() + '/'
+    way = '' if way == './' else way
     lines = []
     for pattern, names in by_pattern.items():
         if '{' in pattern and len(names) > 1:
-            lines.append(f'  - pattern: {_quoted(pattern)}   # {len(names)} files')
+            lines.append(f'  - pattern: {_quoted(way + pattern)}   # {len(names)} files')
         else:
-            lines += [_file_entry(name) for name in names]
+            lines += [_file_entry(way + name) for name in names]
     found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), axis)
     return (
         HEAD.format(name=name, title=_quoted(folder.resolve().name or 'campaign'), axis=found_axis)
@@ -620,7 +624,7 @@ def write_new_manifest(folder, path, axis='pitch'):
     path = Path(path)
     if path.exists():
         raise InputError(f'{path} exists already: remove it first, or name another file with --output')
-    text = new_manifest(folder, axis, path.name)
+    text = new_manifest(folder, axis, path.name, path.parent)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding='utf-8')
 

@@ -12,6 +12,7 @@ from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
 from swath_sysid.files.bags import opened_bag
+from swath_sysid.files.mcap_checksums import add_checksums
 from swath_sysid.motion.manoeuvring_trial import COMMAND, FORCE, ManoeuvringTrial
 
 ODOMETRY, IMU, JOINTS = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/Imu', 'sensor_msgs/msg/JointState'
@@ -155,6 +156,8 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
                 for key, message in messages.items():
                     connection, msgtype = opened[key]
                     writer.write(connection, stamp, store.serialize_cdr(message, msgtype))
+        if kind != '.db3':
+            add_checksums(folder / f'{folder.name}.mcap')
         if kind:
             os.replace(folder / f'{folder.name}{kind}', temporary)
 

@@ -8,6 +8,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
+from swath_sysid.files.mcap_checksums import add_checksums
 from swath_sysid.prediction.manoeuvring_outlook import (
     PATH_TOPIC,
     ManoeuvreOutlook,
@@ -102,6 +103,7 @@ def write_forecasts(path, forecasts, leads, namespace=''):
                 messages = [_path(store.types, stamp, step.path), *(_odometry(store.types, s) for s in step.leads)]
                 for connection, (_, kind), message in zip(connections, topics, messages, strict=True):
                     writer.write(connection, round(stamp * NANOSECONDS), store.serialize_cdr(message, kind))
+        add_checksums(folder / f'{folder.name}.mcap')
         os.replace(folder / f'{folder.name}.mcap', temporary)
     return count
 

@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
+from swath_sysid.files.mcap_checksums import add_checksums
 from swath_sysid.files.model_file import model_to_yaml
 from swath_sysid.identification.refit import COEFFICIENT_NAMES, coefficients
 from swath_sysid.motion.window import COLUMNS
@@ -76,6 +77,7 @@ def writing_output_bag(path, *, frame_id='base_link', namespace=''):
         folder = temporary.with_suffix('')
         with _QuickWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             yield OutputBag(writer, frame_id, namespace)
+        add_checksums(folder / f'{folder.name}.mcap')
         os.replace(folder / f'{folder.name}.mcap', temporary)
 
 

@@ -1,4 +1,5 @@
 """Tables in text files: named columns of numbers, whatever separates them, however damaged."""
+import io
 import re
 from dataclasses import dataclass
 
@@ -16,8 +17,21 @@ BLOCK_BYTES = 1 << 22
 HEAD_BYTES = 1 << 16
 """How much text is looked at to find the columns."""
 
+LARGEST_RECODED = 1 << 27
+"""Bytes of a file in UTF-16 that are read; a longer one is to be saved in UTF-8."""
+
+LONGEST_LINE = 1 << 20
+"""Bytes; a longer line is no row of a table."""
+
+UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
+
 TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))
 """Bytes that a text may hold."""
+
+QUOTED = re.compile(r'"([^"\n]*)"')
+
+EXTRA_ROWS = 20
+"""Rows looked at to find whether they hold more cells than there are names."""
 
 MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
 """How a missing value may be written, beside nan."""
@@ -70,12 +84,13 @@ def read_head(path):
     InputError
         The file is empty, not text, or has no line of names.
     """
-    with open(path, 'rb') as file:
+    with _opened(path) as file:
         head = file.read(HEAD_BYTES)
     if not head.strip():
         raise InputError(f'{path} is empty: record or export it again')
     if head.translate(None, TEXT_BYTES):
-        raise InputError(f'{path} is not a text file in UTF-8: give a CSV, an MTi text export, or a rosbag2 bag')
+        raise InputError(f'{path} is not a text file in UTF-8 or UTF-16: give a CSV, an MTi text export, or a '
+                         f'rosbag2 bag')
     lines = head.splitlines(keepends=True)
     first = next((at for at, line in enumerate(lines) if line.strip() and not _is_comment(line)), None)
     if first is None:
@@ -96,9 +111,10 @@ def read_head(path):
         raise InputError(f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'")
     delimiter = _delimiter_of_numbers(line, _delimiter(names_line))
     sample = _text(head[offset:])
+    _refuse_extra_cells(path, sample, names, delimiter)
     return TableHead(
         names=names, remarks=_remarks(comments), delimiter=delimiter,
-        decimal_comma=delimiter != ',' and ',' in sample and '.' not in sample, first_line=first + 1, offset=offset,
+        decimal_comma=delimiter != ',' and _has_decimal_commas(sample, delimiter), first_line=first + 1, offset=offset,
     )
 
 
@@ -121,10 +137,14 @@ def read_columns(path, head, indices):
         Codes ``text-in-numbers``, ``short-rows``.
     """
     parser = _BlockParser(head, tuple(indices))
-    with open(path, 'rb') as file:
+    with _opened(path) as file:
         file.seek(head.offset)
         while block := file.read(BLOCK_BYTES):
-            parser.parse(block + file.readline())
+            rest = file.readline(LONGEST_LINE)
+            if len(rest) == LONGEST_LINE:
+                raise InputError(f'{path} has a line longer than {LONGEST_LINE} bytes: give a table with a line a '
+                                 f'sample')
+            parser.parse(block + rest)
     return parser.columns(), parser.advice()
 
 
@@ -190,6 +210,8 @@ class _BlockParser:
         if '\r' in text:
             text = text.replace('\r\n', '\n').replace('\r', '\n')
         if '"' in text:
+            if self.head.delimiter == ',':
+                text = QUOTED.sub(lambda cell: cell[1].replace(',', '.'), text)
             text = text.replace('"', '')
         return text.replace(',', '.') if self.head.decimal_comma else text
 
@@ -211,9 +233,10 @@ class _BlockParser:
         rows = []
         needed = max(self.indices) + 1
         for number, line in enumerate(lines, self.line):
-            if not line.strip() or line.lstrip().startswith(COMMENT_MARKS):
-                continue
             cells = line.split(self.head.delimiter)
+            is_comment = line.lstrip().startswith(COMMENT_MARKS) and cells[0].strip().lower() not in MISSING
+            if not line.strip() or is_comment:
+                continue
             if len(cells) < needed:
                 self.short_rows += 1
                 self.first_short = self.first_short or number
@@ -229,6 +252,53 @@ class _BlockParser:
                 self.text_cells += 1
                 self.first_text = self.first_text or (line, self.head.names[index], cell.strip())
             return np.nan
+
+
+def _opened(path):
+    """A file of text as UTF-8, whatever it was written in."""
+    file = open(path, 'rb')  # noqa: SIM115 - handed on
+    start = file.read(64)
+    marked = (name for mark, name in UTF16_MARKS.items() if start.startswith(mark))
+    encoding = next(marked, _encoding_without_mark(start))
+    file.seek(0)
+    if encoding is None:
+        return file
+    with file:
+        raw = file.read(LARGEST_RECODED + 1)
+    if len(raw) > LARGEST_RECODED:
+        raise InputError(f'{path} is a long text in UTF-16: save it in UTF-8')
+    try:
+        return io.BytesIO(raw.decode(encoding).removeprefix('\ufeff').encode('utf-8'))
+    except UnicodeError as error:
+        raise InputError(f'{path} looks like a text in UTF-16 and is damaged ({error.reason}): save it again, in '
+                         f'UTF-8') from error
+
+
+def _encoding_without_mark(start):
+    """UTF-16 that nothing announces: every other byte of Latin text is zero."""
+    if len(start) < 8 or start.count(0) < 0.4 * len(start):
+        return None
+    if not any(start[0::2]) or not any(start[1::2]):
+        return 'utf-16-be' if not any(start[0::2]) else 'utf-16-le'
+    return None
+
+
+def _refuse_extra_cells(path, sample, names, delimiter):
+    """Refuse rows with more cells than names: decimal commas between commas, or columns without a name."""
+    if delimiter != ',':
+        return
+    rows = [line for line in sample.splitlines()[:EXTRA_ROWS] if line.strip() and not line.startswith(COMMENT_MARKS)]
+    counts = [len(QUOTED.sub('0', row).rstrip(', \t').split(',')) for row in rows]
+    most = int(np.median(counts)) if counts else 0
+    if most > len(names):
+        raise InputError(f'{path} has {len(names)} column names and {most} cells a row: if its numbers have decimal '
+                         f'commas, export it with semicolons between them; else name every column')
+
+
+def _has_decimal_commas(sample, delimiter):
+    """Whether a cell holds a comma and none a comma beside a point, as numbers with thousands marked do."""
+    cells = [cell for line in sample.splitlines()[:EXTRA_ROWS] for cell in line.split(delimiter) if ',' in cell]
+    return bool(cells) and not any('.' in cell for cell in cells)
 
 
 def _text(raw):

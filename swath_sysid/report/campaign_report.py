@@ -42,6 +42,8 @@ from swath_sysid.report.campaign_tables import (
 
 PAGE, MODEL = 'report.html', 'model.yaml'
 TABLES, FIGURES = 'tables', 'figures'
+REPORTED = (PAGE, MODEL, TABLES, FIGURES)
+"""What a report writes into its folder."""
 
 
 def write_report(outcome, folder, wall_s):

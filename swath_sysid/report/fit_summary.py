@@ -53,6 +53,16 @@ def fit_as_data(identification, wall_s=None, inertia=None):
     return finite_or_none(data)
 
 
+def warnings_as_data(advice):
+    """The field ``warnings`` of what ``--json`` prints, each warning once.
+
+    Parameters
+    ----------
+    advice : iterable of Advice
+    """
+    return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
+
+
 def finite_or_none(value):
     """The same data with None for numbers that JSON does not know."""
     if isinstance(value, dict):
