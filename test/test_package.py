@@ -331,15 +331,24 @@ def test_configuration_of_the_build_stays_out_of_pyproject():
     assert set(settings) == {'build-system', 'tool'}
 
 
-def test_colcon_puts_the_command_line_on_the_path(setup_arguments):
-    """The scripts are where `ros2 run` looks, not in bin/: a hook makes `swath-sysid` a command all the same."""
+def test_colcon_puts_the_command_line_and_nothing_else_on_the_path(setup_arguments, tmp_path):
+    """Everything is where `ros2 run` looks, not in bin/: a hook makes `swath-sysid` a command all the same."""
     installed = {
         f'{target}/{Path(source).name}': source
         for target, sources in setup_arguments['data_files'] for source in sources
     }
-    for hook in json.loads((ROOT / 'colcon.pkg').read_text(encoding='utf-8'))['hooks']:
-        action, variable, folder = (ROOT / installed[hook]).read_text(encoding='utf-8').strip().split(';')
-        assert (action, variable, folder) == ('prepend-non-duplicate', 'PATH', f'lib/{PACKAGE.name}')
+    (hook,) = json.loads((ROOT / 'colcon.pkg').read_text(encoding='utf-8'))['hooks']
+    action, variable, folder = (ROOT / installed[hook]).read_text(encoding='utf-8').strip().split(';')
+    assert (action, variable) == ('prepend-non-duplicate', 'PATH')
+    assert [name for name in installed if name.startswith(f'{folder}/')] == [f'{folder}/swath-sysid']
+    command, script = tmp_path / folder / 'swath-sysid', tmp_path / 'lib' / PACKAGE.name / 'swath-sysid'
+    for path in (command, script):
+        path.parent.mkdir(parents=True)
+    shutil.copy(ROOT / installed[f'{folder}/swath-sysid'], command)
+    script.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    script.chmod(0o755)
+    told = subprocess.run([command, 'run', '--only', 'a b'], capture_output=True, text=True, check=True)
+    assert told.stdout.splitlines() == ['run', '--only', 'a b']
 
 
 def test_every_public_module_and_function_is_documented():
