@@ -1,4 +1,5 @@
 """What a node tells about itself: counts by reason, and what to do about each. Without ROS."""
+from collections import deque
 from dataclasses import dataclass, field
 from math import isnan
 
@@ -16,7 +17,9 @@ BAD_MODEL = 'bad-model'
 BAD_LOADING = 'bad-loading'
 LOADING_ADVICE = 'loading-advice'
 BAD_WINDOW = 'bad-window'
-WORKER_DIED = 'worker-died'
+PASSED_OVER = 'passed-over'
+IDENTIFICATION_WORKER_DIED = 'identification-worker-died'
+WAVE_WORKER_DIED = 'wave-worker-died'
 NOT_SAVED = 'model-not-saved'
 
 NODE_REASONS = {
@@ -29,8 +32,12 @@ NODE_REASONS = {
     'publishes it',
     LOADING_ADVICE: 'the craft floats where its model was not identified: see the log, and add trials at this draft',
     BAD_WINDOW: 'a motion window could not be read: publish what imu_buffer publishes',
-    WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
-    NOT_SAVED: 'the model file could not be written: check model_path, its folder and its permissions',
+    PASSED_OVER: 'samples had waited in a queue: the filters used them, forecasts were issued from newer ones only; '
+    'look at the load of the machine',
+    IDENTIFICATION_WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
+    WAVE_WORKER_DIED: 'the process that fits the waves died and was started again: look for a lack of memory',
+    NOT_SAVED: 'the model file could not be written: check model_path or manoeuvre_model_path, its folder and its '
+    'permissions',
 }
 
 REASON_ADVICE = {
@@ -65,6 +72,9 @@ STARTING_TIME = 5.0
 
 LARGEST_STAMP_AGE = 1.0
 """s between the stamp of a message and its arrival; more means that clocks differ, or a replay without /clock."""
+
+REMEMBERED_AGES = 60
+"""Reports; stamps that are older than the best of these by more than `LARGEST_STAMP_AGE` have waited in a queue."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +114,36 @@ class Report:
         return self.level, f'{node}: {self.name}', self.message, texts
 
 
-class StreamHealth:
+class Reasons:
+    """Counts by reason, and which of them still hold.
+
+    Parameters
+    ----------
+    reasons : sequence of str
+        Of `NODE_REASONS`.
+    """
+
+    def __init__(self, reasons):
+        self.counts = dict.fromkeys(reasons, 0)
+        self._holding = {}
+
+    def note(self, reason, about=None):
+        """Count one more of a reason; one about something holds until that is settled."""
+        self.counts[reason] += 1
+        if about is not None:
+            self._holding[about] = reason
+
+    def settle(self, about):
+        """What was noted about something is over."""
+        self._holding.pop(about, None)
+
+    @property
+    def holding(self):
+        """What to do about all that still holds; empty where nothing does."""
+        return '; '.join(dict.fromkeys(f'{reason}: {REASON_ADVICE[reason]}' for reason in self._holding.values()))
+
+
+class StreamHealth(Reasons):
     """How the messages of one topic come in; time is what the caller says.
 
     Parameters
@@ -114,8 +153,9 @@ class StreamHealth:
     """
 
     def __init__(self, topic):
+        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT))
         self.topic = topic
-        self.counts = dict.fromkeys((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT), 0)
+        self._ages = deque(maxlen=REMEMBERED_AGES)
         self.received = 0
         self._stamp_ns = None
         self._arrival = None
@@ -140,10 +180,6 @@ class StreamHealth:
         if count > 1 and not self._several:
             self.note(SEVERAL_PUBLISHERS)
         self._several = count > 1
-
-    def note(self, reason):
-        """Count one more of a reason."""
-        self.counts[reason] += 1
 
     def report(self, now, now_ns, core_counts, used, interval=None):
         """What to tell now, and begin a new period.
@@ -172,7 +208,10 @@ class StreamHealth:
         if is_silent and not self._silent:
             self.note(SILENT)
         self._silent = is_silent
-        age = None if self._arrival is None else (now_ns - self._stamp_ns) * 1e-9 - silence
+        age = None
+        if self._arrival is not None:
+            age = (now_ns - self._stamp_ns) * 1e-9 - silence
+            self._ages.append(age)
         counts = {**core_counts, **self.counts}
         fresh = {
             reason: count - self._reported_counts.get(reason, 0)
@@ -206,6 +245,14 @@ class StreamHealth:
         if fresh:
             reason = max(fresh, key=fresh.get)
             return WARN, f'{reason} ({fresh[reason]} times lately): {REASON_ADVICE[reason]}'
+        if self.holding:
+            return WARN, self.holding
+        late = age - min(self._ages)
+        if late > LARGEST_STAMP_AGE:
+            return WARN, (
+                f'messages come {late:.1f} s later than they can: they wait in a queue, look at the load of the '
+                f'machine, the driver and the network; or a clock was set'
+            )
         if abs(age) > LARGEST_STAMP_AGE:
             return WARN, (
                 f'stamps differ from the clock by {age:.1f} s: synchronise the clocks, or replay with --clock and set '
@@ -256,7 +303,7 @@ class PredictorHealth(StreamHealth):
 
     def __init__(self, topic, outlook):
         super().__init__(topic)
-        self.counts.update(dict.fromkeys((BAD_MODEL, BAD_LOADING, LOADING_ADVICE, WORKER_DIED), 0))
+        self.counts.update(dict.fromkeys((BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, WAVE_WORKER_DIED), 0))
         self._outlook = outlook
         self._model_arrival = None
 
@@ -292,19 +339,15 @@ class PredictorHealth(StreamHealth):
         ]
 
 
-class IdentifierHealth:
+class IdentifierHealth(Reasons):
     """How identification goes."""
 
     def __init__(self):
-        self.counts = dict.fromkeys((BAD_WINDOW, WORKER_DIED, NOT_SAVED, QOS_MISMATCH), 0)
+        super().__init__((BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, QOS_MISMATCH))
         self.progress = 0.0
         self.refits = self.published = 0
         self.last = 'none yet'
         self._reported_counts = dict(self.counts)
-
-    def note(self, reason):
-        """Count one more of a reason."""
-        self.counts[reason] += 1
 
     def begin(self):
         """A refit begins."""
@@ -321,7 +364,9 @@ class IdentifierHealth:
         fresh = [reason for reason, count in self.counts.items() if count > self._reported_counts[reason]]
         self._reported_counts = dict(self.counts)
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
-        level, message = (WARN, REASON_ADVICE[fresh[0]]) if fresh else (OK, doing)
+        level, message = OK, doing
+        if fresh or self.holding:
+            level, message = WARN, self.holding or f'{fresh[0]}: {REASON_ADVICE[fresh[0]]}'
         values = {
             'state': 'identifying' if is_busy else 'ready', 'progress': self.progress, 'models': models,
             'rollbacks_kept': steps_back, 'refits': self.refits, 'published': self.published, 'last_verdict': self.last,

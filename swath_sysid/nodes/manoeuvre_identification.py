@@ -92,8 +92,9 @@ class ManoeuvreIdentification:
         try:
             write_manoeuvring_model(self._path, self.refitter.model)
         except (InputError, OSError) as error:
-            self._health.note(NOT_SAVED)
+            self._health.note(NOT_SAVED, 'manoeuvre_model_path')
             return f'; not saved: {error}'
+        self._health.settle('manoeuvre_model_path')
         return ''
 
     def _on_odometry(self, message):

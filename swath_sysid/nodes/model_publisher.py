@@ -55,6 +55,7 @@ class ModelPublisher:
             else:
                 self._path.unlink(missing_ok=True)
         except (InputError, OSError) as error:
-            self._health.note(NOT_SAVED)
+            self._health.note(NOT_SAVED, 'model_path')
             return f'; not saved: {error}'
+        self._health.settle('model_path')
         return ''
