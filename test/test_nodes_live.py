@@ -11,6 +11,7 @@ from imu_stream import EPOCH_NS, decay_stream, reading  # noqa: E402
 from live_bench import (  # noqa: E402
     HEARD,
     LATCHED,
+    PATIENCE,
     Bench,
     children,
     running,
@@ -43,18 +44,21 @@ class Craft:
     def __init__(self, bench, process, model_path):
         self.bench, self.process, self.model_path = bench, process, model_path
         self.stamp = EPOCH_NS
+        self.sent = 0
 
     def rest(self, count=100):
-        readings = [reading(self.stamp + (k + 1) * 10_000_000, 0.01, -0.02) for k in range(count)]
-        self.bench.send(readings)
-        self.stamp = readings[-1].stamp_ns
+        self.move([reading(self.stamp + (k + 1) * 10_000_000, 0.01, -0.02) for k in range(count)])
 
     def swing(self, duration=22.0, **motion):
         """A release in pitch that dies out, after rest."""
         first = self.stamp + 10_000_000
-        readings = list(decay_stream(100.0, duration, release=4.0, hold=1.0, first_ns=first, **motion))
-        self.bench.send(readings)
+        self.move(list(decay_stream(100.0, duration, release=4.0, hold=1.0, first_ns=first, **motion)))
+
+    def move(self, readings):
+        self.sent += self.bench.send(readings)
         self.stamp = readings[-1].stamp_ns
+        # the window is asked for next, maybe
+        self.bench.settle('imu_buffer', self.sent)
 
     def identify(self):
         return self.bench.call('identifier/identify')
@@ -64,7 +68,7 @@ class Craft:
 def craft(tmp_path_factory):
     model_path = tmp_path_factory.mktemp('craft') / 'model.yaml'
     bench = Bench()
-    with running(bench, start_together('-p', f'model_path:={model_path}')) as process:
+    with running(bench, start_together('-p', f'model_path:={model_path}', '-p', 'window_timeout_s:=60.0')) as process:
         yield Craft(bench, process, model_path)
     bench.close()
 
@@ -390,5 +394,5 @@ def a_window():
 ])
 def test_a_wrong_parameter_at_the_start_is_one_sentence_and_exit_code_2(node, arguments, sentence):
     process = start('-m', f'swath_sysid.nodes.{node}', ros_args=arguments)
-    output, _ = process.communicate(timeout=20.0)
+    output, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2 and sentence in output and 'Traceback' not in output

@@ -18,6 +18,7 @@ BAD_LOADING = 'bad-loading'
 LOADING_ADVICE = 'loading-advice'
 BAD_WINDOW = 'bad-window'
 PASSED_OVER = 'passed-over'
+LATE_FIT = 'late-fit'
 IDENTIFICATION_WORKER_DIED = 'identification-worker-died'
 WAVE_WORKER_DIED = 'wave-worker-died'
 NOT_SAVED = 'model-not-saved'
@@ -34,6 +35,8 @@ NODE_REASONS = {
     BAD_WINDOW: 'a motion window could not be read: publish what imu_buffer publishes',
     PASSED_OVER: 'samples had waited in a queue: the filters used them, forecasts were issued from newer ones only; '
     'look at the load of the machine',
+    LATE_FIT: 'a fit of the waves came later than 0.5 s after its samples, and was used from then on: forecasts differ '
+    'a little from those of play-through; look at the load of the machine if that matters',
     IDENTIFICATION_WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
     WAVE_WORKER_DIED: 'the process that fits the waves died and was started again: look for a lack of memory',
     NOT_SAVED: 'the model file could not be written: check model_path or manoeuvre_model_path, its folder and its '
@@ -64,7 +67,7 @@ REASON_ADVICE = {
 }
 """Every reason that is counted in /diagnostics, and what to do about it."""
 
-HARMLESS = {intake.NO_ORIENTATION, intake.UNKNOWN_COVARIANCE}
+HARMLESS = {intake.NO_ORIENTATION, intake.UNKNOWN_COVARIANCE, LATE_FIT}
 
 LONGEST_SILENCE = 1.0
 STARTING_TIME = 5.0
@@ -303,7 +306,8 @@ class PredictorHealth(StreamHealth):
 
     def __init__(self, topic, outlook):
         super().__init__(topic)
-        self.counts.update(dict.fromkeys((BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, WAVE_WORKER_DIED), 0))
+        for reason in (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, WAVE_WORKER_DIED):
+            self.counts[reason] = 0
         self._outlook = outlook
         self._model_arrival = None
 

@@ -24,12 +24,13 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.health import (
     BAD_LOADING,
     BAD_MODEL,
+    LATE_FIT,
     LOADING_ADVICE,
     PASSED_OVER,
     WAVE_WORKER_DIED,
     PredictorHealth,
 )
-from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
+from swath_sysid.nodes.messages import NANOSECONDS, AttitudeMessage, horizon_message, imu_reading
 from swath_sysid.nodes.parameter_tables import PREDICTOR, outlook_settings
 from swath_sysid.nodes.parameters import NodeParameters
 from swath_sysid.nodes.spinning import events_executor, run
@@ -72,6 +73,7 @@ class Predictor(Node):
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
         self._fits = deque()
         self._fitting = False
+        self._fit_due_ns = self._newest_ns = 0
         self.worker = Worker(warm_up, lambda: self.health.note(WAVE_WORKER_DIED))
 
     def destroy_node(self):
@@ -93,8 +95,12 @@ class Predictor(Node):
         while self._fits:
             self._install(*self._fits.popleft())
         step = self.outlook.add(reading, None if is_passed_over else self._publish_next)
-        if step.waves is not None and not self._fitting:
+        self._newest_ns = reading.stamp_ns
+        if step.waves is not None and self._fitting:
+            self.health.note(LATE_FIT)
+        elif step.waves is not None:
             self._fitting = True
+            self._fit_due_ns = reading.stamp_ns + round(self.outlook.settings.predictor.refit_delay * NANOSECONDS)
             # the end comes in the worker's thread: a deque hands it over to this one
             self.worker.submit(fit_waves, (step.waves,), lambda *ending: self._fits.append(ending))
         if is_passed_over:
@@ -113,6 +119,8 @@ class Predictor(Node):
     def _install(self, fit, error):
         self._fitting = False
         if error is None:
+            if self._newest_ns >= self._fit_due_ns:
+                self.health.note(LATE_FIT)
             self.outlook.install(fit)
         else:
             self.get_logger().error(f'the waves were not fitted, {error}')
