@@ -8,8 +8,9 @@ rclpy = pytest.importorskip('rclpy')
 from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import imu_message  # noqa: E402
 
-from swath_sysid.nodes.health import HARMLESS, LATE_FIT  # noqa: E402
+from swath_sysid.nodes.health import HARMLESS, LATE_FIT, NOT_FITTED  # noqa: E402
 from swath_sysid.nodes.predictor import Predictor  # noqa: E402
+from swath_sysid.nodes.worker import WorkerError  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -74,3 +75,19 @@ def test_a_fit_that_another_one_kept_from_beginning_is_counted_and_warns_nobody(
         sail(predictor, following + k, 1)
     assert predictor.health.counts[LATE_FIT] == 1 and len(predictor.worker.work) == 1
     assert LATE_FIT in HARMLESS
+
+
+def test_waves_that_cannot_be_fitted_warn_until_they_can(predictor):
+    following = sail(predictor, 0, 600)
+    _, _, on_end = predictor.worker.work.pop(0)
+    on_end(None, WorkerError('out of memory'))
+    levels = []
+    for k in range(120):
+        sail(predictor, following + k, 1)
+        if predictor.worker.work:
+            break
+        levels.append(predictor.health.holding)
+    assert levels and all('waves-not-fitted' in told for told in levels)
+    predictor.worker.finish()
+    sail(predictor, following + k + 1, 1)
+    assert predictor.health.holding == '' and predictor.health.counts[NOT_FITTED] == 1

@@ -19,6 +19,7 @@ LOADING_ADVICE = 'loading-advice'
 BAD_WINDOW = 'bad-window'
 PASSED_OVER = 'passed-over'
 LATE_FIT = 'late-fit'
+NOT_FITTED = 'waves-not-fitted'
 IDENTIFICATION_WORKER_DIED = 'identification-worker-died'
 WAVE_WORKER_DIED = 'wave-worker-died'
 NOT_SAVED = 'model-not-saved'
@@ -37,6 +38,7 @@ NODE_REASONS = {
     'look at the load of the machine',
     LATE_FIT: 'a fit of the waves came later than 0.5 s after its samples, and was used from then on: forecasts differ '
     'a little from those of play-through; look at the load of the machine if that matters',
+    NOT_FITTED: 'the waves could not be fitted, forecasts go on with the fit before, or with none: see the log',
     IDENTIFICATION_WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
     WAVE_WORKER_DIED: 'the process that fits the waves died and was started again: look for a lack of memory',
     NOT_SAVED: 'the model file could not be written: check model_path or manoeuvre_model_path, its folder and its '
@@ -306,7 +308,7 @@ class PredictorHealth(StreamHealth):
 
     def __init__(self, topic, outlook):
         super().__init__(topic)
-        for reason in (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, WAVE_WORKER_DIED):
+        for reason in (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED):
             self.counts[reason] = 0
         self._outlook = outlook
         self._model_arrival = None

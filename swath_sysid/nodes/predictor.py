@@ -26,6 +26,7 @@ from swath_sysid.nodes.health import (
     BAD_MODEL,
     LATE_FIT,
     LOADING_ADVICE,
+    NOT_FITTED,
     PASSED_OVER,
     WAVE_WORKER_DIED,
     PredictorHealth,
@@ -121,8 +122,10 @@ class Predictor(Node):
         if error is None:
             if self._newest_ns >= self._fit_due_ns:
                 self.health.note(LATE_FIT)
+            self.health.settle('waves')
             self.outlook.install(fit)
         else:
+            self.health.note(NOT_FITTED, 'waves')
             self.get_logger().error(f'the waves were not fitted, {error}')
 
     def _on_model(self, message):

@@ -4,7 +4,7 @@ from collections import deque
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 
-PERIOD = 0.05
+PERIOD = 0.1
 """s. A client receives the replies to all clients of its service and keeps ten: a burst of fifty pushes its own out."""
 
 
