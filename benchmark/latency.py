@@ -68,7 +68,7 @@ def role(name, **options):
 
 
 def all_in_one():
-    return ['-c', 'import sys; from swath_sysid.nodes.together import run_together; sys.exit(run_together())']
+    return ['-m', 'swath_sysid.cli.main', 'run']
 
 
 def node(name):

@@ -125,7 +125,7 @@ def test_two_processes_stopped_and_continued_give_the_same_tables(trials, done, 
     running = subprocess.Popen(
         command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 600
     while len(list(tmp_path.rglob('*.json'))) < 3 and time.monotonic() < deadline:
         time.sleep(0.02)
     if number == signal.SIGINT:

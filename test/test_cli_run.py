@@ -24,9 +24,20 @@ def test_everything_asked_for_is_handed_on():
         '--use-sim-time', '--ros-args', '-p', 'seed:=2', '--log-level', 'warn',
     )
     assert run.ros_arguments(arguments) == [
-        '--params-file', 'p.yaml', '-p', 'identifier:model_path:=m.yaml', '-r', '__ns:=/craft',
+        '--params-file', 'p.yaml', '-p', "model_path:='m.yaml'", '-r', '__ns:=/craft',
         '-r', 'imu/data:=/sensor/imu', '-p', 'use_sim_time:=true', '-p', 'seed:=2', '--log-level', 'warn',
     ]
+
+
+def test_a_path_stays_text_for_the_node_that_reads_it():
+    """ROS takes values for YAML: 12 would be a number, and what follows a # a comment."""
+    arguments = parsed('--only', 'manoeuvre_predictor', '--model', "o'brien's boat #2.yaml")
+    assert run.ros_arguments(arguments) == ['-p', "model_file:='o''brien''s boat #2.yaml'"]
+
+
+def test_a_model_for_a_node_that_reads_none_is_refused():
+    with pytest.raises(InputError, match='predictor reads no model file'):
+        run.ros_arguments(parsed('--only', 'predictor', '--model', 'm.yaml'))
 
 
 def test_without_ros_it_says_what_to_install(monkeypatch):
@@ -40,6 +51,23 @@ def test_without_ros_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr(builtins, '__import__', without_rclpy)
     with pytest.raises(InputError, match=r'pip install swath_sysid\[ros\], or source a ROS 2 installation'):
         run.run(parsed())
+
+
+@pytest.mark.parametrize(('environment', 'is_told'), [
+    ({}, True), ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, False), ({'ROS_LOCALHOST_ONLY': '1'}, False),
+    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, False),
+])
+def test_it_says_where_nobody_has_decided_how_far_the_nodes_are_heard(environment, is_told, monkeypatch, capsys):
+    pytest.importorskip('rclpy')
+    from swath_sysid.nodes import predictor
+
+    monkeypatch.setattr(predictor, 'main', lambda args: 0)
+    for name in ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY'):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert run.run(parsed('--only', 'predictor')) == 0
+    assert ('whole subnet' in capsys.readouterr().err) == is_told
 
 
 @pytest.mark.dds

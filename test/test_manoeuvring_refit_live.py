@@ -99,7 +99,7 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         craft.drive(0.0, 120.0)
         wait_for(lambda: forecasts, 'forecasts')
         assert not bench.call('identifier/rollback_manoeuvring').success
-        response = bench.call('identifier/identify_manoeuvring', seconds=90.0)
+        response = bench.call('identifier/identify_manoeuvring')
         assert response.success, response.message
         wait_for(lambda: models, 'model')
         assert progress[-1].data == pytest.approx(1.0)

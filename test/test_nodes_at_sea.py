@@ -20,8 +20,6 @@ pytestmark = pytest.mark.dds
 
 LINEAR = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 6.25}, axis='roll')
 RATE_HZ, DURATION = 10, 240.0
-PORTION = 400
-"""Readings that are sent at once: a sensor's messages may get lost on a busy machine."""
 
 
 @pytest.fixture(scope='module')
@@ -39,12 +37,11 @@ def readings():
 def identified_in_waves(readings, model_path):
     """What the services answer after these readings, twice, with the bench that heard it."""
     bench = Bench()
-    arguments = ('-p', f'model_path:={model_path}', '-p', 'window_s:=300.0', '-p', 'max_rate_hz:=50.0')
+    settings = f'model_path:={model_path}', 'window_s:=300.0', 'max_rate_hz:=50.0', 'window_timeout_s:=60.0'
+    arguments = [word for setting in settings for word in ('-p', setting)]
     try:
         with running(bench, start_together(*arguments)):
-            for begin in range(0, len(readings), PORTION):
-                bench.send(readings[begin:begin + PORTION])
-                bench.wait_for_forecast_after(readings[min(begin + PORTION, len(readings)) - 1].stamp_ns)
+            bench.settle('imu_buffer', bench.send(readings))
             first = bench.call('identifier/identify')
             if first.success:
                 wait_for(lambda: bench.heard['model/description'], 'model')

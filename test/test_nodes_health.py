@@ -4,14 +4,19 @@ from imu_stream import EPOCH_NS, reading
 
 from swath_sysid.motion.window import WINDOW_REASONS, MotionWindow
 from swath_sysid.nodes.health import (
+    BAD_LOADING,
     BAD_MODEL,
+    BAD_MODEL_FILE,
     ERROR,
     FRAME_CHANGED,
     HARMLESS,
+    IDENTIFICATION_WORKER_DIED,
+    NOT_SAVED,
     OK,
     REASON_ADVICE,
     SILENT,
     WARN,
+    WAVE_WORKER_DIED,
     BufferHealth,
     IdentifierHealth,
     PredictorHealth,
@@ -103,6 +108,50 @@ def test_stamps_of_another_clock_warn():
     assert told.level == WARN and 'use_sim_time' in told.message
 
 
+def test_a_backlog_is_none_of_the_clocks():
+    health = StreamHealth('/imu/data')
+    receive(health, 0.0, 1.0)
+    assert report(health, 1.0, age=0.01).level == OK
+    receive(health, 1.0, 2.0)
+    told = report(health, 2.0, age=7.0)
+    assert told.level == WARN and 'wait in a queue' in told.message and 'synchronise' not in told.message
+    # what stays so long was no queue
+    for second in range(3, 64):
+        receive(health, second - 1.0, float(second))
+        told = report(health, float(second), age=7.0)
+    assert told.level == WARN and 'synchronise' in told.message
+
+
+def test_what_holds_warns_until_it_is_settled():
+    health = IdentifierHealth()
+    health.note(NOT_SAVED, 'model_path')
+    health.note(NOT_SAVED, 'manoeuvre_model_path')
+    levels = [health.report('pitch odd-cubic', 1, False).level for _ in range(3)]
+    health.settle('model_path')
+    told = health.report('pitch odd-cubic', 1, False)
+    assert levels == [WARN] * 3 and told.level == WARN and 'model-not-saved: ' in told.message
+    health.settle('manoeuvre_model_path')
+    assert health.report('pitch odd-cubic', 1, False).level == OK and health.counts[NOT_SAVED] == 2
+
+
+def test_a_sensor_warns_too_while_something_holds():
+    health = PredictorHealth('/imu/data', Outlook())
+    receive(health, 0.0, 1.0)
+    health.note(BAD_LOADING, 'loading')
+    levels = []
+    for second in range(1, 4):
+        levels.append(report(health, float(second)).level)
+        receive(health, float(second), second + 1.0)
+    health.settle('loading')
+    assert levels == [WARN] * 3 and report(health, 4.0).level == OK
+
+
+def test_each_worker_is_told_by_its_own_name():
+    assert 'waves' in REASON_ADVICE[WAVE_WORKER_DIED] and 'identifies' in REASON_ADVICE[IDENTIFICATION_WORKER_DIED]
+    assert WAVE_WORKER_DIED in PredictorHealth('/imu/data', Outlook()).counts
+    assert IDENTIFICATION_WORKER_DIED in IdentifierHealth().counts
+
+
 def test_the_buffer_tells_its_window():
     window = MotionWindow()
     health = BufferHealth('imu/data', window)
@@ -141,13 +190,14 @@ def test_a_refused_model_is_told_until_a_good_one_comes():
 
 def test_a_model_file_that_cannot_be_used_is_told_for_good():
     health = IdentifierHealth()
-    health.note_refused_file('a.yaml is a folder')
-    health.note_refused_file('b.yaml is a folder')
+    health.note(BAD_MODEL_FILE, 'model_path', 'a.yaml is a folder')
+    health.note(BAD_MODEL_FILE, 'manoeuvre_model_path', 'b.yaml is a folder')
     health.end(True, 'found one')
     for _ in range(2):
         told = health.report('none', 0, False)
         assert told.level == WARN and told.values['bad-model-file'] == 2
-        assert told.message.startswith('a.yaml is a folder; b.yaml is a folder; the model file cannot be used')
+        assert told.message.startswith('bad-model-file: a.yaml is a folder; the model file cannot be used')
+        assert 'bad-model-file: b.yaml is a folder; ' in told.message
 
 
 def test_the_identifier_tells_what_it_does():
@@ -158,7 +208,7 @@ def test_the_identifier_tells_what_it_does():
     assert '40 %' in health.report('no model', 0, True).message
     health.end(True, 'pitch: odd-cubic')
     assert 'pitch: odd-cubic' in health.report('pitch odd-cubic', 1, False).message
-    health.note('worker-died')
+    health.note('identification-worker-died')
     assert health.report('pitch odd-cubic', 1, False).level == WARN
     assert health.report('pitch odd-cubic', 1, False).level == OK
 

@@ -39,16 +39,17 @@ ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)
 """The first from which the hull returns is used."""
 
 STILL_S = 1.5
-START_TIMEOUT_S = 30.0
-MODEL_TIMEOUT_S = 18.0
+START_TIMEOUT_S = 120.0
+MODEL_TIMEOUT_S = 60.0
 ATTEMPTS = 2
+ANSWER_TIMEOUT_S = 60.0
 BETWEEN_S = 1.0
 EVERY_S = 20.0
 """Between releases with --keep-running."""
 
 FRAME_S = 0.2
 LINE_S = 2.0
-STOP_TIMEOUT_S = 5.0
+STOP_TIMEOUT_S = 30.0
 ERROR_SPAN_S = 3.0
 EXIT_FAILED = 1
 
@@ -169,7 +170,7 @@ def _stopping_on_sigterm():
 
 @contextmanager
 def _processes(craft, seed, log_path):
-    """The craft and the three nodes, each a process of its own, ended as by Ctrl-C."""
+    """The craft and the three nodes, each a process of its own, ended with the demonstration."""
     with tempfile.TemporaryDirectory() as folder, open(log_path, 'w', encoding='utf-8') as log:
         parameters = Path(folder) / 'demo.yaml'
         parameters.write_text(yaml.safe_dump(craft.parameters), encoding='utf-8')
@@ -194,7 +195,8 @@ def _processes(craft, seed, log_path):
 def _stop(processes):
     for process in processes:
         if process.poll() is None:
-            process.send_signal(signal.SIGINT)
+            # unlike SIGINT, this ends also one that is still importing without a word
+            process.terminate()
     deadline = time.monotonic() + STOP_TIMEOUT_S
     for process in processes:
         try:
@@ -263,12 +265,12 @@ class _Stage:
     def pause(self, stage, duration):
         """Go on for a while, s of the sensor's stamps."""
         end = self.listener.heard.angles[-1][0] + round(duration / NANOSECOND)
-        self.wait(stage, lambda: self.listener.heard.angles[-1][0] >= end, 3.0 * duration + 5.0)
+        self.wait(stage, lambda: self.listener.heard.angles[-1][0] >= end, 10.0 * duration + ANSWER_TIMEOUT_S)
 
     def release(self, stage):
         """Have the craft released; the stamp at which it is let go, ns."""
         answer = self.listener.release()
-        if not self.wait(stage, answer.done, 10.0) or not answer.result().success:
+        if not self.wait(stage, answer.done, ANSWER_TIMEOUT_S) or not answer.result().success:
             raise InputError('the simulated craft does not answer: see demo.log')
         return int(answer.result().message)
 

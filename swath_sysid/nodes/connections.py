@@ -10,6 +10,9 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 """Reliable, depth 1: who is slow gets the newest forecast only."""
 
+SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty."""
+
 IMU_TOPIC = 'imu/data'
 
 
@@ -24,6 +27,19 @@ def imu_subscription(node, kind, callback, depth, health):
     return node.create_subscription(
         kind, IMU_TOPIC, callback, qos, event_callbacks=subscription_events(lambda: health.note(QOS_MISMATCH))
     )
+
+
+def waiting(subscription, most):
+    """The messages that a subscription has received and that wait to be handled, at most so many, oldest first."""
+    messages = []
+    # as rclpy's own executors and wait_for_message take them
+    with subscription.handle:
+        while len(messages) < most:
+            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if taken is None:
+                break
+            messages.append(taken[0])
+    return messages
 
 
 def watched_publisher(node, kind, topic, qos, health):

@@ -1,4 +1,5 @@
 """What a node tells about itself: counts by reason, and what to do about each. Without ROS."""
+from collections import deque
 from dataclasses import dataclass, field
 from math import isnan
 
@@ -17,7 +18,11 @@ BAD_LOADING = 'bad-loading'
 LOADING_ADVICE = 'loading-advice'
 BAD_WINDOW = 'bad-window'
 BAD_MODEL_FILE = 'bad-model-file'
-WORKER_DIED = 'worker-died'
+PASSED_OVER = 'passed-over'
+LATE_FIT = 'late-fit'
+NOT_FITTED = 'waves-not-fitted'
+IDENTIFICATION_WORKER_DIED = 'identification-worker-died'
+WAVE_WORKER_DIED = 'wave-worker-died'
 NOT_SAVED = 'model-not-saved'
 FRAME_CHANGED = 'frame-id-changed'
 
@@ -33,8 +38,15 @@ NODE_REASONS = {
     'publishes it',
     LOADING_ADVICE: 'the craft floats where its model was not identified: see the log, and add trials at this draft',
     BAD_WINDOW: 'a motion window could not be read: publish what imu_buffer publishes',
-    WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
-    NOT_SAVED: 'the model file could not be written: check model_path, its folder and its permissions',
+    PASSED_OVER: 'samples had waited in a queue: the filters used them, forecasts were issued from newer ones only; '
+    'look at the load of the machine',
+    LATE_FIT: 'a fit of the waves came later than 0.5 s after its samples, and was used from then on: forecasts differ '
+    'a little from those of play-through; look at the load of the machine if that matters',
+    NOT_FITTED: 'the waves could not be fitted, forecasts go on with the fit before, or with none: see the log',
+    IDENTIFICATION_WORKER_DIED: 'the process that identifies died and was started again: look for a lack of memory',
+    WAVE_WORKER_DIED: 'the process that fits the waves died and was started again: look for a lack of memory',
+    NOT_SAVED: 'the model file could not be written: check model_path or manoeuvre_model_path, its folder and its '
+    'permissions',
     FRAME_CHANGED: 'the frame_id of the messages changed: two sensors may share the topic, or the driver was set anew; '
     'give each sensor a topic of its own, and look whether the mounting is still right',
 }
@@ -67,7 +79,7 @@ REASON_ADVICE = {
 }
 """Every reason that is counted in /diagnostics, and what to do about it."""
 
-HARMLESS = {intake.NO_ORIENTATION, intake.UNKNOWN_COVARIANCE}
+HARMLESS = {intake.NO_ORIENTATION, intake.UNKNOWN_COVARIANCE, LATE_FIT}
 
 LONGEST_SILENCE = 1.0
 STARTING_TIME = 5.0
@@ -75,6 +87,9 @@ STARTING_TIME = 5.0
 
 LARGEST_STAMP_AGE = 1.0
 """s between the stamp of a message and its arrival; more means that clocks differ, or a replay without /clock."""
+
+REMEMBERED_AGES = 60
+"""Reports; stamps that are older than the best of these by more than `LARGEST_STAMP_AGE` have waited in a queue."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +129,37 @@ class Report:
         return self.level, f'{node}: {self.name}', self.message, texts
 
 
-class StreamHealth:
+class Reasons:
+    """Counts by reason, and which of them still hold.
+
+    Parameters
+    ----------
+    reasons : sequence of str
+        Of `NODE_REASONS`.
+    """
+
+    def __init__(self, reasons):
+        self.counts = dict.fromkeys(reasons, 0)
+        self._holding = {}
+
+    def note(self, reason, about=None, sentence=''):
+        """Count one more of a reason; one about something, in a sentence of its own, holds until that is settled."""
+        self.counts[reason] += 1
+        if about is not None:
+            advice = REASON_ADVICE[reason]
+            self._holding[about] = f'{reason}: {sentence}; {advice}' if sentence else f'{reason}: {advice}'
+
+    def settle(self, about):
+        """What was noted about something is over."""
+        self._holding.pop(about, None)
+
+    @property
+    def holding(self):
+        """What to do about all that still holds; empty where nothing does."""
+        return '; '.join(dict.fromkeys(self._holding.values()))
+
+
+class StreamHealth(Reasons):
     """How the messages of one topic come in; time is what the caller says.
 
     Parameters
@@ -124,8 +169,9 @@ class StreamHealth:
     """
 
     def __init__(self, topic):
+        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED))
         self.topic = topic
-        self.counts = dict.fromkeys((SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED), 0)
+        self._ages = deque(maxlen=REMEMBERED_AGES)
         self.received = 0
         self._stamp_ns = None
         self._arrival = None
@@ -159,10 +205,6 @@ class StreamHealth:
             self.note(SEVERAL_PUBLISHERS)
         self._several = count > 1
 
-    def note(self, reason):
-        """Count one more of a reason."""
-        self.counts[reason] += 1
-
     def report(self, now, now_ns, core_counts, used, interval=None):
         """What to tell now, and begin a new period.
 
@@ -190,7 +232,10 @@ class StreamHealth:
         if is_silent and not self._silent:
             self.note(SILENT)
         self._silent = is_silent
-        age = None if self._arrival is None else (now_ns - self._stamp_ns) * 1e-9 - silence
+        age = None
+        if self._arrival is not None:
+            age = (now_ns - self._stamp_ns) * 1e-9 - silence
+            self._ages.append(age)
         counts = {**core_counts, **self.counts}
         fresh = {
             reason: count - self._reported_counts.get(reason, 0)
@@ -224,6 +269,14 @@ class StreamHealth:
         if fresh:
             reason = max(fresh, key=fresh.get)
             return WARN, f'{reason} ({fresh[reason]} times lately): {REASON_ADVICE[reason]}'
+        if self.holding:
+            return WARN, self.holding
+        late = age - min(self._ages)
+        if late > LARGEST_STAMP_AGE:
+            return WARN, (
+                f'messages come {late:.1f} s later than they can: they wait in a queue, look at the load of the '
+                f'machine, the driver and the network; or a clock was set'
+            )
         if abs(age) > LARGEST_STAMP_AGE:
             return WARN, (
                 f'stamps differ from the clock by {age:.1f} s: synchronise the clocks, or replay with --clock and set '
@@ -274,7 +327,8 @@ class PredictorHealth(StreamHealth):
 
     def __init__(self, topic, outlook):
         super().__init__(topic)
-        self.counts.update(dict.fromkeys((BAD_MODEL, BAD_LOADING, LOADING_ADVICE, WORKER_DIED), 0))
+        for reason in (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED):
+            self.counts[reason] = 0
         self._outlook = outlook
         self._model_arrival = None
         self._refusal = ''
@@ -339,25 +393,15 @@ def installation_report(check):
     return Report('installation', level, message, {'contradictions': codes or 'none', 'judgements': check.judgements})
 
 
-class IdentifierHealth:
+class IdentifierHealth(Reasons):
     """How identification goes."""
 
     def __init__(self):
-        self.counts = dict.fromkeys((BAD_WINDOW, WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH), 0)
-        self.refused_files = []
+        super().__init__((BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH))
         self.progress = 0.0
         self.refits = self.published = 0
         self.last = 'none yet'
         self._reported_counts = dict(self.counts)
-
-    def note(self, reason):
-        """Count one more of a reason."""
-        self.counts[reason] += 1
-
-    def note_refused_file(self, sentence):
-        """The model file cannot be used, for this reason: told until the node ends, as it stays on the disk."""
-        self.note(BAD_MODEL_FILE)
-        self.refused_files.append(sentence)
 
     def begin(self):
         """A refit begins."""
@@ -374,9 +418,9 @@ class IdentifierHealth:
         fresh = [reason for reason, count in self.counts.items() if count > self._reported_counts[reason]]
         self._reported_counts = dict(self.counts)
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
-        level, message = (WARN, REASON_ADVICE[fresh[0]]) if fresh else (OK, doing)
-        if self.refused_files:
-            level, message = WARN, '; '.join([*self.refused_files, REASON_ADVICE[BAD_MODEL_FILE]])
+        level, message = OK, doing
+        if fresh or self.holding:
+            level, message = WARN, self.holding or f'{fresh[0]}: {REASON_ADVICE[fresh[0]]}'
         values = {
             'state': 'identifying' if is_busy else 'ready', 'progress': self.progress, 'models': models,
             'rollbacks_kept': steps_back, 'refits': self.refits, 'published': self.published, 'last_verdict': self.last,

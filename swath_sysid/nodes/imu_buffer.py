@@ -7,7 +7,7 @@ from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from swath_sysid.motion.window import MotionWindow
-from swath_sysid.nodes.connections import LATCHED, imu_subscription, watched_publisher
+from swath_sysid.nodes.connections import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.health import BufferHealth
 from swath_sysid.nodes.messages import imu_reading, window_message
@@ -24,7 +24,7 @@ class ImuBuffer(Node):
         self.parameters = NodeParameters(self, IMU_BUFFER, window_settings, self._change)
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
-        self.health = BufferHealth('imu/data', self.window)
+        self.health = BufferHealth(self.resolve_topic_name(IMU_TOPIC), self.window)
         self._publisher = watched_publisher(self, PointCloud2, 'motion/window', LATCHED, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
@@ -59,7 +59,7 @@ class ImuBuffer(Node):
         response.success = self.window.size > 0
         response.message = self.window.described
         if not response.success:
-            response.message += ': check that the IMU publishes on imu/data'
+            response.message += f': check that the IMU publishes on {self.health.topic}'
         return response
 
     def _on_clear(self, request, response):

@@ -3,7 +3,7 @@ import os
 from pathlib import Path
 
 from swath_sysid.errors import InputError
-from swath_sysid.nodes.health import NOT_SAVED
+from swath_sysid.nodes.health import BAD_MODEL_FILE, NOT_SAVED
 
 
 class ModelFile:
@@ -11,8 +11,9 @@ class ModelFile:
 
     Parameters
     ----------
-    path : str
-        Empty: none.
+    parameters : NodeParameters
+    name : str
+        Of the parameter that says where; empty there: none.
     read : callable
         Of a path; the model, or `InputError`.
     write : callable
@@ -20,7 +21,8 @@ class ModelFile:
     health : IdentifierHealth
     """
 
-    def __init__(self, path, read, write, health):
+    def __init__(self, parameters, name, read, write, health):
+        path, self._name = parameters[name], name
         # not Path.expanduser, which raises an error for a user that does not exist
         self._path = Path(os.path.expanduser(path)) if path else None
         self._read, self._write, self._health = read, write, health
@@ -35,7 +37,7 @@ class ModelFile:
             return self._read(self._path)
         except InputError as error:
             self._refusal = str(error)
-            self._health.note_refused_file(self._refusal)
+            self._health.note(BAD_MODEL_FILE, self._name, self._refusal)
             return None
 
     def keep(self, model):
@@ -48,14 +50,16 @@ class ModelFile:
         """
         if self._path is None:
             return ''
+        if self._refusal:
+            self._health.note(NOT_SAVED)
+            return f'; not saved: it would replace a file that could not be read, {self._path}'
         try:
-            if self._refusal:
-                raise InputError(f'it would replace a file that could not be read, {self._path}')
             if model:
                 self._write(self._path, model)
             else:
                 self._path.unlink(missing_ok=True)
         except (InputError, OSError) as error:
-            self._health.note(NOT_SAVED)
+            self._health.note(NOT_SAVED, self._name)
             return f'; not saved: {error}'
+        self._health.settle(self._name)
         return ''

@@ -150,7 +150,8 @@ class ManoeuvrePredictor(Node):
             level, text = WARN, f'{worst} ({fresh[worst]} times lately): {REASONS[worst]}'
         silence = None if self._arrival is None else perf_counter() - self._arrival
         if silence is None or silence > SILENT_AFTER:
-            level, text = ERROR, 'no odometry: check that it is published, or remap the topic odometry'
+            topic = self._kept[0].topic_name
+            level, text = ERROR, f'no odometry on {topic}: check that it is published there, or remap the topic'
         values = {
             'received': self._received, 'bad_models': self._bad_models, 'refused_model': self._refusal, **counts,
         }  # fmt: skip

@@ -7,7 +7,7 @@ from swath_sysid.nodes.predictor import Predictor
 from swath_sysid.nodes.spinning import events_executor, run
 
 
-def run_together(args=None):
+def main(args=None):
     """Run imu_buffer, predictor and identifier until a signal comes; returns the exit code.
 
     Those that hear the sensor share the executor with the least delay. The identifier's services
