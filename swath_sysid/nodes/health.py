@@ -509,5 +509,5 @@ class PlayedHealth:
 
 def reasons_table():
     """Every reason that is counted and what to do about it, as a Markdown table."""
-    rows = [f'| `{reason}` | {advice} |' for reason, advice in REASON_ADVICE.items()]
-    return '\n'.join(['| Counted as | What it means, what to do |', '|---|---|', *rows]) + '\n'
+    rows = [f'| `{reason}` | {advice.replace("|", "/")} |' for reason, advice in sorted(REASON_ADVICE.items())]
+    return '\n'.join(['| counted as | what it means, and what to do |', '|---|---|', *rows]) + '\n'
