@@ -320,6 +320,16 @@ def test_the_command_line_writes_a_manifest(trials, tmp_path, capsys):
     assert 'look through it' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize('place', ['', 'below/deeper'])
+def test_a_manifest_that_stands_elsewhere_finds_the_trials(place, trials, tmp_path):
+    folder = tmp_path / place
+    folder.mkdir(parents=True, exist_ok=True)
+    assert main(['campaign', '--new', str(trials), '--output', str(folder / 'new.yaml')]) == 0
+    manifest = read_manifest(folder / 'new.yaml')
+    assert {entry.path.resolve() for entry in manifest.trials} == {path.resolve() for path in trials.glob('*.csv')}
+    assert not manifest.faults
+
+
 def test_a_cluster_that_does_not_answer(monkeypatch):
     pytest.importorskip('distributed')
     monkeypatch.setattr('swath_sysid.files.executors.CONNECT_S', 1)

@@ -102,6 +102,15 @@ def test_no_length_ratio(text):
         length_ratio(text)
 
 
+@pytest.mark.parametrize('ratio, times', [('1000', 2), ('1.1234567891234567', 12)])
+def test_a_ratio_that_could_not_be_read_back_is_refused(ratio, times):
+    there = identified(FULL)
+    with pytest.raises(InputError, match='was scaled by .* before'):
+        for _ in range(times):
+            there = scaled(there, length_ratio(ratio))
+    assert length_ratio(there.provenance['froude_scaling']['length_ratio'])
+
+
 def test_a_damaged_history_is_named():
     there = scaled(identified(FULL), length_ratio('25'))
     there.provenance['froude_scaling'] = {'length_ratio': 'x'}

@@ -94,7 +94,7 @@ def scaled(identified, ratio):
     IdentifiedModel
     """
     origin, before = _at_scale_of_trials(identified)
-    total = before * Fraction(ratio)
+    total = _ratio_in_all(before, ratio)
     if total == 1:
         return origin
     factors = _factors(total)[origin.model.equation.indices]
@@ -195,6 +195,19 @@ def _at_scale_of_trials(identified):
             "the model's provenance has a damaged entry 'froude_scaling': scale the file of the identification instead"
         ) from error
     return origin, before
+
+
+def _ratio_in_all(before, ratio):
+    """The length ratio since the trials; one that could not be read back from the model file is refused here."""
+    total = before * Fraction(ratio)
+    try:
+        return length_ratio(str(total))
+    except InputError as error:
+        raise InputError(
+            f'the model was scaled by {float(before):g} before, and the ratio to its trials would be '
+            f'{float(total):g} (1/{LARGEST_RATIO} to {LARGEST_RATIO} are kept, exactly, in {LONGEST_RATIO} '
+            f'characters): scale the file of the identification instead'
+        ) from error
 
 
 def _plain(identified: IdentifiedModel):
