@@ -24,24 +24,26 @@ FAULTS = {
 
 @pytest.mark.parametrize('fault', FAULTS)
 def test_rates_that_contradict_the_angle_are_no_noise(fault, tmp_path, capsys):
+    faulty = replace(TRUE, pitch_rate=FAULTS[fault](TRUE.pitch_rate))
+    assert 'poor-fit' in [advice.code for advice in poor_fit(identify([faulty.axis('pitch')]))]
+    # and a record that contradicts itself is not fitted to begin with, whatever is forced
     path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
-    write_csv(path, replace(TRUE, pitch_rate=FAULTS[fault](TRUE.pitch_rate)))
-    command = ['identify', str(path), '--axis', 'pitch', '--output', str(model), '--json']
-    assert main(command) == 1
+    write_csv(path, faulty)
+    assert main(['identify', str(path), '--axis', 'pitch', '--output', str(model), '--force']) == 2
+    assert 'the pitch rate' in capsys.readouterr().err and not model.exists()
+
+
+@pytest.mark.parametrize('verb', [
+    ['identify', '--equation', 'b3|r3'], ['compare', '--equations', 'b3|r3', '--jobs', '1'],
+])
+def test_a_poor_fit_is_written_only_with_force(verb, tmp_path, capsys):
+    path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
+    write_csv(path, TRUE)
+    command = [*verb, str(path), '--axis', 'pitch', '--output', str(model)]
+    assert main([*command, '--json']) == 1
     out, error = capsys.readouterr()
     assert 'poor-fit' in [w['code'] for w in json.loads(out)['warnings']]
     assert 'was not written' in error and not model.exists()
-    assert main([*command, '--force']) == 0
-    assert model.exists()
-
-
-def test_compare_has_the_same_gate(tmp_path, capsys):
-    path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
-    write_csv(path, TRUE)
-    command = ['compare', str(path), '--axis', 'pitch', '--equations', 'b3|r3', '--output', str(model), '--jobs', '1']
-    assert main([*command, '--json']) == 1
-    assert 'poor-fit' in [w['code'] for w in json.loads(capsys.readouterr().out)['warnings']]
-    assert not model.exists()
     assert main([*command, '--force']) == 0 and model.exists()
 
 

@@ -317,7 +317,7 @@ def test_the_output_is_a_bag_of_trials_itself(played):
 
 
 @pytest.mark.parametrize(('words', 'sentence'), [
-    (['--output', 'out.db3'], 'ends in .mcap'),
+    (['--output', 'out.db3'], 'end the name in .mcap'),
     (['--output', 'out.mcap', '--refit-delay', '-1'], 'must not be negative'),
     (['--output', 'nowhere/out.mcap'], 'cannot write'),
     (['--output', 'out.mcap', '--topic', '/other'], 'holds no topic /other'),

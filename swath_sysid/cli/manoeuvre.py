@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import check_model_and_plot, finite, provenance_of, without_copies
+from swath_sysid.cli.sources import check_model_and_plot, finite, provenance_of, refuse_twice, without_copies
 from swath_sysid.errors import InputError
 from swath_sysid.files.bags import is_bag
 from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
@@ -76,9 +76,7 @@ def add_run_arguments(parser):
 
 def read_runs(paths, arguments):
     """Read and prepare runs, all in one step."""
-    twice = {path for path in paths if paths.count(path) > 1}
-    if twice:
-        raise InputError(f'{sorted(twice)[0]} is given twice: name each run once')
+    refuse_twice(paths)
     return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 
 

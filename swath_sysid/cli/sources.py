@@ -60,9 +60,6 @@ def read_trials(paths, arguments):
     advice : tuple of Advice
         Of all of them.
     """
-    twice = {str(path) for path in paths if paths.count(path) > 1}
-    if twice:
-        raise InputError(f'{sorted(twice)[0]} is given twice: name each trial once')
     once, advice = without_copies(paths)
     trials = [read_trial(path, topic=arguments.topic, frame=arguments.frame) for path in once]
     advice = tuple(dict.fromkeys([*advice, *(a for t in trials for a in t.advice)]))
@@ -70,8 +67,16 @@ def read_trials(paths, arguments):
     return trials, advice
 
 
+def refuse_twice(paths):
+    """Refuse a command line that names a record more than once."""
+    twice = {str(path) for path in paths if paths.count(path) > 1}
+    if twice:
+        raise InputError(f'{sorted(twice)[0]} is given twice: name each record once')
+
+
 def without_copies(paths):
     """The paths of which the content is that of none before, and advice about the others."""
+    refuse_twice(paths)
     if len(paths) < 2:
         return list(paths), ()
     first, advice = {}, []

@@ -37,7 +37,7 @@ class Identifier(Node):
         super().__init__('identifier')
         self.parameters = NodeParameters(self, IDENTIFIER, refit_settings, self._change)
         self.health = IdentifierHealth()
-        self._models = ModelPublisher(self, self.parameters, self.health)
+        self._models = ModelPublisher(self, self.parameters['model_path'], self.health)
         self.refitter = Refitter(self.parameters.settings, self._models.known())
         self._doing = None
         self._ended = Future()

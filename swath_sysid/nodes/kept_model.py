@@ -11,9 +11,10 @@ class ModelFile:
 
     Parameters
     ----------
-    parameters : NodeParameters
+    path : str
+        Empty: none.
     name : str
-        Of the parameter that says where; empty there: none.
+        Of the parameter that says so.
     read : callable
         Of a path; the model, or `InputError`.
     write : callable
@@ -21,8 +22,8 @@ class ModelFile:
     health : IdentifierHealth
     """
 
-    def __init__(self, parameters, name, read, write, health):
-        path, self._name = parameters[name], name
+    def __init__(self, path, name, read, write, health):
+        self._name = name
         # not Path.expanduser, which raises an error for a user that does not exist
         self._path = Path(os.path.expanduser(path)) if path else None
         self._read, self._write, self._health = read, write, health

@@ -34,7 +34,8 @@ class ManoeuvreIdentification:
     def __init__(self, node, parameters, health):
         self.parameters, self._health = parameters, health
         self._file = ModelFile(
-            parameters, 'manoeuvre_model_path', read_manoeuvring_model, write_manoeuvring_model, health)
+            parameters['manoeuvre_model_path'], 'manoeuvre_model_path', read_manoeuvring_model,
+            write_manoeuvring_model, health)
         known = self._file.read()
         self.refitter = ManoeuvreRefitter(known)
         self.window = ManoeuvringWindow(parameters['manoeuvre_window_s'], parameters['manoeuvre_stop_after_s'])

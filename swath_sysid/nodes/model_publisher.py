@@ -13,13 +13,13 @@ class ModelPublisher:
     Parameters
     ----------
     node : rclpy.node.Node
-    parameters : NodeParameters
-        Of the identifier.
+    path : str
+        Of the model file; empty: none.
     health : IdentifierHealth
     """
 
-    def __init__(self, node, parameters, health):
-        self._file = ModelFile(parameters, 'model_path', read_model, write_model, health)
+    def __init__(self, node, path, health):
+        self._file = ModelFile(path, 'model_path', read_model, write_model, health)
         self._description = watched_publisher(node, String, 'model/description', LATCHED, health)
         self._coefficients = watched_publisher(node, Float64MultiArray, 'model/coefficients', LATCHED, health)
 
