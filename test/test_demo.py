@@ -262,8 +262,8 @@ def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
     children = _children(demo.pid)
     assert len(children) >= 4
     demo.send_signal(signal.SIGINT)
-    demo.communicate(timeout=PATIENCE)
-    assert demo.returncode == 130
+    told, _ = demo.communicate(timeout=PATIENCE)
+    assert demo.returncode == 130, told
     assert [pid for pid in children if Path(f'/proc/{pid}').exists()] == []
     assert 'Traceback' not in _read(tmp_path / 'demo.log')
 
