@@ -90,9 +90,12 @@ def run(arguments):
     rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)
     try:
         listener = Listener(craft.axis, craft.leads)
-        with _stopping_on_sigterm(), _processes(craft, arguments.seed, output / 'demo.log') as processes:
+        with (
+            _Interrupts(rclpy.spin_once) as interrupts,
+            _processes(craft, arguments.seed, output / 'demo.log') as processes,
+        ):
             with _shown(craft) as show:
-                stage = _Stage(listener, processes, show, rclpy.spin_once)
+                stage = _Stage(listener, processes, show, interrupts.spin_once)
                 print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
                 demonstration = _demonstrate(craft, stage)
             passed = _conclude(demonstration, output, began)
@@ -154,18 +157,39 @@ def _environment(domain):
     }
 
 
-@contextmanager
-def _stopping_on_sigterm():
-    """Let SIGTERM end the demonstration as Ctrl-C does, so that its processes end with it."""
+class _Interrupts:
+    """Ctrl-C, and SIGTERM like it, so that the processes end with the demonstration.
 
-    def interrupt(*_):
-        raise KeyboardInterrupt
+    Not in the middle of a message: what rclpy makes of a KeyboardInterrupt there is another error.
+    """
 
-    previous = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+    def __init__(self, spin_once):
+        self._spin_once = spin_once
+        self._is_spinning = self._has_come = False
+
+    def __enter__(self):
+        self._previous = {number: signal.signal(number, self._come) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_):
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _come(self, *_):
+        if not self._is_spinning:
+            raise KeyboardInterrupt
+        self._has_come = True
+
+    def spin_once(self, node, timeout_sec):
+        """As that of rclpy; raises KeyboardInterrupt at its end."""
+        self._is_spinning = True
+        try:
+            self._spin_once(node, timeout_sec=timeout_sec)
+        finally:
+            self._is_spinning = False
+        if self._has_come:
+            self._has_come = False
+            raise KeyboardInterrupt
 
 
 @contextmanager
