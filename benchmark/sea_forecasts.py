@@ -168,11 +168,11 @@ def oracle(sea, leads):
         mean = np.concatenate([following, [coefficients @ mean[2:]], mean[2:-1]])
         spread = moved(spread, first)
         spread[2, 2] += noise
-    told, (x, rate) = np.empty((readings.shape[0], steps.size)), states.T
+    issued, (x, rate) = np.empty((readings.shape[0], steps.size)), states.T
     for j in range(steps[-1]):
         x, rate = advance(x, rate, moments[:, j])
-        told[:, steps == j + 1] = x[:, None]
-    return told
+        issued[:, steps == j + 1] = x[:, None]
+    return issued
 
 
 def moments_ahead(coefficients, count):

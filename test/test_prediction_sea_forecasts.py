@@ -65,18 +65,18 @@ def test_the_oracle_is_an_extended_kalman_filter_on_hull_and_autoregression(sea_
     def following(state):
         return np.concatenate([sea_forecasts.advance(*state[:3]), shift @ state[2:]])
 
-    told = []
+    issued = []
     for seen in sea.readings(10.0):
         ekf.update(seen[:, None], lambda x: np.eye(2, 14), lambda x: x[:2])
         now = ekf.x[:, 0]
         ahead = [now]
         for _ in range(7):
             ahead.append(following(ahead[-1]))
-        told.append([ahead[1][0], ahead[7][0]])
+        issued.append([ahead[1][0], ahead[7][0]])
         ekf.F = np.column_stack([(following(now + d) - following(now - d)) / 2e-5 for d in 1e-5 * np.eye(14)])
         ekf.x = following(now)[:, None]
         ekf.P = ekf.F @ ekf.P @ ekf.F.T + ekf.Q
-    assert sea_forecasts.oracle(sea, leads) == pytest.approx(np.array(told), abs=1e-8)
+    assert sea_forecasts.oracle(sea, leads) == pytest.approx(np.array(issued), abs=1e-8)
 
 
 def test_a_hull_off_by_factors_is_off_in_these_terms_only(sea_forecasts):

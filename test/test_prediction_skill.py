@@ -136,7 +136,7 @@ def test_a_record_that_lost_samples_scores_worse_than_the_whole_one():
     assert broken.nrmse['persistence'] == pytest.approx(whole.nrmse['persistence'], rel=0.1)
 
 
-def test_scores_are_told_as_json_and_drawn():
+def test_scores_are_written_as_json_and_drawn():
     trial = sea()
     settings = PredictorSettings(leads=LEADS, window=60.0, skill_memory=60.0)
     run = run_through(trial, settings, {})
@@ -144,14 +144,14 @@ def test_scores_are_told_as_json_and_drawn():
     data = json.loads(json.dumps(skill_as_data(skill), allow_nan=False))
     assert data['leads_s'] == list(LEADS) and data['warmup_s'] == 60.0 and data['window_s'] == 60.0
     assert set(data['axes']) == {'roll', 'pitch'}
-    told = data['axes']['roll']
-    assert set(told['nrmse']) == set(METHODS)
-    assert all(value is not None for values in told['nrmse'].values() for value in values)
-    assert told['nrmse']['forecast'][1] < 0.5 * told['nrmse']['persistence'][1]
-    assert told['ratio'][1] < 1.1
-    assert 0.8 < told['coverage']['90'][0] < 0.97
-    assert told['counted'] == [599, 590] and told['unmeasured'] == [1, 10]
-    assert told['nrmse_interval'] == [[None, None]] * 2
+    found = data['axes']['roll']
+    assert set(found['nrmse']) == set(METHODS)
+    assert all(value is not None for values in found['nrmse'].values() for value in values)
+    assert found['nrmse']['forecast'][1] < 0.5 * found['nrmse']['persistence'][1]
+    assert found['ratio'][1] < 1.1
+    assert 0.8 < found['coverage']['90'][0] < 0.97
+    assert found['counted'] == [599, 590] and found['unmeasured'] == [1, 10]
+    assert found['nrmse_interval'] == [[None, None]] * 2
     assert forecast_figure(trial, run, skill).axes
 
 
@@ -180,12 +180,12 @@ def test_quiescence_is_scored_after_the_warm_up_by_limits_that_the_warm_up_sugge
     settings = PredictorSettings(leads=LEADS, quiescence=QuiescenceLimits(duration=duration))
     limits = usual_limits(trial, settings.quiescence, 100.0)
     run = run_through(trial, settings, {}, limits_from=(100.0, limits))
-    told = skill_as_data(score(trial, run, LEADS, 100.0, 600.0))['quiescence']
+    found = skill_as_data(score(trial, run, LEADS, 100.0, 600.0))['quiescence']
     warm = trial.roll[:1000]
-    assert told['limits']['roll'] == pytest.approx(abs(warm.mean()) + 2.0 * warm.std())
-    assert told['limits']['roll_rate'] is None and told['limits']['duration'] == duration
-    assert 190 <= sum(told['count']) <= 200
-    assert told['brier'] < told['brier_of_climate']
+    assert found['limits']['roll'] == pytest.approx(abs(warm.mean()) + 2.0 * warm.std())
+    assert found['limits']['roll_rate'] is None and found['limits']['duration'] == duration
+    assert 190 <= sum(found['count']) <= 200
+    assert found['brier'] < found['brier_of_climate']
     assert usual_limits(trial, settings.quiescence, 0.0) is None
 
 
@@ -194,10 +194,10 @@ def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, c
     picture = tmp_path / 'skill.png'
     command = ['forecast', str(tmp_path / 'sea.csv'), '--leads', '0.5,1', '--warmup', '0', '--until', '60']
     assert main([*command, '--json', '--axis', 'roll', '--plot', str(picture)]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told['warmup_s'], told['until_s'], told['window_s']) == (0.0, 60.0, 600.0)
-    assert list(told['axes']) == ['roll'] and told['axes']['roll']['counted'] == [601, 601]
-    assert 'quiescence' not in told and picture.stat().st_size > 10_000
+    found = json.loads(capsys.readouterr().out)
+    assert (found['warmup_s'], found['until_s'], found['window_s']) == (0.0, 60.0, 600.0)
+    assert list(found['axes']) == ['roll'] and found['axes']['roll']['counted'] == [601, 601]
+    assert 'quiescence' not in found and picture.stat().st_size > 10_000
 
 
 def test_the_verb_prints_a_table_with_what_came_after_gaps(tmp_path, capsys):
@@ -236,13 +236,13 @@ def test_changing_the_future_changes_no_forecast_of_the_past():
     after = [s for s in run_through(replace(trial, **channels), settings, {}).steps if s.stamp < trial.time[place]]
     assert len(before) == len(after) > 500
     for one, other in zip(before, after, strict=True):
-        for axis, told in one.forecast.axes.items():
-            assert np.array_equal(told.angle, other.forecast.axes[axis].angle)
-            assert np.array_equal(told.half_width, other.forecast.axes[axis].half_width)
+        for axis, found in one.forecast.axes.items():
+            assert np.array_equal(found.angle, other.forecast.axes[axis].angle)
+            assert np.array_equal(found.half_width, other.forecast.axes[axis].half_width)
             assert np.array_equal(one.horizon.axes[axis].angle, other.horizon.axes[axis].angle)
 
 
-def test_a_ship_that_tells_angles_once_a_second_is_forecast_and_its_intervals_hold(data_folder):
+def test_a_ship_that_measures_angles_once_a_second_is_forecast_and_its_intervals_hold(data_folder):
     found = scored(read_trial(data_folder / 'waves' / 'nbp1406_ship.csv'), (2.0, 5.0), warmup=240.0, window=240.0)
     for axis in ('roll', 'pitch'):
         assert np.all(found.axes[axis].nrmse['forecast'] < 0.85)

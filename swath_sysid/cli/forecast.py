@@ -28,7 +28,7 @@ _WINDOW = 600.0
 
 
 def add_arguments(parser):
-    """The record, the model, the leads, and how to tell."""
+    """The record, the model, the leads, and the output."""
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
     parser.add_argument('--model', metavar='MODEL.yaml', help='the identified hull')
@@ -47,7 +47,7 @@ def add_arguments(parser):
         help=f'seconds of past that forecast and baselines learn from (default: {_WINDOW:g})',
     )  # fmt: skip
     parser.add_argument('--topic', help='IMU topic, for bags that hold several')
-    parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes (default: as the record tells)")
+    parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes (default: as the record says)")
     parser.add_argument(
         '--quiet-deg', type=_limits, metavar='ROLL,PITCH',
         help='limits whose probability of being kept is scored (default: two standard deviations of the warm-up; '
@@ -62,7 +62,7 @@ def add_arguments(parser):
 
 
 def run(arguments):
-    """Run the predictor through the record and tell its skill."""
+    """Run the predictor through the record and print its skill."""
     trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
@@ -95,11 +95,11 @@ def run(arguments):
     if arguments.json:
         print(json.dumps(skill_as_data(skill), indent=2))
     else:
-        _tell(skill, arguments.record)
+        _print_skill(skill, arguments.record)
     return 0
 
 
-def _tell(skill, name):
+def _print_skill(skill, name):
     console = Console()
     for axis, scores in skill.axes.items():
         table = Table(title=f'{name}, {axis}: RMSE / standard deviation {_span(skill)}', title_justify='left')
@@ -121,7 +121,7 @@ def _tell(skill, name):
             for method, values in scores.gap_nrmse.items():
                 table.add_row(f'  {LABELS[method]}', *(_cell(v) for v in values))
         console.print(table)
-    _tell_quiescence(console, skill)
+    _print_quiescence(console, skill)
     console.print(
         f'a sample {1e3 * skill.step_time["median"]:.2f} ms (median), '
         f'a refit {1e3 * skill.refit_time["median"]:.0f} ms (most {1e3 * skill.refit_time["most"]:.0f} ms)'
@@ -132,7 +132,7 @@ def _span(skill):
     return f'from {skill.warmup:g} to {skill.until:.0f} s'
 
 
-def _tell_quiescence(console, skill):
+def _print_quiescence(console, skill):
     limits, found = skill.quiescence_limits, skill.quiescence
     if limits is None or found is None:
         return
@@ -142,7 +142,7 @@ def _tell_quiescence(console, skill):
     )  # fmt: skip
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
-        f'(always telling its share: {found.brier_of_climate:.3f})'
+        f'(always its share: {found.brier_of_climate:.3f})'
     )
 
 

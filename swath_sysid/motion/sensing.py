@@ -258,8 +258,8 @@ def _angles(readings, installation, name):
     else:
         return {}
     roll, pitch, turned_yaw = attitude.euler_angles(*installation.orientation(*orientation))
-    told = _has(readings, QUATERNION) or yaw is not None
-    return {'roll': roll, 'pitch': pitch, 'yaw': turned_yaw} if told else {'roll': roll, 'pitch': pitch}
+    has_yaw = _has(readings, QUATERNION) or yaw is not None
+    return {'roll': roll, 'pitch': pitch, 'yaw': turned_yaw} if has_yaw else {'roll': roll, 'pitch': pitch}
 
 
 def _sensor_yaw(readings, installation):

@@ -9,7 +9,7 @@ LABELS = {
     'ar_40': 'AR(40)', 'var_40': 'VAR(40)', 'var_60': 'VAR(60)',
 }  # fmt: skip
 
-_FEWEST_TOLD = 10
+_FEWEST_SHOWN = 10
 _STRETCH = 40.0
 """s of the record that show forecasts as issued, in the middle of what was scored."""
 
@@ -103,9 +103,9 @@ def _reliability(axes, skill, scores, with_quiescence):
         if np.isfinite(held).all():
             axes.plot(LEVELS, held, 'o-', color=colour, markersize=4, linewidth=1.0, label=f'{lead:g} s')
     if with_quiescence and skill.quiescence is not None:
-        told, enough = skill.quiescence, skill.quiescence.count >= _FEWEST_TOLD
+        shown, enough = skill.quiescence, skill.quiescence.count >= _FEWEST_SHOWN
         axes.plot(
-            told.told[enough], told.happened[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
+            shown.told[enough], shown.happened[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
             label='quiescence',
         )  # fmt: skip
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='probability forecast', ylabel='share that held', title='reliability')
