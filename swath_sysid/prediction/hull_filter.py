@@ -1,0 +1,547 @@
+"""The filter of one axis on a known hull: an extended Kalman filter whose exciting moment is a state space inside it.
+
+    d(angle)/dt = rate
+    d(rate)/dt  = -exp(d) D(rate) - exp(k) R(angle - trim) + h z        D, R: the identified damping and restoring
+    d(trim)/dt, dk/dt, dd/dt = slow random walks, from what the identification knows of them
+    dz/dt       = A z + w                                               (`modal_moment`)
+
+The moment is a sum of two: one of which nothing is known but its size (second-order Markov: a hand on the craft, a
+gust, a sea not yet learnt) and, once learnt, that of the sea (`excitation_model`). The size of each is the one that
+the estimated states support: in still water it vanishes, and the hull alone remains.
+"""
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from scipy.linalg import block_diag, cho_factor, cho_solve, eigh
+from scipy.stats import chi2
+
+from swath_sysid.accelerator import HAS_NUMBA
+from swath_sysid.advice import Advice
+from swath_sysid.errors import InputError
+from swath_sysid.hull.terms import term_moments
+from swath_sysid.prediction import hull_step
+from swath_sysid.prediction.hull_step import HULL_STATES
+from swath_sysid.prediction.modal_moment import ModalMoment, joined, markov_moment
+
+ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
+
+NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
+
+TRIM_DRIFT = 1e-4**2
+"""rad^2/s; ballast and fuel move the trim by .3 deg in an hour."""
+
+SCALE_DRIFT = 1e-4**2
+"""1/s; the scales move by 2 % in ten hours of a voyage."""
+
+UNKNOWN_TRIM_STD = 0.02
+IDENTIFIED_TRIM_STD = 5e-4
+"""rad; identification reports 3e-5 to 7e-4."""
+
+LEAST_STIFFNESS_STD = 0.003
+LEAST_DAMPING_STD = 0.02
+MOST_SCALE_STD = 1.0
+"""Of the logarithms of the scales: no model is exact, and none is worth nothing."""
+
+USUAL_AMPLITUDE = 0.05
+"""rad; where the ratios' covariance is weighed, if the identification does not say which amplitudes it saw."""
+
+INITIAL_ANGLE_STD = 0.3
+INITIAL_RATE_STD = 0.3
+"""rad and rad/s, of what the first sample does not measure."""
+
+MARKOV_TIME = 0.5
+"""s; one over the corner frequency of the moment of which nothing is known."""
+
+MARKOV_STD = 0.3
+"""rad/s^2; its size at the start."""
+
+LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e6
+"""Of a moment's variance over what it was taken up with."""
+
+LEVEL_INTERVAL = 0.1
+"""s between two judgements of the moments' sizes."""
+
+LEVEL_TIME = 30.0
+"""s; a size drifts towards what the states support."""
+
+CONVINCING = 4.0
+"""Logarithm of the likelihood ratio from which on a moment is taken to have shrunk at once."""
+
+STRAIN_GAIN = 0.2
+MOST_STRAIN = 3.5
+"""Running mean of the innovations squared over their expectation, and from where on something new must be acting."""
+
+LONGEST_STEP = 0.05
+"""s; the moment acts by the mean of its values at both ends of a step."""
+
+
+class HullUncertainty(NamedTuple):
+    """What is not known of an identified hull.
+
+    Attributes
+    ----------
+    trim_std : float
+        rad; NaN: not known.
+    stiffness_std, damping_std : float
+        Relative.
+    """
+
+    trim_std: float = IDENTIFIED_TRIM_STD
+    stiffness_std: float = 0.0
+    damping_std: float = 0.0
+
+    @classmethod
+    def of(cls, identified):
+        """Relative uncertainty of the restoring and damping moments at the amplitude that the identification saw.
+
+        Parameters
+        ----------
+        identified : IdentifiedModel
+
+        Returns
+        -------
+        HullUncertainty
+        """
+        model, (_, largest) = identified.model, identified.amplitude_range
+        amplitude = 0.5 * largest if math.isfinite(largest) and largest > 0.0 else USUAL_AMPLITUDE
+        frequency = model.natural_frequency
+        rate = amplitude * (frequency if frequency == frequency else 1.0)
+        moments = term_moments(amplitude, rate, model.friction_rate)[model.equation.indices]
+        parts = model.ratios[model.equation.indices] * moments
+        is_damping = model.equation.indices < 4
+
+        def relative(chosen):
+            direction = np.where(chosen, moments, 0.0)
+            variance = float(direction @ identified.covariance @ direction)
+            return math.sqrt(max(variance, 0.0)) / max(abs(float(parts[chosen].sum())), 1e-12)
+
+        return cls(identified.trim_std, relative(~is_damping), relative(is_damping))
+
+
+@dataclass(frozen=True)
+class HullFilterSettings:
+    """When a sample is refused.
+
+    Attributes
+    ----------
+    gate_probability : float
+        A true measurement is taken for an outlier with this probability.
+    gate_patience : int
+        After so many rejected samples in a row the filter starts anew from the sensor.
+    """
+
+    gate_probability: float = 1e-12
+    gate_patience: int = 5
+
+    def __post_init__(self):
+        if not 0.0 < self.gate_probability < 0.5:
+            raise InputError('a gate_probability of 0.5 or more rejects good samples: give 1e-3 or less')
+        if not self.gate_patience > 0:
+            raise InputError('gate_patience must be 1 sample or more')
+
+
+class Observed(NamedTuple):
+    """What one sample led to.
+
+    Attributes
+    ----------
+    nis : float
+        Normalised innovation squared; NaN where nothing was measured.
+    measured : int
+        How many values (0, 1 or 2) the sample gave.
+    rejected : bool
+        The gate refused the sample.
+    restarted : bool
+        The filter began anew from this sample.
+    log_likelihood : float
+        Of the sample, natural logarithm; zero where nothing was measured or it was rejected.
+    advice : tuple of Advice
+    """
+
+    nis: float = math.nan
+    measured: int = 0
+    rejected: bool = False
+    restarted: bool = False
+    log_likelihood: float = 0.0
+    advice: tuple[Advice, ...] = ()
+
+
+class HullFilter(ExtendedKalmanFilter):
+    """Extended Kalman filter of one axis.
+
+    It holds no clock: every call says how much time has passed. Same calls, same numbers. ``x`` and ``P`` are
+    filterpy's; so are ``predict`` and ``update`` where numba is absent, after `linearise`.
+
+    Parameters
+    ----------
+    settings : HullFilterSettings
+    """
+
+    def __init__(self, settings=None):
+        self.settings = s = settings or HullFilterSettings()
+        self.moments = [markov_moment(MARKOV_STD**2, MARKOV_TIME)]
+        self.levels = np.ones(1)
+        self.model = None
+        self.is_started = False
+        self.rejections = 0
+        self._uncertainty = HullUncertainty(math.nan)
+        self._gates = [math.inf, *(float(chi2.isf(s.gate_probability, m)) for m in (1, 2))]
+        size = HULL_STATES + self.moments[0].size
+        super().__init__(dim_x=size, dim_z=2)
+        self.x, self.P = np.zeros(size), np.eye(size)
+        self._since_level = 0.0
+        self._strain = 1.0
+        self._foreseen = None
+        self._use_hull()
+        self._use_moments()
+
+    # -- hull and moment ---------------------------------------------------------------------------------------
+
+    def set_hull(self, model, uncertainty=None):
+        """Swap the hull; the state of motion and the moment's estimate go on.
+
+        Parameters
+        ----------
+        model : DecayModel or None
+            None: no restoring and no damping, a constant rate that the moment drives.
+        uncertainty : HullUncertainty or None
+            None: exactly known, but for what no model is exact in.
+        """
+        self.model = model
+        self._uncertainty = uncertainty or HullUncertainty(IDENTIFIED_TRIM_STD if model else math.nan)
+        self._foreseen = None
+        self._use_hull()
+
+    def _use_hull(self):
+        model, u = self.model, self._uncertainty
+        self._hull = NO_HULL if model is None else (
+            tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate)
+        )  # fmt: skip
+        fastest = 0.0
+        if model is not None:
+            by_angle, by_rate = model.jacobian(model.trim, 0.0)
+            fastest = max(math.sqrt(abs(by_angle)), abs(by_rate))
+        self._longest = min(LONGEST_STEP, 0.25 / fastest if fastest > 0.0 else LONGEST_STEP)
+        self._set_part([TRIM, STIFFNESS, DAMPING], [model.trim if model else 0.0, 0.0, 0.0], np.diag(self._prior(u)))
+
+    def _prior(self, uncertainty):
+        if self.model is None:
+            return np.array([UNKNOWN_TRIM_STD**2, 0.0, 0.0])
+        trim_std = uncertainty.trim_std if uncertainty.trim_std == uncertainty.trim_std else UNKNOWN_TRIM_STD
+        return np.square([
+            trim_std,
+            min(max(uncertainty.stiffness_std, LEAST_STIFFNESS_STD), MOST_SCALE_STD),
+            min(max(uncertainty.damping_std, LEAST_DAMPING_STD), MOST_SCALE_STD),
+        ])
+
+    def _set_part(self, places, mean, covariance):
+        self.x[places] = mean
+        self.P[places] = 0.0
+        self.P[:, places] = 0.0
+        self.P[np.ix_(places, places)] = covariance
+
+    def set_excitation(self, fit, age=0.0):
+        """Take up a learnt moment; the state of motion goes on.
+
+        Parameters
+        ----------
+        fit : ExcitationFit or None
+            None: forget the one in use.
+        age : float
+            Since the end of the window that it was learnt from, s.
+        """
+        self._foreseen = None
+        hand = slice(HULL_STATES, HULL_STATES + self.moments[0].size)
+        kept = np.r_[:hand.stop]
+        mean, covariance = self.x[kept], self.P[np.ix_(kept, kept)]
+        self.moments, self.levels = self.moments[:1], self.levels[:1]
+        if fit is not None:
+            self.moments.append(fit.moment)
+            self.levels = np.append(self.levels, 1.0)
+            # what was known at the window's end has faded by its age
+            f, at_rest = fit.moment.transition(age), fit.moment.stationary
+            later, spread = f @ fit.mean, f @ (fit.covariance - at_rest) @ f.T + at_rest
+            mean, covariance = np.concatenate([mean, later]), block_diag(covariance, spread)
+        self.x, self.P = mean, np.ascontiguousarray(covariance)
+        self.dim_x = mean.size
+        self._I = np.eye(self.dim_x)
+        self._use_moments()
+
+    def _use_moments(self):
+        whole = joined([m.scaled(g) for m, g in zip(self.moments, self.levels, strict=True)])
+        self._whole = whole
+        at_rest = whole.output @ whole.stationary
+        self._moment = tuple(map(np.ascontiguousarray, (whole.blocks, whole.output, whole.stationary, at_rest)))
+        self._drifts = (TRIM_DRIFT, SCALE_DRIFT if self.model is not None else 0.0)
+
+    @property
+    def covariance(self):
+        """Of angle and rate, shape (2, 2)."""
+        return self.P[:2, :2].copy()
+
+    @property
+    def moment(self):
+        """The estimated moment over inertia, rad/s^2."""
+        return float(self._moment[1] @ self.x[HULL_STATES:])
+
+    # -- the samples -------------------------------------------------------------------------------------------
+
+    def start(self, angle, rate, angle_variance, rate_variance):
+        """Begin anew from one sample (NaN: not measured). Trim, scales and the moments' sizes are kept.
+
+        Parameters
+        ----------
+        angle, rate : float
+            rad, rad/s.
+        angle_variance, rate_variance : float
+            rad^2, rad^2/s^2.
+        """
+        has_angle, has_rate = angle == angle, rate == rate
+        motion = [angle if has_angle else self.x[TRIM], rate if has_rate else 0.0]
+        spread = np.diag([
+            angle_variance if has_angle else INITIAL_ANGLE_STD**2, rate_variance if has_rate else INITIAL_RATE_STD**2
+        ])
+        self._set_part([ANGLE, RATE], motion, spread)
+        self.levels[0] = max(self.levels[0], 1.0)
+        self._use_moments()
+        self._set_part(range(HULL_STATES, self.dim_x), 0.0, self._moment[2])
+        self.is_started = True
+        self.rejections = 0
+        self._strain = 1.0
+        self._foreseen = None
+
+    def observe(self, elapsed, angle, rate, angle_variance, rate_variance):
+        """Predict over the time since the sample before, and take in what was measured (NaN: not measured).
+
+        Parameters
+        ----------
+        elapsed : float
+            s.
+        angle, rate : float
+            rad, rad/s.
+        angle_variance, rate_variance : float
+            Of the sensor's noise, rad^2 and rad^2/s^2.
+
+        Returns
+        -------
+        Observed
+        """
+        if self._foreseen is not None and abs(self._foreseen[0] - elapsed) < 1e-6:
+            _, self.x, self.P = self._foreseen
+        elif elapsed > 0.0:
+            self._advance(elapsed)
+        self._foreseen = None
+        nis, measured, log_likelihood, gate_nis = self._judged(
+            angle, rate, angle_variance, rate_variance, elapsed
+        )
+        if measured == 0:
+            return Observed()
+        if gate_nis > self._gates[measured]:
+            return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
+        self.rejections = 0
+        self._strain += STRAIN_GAIN * (nis / measured - self._strain)
+        if self._strain > MOST_STRAIN:
+            self._something_new(angle, rate, elapsed)
+        self._take_in(angle, rate, angle_variance, rate_variance)
+        self._since_level += elapsed
+        if self._since_level >= LEVEL_INTERVAL - 1e-6:
+            self._judge_levels(self._since_level)
+            self._since_level = 0.0
+        return Observed(nis, measured, False, False, log_likelihood)
+
+    def _judged(self, angle, rate, angle_variance, rate_variance, elapsed):
+        """Normalised innovation squared, number of values, log likelihood, and the NIS if the moment had changed."""
+        p = self.P
+        a, b, d = float(p[0, 0]) + angle_variance, float(p[0, 1]), float(p[1, 1]) + rate_variance
+        e0, e1 = angle - float(self.x[0]), rate - float(self.x[1])
+        # a hand that lets go, or takes hold, changes the moment by about what the hull's own moment is now
+        jump = self._possible_jump()
+        angle_jump, rate_jump = 0.5 * elapsed * elapsed * jump, elapsed * jump
+        if e0 == e0 and e1 == e1:
+            determinant = a * d - b * b
+            nis = (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / determinant
+            a2, b2, d2 = a + angle_jump**2, b + angle_jump * rate_jump, d + rate_jump**2
+            wide = (d2 * e0 * e0 - 2.0 * b2 * e0 * e1 + a2 * e1 * e1) / (a2 * d2 - b2 * b2)
+            return nis, 2, -0.5 * (nis + math.log(determinant)) - math.log(2.0 * math.pi), wide
+        if e0 == e0:
+            share, e, jumped = a, e0, angle_jump
+        elif e1 == e1:
+            share, e, jumped = d, e1, rate_jump
+        else:
+            return math.nan, 0, 0.0, math.nan
+        nis = e * e / share
+        return nis, 1, -0.5 * (nis + math.log(2.0 * math.pi * share)), e * e / (share + jumped * jumped)
+
+    def _possible_jump(self):
+        rate = float(self.x[1])
+        own = MARKOV_STD + abs(self.moment) + abs(rate)
+        if self.model is not None:
+            own += abs(float(self.model.acceleration(float(self.x[0] - self.x[2]) + self.model.trim, rate)))
+        return 2.0 * own
+
+    def _advance(self, duration):
+        self._advance_state(self.x, self.P, duration)
+
+    def _advance_state(self, mean, covariance, duration):
+        if HAS_NUMBA:
+            hull_step.predict(mean, covariance, self._moment, self._hull, self._drifts, duration, self._longest)
+        else:
+            raise NotImplementedError
+
+    def _take_in(self, angle, rate, angle_variance, rate_variance):
+        hull_step.observe(self.x, self.P, angle, rate, angle_variance, rate_variance)
+
+    def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
+        self.rejections += 1
+        if self.rejections < self.settings.gate_patience:
+            return Observed(nis, measured, rejected=True)
+        count = self.rejections
+        self.start(angle, rate, angle_variance, rate_variance)
+        self._hold_still()
+        advice = Advice(
+            'gate-restarted',
+            f'{count} samples in a row disagreed with the forecast, so the filter began anew from the sensor: '
+            'check the mounting and the noise settings if this repeats',
+        )
+        return Observed(nis, measured, restarted=True, advice=(advice,))
+
+    def _hold_still(self):
+        """A craft that lies where its hull would not rest is held there by a moment."""
+        if self.model is None:
+            return
+        held = -float(self.model.acceleration(float(self.x[0] - self.x[2]) + self.model.trim, float(self.x[1])))
+        self._raise_level(held * held)
+
+    def _something_new(self, angle, rate, elapsed):
+        """The innovations are too large: another moment has begun to act, of the size that they show."""
+        self._strain = 1.0
+        e0, e1 = angle - float(self.x[0]), rate - float(self.x[1])
+        sizes = []
+        if e1 == e1:
+            sizes.append(abs(e1) / elapsed)
+        elif e0 == e0:
+            sizes.append(2.0 * abs(e0) / (elapsed * elapsed))
+        self._raise_level(min(sizes)**2)
+
+    def _raise_level(self, variance):
+        hand = self.moments[0]
+        added = variance / hand.variance
+        self.levels[0] = min(self.levels[0] + added, MOST_LEVEL)
+        part = slice(HULL_STATES, HULL_STATES + hand.size)
+        self.P[part, part] += added * hand.stationary
+        self._use_moments()
+
+    # -- the moments' sizes ------------------------------------------------------------------------------------
+
+    def _judge_levels(self, elapsed):
+        """Let each moment's size follow what its estimated states support (see `supported_level`)."""
+        changed, begin = False, HULL_STATES
+        for i, moment in enumerate(self.moments):
+            part = slice(begin, begin + moment.size)
+            begin = part.stop
+            prior = self.levels[i] * moment.stationary
+            known, squares = _known_and_squares(self.x[part], self.P[part, part], prior)
+            factor = 1.0
+            if squares < 0.5 * known:
+                factor = supported_level(self.x[part], self.P[part, part], prior)
+            if factor == 1.0 and known > 0.0:
+                factor = math.exp(min(elapsed / LEVEL_TIME, 1.0) * min(max((squares - known) / moment.size, -1.0), 2.0))
+            factor = min(max(factor * self.levels[i], LEAST_LEVEL), MOST_LEVEL) / self.levels[i]
+            if factor < 0.7:
+                self._shrink(part, prior, factor)
+            self.levels[i] *= factor
+            changed = changed or factor != 1.0
+        if changed:
+            self._use_moments()
+
+    def _shrink(self, part, prior, factor):
+        """Had the moment been that much smaller all along: its estimate beside the smaller prior (Bayes' rule)."""
+        # a measurement z = 0 of covariance prior / (1 / factor - 1)
+        noise = prior / (1.0 / factor - 1.0)
+        cross = self.P[:, part]
+        gain = cho_solve(cho_factor(self.P[part, part] + noise), cross.T).T
+        self.x = self.x - gain @ self.x[part]
+        covariance = self.P - gain @ cross.T
+        self.P = 0.5 * (covariance + covariance.T)
+
+    # -- the forecast ------------------------------------------------------------------------------------------
+
+    def ahead(self, lead):
+        """One lead after the present state, which stays as it is.
+
+        Returns
+        -------
+        tuple of 5 floats
+            Angle, rate, angle variance, covariance of both, rate variance.
+        """
+        if self._foreseen is None or self._foreseen[0] != lead:
+            mean, covariance = self.x.copy(), self.P.copy()
+            if lead > 0.0:
+                self._advance_state(mean, covariance, lead)
+            self._foreseen = lead, mean, covariance
+        _, mean, covariance = self._foreseen
+        return (
+            float(mean[0]), float(mean[1]), float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+        )
+
+    def forecast(self, leads):
+        """Angle and rate at leads after the present state, which stays as it is.
+
+        Parameters
+        ----------
+        leads : ndarray, shape (L,)
+            s, increasing.
+
+        Returns
+        -------
+        angle, rate : ndarray, shape (L,)
+        covariance : ndarray, shape (L, 2, 2)
+        """
+        durations = np.diff(np.asarray(leads, dtype=float), prepend=0.0)
+        means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
+        hull_step.predict_to(
+            self.x.copy(), self.P.copy(), self._moment, self._hull, self._drifts, durations, self._longest, means,
+            spreads,
+        )  # fmt: skip
+        return means[:, 0], means[:, 1], spreads
+
+
+def _known_and_squares(mean, covariance, prior):
+    """How many directions of a state are known, and its square over the prior's variance."""
+    factor = cho_factor(prior + 1e-12 * np.trace(prior) / mean.size * np.eye(mean.size))
+    inverse = cho_solve(factor, np.eye(mean.size))
+    return mean.size - float(np.einsum('ij,ji->', inverse, covariance)), float(mean @ inverse @ mean)
+
+
+def supported_level(mean, covariance, prior):
+    """The factor (at most one) on a moment's variance that its estimate supports best.
+
+    With the prior N(0, V) and the estimate N(z, P), the evidence for a prior N(0, V / c) over that for N(0, V) is
+    the product over the eigenvectors of P against V, with eigenvalues r and whitened means u, of
+
+        sqrt(c / q) exp(-(c - 1) u^2 / (2 q)),      q = 1 + (c - 1) r,
+
+    so that only what is known (r < 1) counts.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (n,)
+    covariance, prior : ndarray, shape (n, n)
+
+    Returns
+    -------
+    float
+        One where the evidence does not convince.
+    """
+    values, vectors = eigh(covariance, prior)
+    square = (vectors.T @ mean) ** 2
+    values = np.clip(values, 0.0, 1.0)
+    c = np.geomspace(1.5, 1e8, 60)[:, None]
+    q = 1.0 + (c - 1.0) * values
+    evidence = 0.5 * (np.log(c / q) - (c - 1.0) * (square / q)).sum(axis=1)
+    best = int(evidence.argmax())
+    return 1.0 / float(c[best, 0]) if evidence[best] > CONVINCING else 1.0
