@@ -31,8 +31,8 @@ ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
 
 NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
 
-TRIM_DRIFT = 1e-4**2
-"""rad^2/s; ballast and fuel move the trim by .3 deg in an hour."""
+TRIM_DRIFT = 1e-5**2
+"""rad^2/s; ballast and fuel move the trim by .03 deg in an hour. Ten times the drift would hide the sea's slow parts."""
 
 SCALE_DRIFT = 1e-4**2
 """1/s; the scales move by 2 % in ten hours of a voyage."""
@@ -68,12 +68,15 @@ LEVEL_INTERVAL = 0.1
 LEVEL_TIME = 30.0
 """s; a size drifts towards what the states support."""
 
-CONVINCING = 4.0
+CONVINCING = 3.0
 """Logarithm of the likelihood ratio from which on a moment is taken to have shrunk at once."""
 
 STRAIN_GAIN = 0.2
 MOST_STRAIN = 3.5
 """Running mean of the innovations squared over their expectation, and from where on something new must be acting."""
+
+NEWCOMER = 0.5
+"""Of the moment that one interval's innovation shows: it has often acted for longer. Too little is raised again."""
 
 LONGEST_STEP = 0.05
 """s; the moment acts by the mean of its values at both ends of a step."""
@@ -195,6 +198,7 @@ class HullFilter(ExtendedKalmanFilter):
         self.x, self.P = np.zeros(size), np.eye(size)
         self._since_level = 0.0
         self._strain = 1.0
+        self._doubt = [0.0, 0.0]
         self._foreseen = None
         self._use_hull()
         self._use_moments()
@@ -389,11 +393,61 @@ class HullFilter(ExtendedKalmanFilter):
     def _advance_state(self, mean, covariance, duration):
         if HAS_NUMBA:
             hull_step.predict(mean, covariance, self._moment, self._hull, self._drifts, duration, self._longest)
-        else:
-            raise NotImplementedError
+            return
+        own = self.x, self.P
+        self.x, self.P = mean.copy(), covariance.copy()
+        for _ in range(count := self.steps(duration)):
+            self.linearise(duration / count)
+            self.predict()
+        mean[:], covariance[:] = self.x, self.P
+        self.x, self.P = own
+
+    def steps(self, duration):
+        """How many steps a prediction over a duration, s, takes."""
+        return max(1, math.ceil(duration / self._longest - 1e-6))
+
+    def linearise(self, step):
+        """Set F, Q and the end of the mean for filterpy's own ``predict``.
+
+        Parameters
+        ----------
+        step : float
+            s, short against the hull's period.
+        """
+        f, h = self._whole.transition(step), self._whole.output
+        now = self.x[HULL_STATES:]
+        then = f @ now
+        mean_output = 0.5 * (h + h @ f)
+        angle, rate, to_angle, to_rate = hull_step.hull_step(
+            *map(float, self.x[:HULL_STATES]), float(mean_output @ now), step, self._hull
+        )
+        self._then = np.concatenate([[angle, rate], self.x[2:HULL_STATES], then])
+        hull, gain = np.eye(HULL_STATES), np.zeros(HULL_STATES)
+        hull[0], hull[1] = to_angle[:5], to_rate[:5]
+        gain[:2] = to_angle[5], to_rate[5]
+        self.F = block_diag(hull, f)
+        self.F[:HULL_STATES, HULL_STATES:] = np.outer(gain, mean_output)
+        # what drives the moment in the step acts on the hull by half
+        noise = self._whole.stationary - f @ self._whole.stationary @ f.T
+        driven = np.vstack([np.outer(gain, 0.5 * h), np.eye(h.size)])
+        self.Q = driven @ noise @ driven.T
+        trim_drift, scale_drift = self._drifts
+        self.Q[range(TRIM, HULL_STATES), range(TRIM, HULL_STATES)] += np.array([trim_drift, scale_drift, scale_drift]) * step
+
+    def predict_x(self, u=0):
+        """filterpy's hook: the mean over the step of the nonlinear hull that `linearise` has set."""
+        self.x = self._then
 
     def _take_in(self, angle, rate, angle_variance, rate_variance):
-        hull_step.observe(self.x, self.P, angle, rate, angle_variance, rate_variance)
+        if HAS_NUMBA:
+            hull_step.observe(self.x, self.P, angle, rate, angle_variance, rate_variance)
+            return
+        places = [k for k, value in enumerate((angle, rate)) if value == value]
+        rows = np.eye(self.dim_x)[places]
+        self.update(
+            np.array([angle, rate])[places], lambda x: rows, lambda x: rows @ x,
+            R=np.diag([angle_variance, rate_variance])[np.ix_(places, places)],
+        )  # fmt: skip
 
     def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
         self.rejections += 1
@@ -420,12 +474,8 @@ class HullFilter(ExtendedKalmanFilter):
         """The innovations are too large: another moment has begun to act, of the size that they show."""
         self._strain = 1.0
         e0, e1 = angle - float(self.x[0]), rate - float(self.x[1])
-        sizes = []
-        if e1 == e1:
-            sizes.append(abs(e1) / elapsed)
-        elif e0 == e0:
-            sizes.append(2.0 * abs(e0) / (elapsed * elapsed))
-        self._raise_level(min(sizes)**2)
+        size = e1 / elapsed if e1 == e1 else 2.0 * e0 / (elapsed * elapsed)
+        self._raise_level((NEWCOMER * size) ** 2)
 
     def _raise_level(self, variance):
         hand = self.moments[0]
@@ -447,7 +497,14 @@ class HullFilter(ExtendedKalmanFilter):
             known, squares = _known_and_squares(self.x[part], self.P[part, part], prior)
             factor = 1.0
             if squares < 0.5 * known:
-                factor = supported_level(self.x[part], self.P[part, part], prior)
+                factor, best, quarter = supported_level(self.x[part], self.P[part, part], prior)
+                self._doubt[i] = max(self._doubt[i] + quarter, 0.0)
+                if max(best, self._doubt[i]) < CONVINCING:
+                    factor = 1.0
+                else:
+                    self._doubt[i] = 0.0
+            else:
+                self._doubt[i] = 0.0
             if factor == 1.0 and known > 0.0:
                 factor = math.exp(min(elapsed / LEVEL_TIME, 1.0) * min(max((squares - known) / moment.size, -1.0), 2.0))
             factor = min(max(factor * self.levels[i], LEAST_LEVEL), MOST_LEVEL) / self.levels[i]
@@ -540,8 +597,8 @@ def supported_level(mean, covariance, prior):
     values, vectors = eigh(covariance, prior)
     square = (vectors.T @ mean) ** 2
     values = np.clip(values, 0.0, 1.0)
-    c = np.geomspace(1.5, 1e8, 60)[:, None]
+    c = np.geomspace(4.0, 1e8, 60)[:, None]
     q = 1.0 + (c - 1.0) * values
     evidence = 0.5 * (np.log(c / q) - (c - 1.0) * (square / q)).sum(axis=1)
     best = int(evidence.argmax())
-    return 1.0 / float(c[best, 0]) if evidence[best] > CONVINCING else 1.0
+    return 1.0 / float(c[best, 0]), float(evidence[best]), float(evidence[0])
