@@ -17,8 +17,9 @@ from scipy.linalg import eigh, expm, solve_discrete_lyapunov, solve_toeplitz, sv
 from scipy.ndimage import gaussian_filter1d
 
 from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
-from swath_sysid.prediction.modal_moment import ModalMoment
+from swath_sysid.prediction.hull_filter import UNFORESEEN, HullFilter, HullUncertainty
+from swath_sysid.prediction.hull_step import HULL_STATES
+from swath_sysid.prediction.modal_moment import ModalMoment, joined
 
 TAPERS = 5
 SMOOTHING = 0.06
@@ -88,8 +89,10 @@ class ExcitationFit:
     Attributes
     ----------
     moment : ModalMoment
-    mean, covariance : ndarray, shapes (n,) and (n, n)
-        The moment's state at the end of the window, half a step after its last sample's time.
+    mean, covariance : ndarray, shapes (m + n,) and (m + n, m + n)
+        Of the states of the filter's own unknown moment and of this one, at the time of the window's last sample.
+    levels : tuple of 2 floats
+        Their sizes then.
     stiffness, damping : float
         Logarithms of the scales that it was learnt with.
     """
@@ -97,6 +100,7 @@ class ExcitationFit:
     moment: ModalMoment
     mean: np.ndarray
     covariance: np.ndarray
+    levels: tuple[float, float]
     stiffness: float
     damping: float
 
@@ -128,8 +132,7 @@ def fit_excitation(request):
     hull = _Hull.of(r.model, r.trim, r.stiffness, r.damping)
     found = moment_spectrum(r, hull)
     moment = reduced_moment(found, r, hull)
-    mean, covariance = _state_at_end(r, moment)
-    return ExcitationFit(moment, mean, covariance, r.stiffness, r.damping)
+    return ExcitationFit(moment, *_state_at_end(r, moment), r.stiffness, r.damping)
 
 
 @dataclass(frozen=True)
@@ -307,12 +310,15 @@ def _root(matrix):
 def _state_at_end(request, moment):
     """Mean and covariance of the moment's state after the filter has run over the window's end."""
     r = request
-    fitted = HullFilter(HullFilterSettings())
+    fitted = HullFilter()
     fitted.set_hull(r.model.with_trim(r.trim), r.uncertainty)
-    fitted.set_excitation(ExcitationFit(moment, np.zeros(moment.size), moment.stationary, r.stiffness, r.damping))
+    hand = fitted.moments[0]
+    levels = UNFORESEEN * moment.variance / hand.variance, 1.0
+    at_rest = joined([hand.scaled(levels[0]), moment]).stationary
+    fitted.set_excitation(ExcitationFit(moment, np.zeros(len(at_rest)), at_rest, levels, r.stiffness, r.damping))
     begin = max(0, r.angle.size - round(REPLAY_SPAN / r.step))
-    fitted.start(r.angle[begin], r.rate[begin], r.angle_variance, r.rate_variance)
+    fitted.start(float(r.angle[begin]), float(r.rate[begin]), r.angle_variance, r.rate_variance)
     for angle, rate in zip(r.angle[begin + 1:].tolist(), r.rate[begin + 1:].tolist(), strict=True):
         fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)
-    part = slice(fitted.dim_x - moment.size, None)
-    return fitted.x[part].copy(), fitted.P[part, part].copy()
+    part = slice(HULL_STATES, None)
+    return fitted.x[part].copy(), fitted.P[part, part].copy(), tuple(fitted.levels.tolist())

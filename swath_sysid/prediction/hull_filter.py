@@ -10,7 +10,6 @@ gust, a sea not yet learnt) and, once learnt, that of the sea (`excitation_model
 the estimated states support: in still water it vanishes, and the hull alone remains.
 """
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,14 +24,14 @@ from swath_sysid.errors import InputError
 from swath_sysid.hull.terms import term_moments
 from swath_sysid.prediction import hull_step
 from swath_sysid.prediction.hull_step import HULL_STATES
-from swath_sysid.prediction.modal_moment import ModalMoment, joined, markov_moment
+from swath_sysid.prediction.modal_moment import joined, markov_moment
 
 ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
 
 NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
 
 TRIM_DRIFT = 1e-5**2
-"""rad^2/s; ballast and fuel move the trim by .03 deg in an hour. Ten times the drift would hide the sea's slow parts."""
+"""rad^2/s; .03 deg in an hour. Ten times the drift would hide the slow parts of the sea."""
 
 SCALE_DRIFT = 1e-4**2
 """1/s; the scales move by 2 % in ten hours of a voyage."""
@@ -65,11 +64,14 @@ LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e6
 LEVEL_INTERVAL = 0.1
 """s between two judgements of the moments' sizes."""
 
-LEVEL_TIME = 30.0
-"""s; a size drifts towards what the states support."""
+LEVEL_TIMES = 2.0, 60.0
+"""s; a size drifts towards what the states support: the unknown moment's, and that of a learnt sea."""
 
-CONVINCING = 3.0
-"""Logarithm of the likelihood ratio from which on a moment is taken to have shrunk at once."""
+CONVINCING = 3.0, 12.0
+"""Logarithm of the likelihood ratio from which on either is taken to have shrunk at once."""
+
+UNFORESEEN = 1e-4
+"""Of a learnt sea's variance: that of the unknown moment beside it, at first."""
 
 STRAIN_GAIN = 0.2
 MOST_STRAIN = 3.5
@@ -77,6 +79,9 @@ MOST_STRAIN = 3.5
 
 NEWCOMER = 0.5
 """Of the moment that one interval's innovation shows: it has often acted for longer. Too little is raised again."""
+
+INSIGNIFICANT = 0.01
+"""rad/s^2; an unknown moment of less is none."""
 
 LONGEST_STEP = 0.05
 """s; the moment acts by the mean of its values at both ends of a step."""
@@ -186,8 +191,7 @@ class HullFilter(ExtendedKalmanFilter):
 
     def __init__(self, settings=None):
         self.settings = s = settings or HullFilterSettings()
-        self.moments = [markov_moment(MARKOV_STD**2, MARKOV_TIME)]
-        self.levels = np.ones(1)
+        self._use_moments([markov_moment(MARKOV_STD**2, MARKOV_TIME)], [1.0])
         self.model = None
         self.is_started = False
         self.rejections = 0
@@ -198,10 +202,8 @@ class HullFilter(ExtendedKalmanFilter):
         self.x, self.P = np.zeros(size), np.eye(size)
         self._since_level = 0.0
         self._strain = 1.0
-        self._doubt = [0.0, 0.0]
         self._foreseen = None
         self._use_hull()
-        self._use_moments()
 
     # -- hull and moment ---------------------------------------------------------------------------------------
 
@@ -229,6 +231,7 @@ class HullFilter(ExtendedKalmanFilter):
         if model is not None:
             by_angle, by_rate = model.jacobian(model.trim, 0.0)
             fastest = max(math.sqrt(abs(by_angle)), abs(by_rate))
+        self._drifts = TRIM_DRIFT, 0.0 if model is None else SCALE_DRIFT
         self._longest = min(LONGEST_STEP, 0.25 / fastest if fastest > 0.0 else LONGEST_STEP)
         self._set_part([TRIM, STIFFNESS, DAMPING], [model.trim if model else 0.0, 0.0, 0.0], np.diag(self._prior(u)))
 
@@ -259,28 +262,52 @@ class HullFilter(ExtendedKalmanFilter):
             Since the end of the window that it was learnt from, s.
         """
         self._foreseen = None
-        hand = slice(HULL_STATES, HULL_STATES + self.moments[0].size)
-        kept = np.r_[:hand.stop]
-        mean, covariance = self.x[kept], self.P[np.ix_(kept, kept)]
-        self.moments, self.levels = self.moments[:1], self.levels[:1]
-        if fit is not None:
-            self.moments.append(fit.moment)
-            self.levels = np.append(self.levels, 1.0)
+        hand = self.moments[0]
+        if fit is None:
+            kept = np.arange(HULL_STATES + hand.size)
+            self._use_moments([hand], self.levels[:1])
+            self._resize(self.x[kept], self.P[np.ix_(kept, kept)])
+            return
+        self._use_moments([hand, fit.moment], fit.levels)
+        mean, spread = fit.mean, fit.covariance
+        if age > 0.0:
             # what was known at the window's end has faded by its age
-            f, at_rest = fit.moment.transition(age), fit.moment.stationary
-            later, spread = f @ fit.mean, f @ (fit.covariance - at_rest) @ f.T + at_rest
-            mean, covariance = np.concatenate([mean, later]), block_diag(covariance, spread)
+            f, at_rest = self._whole().transition(age), self._moment[2]
+            mean, spread = f @ mean, f @ (spread - at_rest) @ f.T + at_rest
+        motion = self.P[:HULL_STATES, :HULL_STATES]
+        self._resize(np.concatenate([self.x[:HULL_STATES], mean]), block_diag(motion, spread))
+
+    def _resize(self, mean, covariance):
         self.x, self.P = mean, np.ascontiguousarray(covariance)
         self.dim_x = mean.size
         self._I = np.eye(self.dim_x)
-        self._use_moments()
 
-    def _use_moments(self):
-        whole = joined([m.scaled(g) for m, g in zip(self.moments, self.levels, strict=True)])
-        self._whole = whole
-        at_rest = whole.output @ whole.stationary
-        self._moment = tuple(map(np.ascontiguousarray, (whole.blocks, whole.output, whole.stationary, at_rest)))
-        self._drifts = (TRIM_DRIFT, SCALE_DRIFT if self.model is not None else 0.0)
+    def _use_moments(self, moments, levels):
+        self.moments, self.levels = list(moments), np.array(levels, dtype=float)
+        ends = HULL_STATES + np.cumsum([0, *[m.size for m in self.moments]])
+        self._parts = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
+        self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
+        self._doubt = [0.0] * len(self.moments)
+        whole = self._whole()
+        self._moment = (
+            np.ascontiguousarray(whole.blocks), whole.output, whole.stationary, whole.output @ whole.stationary
+        )
+
+    def _whole(self):
+        return joined([m.scaled(g) for m, g in zip(self.moments, self.levels, strict=True)])
+
+    def _set_level(self, place, level):
+        """Give a moment another size: the covariance that it tends to."""
+        self.levels[place] = level = min(max(level, LEAST_LEVEL), MOST_LEVEL)
+        moment, part = self.moments[place], self._parts[place]
+        part = slice(part.start - HULL_STATES, part.stop - HULL_STATES)
+        self._moment[2][part, part] = level * moment.stationary
+        self._moment[3][part] = level * (moment.output @ moment.stationary)
+
+    @property
+    def learns_scales(self):
+        """Whether the hull's scales are learnt: not while a moment of which nothing is known may explain anything."""
+        return bool(self.levels[0] * self.moments[0].variance < INSIGNIFICANT**2)
 
     @property
     def covariance(self):
@@ -310,8 +337,8 @@ class HullFilter(ExtendedKalmanFilter):
             angle_variance if has_angle else INITIAL_ANGLE_STD**2, rate_variance if has_rate else INITIAL_RATE_STD**2
         ])
         self._set_part([ANGLE, RATE], motion, spread)
-        self.levels[0] = max(self.levels[0], 1.0)
-        self._use_moments()
+        if len(self.moments) == 1:
+            self._set_level(0, max(self.levels[0], 1.0))
         self._set_part(range(HULL_STATES, self.dim_x), 0.0, self._moment[2])
         self.is_started = True
         self.rejections = 0
@@ -414,7 +441,8 @@ class HullFilter(ExtendedKalmanFilter):
         step : float
             s, short against the hull's period.
         """
-        f, h = self._whole.transition(step), self._whole.output
+        whole = self._whole()
+        f, h = whole.transition(step), whole.output
         now = self.x[HULL_STATES:]
         then = f @ now
         mean_output = 0.5 * (h + h @ f)
@@ -428,11 +456,11 @@ class HullFilter(ExtendedKalmanFilter):
         self.F = block_diag(hull, f)
         self.F[:HULL_STATES, HULL_STATES:] = np.outer(gain, mean_output)
         # what drives the moment in the step acts on the hull by half
-        noise = self._whole.stationary - f @ self._whole.stationary @ f.T
+        noise = whole.stationary - f @ whole.stationary @ f.T
         driven = np.vstack([np.outer(gain, 0.5 * h), np.eye(h.size)])
         self.Q = driven @ noise @ driven.T
-        trim_drift, scale_drift = self._drifts
-        self.Q[range(TRIM, HULL_STATES), range(TRIM, HULL_STATES)] += np.array([trim_drift, scale_drift, scale_drift]) * step
+        drifts = np.array(self._drifts)[[0, 1, 1]]
+        self.Q[TRIM:HULL_STATES, TRIM:HULL_STATES] += np.diag(drifts * step)
 
     def predict_x(self, u=0):
         """filterpy's hook: the mean over the step of the nonlinear hull that `linearise` has set."""
@@ -440,14 +468,18 @@ class HullFilter(ExtendedKalmanFilter):
 
     def _take_in(self, angle, rate, angle_variance, rate_variance):
         if HAS_NUMBA:
-            hull_step.observe(self.x, self.P, angle, rate, angle_variance, rate_variance)
+            hull_step.observe(self.x, self.P, angle, rate, angle_variance, rate_variance, self.learns_scales)
             return
+        scales = slice(STIFFNESS, DAMPING + 1)
+        considered = self.x[scales].copy(), self.P[scales, scales].copy()
         places = [k for k, value in enumerate((angle, rate)) if value == value]
         rows = np.eye(self.dim_x)[places]
         self.update(
             np.array([angle, rate])[places], lambda x: rows, lambda x: rows @ x,
             R=np.diag([angle_variance, rate_variance])[np.ix_(places, places)],
         )  # fmt: skip
+        if not self.learns_scales:
+            self.x[scales], self.P[scales, scales] = considered
 
     def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
         self.rejections += 1
@@ -478,42 +510,44 @@ class HullFilter(ExtendedKalmanFilter):
         self._raise_level((NEWCOMER * size) ** 2)
 
     def _raise_level(self, variance):
-        hand = self.moments[0]
-        added = variance / hand.variance
-        self.levels[0] = min(self.levels[0] + added, MOST_LEVEL)
-        part = slice(HULL_STATES, HULL_STATES + hand.size)
-        self.P[part, part] += added * hand.stationary
-        self._use_moments()
+        """Let the unknown moment be that much larger, and a learnt sea as large as when it was learnt."""
+        self._add(0, variance / self.moments[0].variance)
+        for place in range(1, len(self.moments)):
+            self._add(place, max(1.0 - self.levels[place], 0.0))
+
+    def _add(self, place, level):
+        part = self._parts[place]
+        self.P[part, part] += level * self.moments[place].stationary
+        self._set_level(place, self.levels[place] + level)
 
     # -- the moments' sizes ------------------------------------------------------------------------------------
 
     def _judge_levels(self, elapsed):
         """Let each moment's size follow what its estimated states support (see `supported_level`)."""
-        changed, begin = False, HULL_STATES
-        for i, moment in enumerate(self.moments):
-            part = slice(begin, begin + moment.size)
-            begin = part.stop
-            prior = self.levels[i] * moment.stationary
-            known, squares = _known_and_squares(self.x[part], self.P[part, part], prior)
+        for place, (moment, part, inverse) in enumerate(zip(self.moments, self._parts, self._inverses, strict=True)):
+            z, p, level = self.x[part], self.P[part, part], self.levels[place]
+            known = moment.size - float((inverse * p).sum()) / level
+            square = float(z @ inverse @ z) / level
             factor = 1.0
-            if squares < 0.5 * known:
-                factor, best, quarter = supported_level(self.x[part], self.P[part, part], prior)
-                self._doubt[i] = max(self._doubt[i] + quarter, 0.0)
-                if max(best, self._doubt[i]) < CONVINCING:
-                    factor = 1.0
-                else:
-                    self._doubt[i] = 0.0
+            if square < 0.5 * known:
+                factor = self._shrunk(place, z, p, level * moment.stationary)
             else:
-                self._doubt[i] = 0.0
-            if factor == 1.0 and known > 0.0:
-                factor = math.exp(min(elapsed / LEVEL_TIME, 1.0) * min(max((squares - known) / moment.size, -1.0), 2.0))
-            factor = min(max(factor * self.levels[i], LEAST_LEVEL), MOST_LEVEL) / self.levels[i]
-            if factor < 0.7:
-                self._shrink(part, prior, factor)
-            self.levels[i] *= factor
-            changed = changed or factor != 1.0
-        if changed:
-            self._use_moments()
+                self._doubt[place] = 0.0
+            if factor == 1.0:
+                gain = min(elapsed / LEVEL_TIMES[place], 1.0)
+                factor = math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0))
+            else:
+                self._shrink(part, level * moment.stationary, factor)
+            self._set_level(place, factor * level)
+
+    def _shrunk(self, place, mean, covariance, prior):
+        """By what factor the evidence convinces that the moment has shrunk; one if it does not."""
+        factor, evidence, of_a_quarter = supported_level(mean, covariance, prior)
+        self._doubt[place] = max(self._doubt[place] + of_a_quarter, 0.0) if place == 0 else 0.0
+        if max(evidence, self._doubt[place]) < CONVINCING[place]:
+            return 1.0
+        self._doubt[place] = 0.0
+        return factor
 
     def _shrink(self, part, prior, factor):
         """Had the moment been that much smaller all along: its estimate beside the smaller prior (Bayes' rule)."""
@@ -567,13 +601,6 @@ class HullFilter(ExtendedKalmanFilter):
         return means[:, 0], means[:, 1], spreads
 
 
-def _known_and_squares(mean, covariance, prior):
-    """How many directions of a state are known, and its square over the prior's variance."""
-    factor = cho_factor(prior + 1e-12 * np.trace(prior) / mean.size * np.eye(mean.size))
-    inverse = cho_solve(factor, np.eye(mean.size))
-    return mean.size - float(np.einsum('ij,ji->', inverse, covariance)), float(mean @ inverse @ mean)
-
-
 def supported_level(mean, covariance, prior):
     """The factor (at most one) on a moment's variance that its estimate supports best.
 
@@ -594,8 +621,10 @@ def supported_level(mean, covariance, prior):
     float
         One where the evidence does not convince.
     """
-    values, vectors = eigh(covariance, prior)
-    square = (vectors.T @ mean) ** 2
+    size = np.sqrt(np.diag(prior))
+    scale = np.outer(size, size)
+    values, vectors = eigh(covariance / scale, prior / scale + 1e-12 * np.eye(size.size))
+    square = (vectors.T @ (mean / size)) ** 2
     values = np.clip(values, 0.0, 1.0)
     c = np.geomspace(4.0, 1e8, 60)[:, None]
     q = 1.0 + (c - 1.0) * values

@@ -128,7 +128,7 @@ def predict(mean, covariance, moment, hull, drifts, duration, longest):
     count = max(1, math.ceil(duration / longest - 1e-6))
     step = duration / count
     f = block_transitions(blocks, step)
-    m, n, first = output.size, mean.size, HULL_STATES
+    m, first = output.size, HULL_STATES
     before, moved, after = np.empty(m), np.empty(m), np.empty(m)
     cross, coupling = np.empty((first, m)), np.empty(first)
     part = np.empty((first, first))
@@ -244,8 +244,12 @@ def _limit(covariance, place, most):
 
 
 @accelerated
-def update(mean, covariance, place, value, variance):
-    """Take in one measured state, in place: place 0 the angle, 1 the rate. Independent noises: one after the other."""
+def update(mean, covariance, place, value, variance, learns):
+    """Take in one measured state, in place: place 0 the angle, 1 the rate. Independent noises: one after the other.
+
+    Where the scales are not learnt they are considered (Schmidt 1966): they and what is known of them stay, and
+    their uncertainty goes on to count.
+    """
     n = mean.size
     share = covariance[place, place] + variance
     error = value - mean[place]
@@ -253,9 +257,11 @@ def update(mean, covariance, place, value, variance):
     for i in range(n):
         gain[i] = covariance[i, place] / share
     for i in range(n):
-        mean[i] += gain[i] * error
+        is_considered = not learns and 3 <= i < HULL_STATES
+        if not is_considered:
+            mean[i] += gain[i] * error
         if i != place:
-            for j in range(i + 1):
+            for j in range(3 if is_considered else i + 1):
                 if j != place:
                     covariance[i, j] -= gain[i] * covariance[place, j]
                     covariance[j, i] = covariance[i, j]
@@ -265,12 +271,12 @@ def update(mean, covariance, place, value, variance):
 
 
 @accelerated
-def observe(mean, covariance, angle, rate, angle_variance, rate_variance):
-    """Take in what was measured of angle and rate (NaN: not measured), in place."""
+def observe(mean, covariance, angle, rate, angle_variance, rate_variance, learns):
+    """Take in what was measured of angle and rate (NaN: not measured), in place; see `update`."""
     if angle == angle:
-        update(mean, covariance, 0, angle, angle_variance)
+        update(mean, covariance, 0, angle, angle_variance, learns)
     if rate == rate:
-        update(mean, covariance, 1, rate, rate_variance)
+        update(mean, covariance, 1, rate, rate_variance, learns)
 
 
 @accelerated
