@@ -287,7 +287,6 @@ class HullFilter(ExtendedKalmanFilter):
         ends = HULL_STATES + np.cumsum([0, *[m.size for m in self.moments]])
         self._parts = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
         self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
-        self._doubt = [0.0] * len(self.moments)
         whole = self._whole()
         self._moment = (
             np.ascontiguousarray(whole.blocks), whole.output, whole.stationary, whole.output @ whole.stationary
@@ -530,24 +529,15 @@ class HullFilter(ExtendedKalmanFilter):
             square = float(z @ inverse @ z) / level
             factor = 1.0
             if square < 0.5 * known:
-                factor = self._shrunk(place, z, p, level * moment.stationary)
-            else:
-                self._doubt[place] = 0.0
+                factor, evidence = supported_level(z, p, level * moment.stationary)
+                if evidence < CONVINCING[place]:
+                    factor = 1.0
             if factor == 1.0:
                 gain = min(elapsed / LEVEL_TIMES[place], 1.0)
                 factor = math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0))
             else:
                 self._shrink(part, level * moment.stationary, factor)
             self._set_level(place, factor * level)
-
-    def _shrunk(self, place, mean, covariance, prior):
-        """By what factor the evidence convinces that the moment has shrunk; one if it does not."""
-        factor, evidence, of_a_quarter = supported_level(mean, covariance, prior)
-        self._doubt[place] = max(self._doubt[place] + of_a_quarter, 0.0) if place == 0 else 0.0
-        if max(evidence, self._doubt[place]) < CONVINCING[place]:
-            return 1.0
-        self._doubt[place] = 0.0
-        return factor
 
     def _shrink(self, part, prior, factor):
         """Had the moment been that much smaller all along: its estimate beside the smaller prior (Bayes' rule)."""
@@ -593,16 +583,22 @@ class HullFilter(ExtendedKalmanFilter):
         covariance : ndarray, shape (L, 2, 2)
         """
         durations = np.diff(np.asarray(leads, dtype=float), prepend=0.0)
+        mean, covariance = self.x.copy(), self.P.copy()
         means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
-        hull_step.predict_to(
-            self.x.copy(), self.P.copy(), self._moment, self._hull, self._drifts, durations, self._longest, means,
-            spreads,
-        )  # fmt: skip
+        if HAS_NUMBA:
+            hull_step.predict_to(
+                mean, covariance, self._moment, self._hull, self._drifts, durations, self._longest, means, spreads
+            )
+        else:
+            for k, duration in enumerate(durations.tolist()):
+                if duration > 0.0:
+                    self._advance_state(mean, covariance, duration)
+                means[k], spreads[k] = mean[:2], covariance[:2, :2]
         return means[:, 0], means[:, 1], spreads
 
 
 def supported_level(mean, covariance, prior):
-    """The factor (at most one) on a moment's variance that its estimate supports best.
+    """The factor (a quarter or less) on a moment's variance that its estimate supports best, and its evidence.
 
     With the prior N(0, V) and the estimate N(z, P), the evidence for a prior N(0, V / c) over that for N(0, V) is
     the product over the eigenvectors of P against V, with eigenvalues r and whitened means u, of
@@ -618,8 +614,8 @@ def supported_level(mean, covariance, prior):
 
     Returns
     -------
-    float
-        One where the evidence does not convince.
+    factor, evidence : float
+        The evidence is the logarithm of the likelihood ratio.
     """
     size = np.sqrt(np.diag(prior))
     scale = np.outer(size, size)
@@ -630,4 +626,4 @@ def supported_level(mean, covariance, prior):
     q = 1.0 + (c - 1.0) * values
     evidence = 0.5 * (np.log(c / q) - (c - 1.0) * (square / q)).sum(axis=1)
     best = int(evidence.argmax())
-    return 1.0 / float(c[best, 0]), float(evidence[best]), float(evidence[0])
+    return 1.0 / float(c[best, 0]), float(evidence[best])
