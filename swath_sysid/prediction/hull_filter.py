@@ -30,8 +30,8 @@ ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
 
 NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
 
-TRIM_DRIFT = 1e-5**2
-"""rad^2/s; .03 deg in an hour. Ten times the drift would hide the slow parts of the sea."""
+TRIM_DRIFT = 3e-6**2
+"""rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the sea."""
 
 SCALE_DRIFT = 1e-4**2
 """1/s; the scales move by 2 % in ten hours of a voyage."""
@@ -70,7 +70,7 @@ LEVEL_TIMES = 2.0, 60.0
 CONVINCING = 3.0, 12.0
 """Logarithm of the likelihood ratio from which on either is taken to have shrunk at once."""
 
-UNFORESEEN = 1e-4
+UNFORESEEN = 1e-8
 """Of a learnt sea's variance: that of the unknown moment beside it, at first."""
 
 STRAIN_GAIN = 0.2
@@ -528,7 +528,8 @@ class HullFilter(ExtendedKalmanFilter):
             known = moment.size - float((inverse * p).sum()) / level
             square = float(z @ inverse @ z) / level
             factor = 1.0
-            if square < 0.5 * known:
+            # nothing convinces where not even one direction is known
+            if square < 0.5 * known and known > 0.99:
                 factor, evidence = supported_level(z, p, level * moment.stationary)
                 if evidence < CONVINCING[place]:
                     factor = 1.0
@@ -597,6 +598,9 @@ class HullFilter(ExtendedKalmanFilter):
         return means[:, 0], means[:, 1], spreads
 
 
+_FACTORS = np.geomspace(4.0, 1e8, 60)[:, None]
+
+
 def supported_level(mean, covariance, prior):
     """The factor (a quarter or less) on a moment's variance that its estimate supports best, and its evidence.
 
@@ -622,8 +626,7 @@ def supported_level(mean, covariance, prior):
     values, vectors = eigh(covariance / scale, prior / scale + 1e-12 * np.eye(size.size))
     square = (vectors.T @ (mean / size)) ** 2
     values = np.clip(values, 0.0, 1.0)
-    c = np.geomspace(4.0, 1e8, 60)[:, None]
-    q = 1.0 + (c - 1.0) * values
-    evidence = 0.5 * (np.log(c / q) - (c - 1.0) * (square / q)).sum(axis=1)
+    q = 1.0 + (_FACTORS - 1.0) * values
+    evidence = 0.5 * (np.log(_FACTORS / q) - (_FACTORS - 1.0) * (square / q)).sum(axis=1)
     best = int(evidence.argmax())
-    return 1.0 / float(c[best, 0]), float(evidence[best])
+    return 1.0 / float(_FACTORS[best, 0]), float(evidence[best])
