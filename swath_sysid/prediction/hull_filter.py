@@ -304,8 +304,8 @@ class HullFilter(ExtendedKalmanFilter):
         self._moment[3][part] = level * (moment.output @ moment.stationary)
 
     @property
-    def learns_scales(self):
-        """Whether the hull's scales are learnt: not while a moment of which nothing is known may explain anything."""
+    def learns_hull(self):
+        """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
         return bool(self.levels[0] * self.moments[0].variance < INSIGNIFICANT**2)
 
     @property
@@ -467,18 +467,18 @@ class HullFilter(ExtendedKalmanFilter):
 
     def _take_in(self, angle, rate, angle_variance, rate_variance):
         if HAS_NUMBA:
-            hull_step.observe(self.x, self.P, angle, rate, angle_variance, rate_variance, self.learns_scales)
+            hull_step.observe(self.x, self.P, angle, rate, angle_variance, rate_variance, self.learns_hull)
             return
-        scales = slice(STIFFNESS, DAMPING + 1)
-        considered = self.x[scales].copy(), self.P[scales, scales].copy()
+        hull = slice(TRIM, HULL_STATES)
+        considered = self.x[hull].copy(), self.P[hull, hull].copy()
         places = [k for k, value in enumerate((angle, rate)) if value == value]
         rows = np.eye(self.dim_x)[places]
         self.update(
             np.array([angle, rate])[places], lambda x: rows, lambda x: rows @ x,
             R=np.diag([angle_variance, rate_variance])[np.ix_(places, places)],
         )  # fmt: skip
-        if not self.learns_scales:
-            self.x[scales], self.P[scales, scales] = considered
+        if not self.learns_hull:
+            self.x[hull], self.P[hull, hull] = considered
 
     def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
         self.rejections += 1

@@ -247,8 +247,8 @@ def _limit(covariance, place, most):
 def update(mean, covariance, place, value, variance, learns):
     """Take in one measured state, in place: place 0 the angle, 1 the rate. Independent noises: one after the other.
 
-    Where the scales are not learnt they are considered (Schmidt 1966): they and what is known of them stay, and
-    their uncertainty goes on to count.
+    Where trim and scales are not learnt they are considered (Schmidt 1966): they and what is known of them stay,
+    and their uncertainty goes on to count.
     """
     n = mean.size
     share = covariance[place, place] + variance
@@ -257,11 +257,11 @@ def update(mean, covariance, place, value, variance, learns):
     for i in range(n):
         gain[i] = covariance[i, place] / share
     for i in range(n):
-        is_considered = not learns and 3 <= i < HULL_STATES
+        is_considered = not learns and 2 <= i < HULL_STATES
         if not is_considered:
             mean[i] += gain[i] * error
         if i != place:
-            for j in range(3 if is_considered else i + 1):
+            for j in range(2 if is_considered else i + 1):
                 if j != place:
                     covariance[i, j] -= gain[i] * covariance[place, j]
                     covariance[j, i] = covariance[i, j]
