@@ -17,9 +17,8 @@ from scipy.linalg import eigh, expm, solve_discrete_lyapunov, solve_toeplitz, sv
 from scipy.ndimage import gaussian_filter1d
 
 from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.prediction.hull_filter import UNFORESEEN, HullFilter, HullUncertainty
-from swath_sysid.prediction.hull_step import HULL_STATES
-from swath_sysid.prediction.modal_moment import ModalMoment, joined
+from swath_sysid.prediction.hull_filter import ExcitationFit, HullFilter
+from swath_sysid.prediction.modal_moment import ModalMoment
 
 TAPERS = 5
 SMOOTHING = 0.06
@@ -47,65 +46,6 @@ REPLAY_SPAN = 60.0
 
 
 @dataclass(frozen=True)
-class ExcitationRequest:
-    """A window to learn from.
-
-    Attributes
-    ----------
-    model : DecayModel
-        The hull.
-    uncertainty : HullUncertainty
-    step : float
-        s between the samples.
-    angle, rate : ndarray, shape (N,)
-        rad, rad/s, each the mean over a step; a channel that is not measured is NaN throughout, gaps are filled.
-    angle_variance, rate_variance : float
-        Of the noise of these means.
-    samples : int
-        Of the sensor in a step.
-    trim : float
-        As the filter estimates it now, rad.
-    stiffness, damping : float
-        Logarithms of the scales, as the filter estimates them now.
-    """
-
-    model: DecayModel
-    uncertainty: HullUncertainty
-    step: float
-    angle: np.ndarray
-    rate: np.ndarray
-    angle_variance: float
-    rate_variance: float
-    samples: int = 1
-    trim: float = 0.0
-    stiffness: float = 0.0
-    damping: float = 0.0
-
-
-@dataclass(frozen=True)
-class ExcitationFit:
-    """The sea's moment, learnt.
-
-    Attributes
-    ----------
-    moment : ModalMoment
-    mean, covariance : ndarray, shapes (m + n,) and (m + n, m + n)
-        Of the states of the filter's own unknown moment and of this one, at the time of the window's last sample.
-    levels : tuple of 2 floats
-        Their sizes then.
-    stiffness, damping : float
-        Logarithms of the scales that it was learnt with.
-    """
-
-    moment: ModalMoment
-    mean: np.ndarray
-    covariance: np.ndarray
-    levels: tuple[float, float]
-    stiffness: float
-    damping: float
-
-
-@dataclass(frozen=True)
 class Spectrum:
     """Of a moment, two-sided, at frequencies in rad/s, and that of the noise in it."""
 
@@ -128,11 +68,9 @@ def fit_excitation(request):
     """
     if request.angle.size < FEWEST_SAMPLES or not np.isfinite(request.angle + request.rate).all():
         return None
-    r = request
-    hull = _Hull.of(r.model, r.trim, r.stiffness, r.damping)
-    found = moment_spectrum(r, hull)
-    moment = reduced_moment(found, r, hull)
-    return ExcitationFit(moment, *_state_at_end(r, moment), r.stiffness, r.damping)
+    hull = _Hull.of(request.model, *request.hull_mean.tolist())
+    moment = reduced_moment(moment_spectrum(request, hull), request, hull)
+    return ExcitationFit(moment, *_state_at_end(request, moment))
 
 
 @dataclass(frozen=True)
@@ -308,17 +246,11 @@ def _root(matrix):
 
 
 def _state_at_end(request, moment):
-    """Mean and covariance of the moment's state after the filter has run over the window's end."""
+    """Mean, covariance and sizes of a filter with that moment after it has run over the window's end."""
     r = request
-    fitted = HullFilter()
-    fitted.set_hull(r.model.with_trim(r.trim), r.uncertainty)
-    hand = fitted.moments[0]
-    levels = UNFORESEEN * moment.variance / hand.variance, 1.0
-    at_rest = joined([hand.scaled(levels[0]), moment]).stationary
-    fitted.set_excitation(ExcitationFit(moment, np.zeros(len(at_rest)), at_rest, levels, r.stiffness, r.damping))
+    fitted = HullFilter.for_window(r, moment)
     begin = max(0, r.angle.size - round(REPLAY_SPAN / r.step))
     fitted.start(float(r.angle[begin]), float(r.rate[begin]), r.angle_variance, r.rate_variance)
     for angle, rate in zip(r.angle[begin + 1:].tolist(), r.rate[begin + 1:].tolist(), strict=True):
         fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)
-    part = slice(HULL_STATES, None)
-    return fitted.x[part].copy(), fitted.P[part, part].copy(), tuple(fitted.levels.tolist())
+    return fitted.x, fitted.P, tuple(fitted.levels.tolist())

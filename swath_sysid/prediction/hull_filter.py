@@ -10,6 +10,7 @@ gust, a sea not yet learnt) and, once learnt, that of the sea (`excitation_model
 the estimated states support: in still water it vanishes, and the hull alone remains.
 """
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,10 +22,11 @@ from scipy.stats import chi2
 from swath_sysid.accelerator import HAS_NUMBA
 from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
+from swath_sysid.hull.decay_model import DecayModel
 from swath_sysid.hull.terms import term_moments
 from swath_sysid.prediction import hull_step
 from swath_sysid.prediction.hull_step import HULL_STATES
-from swath_sysid.prediction.modal_moment import joined, markov_moment
+from swath_sysid.prediction.modal_moment import ModalMoment, joined, markov_moment
 
 ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
 
@@ -79,6 +81,9 @@ MOST_STRAIN = 3.5
 
 NEWCOMER = 0.5
 """Of the moment that one interval's innovation shows: it has often acted for longer. Too little is raised again."""
+
+RECENT = 400
+"""Samples that are kept to be taken in anew when a fit arrives."""
 
 INSIGNIFICANT = 0.01
 """rad/s^2; an unknown moment of less is none."""
@@ -178,6 +183,59 @@ class Observed(NamedTuple):
     advice: tuple[Advice, ...] = ()
 
 
+@dataclass(frozen=True)
+class ExcitationRequest:
+    """A window to learn a moment from (`excitation_model.fit_excitation`).
+
+    Attributes
+    ----------
+    model : DecayModel
+        The hull.
+    hull_mean, hull_covariance : ndarray, shapes (3,) and (3, 3)
+        Trim, rad, and logarithms of the scales of stiffness and damping, as the filter knows them now.
+    hull_is_learnt : bool
+        Whether the filter has learnt them in this window already.
+    step : float
+        s between the samples.
+    angle, rate : ndarray, shape (N,)
+        rad, rad/s, each the mean of the sensor's samples in a step.
+    angle_variance, rate_variance : float
+        Of the noise of these means.
+    samples : int
+        Of the sensor in a step.
+    """
+
+    model: DecayModel
+    hull_mean: np.ndarray
+    hull_covariance: np.ndarray
+    hull_is_learnt: bool
+    step: float
+    angle: np.ndarray
+    rate: np.ndarray
+    angle_variance: float
+    rate_variance: float
+    samples: int = 1
+
+
+@dataclass(frozen=True)
+class ExcitationFit:
+    """A learnt moment.
+
+    Attributes
+    ----------
+    moment : ModalMoment
+    mean, covariance : ndarray, shapes (n,) and (n, n)
+        Of the whole state of a filter with it, at the time of the window's last sample.
+    levels : tuple of 2 floats
+        Sizes of the unknown moment and of this one then.
+    """
+
+    moment: ModalMoment
+    mean: np.ndarray
+    covariance: np.ndarray
+    levels: tuple[float, float]
+
+
 class HullFilter(ExtendedKalmanFilter):
     """Extended Kalman filter of one axis.
 
@@ -195,6 +253,7 @@ class HullFilter(ExtendedKalmanFilter):
         self.model = None
         self.is_started = False
         self.rejections = 0
+        self._may_learn = True
         self._uncertainty = HullUncertainty(math.nan)
         self._gates = [math.inf, *(float(chi2.isf(s.gate_probability, m)) for m in (1, 2))]
         size = HULL_STATES + self.moments[0].size
@@ -203,7 +262,34 @@ class HullFilter(ExtendedKalmanFilter):
         self._since_level = 0.0
         self._strain = 1.0
         self._foreseen = None
+        self._recent = deque(maxlen=RECENT)
         self._use_hull()
+
+    @classmethod
+    def for_window(cls, request, moment):
+        """A filter for the window of a request, with the moment learnt from it, not started yet.
+
+        Trim and scales are learnt only if the filter that asked has not learnt them in this window: no sample
+        counts twice.
+
+        Parameters
+        ----------
+        request : ExcitationRequest
+        moment : ModalMoment
+
+        Returns
+        -------
+        HullFilter
+        """
+        made = cls()
+        made.set_hull(request.model)
+        hand = made.moments[0]
+        made._use_moments([hand, moment], (UNFORESEEN * moment.variance / hand.variance, 1.0))
+        size = HULL_STATES + hand.size + moment.size
+        made._resize(np.zeros(size), np.eye(size))
+        made._set_part(range(TRIM, HULL_STATES), request.hull_mean, request.hull_covariance)
+        made._may_learn = not request.hull_is_learnt
+        return made
 
     # -- hull and moment ---------------------------------------------------------------------------------------
 
@@ -249,17 +335,20 @@ class HullFilter(ExtendedKalmanFilter):
         self.x[places] = mean
         self.P[places] = 0.0
         self.P[:, places] = 0.0
-        self.P[np.ix_(places, places)] = covariance
+        self.P[np.ix_(list(places), list(places))] = covariance
 
     def set_excitation(self, fit, age=0.0):
-        """Take up a learnt moment; the state of motion goes on.
+        """Take up a learnt moment.
+
+        The filter goes on from the state that the fit found at its window's end, and takes in anew the samples that
+        have come since.
 
         Parameters
         ----------
         fit : ExcitationFit or None
             None: forget the one in use.
         age : float
-            Since the end of the window that it was learnt from, s.
+            s from the time of the window's last sample to that of the newest one here.
         """
         self._foreseen = None
         hand = self.moments[0]
@@ -269,18 +358,47 @@ class HullFilter(ExtendedKalmanFilter):
             self._resize(self.x[kept], self.P[np.ix_(kept, kept)])
             return
         self._use_moments([hand, fit.moment], fit.levels)
-        mean, spread = fit.mean, fit.covariance
-        if age > 0.0:
-            # what was known at the window's end has faded by its age
-            f, at_rest = self._whole().transition(age), self._moment[2]
-            mean, spread = f @ mean, f @ (spread - at_rest) @ f.T + at_rest
-        motion = self.P[:HULL_STATES, :HULL_STATES]
-        self._resize(np.concatenate([self.x[:HULL_STATES], mean]), block_diag(motion, spread))
+        self._resize(fit.mean.copy(), fit.covariance)
+        since, passed = [], 0.0
+        while self._recent and passed + self._recent[-1][0] < age + 1e-6:
+            since.append(self._recent.pop())
+            passed += since[-1][0]
+        if age - passed > 1e-6:
+            self._advance_state(self.x, self.P, age - passed)
+        for sample in reversed(since):
+            self.observe(*sample)
 
     def _resize(self, mean, covariance):
-        self.x, self.P = mean, np.ascontiguousarray(covariance)
+        self.x, self.P = mean, np.array(covariance)
         self.dim_x = mean.size
         self._I = np.eye(self.dim_x)
+
+    def excitation_request(self, step, angle, rate, angle_variance, rate_variance, samples=1):
+        """A window of the past, with what is known of the hull now, for `fit_excitation`.
+
+        Parameters
+        ----------
+        step : float
+            s between the samples.
+        angle, rate : ndarray, shape (N,)
+            rad, rad/s, each the mean of the sensor's samples in a step; without gaps.
+        angle_variance, rate_variance : float
+            Of the noise of these means.
+        samples : int
+            Of the sensor in a step.
+
+        Returns
+        -------
+        ExcitationRequest or None
+            None: there is no hull through which a moment could be seen.
+        """
+        if self.model is None:
+            return None
+        hull = slice(TRIM, HULL_STATES)
+        return ExcitationRequest(
+            self.model, self.x[hull].copy(), self.P[hull, hull].copy(), self.learns_hull, step, angle, rate,
+            angle_variance, rate_variance, samples,
+        )  # fmt: skip
 
     def _use_moments(self, moments, levels):
         self.moments, self.levels = list(moments), np.array(levels, dtype=float)
@@ -306,7 +424,7 @@ class HullFilter(ExtendedKalmanFilter):
     @property
     def learns_hull(self):
         """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
-        return bool(self.levels[0] * self.moments[0].variance < INSIGNIFICANT**2)
+        return self._may_learn and bool(self.levels[0] * self.moments[0].variance < INSIGNIFICANT**2)
 
     @property
     def covariance(self):
@@ -360,6 +478,7 @@ class HullFilter(ExtendedKalmanFilter):
         -------
         Observed
         """
+        self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
         if self._foreseen is not None and abs(self._foreseen[0] - elapsed) < 1e-6:
             _, self.x, self.P = self._foreseen
         elif elapsed > 0.0:
