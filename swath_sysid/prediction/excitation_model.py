@@ -40,8 +40,11 @@ FORECAST_SPAN = 20.0
 LARGEST_RADIUS = 0.9995
 """Of the reduced model's spectrum over a step."""
 
+DOUBLINGS = 11
+"""Of the steps after which the filter's covariance is taken to be steady: 2048."""
+
 FEWEST_SAMPLES = 300
-REPLAY_SPAN = 60.0
+REPLAY_SPAN = 40.0
 """s at the window's end that the new model's filter runs over, so that it starts knowing the sea's phase."""
 
 
@@ -231,12 +234,12 @@ def _filtered_covariance(a, q, noise):
     c, r = np.eye(2, len(a)), np.diag(noise)
     forward, g, h = a.T.copy(), c.T @ np.linalg.solve(r, c), q.copy()
     identity = np.eye(len(a))
-    for _ in range(14):
-        w = np.linalg.solve((identity + g @ h).T, forward.T).T
-        h_next = h + forward.T @ h @ np.linalg.solve(identity + g @ h, forward)
-        g = g + w @ g @ forward.T
-        forward = w @ forward
-        g, h = 0.5 * (g + g.T), 0.5 * (h_next + h_next.T)
+    for _ in range(DOUBLINGS):
+        w = np.linalg.inv(identity + g @ h)
+        back = h @ w @ forward
+        left = forward @ w
+        g, h, forward = g + left @ g @ forward.T, h + forward.T @ back, left @ forward
+        g, h = 0.5 * (g + g.T), 0.5 * (h + h.T)
     return h - h @ c.T @ np.linalg.solve(c @ h @ c.T + r, c @ h)
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
-from scipy.linalg import block_diag, cho_factor, cho_solve, eigh
+from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.stats import chi2
 
 from swath_sysid.accelerator import HAS_NUMBA
@@ -406,9 +406,9 @@ class HullFilter(ExtendedKalmanFilter):
         self._parts = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
         self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
         whole = self._whole()
-        self._moment = (
-            np.ascontiguousarray(whole.blocks), whole.output, whole.stationary, whole.output @ whole.stationary
-        )
+        self._transition = None
+        self._insignificant = INSIGNIFICANT**2 / self.moments[0].variance
+        self._moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
 
     def _whole(self):
         return joined([m.scaled(g) for m, g in zip(self.moments, self.levels, strict=True)])
@@ -419,12 +419,11 @@ class HullFilter(ExtendedKalmanFilter):
         moment, part = self.moments[place], self._parts[place]
         part = slice(part.start - HULL_STATES, part.stop - HULL_STATES)
         self._moment[2][part, part] = level * moment.stationary
-        self._moment[3][part] = level * (moment.output @ moment.stationary)
 
     @property
     def learns_hull(self):
         """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
-        return self._may_learn and bool(self.levels[0] * self.moments[0].variance < INSIGNIFICANT**2)
+        return self._may_learn and bool(self.levels[0] < self._insignificant)
 
     @property
     def covariance(self):
@@ -482,11 +481,12 @@ class HullFilter(ExtendedKalmanFilter):
         if self._foreseen is not None and abs(self._foreseen[0] - elapsed) < 1e-6:
             _, self.x, self.P = self._foreseen
         elif elapsed > 0.0:
-            self._advance(elapsed)
+            self._advance_state(self.x, self.P, elapsed)
         self._foreseen = None
-        nis, measured, log_likelihood, gate_nis = self._judged(
-            angle, rate, angle_variance, rate_variance, elapsed
-        )
+        measured, nis, log_likelihood, gate_nis = hull_step.innovation(
+            self.x, self.P, self._moment[1], self._hull, elapsed, angle, rate, angle_variance, rate_variance,
+            MARKOV_STD,
+        )  # fmt: skip
         if measured == 0:
             return Observed()
         if gate_nis > self._gates[measured]:
@@ -501,39 +501,6 @@ class HullFilter(ExtendedKalmanFilter):
             self._judge_levels(self._since_level)
             self._since_level = 0.0
         return Observed(nis, measured, False, False, log_likelihood)
-
-    def _judged(self, angle, rate, angle_variance, rate_variance, elapsed):
-        """Normalised innovation squared, number of values, log likelihood, and the NIS if the moment had changed."""
-        p = self.P
-        a, b, d = float(p[0, 0]) + angle_variance, float(p[0, 1]), float(p[1, 1]) + rate_variance
-        e0, e1 = angle - float(self.x[0]), rate - float(self.x[1])
-        # a hand that lets go, or takes hold, changes the moment by about what the hull's own moment is now
-        jump = self._possible_jump()
-        angle_jump, rate_jump = 0.5 * elapsed * elapsed * jump, elapsed * jump
-        if e0 == e0 and e1 == e1:
-            determinant = a * d - b * b
-            nis = (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / determinant
-            a2, b2, d2 = a + angle_jump**2, b + angle_jump * rate_jump, d + rate_jump**2
-            wide = (d2 * e0 * e0 - 2.0 * b2 * e0 * e1 + a2 * e1 * e1) / (a2 * d2 - b2 * b2)
-            return nis, 2, -0.5 * (nis + math.log(determinant)) - math.log(2.0 * math.pi), wide
-        if e0 == e0:
-            share, e, jumped = a, e0, angle_jump
-        elif e1 == e1:
-            share, e, jumped = d, e1, rate_jump
-        else:
-            return math.nan, 0, 0.0, math.nan
-        nis = e * e / share
-        return nis, 1, -0.5 * (nis + math.log(2.0 * math.pi * share)), e * e / (share + jumped * jumped)
-
-    def _possible_jump(self):
-        rate = float(self.x[1])
-        own = MARKOV_STD + abs(self.moment) + abs(rate)
-        if self.model is not None:
-            own += abs(float(self.model.acceleration(float(self.x[0] - self.x[2]) + self.model.trim, rate)))
-        return 2.0 * own
-
-    def _advance(self, duration):
-        self._advance_state(self.x, self.P, duration)
 
     def _advance_state(self, mean, covariance, duration):
         if HAS_NUMBA:
@@ -559,8 +526,10 @@ class HullFilter(ExtendedKalmanFilter):
         step : float
             s, short against the hull's period.
         """
-        whole = self._whole()
-        f, h = whole.transition(step), whole.output
+        h, at_rest = self._moment[1:]
+        if self._transition is None or self._transition[0] != step:
+            self._transition = step, self._whole().transition(step)
+        f = self._transition[1]
         now = self.x[HULL_STATES:]
         then = f @ now
         mean_output = 0.5 * (h + h @ f)
@@ -571,10 +540,11 @@ class HullFilter(ExtendedKalmanFilter):
         hull, gain = np.eye(HULL_STATES), np.zeros(HULL_STATES)
         hull[0], hull[1] = to_angle[:5], to_rate[:5]
         gain[:2] = to_angle[5], to_rate[5]
-        self.F = block_diag(hull, f)
+        self.F = np.zeros((self.dim_x, self.dim_x))
+        self.F[:HULL_STATES, :HULL_STATES], self.F[HULL_STATES:, HULL_STATES:] = hull, f
         self.F[:HULL_STATES, HULL_STATES:] = np.outer(gain, mean_output)
         # what drives the moment in the step acts on the hull by half
-        noise = whole.stationary - f @ whole.stationary @ f.T
+        noise = at_rest - f @ at_rest @ f.T
         driven = np.vstack([np.outer(gain, 0.5 * h), np.eye(h.size)])
         self.Q = driven @ noise @ driven.T
         drifts = np.array(self._drifts)[[0, 1, 1]]
@@ -643,13 +613,14 @@ class HullFilter(ExtendedKalmanFilter):
     def _judge_levels(self, elapsed):
         """Let each moment's size follow what its estimated states support (see `supported_level`)."""
         for place, (moment, part, inverse) in enumerate(zip(self.moments, self._parts, self._inverses, strict=True)):
-            z, p, level = self.x[part], self.P[part, part], self.levels[place]
-            known = moment.size - float((inverse * p).sum()) / level
-            square = float(z @ inverse @ z) / level
-            factor = 1.0
+            level, factor = float(self.levels[place]), 1.0
+            unknown, square = hull_step.support(self.x, self.P, part.start, inverse)
+            known, square = moment.size - unknown / level, square / level
             # nothing convinces where not even one direction is known
             if square < 0.5 * known and known > 0.99:
-                factor, evidence = supported_level(z, p, level * moment.stationary)
+                factor, evidence = supported_level(
+                    self.x[part], self.P[part, part], level * moment.stationary
+                )
                 if evidence < CONVINCING[place]:
                     factor = 1.0
             if factor == 1.0:

@@ -114,7 +114,7 @@ def predict(mean, covariance, moment, hull, drifts, duration, longest):
     mean : ndarray, shape (n,)
     covariance : ndarray, shape (n, n)
     moment : tuple
-        Blocks (B, 3), output (2 B,), stationary covariance (2 B, 2 B), and its product with the output (2 B,).
+        Blocks (B, 3), output (2 B,), stationary covariance (2 B, 2 B).
     hull : tuple
         See `hull_step`.
     drifts : tuple of 2 floats
@@ -124,7 +124,7 @@ def predict(mean, covariance, moment, hull, drifts, duration, longest):
     longest : float
         Longest step, s.
     """
-    blocks, output, stationary, at_rest = moment
+    blocks, output, stationary = moment
     count = max(1, math.ceil(duration / longest - 1e-6))
     step = duration / count
     f = block_transitions(blocks, step)
@@ -289,3 +289,53 @@ def predict_to(mean, covariance, moment, hull, drifts, durations, longest, means
             means[k, i] = mean[i]
             for j in range(2):
                 spreads[k, i, j] = covariance[i, j]
+
+
+@accelerated
+def innovation(mean, covariance, output, hull, elapsed, angle, rate, angle_variance, rate_variance, least_jump):
+    """How far what was measured (NaN: not measured) lies from what was expected.
+
+    Returns
+    -------
+    measured : int
+        How many values.
+    nis : float
+        Normalised innovation squared.
+    log_likelihood : float
+    gate_nis : float
+        The same if the moment has jumped since the sample before: a hand that lets go, or takes hold, changes it by
+        about what the hull's own moment is now.
+    """
+    a, b, d = covariance[0, 0] + angle_variance, covariance[0, 1], covariance[1, 1] + rate_variance
+    e0, e1 = angle - mean[0], rate - mean[1]
+    if e0 != e0 and e1 != e1:
+        return 0, math.nan, 0.0, math.nan
+    ratios, active, friction_rate = hull
+    moment = 0.0
+    for j in range(output.size):
+        moment += output[j] * mean[HULL_STATES + j]
+    own = damping_moment(mean[1], ratios, active, friction_rate) + restoring_moment(mean[0] - mean[2], ratios, active)
+    jump = 2.0 * (least_jump + abs(moment) + abs(mean[1]) + abs(own))
+    by_angle, by_rate = 0.5 * elapsed * elapsed * jump, elapsed * jump
+    if e1 != e1:
+        nis = e0 * e0 / a
+        return 1, nis, -0.5 * (nis + math.log(2.0 * math.pi * a)), e0 * e0 / (a + by_angle * by_angle)
+    if e0 != e0:
+        nis = e1 * e1 / d
+        return 1, nis, -0.5 * (nis + math.log(2.0 * math.pi * d)), e1 * e1 / (d + by_rate * by_rate)
+    determinant = a * d - b * b
+    nis = (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / determinant
+    log_likelihood = -0.5 * (nis + math.log(determinant)) - math.log(2.0 * math.pi)
+    a, b, d = a + by_angle * by_angle, b + by_angle * by_rate, d + by_rate * by_rate
+    return 2, nis, log_likelihood, (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / (a * d - b * b)
+
+
+@accelerated
+def support(mean, covariance, begin, inverse):
+    """Of the states from ``begin`` on: the trace of V^-1 P and the square z' V^-1 z, with V^-1 given."""
+    trace = square = 0.0
+    for i in range(inverse.shape[0]):
+        for j in range(inverse.shape[0]):
+            trace += inverse[i, j] * covariance[begin + j, begin + i]
+            square += inverse[i, j] * mean[begin + i] * mean[begin + j]
+    return trace, square
