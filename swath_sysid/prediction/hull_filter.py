@@ -42,8 +42,8 @@ UNKNOWN_TRIM_STD = 0.02
 IDENTIFIED_TRIM_STD = 5e-4
 """rad; identification reports 3e-5 to 7e-4."""
 
-LEAST_STIFFNESS_STD = 0.003
-LEAST_DAMPING_STD = 0.02
+LEAST_STIFFNESS_STD = 0.001
+LEAST_DAMPING_STD = 0.005
 MOST_SCALE_STD = 1.0
 """Of the logarithms of the scales: no model is exact, and none is worth nothing."""
 
@@ -74,6 +74,9 @@ CONVINCING = 3.0, 12.0
 
 UNFORESEEN = 1e-8
 """Of a learnt sea's variance: that of the unknown moment beside it, at first."""
+
+RENEWAL = 2.0
+"""s; after so long a moment's smallness tells anew."""
 
 STRAIN_GAIN = 0.2
 MOST_STRAIN = 3.5
@@ -261,6 +264,7 @@ class HullFilter(ExtendedKalmanFilter):
         self.x, self.P = np.zeros(size), np.eye(size)
         self._since_level = 0.0
         self._strain = 1.0
+        self._doubt = 0.0
         self._foreseen = None
         self._recent = deque(maxlen=RECENT)
         self._use_hull()
@@ -534,7 +538,7 @@ class HullFilter(ExtendedKalmanFilter):
         then = f @ now
         mean_output = 0.5 * (h + h @ f)
         angle, rate, to_angle, to_rate = hull_step.hull_step(
-            *map(float, self.x[:HULL_STATES]), float(mean_output @ now), step, self._hull
+            *map(float, self.x[:HULL_STATES]), float(mean_output @ now), float(self.P[1, 1]), step, self._hull
         )
         self._then = np.concatenate([[angle, rate], self.x[2:HULL_STATES], then])
         hull, gain = np.eye(HULL_STATES), np.zeros(HULL_STATES)
@@ -618,10 +622,10 @@ class HullFilter(ExtendedKalmanFilter):
             known, square = moment.size - unknown / level, square / level
             # nothing convinces where not even one direction is known
             if square < 0.5 * known and known > 0.99:
-                factor, evidence = supported_level(
+                factor, evidence, of_a_quarter = supported_level(
                     self.x[part], self.P[part, part], level * moment.stationary
                 )
-                if evidence < CONVINCING[place]:
+                if evidence < CONVINCING[place] and not self._has_long_been_small(place, of_a_quarter, elapsed):
                     factor = 1.0
             if factor == 1.0:
                 gain = min(elapsed / LEVEL_TIMES[place], 1.0)
@@ -629,6 +633,16 @@ class HullFilter(ExtendedKalmanFilter):
             else:
                 self._shrink(part, level * moment.stationary, factor)
             self._set_level(place, factor * level)
+
+    def _has_long_been_small(self, place, of_a_quarter, elapsed):
+        """Whether the evidence for a moment much smaller has added up."""
+        if place > 0:
+            return False
+        self._doubt = max(self._doubt + of_a_quarter * elapsed / RENEWAL, 0.0)
+        if self._doubt < CONVINCING[0]:
+            return False
+        self._doubt = 0.0
+        return True
 
     def _shrink(self, part, prior, factor):
         """Had the moment been that much smaller all along: its estimate beside the smaller prior (Bayes' rule)."""
@@ -708,8 +722,9 @@ def supported_level(mean, covariance, prior):
 
     Returns
     -------
-    factor, evidence : float
-        The evidence is the logarithm of the likelihood ratio.
+    factor : float
+    evidence, of_a_quarter : float
+        Logarithms of the likelihood ratio, of that factor and of a quarter.
     """
     size = np.sqrt(np.diag(prior))
     scale = np.outer(size, size)
@@ -719,4 +734,4 @@ def supported_level(mean, covariance, prior):
     q = 1.0 + (_FACTORS - 1.0) * values
     evidence = 0.5 * (np.log(_FACTORS / q) - (_FACTORS - 1.0) * (square / q)).sum(axis=1)
     best = int(evidence.argmax())
-    return 1.0 / float(_FACTORS[best, 0]), float(evidence[best])
+    return 1.0 / float(_FACTORS[best, 0]), float(evidence[best]), float(evidence[0])

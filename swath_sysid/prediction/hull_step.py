@@ -34,7 +34,22 @@ def scaled(ratios, stiffness, damping):
 
 
 @accelerated
-def hull_step(angle, rate, trim, stiffness, damping, moment, step, hull):
+def expected(ratios, rate, variance):
+    """The ratios with the linear damping that makes the damping moment its mean over a normally distributed rate.
+
+    E[w^3] = m^3 + 3 m v, and E[|w| w] is near m sqrt(m^2 + 8 v / pi), right for small and for large m (Roberts and
+    Spanos 1990, Random Vibration and Statistical Linearization): the less is known of the rate, the more the motion
+    is damped.
+    """
+    speed = abs(rate)
+    more = ratios[2] * (math.sqrt(rate * rate + 8.0 / math.pi * variance) - speed) + 3.0 * ratios[3] * variance
+    return (
+        ratios[0], ratios[1] + more, ratios[2], ratios[3], ratios[4], ratios[5], ratios[6], ratios[7], ratios[8]
+    )  # fmt: skip
+
+
+@accelerated
+def hull_step(angle, rate, trim, stiffness, damping, moment, rate_variance, step, hull):
     """One step of the hull under a held moment, and its linearisation in the middle of the step.
 
     Parameters
@@ -44,6 +59,8 @@ def hull_step(angle, rate, trim, stiffness, damping, moment, step, hull):
         Logarithms of the scales.
     moment : float
         Mean over the step, rad/s^2.
+    rate_variance : float
+        Of what is known of the rate, rad^2/s^2; see `expected`.
     step : float
         s, short against the natural period.
     hull : tuple
@@ -58,7 +75,7 @@ def hull_step(angle, rate, trim, stiffness, damping, moment, step, hull):
         [[0, 1], [a, c]] and its integral, to third order in the step.
     """
     ratios, active, friction_rate = hull
-    ratios = scaled(ratios, math.exp(stiffness), math.exp(damping))
+    ratios = expected(scaled(ratios, math.exp(stiffness), math.exp(damping)), rate, rate_variance)
     half = 0.5 * step
     x = angle - trim
     # numpy's functions turn a float into a numpy.float64, which is slow to go on with
@@ -143,7 +160,7 @@ def predict(mean, covariance, moment, hull, drifts, duration, longest):
             mean[i], mean[i + 1] = f[k, 0] * z0 + f[k, 2] * z1, f[k, 3] * z0 + f[k, 1] * z1
             m1 += output[2 * k] * mean[i] + output[2 * k + 1] * mean[i + 1]
         angle, rate, to_angle, to_rate = hull_step(
-            mean[0], mean[1], mean[2], mean[3], mean[4], 0.5 * (m0 + m1), step, hull
+            mean[0], mean[1], mean[2], mean[3], mean[4], 0.5 * (m0 + m1), covariance[1, 1], step, hull
         )
         mean[0], mean[1] = angle, rate
         # covariance of the moment before the step with the state before and, moved, with the state after
