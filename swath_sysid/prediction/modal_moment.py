@@ -19,7 +19,7 @@ SLOWEST_DECAY = 1e-4
 FASTEST_DECAY = 200.0
 """1/s; what a discrete model forgets within a step (a pole at zero or of a negative real number) decays so fast."""
 
-WORST_CONDITION = 1e6
+WORST_CONDITION = 300.0
 """Of the modal coordinates; where poles coincide more closely, the matrix is nudged."""
 
 
