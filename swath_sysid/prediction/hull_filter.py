@@ -60,8 +60,8 @@ MARKOV_TIME = 0.5
 MARKOV_STD = 0.3
 """rad/s^2; its size at the start."""
 
-LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e6
-"""Of a moment's variance over what it was taken up with."""
+LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e4
+"""Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft."""
 
 LEVEL_INTERVAL = 0.1
 """s between two judgements of the moments' sizes."""
@@ -93,6 +93,13 @@ INSIGNIFICANT = 0.01
 
 LONGEST_STEP = 0.05
 """s; the moment acts by the mean of its values at both ends of a step."""
+
+
+CONTRADICTION = 3.0
+"""Standard deviations."""
+
+MUCH = 0.1, 0.3
+"""Logarithms of the scales of stiffness and damping that are worth a word however little was known before."""
 
 
 class HullUncertainty(NamedTuple):
@@ -516,6 +523,7 @@ class HullFilter(ExtendedKalmanFilter):
             self.linearise(duration / count)
             self.predict()
         mean[:], covariance[:] = self.x, self.P
+        hull_step.limit(covariance)
         self.x, self.P = own
 
     def steps(self, duration):
@@ -653,6 +661,35 @@ class HullFilter(ExtendedKalmanFilter):
         self.x = self.x - gain @ self.x[part]
         covariance = self.P - gain @ cross.T
         self.P = 0.5 * (covariance + covariance.T)
+
+    def advice(self):
+        """What to say of the model: whether the sea, or the craft in still water, contradicts it.
+
+        The scales begin at one with what the identification knows of them. Innovations that draw one further than
+        `CONTRADICTION` of its standard deviations were not made by this hull.
+
+        Returns
+        -------
+        tuple of Advice
+        """
+        if self.model is None:
+            return ()
+        found = []
+        prior, spread = self._prior(self._uncertainty)[1:], np.diag(self.P)[STIFFNESS:HULL_STATES]
+        scales = self.x[STIFFNESS:HULL_STATES]
+        for name, log_scale, before, now, much in zip(
+            ('stiffness', 'damping'), scales.tolist(), prior.tolist(), spread.tolist(), MUCH, strict=True
+        ):
+            is_unlikely = abs(log_scale) > CONTRADICTION * math.sqrt(before)
+            is_much = abs(log_scale) > much and abs(log_scale) > CONTRADICTION * math.sqrt(now)
+            if is_unlikely or is_much:
+                found.append(Advice(
+                    'model-contradicted',
+                    f'the motion asks for {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
+                    f'model has, and than its uncertainty allows ({log_scale / math.sqrt(before):+.1f} standard '
+                    'deviations): identify again',
+                ))  # fmt: skip
+        return tuple(found)
 
     # -- the forecast ------------------------------------------------------------------------------------------
 

@@ -18,6 +18,12 @@ HULL_STATES = 5
 CAPSIZED = 1.5
 """rad from trim; no decay model is used beyond."""
 
+LARGEST_JUMP = 10.0
+"""rad/s^2; by so much at most the moment changes between two samples."""
+
+MOST = 3.0
+"""Of the logarithm of a scale, either way."""
+
 LARGEST_ANGLE_VARIANCE = math.pi**2
 LARGEST_RATE_VARIANCE = 100.0
 """Where nothing observes the angle, its variance would grow without end."""
@@ -75,7 +81,8 @@ def hull_step(angle, rate, trim, stiffness, damping, moment, rate_variance, step
         [[0, 1], [a, c]] and its integral, to third order in the step.
     """
     ratios, active, friction_rate = hull
-    ratios = expected(scaled(ratios, math.exp(stiffness), math.exp(damping)), rate, rate_variance)
+    stiffness, damping = math.exp(min(max(stiffness, -MOST), MOST)), math.exp(min(max(damping, -MOST), MOST))
+    ratios = expected(scaled(ratios, stiffness, damping), rate, rate_variance)
     half = 0.5 * step
     x = angle - trim
     # numpy's functions turn a float into a numpy.float64, which is slow to go on with
@@ -224,8 +231,7 @@ def predict(mean, covariance, moment, hull, drifts, duration, longest):
             covariance[1, first + j] = covariance[first + j, 1] = with_rate
             for i in range(2, first):
                 covariance[i, first + j] = covariance[first + j, i] = cross[i, j]
-    _limit(covariance, 0, LARGEST_ANGLE_VARIANCE)
-    _limit(covariance, 1, LARGEST_RATE_VARIANCE)
+    limit(covariance)
 
 
 @accelerated
@@ -252,12 +258,14 @@ def _move_blocks(covariance, f, stationary):
 
 
 @accelerated
-def _limit(covariance, place, most):
-    if covariance[place, place] > most:
-        shrink = math.sqrt(most / covariance[place, place])
-        for i in range(covariance.shape[0]):
-            covariance[place, i] *= shrink
-            covariance[i, place] *= shrink
+def limit(covariance):
+    """Bound the variances of angle and rate, in place, without a change of their correlations."""
+    for place, most in ((0, LARGEST_ANGLE_VARIANCE), (1, LARGEST_RATE_VARIANCE)):
+        if covariance[place, place] > most:
+            shrink = math.sqrt(most / covariance[place, place])
+            for i in range(covariance.shape[0]):
+                covariance[place, i] *= shrink
+                covariance[i, place] *= shrink
 
 
 @accelerated
@@ -332,7 +340,7 @@ def innovation(mean, covariance, output, hull, elapsed, angle, rate, angle_varia
     for j in range(output.size):
         moment += output[j] * mean[HULL_STATES + j]
     own = damping_moment(mean[1], ratios, active, friction_rate) + restoring_moment(mean[0] - mean[2], ratios, active)
-    jump = 2.0 * (least_jump + abs(moment) + abs(mean[1]) + abs(own))
+    jump = min(2.0 * (least_jump + abs(moment) + abs(mean[1]) + abs(own)), LARGEST_JUMP)
     by_angle, by_rate = 0.5 * elapsed * elapsed * jump, elapsed * jump
     if e1 != e1:
         nis = e0 * e0 / a
@@ -340,11 +348,13 @@ def innovation(mean, covariance, output, hull, elapsed, angle, rate, angle_varia
     if e0 != e0:
         nis = e1 * e1 / d
         return 1, nis, -0.5 * (nis + math.log(2.0 * math.pi * d)), e1 * e1 / (d + by_rate * by_rate)
-    determinant = a * d - b * b
+    # rounding must not take away what the sensor's noise alone makes
+    determinant = max(a * d - b * b, angle_variance * rate_variance)
     nis = (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / determinant
     log_likelihood = -0.5 * (nis + math.log(determinant)) - math.log(2.0 * math.pi)
     a, b, d = a + by_angle * by_angle, b + by_angle * by_rate, d + by_rate * by_rate
-    return 2, nis, log_likelihood, (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / (a * d - b * b)
+    wider = max(a * d - b * b, angle_variance * rate_variance)
+    return 2, nis, log_likelihood, (d * e0 * e0 - 2.0 * b * e0 * e1 + a * e1 * e1) / wider
 
 
 @accelerated
