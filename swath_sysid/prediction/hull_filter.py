@@ -63,7 +63,7 @@ MARKOV_STD = 0.3
 LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e4
 """Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft."""
 
-LEVEL_INTERVAL = 0.1
+LEVEL_INTERVAL = 0.05
 """s between two judgements of the moments' sizes."""
 
 LEVEL_TIMES = 2.0, 60.0
