@@ -91,6 +91,9 @@ RECENT = 400
 INSIGNIFICANT = 0.01
 """rad/s^2; an unknown moment of less is none."""
 
+QUIET = 3.0
+"""s; trim and scales are learnt once the unknown moment has been insignificant for so long."""
+
 LONGEST_STEP = 0.05
 """s; the moment acts by the mean of its values at both ends of a step."""
 
@@ -264,6 +267,7 @@ class HullFilter(ExtendedKalmanFilter):
         self.is_started = False
         self.rejections = 0
         self._may_learn = True
+        self._quiet = 0.0
         self._uncertainty = HullUncertainty(math.nan)
         self._gates = [math.inf, *(float(chi2.isf(s.gate_probability, m)) for m in (1, 2))]
         size = HULL_STATES + self.moments[0].size
@@ -300,6 +304,7 @@ class HullFilter(ExtendedKalmanFilter):
         made._resize(np.zeros(size), np.eye(size))
         made._set_part(range(TRIM, HULL_STATES), request.hull_mean, request.hull_covariance)
         made._may_learn = not request.hull_is_learnt
+        made._quiet = math.inf
         return made
 
     # -- hull and moment ---------------------------------------------------------------------------------------
@@ -369,6 +374,7 @@ class HullFilter(ExtendedKalmanFilter):
             self._resize(self.x[kept], self.P[np.ix_(kept, kept)])
             return
         self._use_moments([hand, fit.moment], fit.levels)
+        self._quiet = math.inf
         self._resize(fit.mean.copy(), fit.covariance)
         since, passed = [], 0.0
         while self._recent and passed + self._recent[-1][0] < age + 1e-6:
@@ -434,7 +440,7 @@ class HullFilter(ExtendedKalmanFilter):
     @property
     def learns_hull(self):
         """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
-        return self._may_learn and bool(self.levels[0] < self._insignificant)
+        return self._may_learn and self._quiet > QUIET
 
     @property
     def covariance(self):
@@ -507,6 +513,7 @@ class HullFilter(ExtendedKalmanFilter):
         if self._strain > MOST_STRAIN:
             self._something_new(angle, rate, elapsed)
         self._take_in(angle, rate, angle_variance, rate_variance)
+        self._quiet = self._quiet + elapsed if self.levels[0] < self._insignificant else 0.0
         self._since_level += elapsed
         if self._since_level >= LEVEL_INTERVAL - 1e-6:
             self._judge_levels(self._since_level)
