@@ -21,7 +21,7 @@ from swath_sysid.prediction.hull_filter import ExcitationFit, HullFilter
 from swath_sysid.prediction.modal_moment import ModalMoment
 
 TAPERS = 5
-SMOOTHING = 0.06
+SMOOTHING = 0.04
 """rad/s; standard deviation of the spectrum's smoothing."""
 
 HIGHEST_FREQUENCY = 20.0
