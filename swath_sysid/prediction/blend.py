@@ -1,0 +1,178 @@
+"""Several forecasts made one, lead by lead, by their measured errors; and the spread that those errors call for."""
+import numpy as np
+
+# s; errors are forgotten with this time constant
+_MEMORY = 60.0
+# weights go with the mean square error to this power: 5 % less error is twice the weight
+_POWER = 8.0
+# s of errors that the candidates' common level counts for, so that luck in the first errors decides nothing
+_TRUST = 5.0
+# a candidate without a forecast is taken to err as much more (mean square) as this than the blend: it must prove itself
+_UNPROVEN = 1.25
+# the variance of the true angle is at least this share of the reading's
+_LEAST_SHARE = 0.02
+
+
+class Blend:
+    """Weights of E candidates and a variance scale for A axes, at every lead; learnt from errors against the readings.
+
+    Parameters
+    ----------
+    leads : ndarray, shape (L,)
+        s, increasing; each is scored at the nearest whole step, at least one.
+    step : float
+        s between rows.
+    axes, candidates : int
+
+    Attributes
+    ----------
+    steps : ndarray of int, shape (S,)
+        At which `take` wants the candidates' forecasts.
+    mean_square : ndarray, shape (E, S, A)
+        Of the candidates' errors; of what they would be taken to err where they had no forecast.
+    weights : ndarray, shape (E, S, A)
+    """
+
+    def __init__(self, leads, step, axes, candidates):
+        self._step = step
+        whole = np.maximum(np.round(np.asarray(leads) / step), 1).astype(int)
+        self.steps, self._place_of_lead = np.unique(whole, return_inverse=True)
+        self._shape = candidates, self.steps.size, axes
+        self._places = np.arange(self.steps.size)
+        self.restart()
+
+    def restart(self):
+        """Forget everything."""
+        depth = int(self.steps[-1]) + 1
+        self._row = 0
+        self._issued = np.full((depth, *self._shape), np.nan)
+        self._blended = np.full((depth, *self._shape[1:]), np.nan)
+        self._variance = np.full((depth, *self._shape[1:]), np.nan)
+        self.mean_square = np.zeros(self._shape)
+        self._time = np.zeros(self._shape[1:])
+        self._told = np.zeros(self._shape[1:])
+        self._erred = np.zeros(self._shape[1:])
+        self.weights = np.full(self._shape, 1.0 / self._shape[0])
+
+    def take(self, reading, mean, variance, noise_variance=0.0):
+        """Score the forecasts that this row makes known, and keep those issued at it.
+
+        Parameters
+        ----------
+        reading : ndarray, shape (A,)
+            The row's angles, NaN where missing.
+        mean, variance : ndarray, shape (E, S, A)
+            The candidates' forecasts at `steps`, NaN where a candidate has none.
+        noise_variance : float or ndarray, shape (A,)
+            Of the sensor.
+        """
+        depth = self._issued.shape[0]
+        then = (self._row - self.steps) % depth
+        self._learn(
+            reading - self._issued[then, :, self._places].swapaxes(0, 1), reading - self._blended[then, self._places],
+            self._variance[then, self._places], noise_variance,
+        )  # fmt: skip
+        now = self._row % depth
+        self._issued[now] = mean
+        weights = present_weights(self.weights, np.isfinite(mean))
+        self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
+        self._row += 1
+
+    def skip(self, count):
+        """Pass over rows without readings or forecasts.
+
+        Parameters
+        ----------
+        count : int
+        """
+        for _ in range(min(count, self._issued.shape[0])):
+            now = self._row % self._issued.shape[0]
+            self._issued[now] = self._blended[now] = self._variance[now] = np.nan
+            self._row += 1
+        self._row += max(count - self._issued.shape[0], 0)
+
+    def _learn(self, errors, blended, variance, noise_variance):
+        known = np.isfinite(blended)
+        if not known.any():
+            return
+        square = blended**2
+        keep = 1.0 - self._step / _MEMORY
+        self._time = np.where(known, keep * self._time + self._step, self._time)
+        gain = np.where(known, self._step / np.maximum(self._time, self._step), 0.0)
+        squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
+        self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
+        true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
+        self._told += gain * np.where(known, true - self._told, 0.0)
+        self._erred += gain * np.where(known, square - noise_variance - self._erred, 0.0)
+        self.weights = error_weights(self.mean_square, self._time)
+
+    @property
+    def scale(self):
+        """Variance of the error over the candidates' own, shape (S, A)."""
+        prior = _TRUST * self._told
+        told = prior + self._time * self._told
+        erred = prior + self._time * np.maximum(self._erred, _LEAST_SHARE * self._told)
+        return np.divide(erred, told, out=np.ones_like(told), where=told > 0.0)
+
+    def combine(self, mean, covariance, axis_of, noise_variance=0.0):
+        """The blended forecast at the leads.
+
+        Parameters
+        ----------
+        mean, covariance : ndarray, shapes (E, L, M) and (E, L, M, M)
+            The candidates', of readings; NaN where a candidate has none.
+        axis_of : sequence of int, length M
+            The axis whose weights and scale a target has.
+        noise_variance : float or ndarray, shape (M,)
+            Of the sensor.
+
+        Returns
+        -------
+        mean, covariance : ndarray, shapes (L, M) and (L, M, M)
+            Of the true motion.
+        """
+        places = self._place_of_lead[:, None], np.asarray(axis_of)[None]
+        weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
+        root = np.sqrt(weights)
+        blended = _weighted(root[..., :, None] * root[..., None, :], covariance)
+        variance = np.diagonal(blended, axis1=1, axis2=2)
+        true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
+        factor = np.sqrt(self.scale[places] * true / variance)
+        return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :]
+
+
+def error_weights(mean_square, time):
+    """Weights from mean square errors, those of little experience drawn to their common level (geometric mean).
+
+    Parameters
+    ----------
+    mean_square : ndarray, shape (E, S, A)
+    time : ndarray, shape (S, A)
+        s of experience.
+
+    Returns
+    -------
+    ndarray, shape (E, S, A)
+    """
+    level = np.log(np.maximum(mean_square, 1e-300))
+    common = level.mean(axis=0)
+    drawn = np.log((time * np.exp(level - common) + _TRUST) / (time + _TRUST))
+    weights = np.exp(-_POWER * (drawn - drawn.min(axis=0)))
+    return weights / weights.sum(axis=0)
+
+
+def present_weights(weights, present):
+    """Weights of those that are there: zero for the others, of sum one over the first dimension.
+
+    Parameters
+    ----------
+    weights, present : ndarray, shape (E, ...)
+    """
+    weights = np.maximum(weights, 1e-12) * present
+    return weights / np.maximum(weights.sum(axis=0), 1e-12)
+
+
+def _weighted(weights, values):
+    """Weighted sum over the first dimension; NaN where no weight is."""
+    total = np.where(weights > 0.0, weights * values, 0.0).sum(axis=0)
+    return np.where((weights > 0.0).any(axis=0), total, np.nan)

@@ -1,0 +1,194 @@
+"""A state space from a window of rows by canonical variate analysis.
+
+The state is what the past has to say of the future: the leading canonical variates of the lags behind and the rows
+ahead (Larimore 1990; Van Overschee and De Moor 1996, chapter 4, the CVA weighting).  A, K, C and S are then regressions
+of rows and of next states on states; all of them need only the Gram matrix of the lags.
+"""
+import numpy as np
+from scipy import fft
+from scipy.linalg import cholesky, eigh, solve_triangular
+
+from swath_sysid.prediction.state_space import InnovationsModel
+
+# of the Gram matrix's unit diagonal: more costs .1 s ahead (1e-6: 5 to 20 %)
+_RIDGE = 1e-8
+# lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
+_MOST_LAGS, _LONGEST_REACH, _LEAST_LAGS = 60, 20.0, 2
+_MOST_STATES = 50
+_ROWS_A_COEFFICIENT = 4.0
+_LAGS_A_STATE = 4.0
+_LEAST_SHARE = 0.5
+_FLAT = 1e-9
+_LARGEST_RADIUS = 0.9999
+
+
+def identify(values, names, step):
+    """The innovations model of a window.
+
+    Pure: the same window gives the same model, in whatever process.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, width)
+        Oldest first, one row a step, NaN where missing.
+    names : sequence of str, length width
+    step : float
+        s.
+
+    Returns
+    -------
+    InnovationsModel or None
+        None where the window is too short or the model would not be stable.
+    """
+    places = useful_channels(values)
+    if not places:
+        return None
+    rows = values[:, places]
+    mean, scale = np.nanmean(rows, axis=0), np.nanstd(rows, axis=0)
+    rows = (rows - mean) / scale
+    half = lags_for(rows, step)
+    if half is None:
+        return None
+    gram, count = lag_gram(rows, 2 * half)
+    width = len(places)
+    space = canonical_state_space(gram / count, width, min(_MOST_STATES, round(half * width / _LAGS_A_STATE)))
+    if space is None:
+        return None
+    a, k, c, s, prior, from_lags = space
+    return InnovationsModel(
+        tuple([names[p] for p in places]), tuple(places), step, mean, scale, a, k, c, s, prior, from_lags
+    )
+
+
+def useful_channels(values):
+    """Columns that are there most of the time and that vary.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, width)
+    """
+    finite = np.isfinite(values)
+    return [
+        place for place in range(values.shape[1])
+        if finite[:, place].mean() > _LEAST_SHARE and np.nanstd(values[:, place]) > _FLAT
+    ]  # fmt: skip
+
+
+def lags_for(rows, step):
+    """Lags on either side that the window can carry; None where it carries none.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+    step : float
+        s.
+    """
+    most = min(_MOST_LAGS, round(_LONGEST_REACH / step))
+    complete = np.isfinite(rows).all(axis=1)
+    for half in range(most, _LEAST_LAGS - 1, -1):
+        if whole_lags(complete, 2 * half).sum() >= _ROWS_A_COEFFICIENT * half * rows.shape[1]:
+            return half
+    return None
+
+
+def whole_lags(complete, count):
+    """Whether a row and the ``count - 1`` before it are complete, shape (N,).
+
+    Parameters
+    ----------
+    complete : ndarray of bool, shape (N,)
+    count : int
+    """
+    runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
+    return runs[count:] - runs[:-count] == count
+
+
+def lag_gram(rows, count):
+    """Sum of z z' over z = [y[t], y[t-1], ..., y[t-count+1]], for all t where none of them is missing.
+
+    The matrix is nearly block Toeplitz: block (a+1, b+1) is block (a, b) with, for each run of such t, one product more
+    at its beginning and one less at its end.  So only the first row of blocks is summed, by one Fourier transform.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+    count : int
+
+    Returns
+    -------
+    gram : ndarray, shape (count C, count C)
+    used : int
+        Number of t.
+    """
+    length, width = rows.shape
+    complete = np.isfinite(rows).all(axis=1)
+    whole = whole_lags(complete, count)
+    filled = np.where(complete[:, None], rows, 0.0)
+    size = fft.next_fast_len(length + count, real=True)
+    newest, all_rows = fft.rfft(filled * whole[:, None], size, axis=0), fft.rfft(filled, size, axis=0)
+    # sum over t of newest[t] all_rows[t - b]': a correlation
+    first = fft.irfft(newest[:, :, None] * all_rows[:, None, :].conj(), size, axis=0)[:count]
+    edges = np.diff(np.concatenate([[0], whole.astype(np.int8), [0]]))
+    lags = np.arange(count - 1)
+    entering = filled[(np.flatnonzero(edges == 1) - 1)[:, None] - lags]
+    leaving = filled[(np.flatnonzero(edges == -1) - 1)[:, None] - lags]
+    added = np.concatenate([entering, leaving]).reshape(2 * entering.shape[0], -1)
+    signed = np.concatenate([entering, -leaving]).reshape(added.shape)
+    gram = np.empty((count * width, count * width))
+    gram[:width] = first.transpose(1, 0, 2).reshape(width, -1)
+    gram[width:, :width] = gram[:width, width:].T
+    for a in range(count - 1):
+        here, below = slice(a * width, (a + 1) * width), slice((a + 1) * width, (a + 2) * width)
+        gram[below, width:] = gram[here, :-width] + signed[:, here].T @ added
+    return gram, int(whole.sum())
+
+
+def canonical_state_space(gram, width, states):
+    """The innovations form from the mean Gram matrix of 2 j lags of C standardised channels.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (2 j C, 2 j C)
+        Newest lag first.
+    width : int
+        C.
+    states : int
+
+    Returns
+    -------
+    tuple (A, K, C, S, prior, from_lags), or None where either A or A - K C is not stable
+    """
+    half = gram.shape[0] // 2
+    lags = half // width
+    future = np.arange(half).reshape(lags, width)[::-1].ravel()
+    past = np.arange(half, 2 * half)
+    ridge = _RIDGE * np.eye(half)
+    try:
+        white_future = cholesky(gram[np.ix_(future, future)] + ridge, lower=True)
+        white_past = cholesky(gram[np.ix_(past, past)] + ridge, lower=True)
+        whitened = solve_triangular(
+            white_future, solve_triangular(white_past, gram[np.ix_(past, future)], lower=True).T, lower=True
+        )
+        squared, right = eigh(whitened.T @ whitened, subset_by_index=(half - states, half - 1))
+        weight = np.sqrt(np.sqrt(np.maximum(squared, 0.0)))
+        from_lags = weight[:, None] * solve_triangular(white_past, right, lower=True, trans='T').T
+        # both regressions need the Gram of half + 1 lags only: x[t] is of lags 1 .. j, x[t+1] of lags 0 .. j - 1
+        both = gram[:half + width, :half + width]
+        before = np.hstack([np.zeros((states, width)), from_lags])
+        after = np.hstack([from_lags, np.zeros((states, width))])
+        newest = np.eye(width, half + width)
+        before_gram = before @ both
+        prior = before_gram @ before.T
+        c = np.linalg.solve(prior, before_gram[:, :width]).T
+        innovation = newest - c @ before
+        regressors = np.vstack([before, innovation])
+        regressors_gram = regressors @ both
+        s = regressors_gram[states:] @ innovation.T
+        ak = np.linalg.solve(regressors_gram @ regressors.T, regressors_gram @ after.T).T
+    except np.linalg.LinAlgError:
+        return None
+    a, k = ak[:, :states], ak[:, states:]
+    radius = max(np.abs(np.linalg.eigvals(m)).max() for m in (a, a - k @ c))
+    if not radius < _LARGEST_RADIUS:
+        return None
+    return a, k, c, 0.5 * (s + s.T), 0.5 * (prior + prior.T), from_lags
