@@ -13,10 +13,10 @@ from swath_sysid.prediction.state_space import InnovationsModel
 # of the Gram matrix's unit diagonal: more costs .1 s ahead (1e-6: 5 to 20 %)
 _RIDGE = 1e-8
 # lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
-_MOST_LAGS, _LONGEST_REACH, _LEAST_LAGS = 60, 20.0, 2
+_MOST_LAGS, _LONGEST_REACH, _LEAST_LAGS = 40, 20.0, 2
 _MOST_STATES = 50
-_ROWS_A_COEFFICIENT = 4.0
-_LAGS_A_STATE = 4.0
+_ROWS_A_COEFFICIENT = 8.0
+_LAGS_A_STATE = 2.0
 _LEAST_SHARE = 0.5
 _FLAT = 1e-9
 _LARGEST_RADIUS = 0.9999
