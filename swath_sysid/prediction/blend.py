@@ -22,7 +22,10 @@ class Blend:
         s, increasing; each is scored at the nearest whole step, at least one.
     step : float
         s between rows.
-    axes, candidates : int
+    axes : int
+    prior : sequence of float, length E
+        The candidates' weights where errors do not tell them apart: at long leads 60 s hold few independent errors, and
+        the candidate that knows most should speak until another one is shown to be better.
 
     Attributes
     ----------
@@ -33,11 +36,12 @@ class Blend:
     weights : ndarray, shape (E, S, A)
     """
 
-    def __init__(self, leads, step, axes, candidates):
+    def __init__(self, leads, step, axes, prior):
         self._step = step
         whole = np.maximum(np.round(np.asarray(leads) / step), 1).astype(int)
         self.steps, self._place_of_lead = np.unique(whole, return_inverse=True)
-        self._shape = candidates, self.steps.size, axes
+        self._prior = np.asarray(prior, dtype=float)[:, None, None]
+        self._shape = self._prior.shape[0], self.steps.size, axes
         self._places = np.arange(self.steps.size)
         self.restart()
 
@@ -52,7 +56,7 @@ class Blend:
         self._time = np.zeros(self._shape[1:])
         self._told = np.zeros(self._shape[1:])
         self._erred = np.zeros(self._shape[1:])
-        self.weights = np.full(self._shape, 1.0 / self._shape[0])
+        self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
 
     def take(self, reading, mean, variance, noise_variance=0.0):
         """Score the forecasts that this row makes known, and keep those issued at it.
@@ -96,15 +100,14 @@ class Blend:
         if not known.any():
             return
         square = blended**2
-        keep = 1.0 - self._step / _MEMORY
-        self._time = np.where(known, keep * self._time + self._step, self._time)
+        self._time = np.where(known, (1.0 - self._step / _MEMORY) * self._time + self._step, self._time)
         gain = np.where(known, self._step / np.maximum(self._time, self._step), 0.0)
         squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
         true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
         self._told += gain * np.where(known, true - self._told, 0.0)
         self._erred += gain * np.where(known, square - noise_variance - self._erred, 0.0)
-        self.weights = error_weights(self.mean_square, self._time)
+        self.weights = error_weights(self.mean_square, self._time, self._prior)
 
     @property
     def scale(self):
@@ -141,7 +144,7 @@ class Blend:
         return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :]
 
 
-def error_weights(mean_square, time):
+def error_weights(mean_square, time, prior):
     """Weights from mean square errors, those of little experience drawn to their common level (geometric mean).
 
     Parameters
@@ -149,6 +152,8 @@ def error_weights(mean_square, time):
     mean_square : ndarray, shape (E, S, A)
     time : ndarray, shape (S, A)
         s of experience.
+    prior : ndarray, shape (E, 1, 1)
+        Weights at equal errors.
 
     Returns
     -------
@@ -157,7 +162,7 @@ def error_weights(mean_square, time):
     level = np.log(np.maximum(mean_square, 1e-300))
     common = level.mean(axis=0)
     drawn = np.log((time * np.exp(level - common) + _TRUST) / (time + _TRUST))
-    weights = np.exp(-_POWER * (drawn - drawn.min(axis=0)))
+    weights = prior * np.exp(-_POWER * (drawn - drawn.min(axis=0)))
     return weights / weights.sum(axis=0)
 
 

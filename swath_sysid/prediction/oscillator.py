@@ -4,16 +4,14 @@ At short leads it carries the rate on, at long ones it returns to the mean, so t
 rate and the mean are each good at.  Its natural frequency is the ratio of the rate's to the angle's standard deviation,
 for which the regression of the angle a little later on angle and rate is the best linear one whatever the spectrum.
 """
-from dataclasses import replace
-
 import numpy as np
-from scipy.linalg import block_diag, expm, solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are
 
-from swath_sysid.prediction.state_space import InnovationsModel
+from swath_sysid.prediction.state_space import InnovationsModel, side_by_side
 
-_DAMPING = 0.3
+_DAMPING = 0.4
 # rad/s, and the s of record that it counts for: what is expected of a small craft's motion
-_EXPECTED_FREQUENCY, _EXPECTED_FOR = 1.0, 3.0
+_EXPECTED_FREQUENCY, _EXPECTED_FOR = 1.1, 1.5
 # rad; the motion before there are two rows
 _EXPECTED_ANGLE = 0.05
 _LEAST_ANGLE = 1e-5
@@ -48,21 +46,6 @@ def oscillators(values, names, step, angles):
                 rate = None
             parts.append(_oscillator(values, names, step, column, rate))
     return side_by_side(parts) if parts else None
-
-
-def side_by_side(models):
-    """Models of different channels as one, without any coupling.
-
-    Parameters
-    ----------
-    models : sequence of InnovationsModel
-        Of the same step.
-    """
-    return replace(
-        models[0], channels=sum((m.channels for m in models), ()), places=sum((m.places for m in models), ()),
-        mean=np.concatenate([m.mean for m in models]), scale=np.concatenate([m.scale for m in models]), from_lags=None,
-        **{name: block_diag(*(getattr(m, name) for m in models)) for name in ('a', 'k', 'c', 's', 'prior')},
-    )  # fmt: skip
 
 
 def _oscillator(values, names, step, angle, rate):

@@ -7,9 +7,10 @@ error.  Where a sample or a channel is lost, the Kalman update with the noises K
 how much is not known.
 """
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 # rows before the newest that the interpolation and the differences at a lead of zero reach back to
 _PAST = 4
@@ -290,6 +291,37 @@ class InnovationsFilter:
         response = np.concatenate([np.zeros((_PAST, *now.shape[1:])), now, ahead[:-1] @ m.k])
         response = self._as_targets(response)[:-1]
         self._free = np.cumsum(response @ m.s @ response.transpose(0, 2, 1), axis=0)[1:]
+
+
+def side_by_side(models):
+    """Models of different channels as one, without any coupling.
+
+    Parameters
+    ----------
+    models : sequence of InnovationsModel
+        Of the same step.
+
+    Returns
+    -------
+    InnovationsModel
+        With a start from lags where all of them have one.
+    """
+    whole = {name: block_diag(*(getattr(m, name) for m in models)) for name in ('a', 'k', 'c', 's', 'prior')}
+    from_lags = None
+    if all(m.lags for m in models):
+        from_lags = np.zeros((whole['a'].shape[0], max(m.lags for m in models), whole['c'].shape[0]))
+        state = channel = 0
+        for m in models:
+            states, channels = m.k.shape
+            own = m.from_lags.reshape(states, m.lags, channels)
+            from_lags[state:state + states, :m.lags, channel:channel + channels] = own
+            state, channel = state + states, channel + channels
+        from_lags = from_lags.reshape(from_lags.shape[0], -1)
+    return replace(
+        models[0], channels=sum((m.channels for m in models), ()), places=sum((m.places for m in models), ()),
+        mean=np.concatenate([m.mean for m in models]), scale=np.concatenate([m.scale for m in models]),
+        from_lags=from_lags, **whole,
+    )  # fmt: skip
 
 
 def first_complete(complete, count):

@@ -4,17 +4,19 @@ The state is what the past has to say of the future: the leading canonical varia
 ahead (Larimore 1990; Van Overschee and De Moor 1996, chapter 4, the CVA weighting).  A, K, C and S are then regressions
 of rows and of next states on states; all of them need only the Gram matrix of the lags.
 """
+from dataclasses import replace
+
 import numpy as np
 from scipy import fft
 from scipy.linalg import cholesky, eigh, solve_triangular
 
-from swath_sysid.prediction.state_space import InnovationsModel
+from swath_sysid.prediction.state_space import InnovationsModel, side_by_side
 
 # of the Gram matrix's unit diagonal: more costs .1 s ahead (1e-6: 5 to 20 %)
 _RIDGE = 1e-8
 # lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
 _MOST_LAGS, _LONGEST_REACH, _LEAST_LAGS = 40, 20.0, 2
-_MOST_STATES = 50
+_MOST_STATES, _MOST_STATES_A_CHANNEL = 50, 10
 _ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
 _LEAST_SHARE = 0.5
@@ -51,13 +53,38 @@ def identify(values, names, step):
         return None
     gram, count = lag_gram(rows, 2 * half)
     width = len(places)
-    space = canonical_state_space(gram / count, width, min(_MOST_STATES, round(half * width / _LAGS_A_STATE)))
+    states = min(_MOST_STATES, _MOST_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
+    space = canonical_state_space(gram / count, width, states)
     if space is None:
         return None
     a, k, c, s, prior, from_lags = space
     return InnovationsModel(
         tuple([names[p] for p in places]), tuple(places), step, mean, scale, a, k, c, s, prior, from_lags
     )
+
+
+def identify_alone(values, names, step, angles):
+    """As `identify`, each angle from itself and its rate alone: fewer coefficients, for little data.
+
+    Parameters
+    ----------
+    values, names, step
+        As of `identify`.
+    angles : sequence of str
+        Which of the names; ``X_rate`` is the rate of ``X``.
+
+    Returns
+    -------
+    InnovationsModel or None
+        Of the angles that have a model; None where none has.
+    """
+    models = []
+    for angle in angles:
+        columns = [place for place, name in enumerate(names) if name in (angle, f'{angle}_rate')]
+        model = identify(values[:, columns], [names[c] for c in columns], step)
+        if model is not None:
+            models.append(replace(model, places=tuple([columns[p] for p in model.places])))
+    return side_by_side(models) if models else None
 
 
 def useful_channels(values):
