@@ -1,8 +1,8 @@
 """Several forecasts made one, lead by lead, by their measured errors; and the spread that those errors call for."""
 import numpy as np
 
-# s; errors are forgotten with this time constant
-_MEMORY = 60.0
+# s, and as many leads, at most so many s; errors are forgotten with this time constant: those at short leads are many
+_MEMORY, _MEMORY_LEADS, _LONGEST_MEMORY = 15.0, 10.0, 60.0
 # weights go with the mean square error to this power: 5 % less error is twice the weight
 _POWER = 8.0
 # s of errors that the candidates' common level counts for, so that luck in the first errors decides nothing
@@ -43,6 +43,8 @@ class Blend:
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         self._shape = self._prior.shape[0], self.steps.size, axes
         self._places = np.arange(self.steps.size)
+        memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, _LONGEST_MEMORY)
+        self._keep = (1.0 - step / memory)[:, None]
         self.restart()
 
     def restart(self):
@@ -82,6 +84,16 @@ class Blend:
         self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
         self._row += 1
 
+    def renew(self, candidate):
+        """A candidate has a new model: what its last one did wrong is held against it no more than against a new one.
+
+        Parameters
+        ----------
+        candidate : int
+        """
+        unproven = _UNPROVEN * self.mean_square.min(axis=0)
+        self.mean_square[candidate] = np.minimum(self.mean_square[candidate], unproven)
+
     def skip(self, count):
         """Pass over rows without readings or forecasts.
 
@@ -100,7 +112,7 @@ class Blend:
         if not known.any():
             return
         square = blended**2
-        self._time = np.where(known, (1.0 - self._step / _MEMORY) * self._time + self._step, self._time)
+        self._time = np.where(known, self._keep * self._time + self._step, self._time)
         gain = np.where(known, self._step / np.maximum(self._time, self._step), 0.0)
         squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)

@@ -18,6 +18,8 @@ _PAST = 4
 _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 # a state whose errors are this much less than the innovations (in variance) is known
 _KNOWN = 1e-4
+# an error as many times (in variance) what was expected is no innovation: the motion was broken off, the past is void
+_BREAK = 400.0
 
 
 @dataclass(frozen=True)
@@ -79,16 +81,16 @@ class InnovationsFilter:
         self.horizon = horizon
         self._places = np.array(model.places, dtype=int)
         self._scale = 1.0 / model.scale
-        self._predictor = np.hstack([model.a - model.k @ model.c, model.k])
         self._driven = model.k @ model.s @ model.k.T
         self._floor = _KNOWN * np.diag(model.s)
+        self._largest = _BREAK * np.diag(model.s)
         self._prepare()
         self.restart()
 
     def restart(self):
         """Forget all rows."""
         self._x = np.zeros(self.model.a.shape[0])
-        self._p = self.model.prior.copy()
+        self._p = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
         self._told = None
 
@@ -128,11 +130,15 @@ class InnovationsFilter:
         """
         z = (row[self._places] - self.model.mean) * self._scale
         self._told = None
-        if self._p is None and np.isfinite(z.sum()):
-            self._x = self._predictor @ np.concatenate([self._x, z])
-            self._recent.append(z)
-        else:
-            self._update(z, np.isfinite(z))
+        if self._p is None:
+            error = z - self.model.c @ self._x
+            # false for NaN, too
+            if (error * error < self._largest).all():
+                self._x = self.model.a @ self._x + self.model.k @ error
+                self._recent.append(z)
+                return
+            self._p = np.zeros_like(self.model.a)
+        self._update(z, np.isfinite(z))
 
     def _update(self, z, seen):
         """The Kalman update with the channels that were seen; all or none of them, too.
@@ -140,17 +146,20 @@ class InnovationsFilter:
         With V = C P C' + S of the seen, G = (A P C' + K S) V^-1:  x <- A x + G e,  P <- A P A' + K S K' - G V G'.
         """
         m = self.model
-        x, p = self._x, np.zeros_like(m.a) if self._p is None else self._p
-        expected = m.c @ x
-        self._x, covariance = m.a @ x, m.a @ p @ m.a.T + self._driven
+        c = m.c[seen]
+        error = z[seen] - c @ self._x
+        pc = self._p @ c.T
+        v = c @ pc + m.s[np.ix_(seen, seen)]
+        if (error * error > _BREAK * np.diag(v)).any() and self._p is not m.prior:
+            self._x, self._p = np.zeros_like(self._x), m.prior
+            self._update(z, seen)
+            return
+        expected = m.c @ self._x
+        self._x, covariance = m.a @ self._x, m.a @ self._p @ m.a.T + self._driven
         if seen.any():
-            c = m.c[seen]
-            pc = p @ c.T
-            v = c @ pc + m.s[np.ix_(seen, seen)]
             both = np.vstack([m.a @ pc + m.k @ m.s[:, seen], m.c @ pc + m.s[:, seen]])
             gain = np.linalg.solve(v, both.T).T
-            states = x.size
-            error = z[seen] - expected[seen]
+            states = self._x.size
             self._x += gain[:states] @ error
             expected = expected + gain[states:] @ error
             covariance -= gain[:states] @ both[:states].T

@@ -20,7 +20,12 @@ _MOST_STATES, _MOST_STATES_A_CHANNEL = 50, 10
 _ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
 _LEAST_SHARE = 0.5
+# where losses break up more of the lags than this, gaps of few rows are filled from both sides
+_WHOLE_ENOUGH = 0.5
+_LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
 _FLAT = 1e-9
+# third differences as many times their median size are no motion of a craft: a spike, or one record joined to another
+_BREAK = 60.0
 _LARGEST_RADIUS = 0.9999
 
 
@@ -47,7 +52,9 @@ def identify(values, names, step):
         return None
     rows = values[:, places]
     mean, scale = np.nanmean(rows, axis=0), np.nanstd(rows, axis=0)
-    rows = (rows - mean) / scale
+    rows = without_breaks((rows - mean) / scale)
+    if broken(rows, step):
+        rows = fill_short_gaps(rows)
     half = lags_for(rows, step)
     if half is None:
         return None
@@ -101,6 +108,21 @@ def useful_channels(values):
     ]  # fmt: skip
 
 
+def without_breaks(rows):
+    """Rows at which the motion is broken off become missing, so that no lags reach across.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+    """
+    if rows.shape[0] < 4:
+        return rows
+    size = np.abs(np.diff(rows, 3, axis=0))
+    result = rows.copy()
+    result[2:-1][(size > _BREAK * np.nanmedian(size, axis=0)).any(axis=1)] = np.nan
+    return result
+
+
 def lags_for(rows, step):
     """Lags on either side that the window can carry; None where it carries none.
 
@@ -110,12 +132,69 @@ def lags_for(rows, step):
     step : float
         s.
     """
-    most = min(_MOST_LAGS, round(_LONGEST_REACH / step))
     complete = np.isfinite(rows).all(axis=1)
-    for half in range(most, _LEAST_LAGS - 1, -1):
+    for half in range(most_lags(step), _LEAST_LAGS - 1, -1):
         if whole_lags(complete, 2 * half).sum() >= _ROWS_A_COEFFICIENT * half * rows.shape[1]:
             return half
     return None
+
+
+def most_lags(step):
+    """Lags on either side, however much data there is."""
+    return min(_MOST_LAGS, round(_LONGEST_REACH / step))
+
+
+def broken(rows, step):
+    """Whether losses have left few of the lags whole that the window would have without them.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+    step : float
+        s.
+    """
+    complete = np.isfinite(rows).all(axis=1)
+    count = 2 * most_lags(step)
+    return not complete.all() and whole_lags(complete, count).sum() < _WHOLE_ENOUGH * (complete.size - count + 1)
+
+
+def fill_short_gaps(rows):
+    """Lost rows by regression on those before and after, learnt where nothing is lost.
+
+    For a model's identification only: it looks ahead.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+
+    Returns
+    -------
+    ndarray, shape (N, C)
+        Gaps that are too long, or too near to another, are left.
+    """
+    width = rows.shape[1]
+    complete = np.isfinite(rows).all(axis=1)
+    result = rows.copy()
+    edges = np.diff(np.concatenate([[0], ~complete, [0]]).astype(int))
+    first, length = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
+    for lost in range(1, _LONGEST_FILLED + 1):
+        gaps = first[length == lost]
+        for side in _SIDES if gaps.size else ():
+            gram, count = lag_gram(rows, 2 * side + lost)
+            if count < _ROWS_A_COEFFICIENT * 2 * side * width:
+                continue
+            middle = np.arange(side * width, (side + lost) * width)
+            around = np.delete(np.arange(gram.shape[0]), middle)
+            ridge = _RIDGE * count * np.eye(around.size)
+            weights = np.linalg.solve(gram[np.ix_(around, around)] + ridge, gram[np.ix_(around, middle)])
+            inner = gaps[(gaps >= side) & (gaps + lost + side <= complete.size)]
+            lags = np.concatenate([np.arange(lost + side - 1, lost - 1, -1), np.arange(-1, -side - 1, -1)])
+            places = inner[:, None] + lags
+            seen = complete[places].all(axis=1)
+            filled = (rows[places[seen]].reshape(seen.sum(), around.size) @ weights).reshape(-1, lost, width)
+            result[inner[seen][:, None] + np.arange(lost - 1, -1, -1)] = filled
+            break
+    return result
 
 
 def whole_lags(complete, count):
@@ -159,7 +238,7 @@ def lag_gram(rows, count):
     lags = np.arange(count - 1)
     entering = filled[(np.flatnonzero(edges == 1) - 1)[:, None] - lags]
     leaving = filled[(np.flatnonzero(edges == -1) - 1)[:, None] - lags]
-    added = np.concatenate([entering, leaving]).reshape(2 * entering.shape[0], -1)
+    added = np.concatenate([entering, leaving]).reshape(2 * entering.shape[0], (count - 1) * width)
     signed = np.concatenate([entering, -leaving]).reshape(added.shape)
     gram = np.empty((count * width, count * width))
     gram[:width] = first.transpose(1, 0, 2).reshape(width, -1)
