@@ -7,8 +7,12 @@ _MEMORY, _MEMORY_LEADS, _LONGEST_MEMORY = 15.0, 10.0, 60.0
 _POWER = 8.0
 # s of errors that the candidates' common level counts for, so that luck in the first errors decides nothing
 _TRUST = 5.0
+# s; the same for the candidates' own variances, and the time constant with which the scale of them is forgotten
+_TRUST_VARIANCE, _MEMORY_VARIANCE = 2.0, 60.0
 # a candidate without a forecast is taken to err as much more (mean square) as this than the blend: it must prove itself
 _UNPROVEN = 1.25
+# log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
+_TAIL_GAIN, _QUANTILE, _MISSES, _LARGEST_TAIL = 0.1, 1.6449, 0.1, 1.5
 # the variance of the true angle is at least this share of the reading's
 _LEAST_SHARE = 0.02
 
@@ -56,6 +60,9 @@ class Blend:
         self._variance = np.full((depth, *self._shape[1:]), np.nan)
         self.mean_square = np.zeros(self._shape)
         self._time = np.zeros(self._shape[1:])
+        self._time_variance = np.zeros(self._shape[1:])
+        self._interval = np.full((depth, *self._shape[1:]), np.nan)
+        self._tail = np.zeros(self._shape[1:])
         self._told = np.zeros(self._shape[1:])
         self._erred = np.zeros(self._shape[1:])
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
@@ -76,12 +83,14 @@ class Blend:
         then = (self._row - self.steps) % depth
         self._learn(
             reading - self._issued[then, :, self._places].swapaxes(0, 1), reading - self._blended[then, self._places],
-            self._variance[then, self._places], noise_variance,
+            self._variance[then, self._places], self._interval[then, self._places], noise_variance,
         )  # fmt: skip
         now = self._row % depth
         self._issued[now] = mean
         weights = present_weights(self.weights, np.isfinite(mean))
         self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
+        true = np.maximum(self._variance[now] - noise_variance, _LEAST_SHARE * self._variance[now])
+        self._interval[now] = _QUANTILE**2 * (self.scale * true + noise_variance)
         self._row += 1
 
     def renew(self, candidate):
@@ -103,31 +112,39 @@ class Blend:
         """
         for _ in range(min(count, self._issued.shape[0])):
             now = self._row % self._issued.shape[0]
-            self._issued[now] = self._blended[now] = self._variance[now] = np.nan
+            self._issued[now] = self._blended[now] = self._variance[now] = self._interval[now] = np.nan
             self._row += 1
         self._row += max(count - self._issued.shape[0], 0)
 
-    def _learn(self, errors, blended, variance, noise_variance):
+    def _learn(self, errors, blended, variance, interval, noise_variance):
         known = np.isfinite(blended)
         if not known.any():
             return
         square = blended**2
-        self._time = np.where(known, self._keep * self._time + self._step, self._time)
-        gain = np.where(known, self._step / np.maximum(self._time, self._step), 0.0)
+        self._time, gain = self._aged(self._time, known, self._keep)
         squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
+        self._time_variance, gain = self._aged(self._time_variance, known, 1.0 - self._step / _MEMORY_VARIANCE)
         true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
         self._told += gain * np.where(known, true - self._told, 0.0)
         self._erred += gain * np.where(known, square - noise_variance - self._erred, 0.0)
+        # wide tails make the mean square say more than the 90 % interval wants
+        missed = np.where(known, (square > interval) - _MISSES, 0.0)
+        self._tail = np.clip(self._tail + _TAIL_GAIN * self._step * missed, -_LARGEST_TAIL, _LARGEST_TAIL)
         self.weights = error_weights(self.mean_square, self._time, self._prior)
+
+    def _aged(self, time, known, keep):
+        """The time that an average stands for after one more row, and the weight of that row in it."""
+        time = np.where(known, keep * time + self._step, time)
+        return time, np.where(known, self._step / np.maximum(time, self._step), 0.0)
 
     @property
     def scale(self):
-        """Variance of the error over the candidates' own, shape (S, A)."""
-        prior = _TRUST * self._told
-        told = prior + self._time * self._told
-        erred = prior + self._time * np.maximum(self._erred, _LEAST_SHARE * self._told)
-        return np.divide(erred, told, out=np.ones_like(told), where=told > 0.0)
+        """Variance over the candidates' own, shape (S, A), by the errors' mean square and the intervals' coverage."""
+        prior = _TRUST_VARIANCE * self._told
+        told = prior + self._time_variance * self._told
+        erred = prior + self._time_variance * np.maximum(self._erred, _LEAST_SHARE * self._told)
+        return np.exp(self._tail) * np.divide(erred, told, out=np.ones_like(told), where=told > 0.0)
 
     def combine(self, mean, covariance, axis_of, noise_variance=0.0):
         """The blended forecast at the leads.
