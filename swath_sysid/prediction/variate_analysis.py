@@ -104,7 +104,7 @@ def useful_channels(values):
     finite = np.isfinite(values)
     return [
         place for place in range(values.shape[1])
-        if finite[:, place].mean() > _LEAST_SHARE and np.nanstd(values[:, place]) > _FLAT
+        if finite[:, place].sum() > _LEAST_SHARE * values.shape[0] and np.nanstd(values[:, place]) > _FLAT
     ]  # fmt: skip
 
 
@@ -180,9 +180,9 @@ def fill_short_gaps(rows):
     for lost in range(1, _LONGEST_FILLED + 1):
         gaps = first[length == lost]
         for side in _SIDES if gaps.size else ():
-            gram, count = lag_gram(rows, 2 * side + lost)
-            if count < _ROWS_A_COEFFICIENT * 2 * side * width:
+            if whole_lags(complete, 2 * side + lost).sum() < _ROWS_A_COEFFICIENT * 2 * side * width:
                 continue
+            gram, count = lag_gram(rows, 2 * side + lost)
             middle = np.arange(side * width, (side + lost) * width)
             around = np.delete(np.arange(gram.shape[0]), middle)
             ridge = _RIDGE * count * np.eye(around.size)
