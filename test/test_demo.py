@@ -22,7 +22,7 @@ from swath_sysid.hull.simulated_trial import SensorNoise
 from swath_sysid.hull.simulation import simulate
 from swath_sysid.motion.attitude import body_rates, quaternion
 from swath_sysid.motion.intake import ImuReading
-from swath_sysid.prediction.demonstration import (
+from swath_sysid.pipeline.demonstration import (
     UNAWARE,
     Demonstration,
     LeadForecasts,
@@ -30,7 +30,7 @@ from swath_sysid.prediction.demonstration import (
     verdict_of,
     without_model,
 )
-from swath_sysid.prediction.outlook import Outlook, OutlookSettings
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import CHART_ROWS, ViewState, chart, line, render
@@ -163,10 +163,10 @@ def test_without_a_model_is_the_predictor_core_alone():
         turn = tuple(map(float, quaternion(r.roll, r.pitch, 0.0)))
         rates = tuple(map(float, body_rates(r.roll, r.pitch, r.roll_rate, r.pitch_rate, 0.0)))
         readings.append(ImuReading(10_000_000 * number, turn, nothing, rates, nothing, r.force, nothing))
-    settings = OutlookSettings()
+    settings = PipelineSettings()
     found = without_model(readings, 'roll', settings)
-    outlook = Outlook(settings)
-    issued = [lead for reading in readings for lead in outlook.add(reading).leads if lead[0] == 0.5]
+    pipeline = ForecastPipeline(settings)
+    issued = [lead for reading in readings for lead in pipeline.add(reading).attitudes() if lead[0] == 0.5]
     assert [row[0] for row in found[0.5]] == [forecast.stamp_ns for _, forecast in issued]
     assert all(row[2] > 0.0 for row in found[0.5])
 

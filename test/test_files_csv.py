@@ -10,7 +10,7 @@ from swath_sysid.errors import InputError
 from swath_sysid.files import tables
 from swath_sysid.files.csv_trials import read_csv, write_csv
 from swath_sysid.motion.attitude import euler_rates
-from swath_sysid.motion.trial import CHANNELS, Trial
+from swath_sysid.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 
 
 def codes(trial):
@@ -221,7 +221,7 @@ def test_any_content_gives_a_trial_or_one_sentence(tmp_path, content):
 def test_trial_comes_back_exactly(tmp_path):
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(0.01, 0.0101, 200)) - 1
-    channels = {name: rng.normal(0, 0.3, 200) for name in CHANNELS}
+    channels = {name: rng.normal(0, 0.3, 200) for name in (*CHANNELS, *FURTHER_CHANNELS)}
     channels['pitch'][17] = np.nan
     trial = Trial(time=time, **channels, draft=0.154, initial_angle=float(np.radians(6)))
     path = tmp_path / 'trial.csv'
@@ -229,7 +229,7 @@ def test_trial_comes_back_exactly(tmp_path):
     back = read_csv(path)
     assert back.channels.keys() == trial.channels.keys()
     assert np.array_equal(back.time, trial.time)
-    assert all(np.array_equal(back.channels[name], channels[name], equal_nan=True) for name in CHANNELS)
+    assert all(np.array_equal(back.channels[name], channels[name], equal_nan=True) for name in channels)
     assert (back.draft, back.initial_angle) == (trial.draft, trial.initial_angle)
     write_csv(path, replace(trial, pitch=None, accel_x=None, draft=None))
     assert read_csv(path).pitch is None and read_csv(path).draft is None
@@ -253,6 +253,25 @@ def test_morro_buoy_is_turned_to_flu(data_folder):
     # the Euler rates must be the derivatives of the angles: signs and body-to-Euler conversion at once
     assert np.corrcoef(trial.pitch_rate[1:-1], np.gradient(trial.pitch, trial.time)[1:-1])[0, 1] > 0.97
     assert np.corrcoef(trial.roll_rate[1:-1], np.gradient(trial.roll, trial.time)[1:-1])[0, 1] > 0.97
+
+
+def test_yaw_rate_of_the_morro_buoy_is_the_derivative_of_its_yaw(data_folder):
+    path = data_folder / 'waves' / 'morro_buoy.csv'
+    yaw = -np.unwrap(np.genfromtxt(path, delimiter=',', names=True)['yaw_deg'], period=360.0)
+    trial = read_csv(path, frame='frd')
+    derivative = np.gradient(np.radians(yaw), trial.time)
+    # the buoy fuses gyro and compass into its yaw, which so moves less than it turns
+    assert np.corrcoef(trial.yaw_rate[1:-1], derivative[1:-1])[0, 1] > 0.89
+    assert 0.7 < np.polyfit(trial.yaw_rate[1:-1], derivative[1:-1], 1)[0] < 1.0
+
+
+def test_yaw_rate_and_heave_of_a_ship_without_gyro_are_read(data_folder):
+    path = data_folder / 'waves' / 'nbp1406_ship.csv'
+    raw = np.genfromtxt(path, delimiter=',', names=True)
+    trial = read_csv(path)
+    assert list(trial.channels) == ['roll', 'pitch', 'yaw_rate', 'heave']
+    assert np.array_equal(trial.heave, raw['heave_m'])
+    assert np.allclose(trial.yaw_rate[1:], -np.radians(np.diff(raw['heading_deg'])) / np.diff(raw['time_s']))
 
 
 def test_corrupt_packet_of_oahu_is_left_out_and_told(data_folder):

@@ -96,7 +96,8 @@ def test_line_cut_off_costs_its_row_only(tmp_path):
 
 def test_rates_alone_and_frd(tmp_path):
     trial = read_mti(export(tmp_path, {**TICKS, **INERTIAL}), frame='frd')
-    assert set(trial.channels) == {'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z'}
+    assert set(trial.channels) == {'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}
+    assert np.allclose(trial.yaw_rate, -GYRO[:, 2])
     assert np.allclose(trial.pitch_rate, -GYRO[:, 1]) and np.allclose(trial.accel_z, -FORCE[:, 2])
 
 

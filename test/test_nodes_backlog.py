@@ -61,7 +61,7 @@ def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_ov
         fresh = PASSED_OVER_NS // INTERVAL_NS + 1
         assert len(bench.heard['forecast/next']) <= fresh and len(leads) <= 2
         assert all(stamp_ns(lead) - 500_000_000 >= newest - PASSED_OVER_NS for lead in leads)
-        assert predictor.outlook.used == 50 + SAMPLES
+        assert predictor.pipeline.used == 50 + SAMPLES
         assert predictor.health.counts[PASSED_OVER] == SAMPLES - fresh
         told = predictor.health.reports(0.0, newest)[0].values
         assert told[PASSED_OVER] == SAMPLES - fresh

@@ -23,8 +23,7 @@ from swath_sysid.nodes.health import (
     StreamHealth,
     reasons_table,
 )
-from swath_sysid.prediction.outlook import Outlook
-from swath_sysid.prediction.predictor import REASONS
+from swath_sysid.pipeline.forecast_pipeline import PIPELINE_REASONS, ForecastPipeline
 
 COUNTS = {'gap': 0, 'no-orientation': 0}
 
@@ -41,7 +40,7 @@ def receive(health, begin, end, rate=100.0, spent=1e-3):
 
 
 def test_every_reason_has_an_advice():
-    assert set(WINDOW_REASONS) | set(REASONS) <= set(REASON_ADVICE)
+    assert set(WINDOW_REASONS) | set(PIPELINE_REASONS) <= set(REASON_ADVICE)
     assert all(f'`{reason}`' in reasons_table() for reason in REASON_ADVICE)
     assert HARMLESS < set(REASON_ADVICE)
 
@@ -135,7 +134,7 @@ def test_what_holds_warns_until_it_is_settled():
 
 
 def test_a_sensor_warns_too_while_something_holds():
-    health = PredictorHealth('/imu/data', Outlook())
+    health = PredictorHealth('/imu/data', ForecastPipeline())
     receive(health, 0.0, 1.0)
     health.note(BAD_LOADING, 'loading')
     levels = []
@@ -148,7 +147,7 @@ def test_a_sensor_warns_too_while_something_holds():
 
 def test_each_worker_is_told_by_its_own_name():
     assert 'waves' in REASON_ADVICE[WAVE_WORKER_DIED] and 'identifies' in REASON_ADVICE[IDENTIFICATION_WORKER_DIED]
-    assert WAVE_WORKER_DIED in PredictorHealth('/imu/data', Outlook()).counts
+    assert WAVE_WORKER_DIED in PredictorHealth('/imu/data', ForecastPipeline()).counts
     assert IDENTIFICATION_WORKER_DIED in IdentifierHealth().counts
 
 
@@ -163,18 +162,18 @@ def test_the_buffer_tells_its_window():
 
 
 def test_the_predictor_tells_that_it_has_no_model():
-    outlook = Outlook()
-    health = PredictorHealth('imu/data', outlook)
+    pipeline = ForecastPipeline()
+    health = PredictorHealth('imu/data', pipeline)
     for k in range(100):
-        outlook.add(reading(EPOCH_NS + k * 10_000_000))
+        pipeline.add(reading(EPOCH_NS + k * 10_000_000))
     stream, state, _ = health.reports(1.0, EPOCH_NS)
     assert state.level == WARN and 'no pitch model' in state.message and state.values['model_age_s'] == 'no model'
-    assert set(REASONS) | {BAD_MODEL} <= set(stream.values)
+    assert set(PIPELINE_REASONS) | {BAD_MODEL} <= set(stream.values)
     assert 'nrmse_roll_1.0s' in state.values and 'coverage90_pitch_5.0s' in state.values
 
 
 def test_a_refused_model_is_told_until_a_good_one_comes():
-    health = PredictorHealth('imu/data', Outlook())
+    health = PredictorHealth('imu/data', ForecastPipeline())
     for _ in range(2):
         health.note_refused_model('model/description, pitch: the trim')
     for _ in range(3):
@@ -224,13 +223,13 @@ def test_a_frame_id_that_changes_is_counted_and_warned_of():
 
 
 def test_a_wrong_installation_stays_a_warning():
-    outlook = Outlook()
-    health = PredictorHealth('imu/data', outlook)
+    pipeline = ForecastPipeline()
+    health = PredictorHealth('imu/data', pipeline)
     levels = []
     for second in range(40):
         for k in range(20):
             stamp = EPOCH_NS + second * 10**9 + k * 50_000_000
-            outlook.add(reading(stamp, 1e-3 * (k % 3), force=(0.0, 0.01 * (k % 3), -9.81)))
+            pipeline.add(reading(stamp, 1e-3 * (k % 3), force=(0.0, 0.01 * (k % 3), -9.81)))
         *_, told = health.reports(float(second), EPOCH_NS)
         levels.append(told.level)
     assert told.name == 'installation' and 'set frame to frd' in told.message

@@ -40,8 +40,8 @@ class LaterWorker:
 def predictor():
     rclpy.init()
     node = Predictor()
-    node.worker.close()
-    node.worker = LaterWorker()
+    node.sea.close()
+    node.sea.worker = LaterWorker()
     yield node
     node.destroy_node()
     rclpy.try_shutdown()
@@ -53,7 +53,7 @@ def sail(node, first, count):
         roll = 0.05 * math.sin(0.2 * k) + 0.03 * math.sin(0.13 * k)
         rate = 10.0 * (0.05 * 0.2 * math.cos(0.2 * k) + 0.03 * 0.13 * math.cos(0.13 * k))
         node._on_imu(imu_message(reading(EPOCH_NS + k * INTERVAL_NS, roll=roll, roll_rate=rate)))
-        if node.worker.work:
+        if node.sea.worker.work:
             return k + 1
     return first + count
 
@@ -61,10 +61,10 @@ def sail(node, first, count):
 @pytest.mark.parametrize(('samples_meanwhile', 'late'), [(0, 0), (DELAY - 1, 0), (DELAY, 1), (2 * DELAY, 1)])
 def test_a_fit_that_comes_after_its_time_is_counted(predictor, samples_meanwhile, late):
     following = sail(predictor, 0, 600)
-    assert predictor.worker.work, 'a fit was asked for'
+    assert predictor.sea.worker.work, 'a fit was asked for'
     for k in range(samples_meanwhile):
         sail(predictor, following + k, 1)
-    predictor.worker.finish()
+    predictor.sea.worker.finish()
     sail(predictor, following + samples_meanwhile, 1)
     assert predictor.health.counts[LATE_FIT] == late
 
@@ -73,21 +73,21 @@ def test_a_fit_that_another_one_kept_from_beginning_is_counted_and_warns_nobody(
     following = sail(predictor, 0, 600)
     for k in range(60):
         sail(predictor, following + k, 1)
-    assert predictor.health.counts[LATE_FIT] == 1 and len(predictor.worker.work) == 1
+    assert predictor.health.counts[LATE_FIT] == 1 and len(predictor.sea.worker.work) == 1
     assert LATE_FIT in HARMLESS
 
 
 def test_waves_that_cannot_be_fitted_warn_until_they_can(predictor):
     following = sail(predictor, 0, 600)
-    _, _, on_end = predictor.worker.work.pop(0)
+    _, _, on_end = predictor.sea.worker.work.pop(0)
     on_end(None, WorkerError('out of memory'))
     levels = []
     for k in range(120):
         sail(predictor, following + k, 1)
-        if predictor.worker.work:
+        if predictor.sea.worker.work:
             break
         levels.append(predictor.health.holding)
     assert levels and all('waves-not-fitted' in told for told in levels)
-    predictor.worker.finish()
+    predictor.sea.worker.finish()
     sail(predictor, following + k + 1, 1)
     assert predictor.health.holding == '' and predictor.health.counts[NOT_FITTED] == 1

@@ -22,7 +22,7 @@ from swath_sysid.nodes.messages import (  # noqa: E402
     window_message,
     window_table,
 )
-from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast  # noqa: E402
+from swath_sysid.prediction.forecast import AttitudeForecast, HorizonForecast  # noqa: E402
 
 
 def a_table(rows=20):

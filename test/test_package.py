@@ -49,7 +49,7 @@ ROS_PACKAGES = {
 NODE_VERBS = {'demo', 'record', 'replay', 'run'}
 """Verbs that start nodes; play_through does the same without them."""
 
-PURE_ROOMS = ('motion', 'hull', 'identification', 'prediction')
+PURE_ROOMS = ('motion', 'hull', 'identification', 'prediction', 'pipeline')
 BASE = {'accelerator', 'advice', 'errors', 'share'}
 MAY_IMPORT = {
     'accelerator': set(),
@@ -61,10 +61,11 @@ MAY_IMPORT = {
     'hull': BASE | {'motion'},
     'identification': BASE | {'motion', 'hull'},
     'prediction': BASE | {'motion', 'hull', 'identification'},
-    'files': BASE | {'motion', 'hull', 'identification', 'prediction'},
-    'report': BASE | {'motion', 'hull', 'identification', 'prediction', 'files'},
-    'nodes': BASE | {'motion', 'hull', 'identification', 'prediction', 'files'},
-    'cli': BASE | {'motion', 'hull', 'identification', 'prediction', 'files', 'report', 'nodes'},
+    'pipeline': BASE | {'motion', 'hull', 'identification', 'prediction'},
+    'files': BASE | {'motion', 'hull', 'identification', 'prediction', 'pipeline'},
+    'report': BASE | {'motion', 'hull', 'identification', 'prediction', 'pipeline', 'files'},
+    'nodes': BASE | {'motion', 'hull', 'identification', 'prediction', 'pipeline', 'files'},
+    'cli': BASE | {'motion', 'hull', 'identification', 'prediction', 'pipeline', 'files', 'report', 'nodes'},
 }
 """Data flows down this list, imports go up it."""
 

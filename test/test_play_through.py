@@ -29,10 +29,11 @@ from swath_sysid.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.motion.attitude import euler_angles
 from swath_sysid.motion.window import COLUMNS, MotionWindow
 from swath_sysid.nodes.health import ERROR, PlayedHealth
-from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast, Outlook, OutlookSettings
-from swath_sysid.prediction.play_through import PlayThrough, PlayThroughSettings
-from swath_sysid.prediction.predictor import PredictorSettings
-from swath_sysid.prediction.waves import fit_waves
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
+from swath_sysid.prediction.forecast import AttitudeForecast, HorizonForecast
+from swath_sysid.prediction.forecaster import ForecasterSettings
+from swath_sysid.prediction.sea_fit import fit_sea
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
@@ -105,13 +106,15 @@ def test_every_message_is_what_a_type_system_writes(played):
 
 
 def test_forecasts_are_those_of_the_predictor_core(bag, played):
-    outlook = Outlook()
+    pipeline = ForecastPipeline()
     expected = []
     model_time = decoded(played, '/model/description')[0][0]
     for reading in read_readings(bag):
         if reading.stamp_ns == model_time:
             break
-        step = outlook.add(reading)
+        step = pipeline.add(reading)
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
         if step.next is not None:
             expected.append((reading.stamp_ns, step.next.stamp_ns, step.next.orientation, step.next.rates))
     found = [
@@ -143,7 +146,7 @@ def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
 def test_the_model_is_in_use_from_its_stamp_on(bag):
     calls = []
     pipeline = PlayThrough(PlayThroughSettings(refit_delay=1.0), fit=stub_fit(calls))
-    bare = Outlook()
+    bare = ForecastPipeline()
     begun = known = None
     for reading in read_readings(bag):
         step, without = pipeline.add(reading), bare.add(reading)
@@ -153,15 +156,15 @@ def test_the_model_is_in_use_from_its_stamp_on(bag):
             assert step.models == {'roll': HULL}
             assert step.verdict == 'roll: stub'
         if known is None:
-            assert step.outlook.next == without.next
+            assert step.step.next == without.next
     assert len(calls) == 1
     assert known - begun == 1_000_000_000
 
 
 def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
     calls = []
-    no_waves = OutlookSettings(predictor=PredictorSettings(first_refit=1e9))
-    pipeline = PlayThrough(PlayThroughSettings(refit_delay=30.0, outlook=no_waves), fit=stub_fit(calls))
+    no_waves = PipelineSettings(forecaster=ForecasterSettings(first_refit=1e9))
+    pipeline = PlayThrough(PlayThroughSettings(refit_delay=30.0, forecasts=no_waves), fit=stub_fit(calls))
     readings = list(read_readings(bag))
     length = readings[-1].stamp_ns - readings[0].stamp_ns + 1_000_000_000
     took = []
@@ -187,16 +190,16 @@ def test_a_clock_that_is_set_back_ends_a_waiting_fit(bag):
     assert pipeline.refitter.models == {'roll': HULL}
 
 
-def test_waves_are_fitted_inline_and_installed_at_once(bag):
+def test_the_sea_is_fitted_inline_and_installed_at_once(bag):
     asked, installed = [], []
 
     def note(request):
-        asked.append(request.stamp)
-        return fit_waves(request)
+        asked.append(request.time)
+        return fit_sea(request)
 
-    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit_waves=note)
-    install = pipeline.outlook.install
-    pipeline.outlook.install = lambda fit: (installed.append(fit.stamp), install(fit))
+    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit_sea=note)
+    install = pipeline.forecasts.install
+    pipeline.forecasts.install = lambda fit: (installed.append(fit.time), install(fit))
     for reading in read_readings(bag):
         pipeline.add(reading)
     assert len(asked) > 1 and installed == asked

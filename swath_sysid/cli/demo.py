@@ -24,9 +24,9 @@ from swath_sysid.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.hull.simulated_craft import returns
 from swath_sysid.motion.intake import NANOSECOND
 from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
-from swath_sysid.prediction.outlook import OutlookSettings
-from swath_sysid.prediction.predictor import PredictorSettings
+from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
+from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
+from swath_sysid.prediction.forecaster import ForecasterSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import ViewState, line, render
@@ -142,9 +142,9 @@ class _Craft:
         }
 
     @property
-    def outlook_settings(self):
+    def pipeline_settings(self):
         """What the predictor is set to."""
-        return OutlookSettings(predictor=PredictorSettings(leads=self.leads, horizon=self.horizon))
+        return PipelineSettings(forecaster=ForecasterSettings(leads=self.leads, horizon=self.horizon))
 
 
 def _environment(domain):
@@ -343,7 +343,7 @@ def _demonstrate(craft, stage):
 
 def _demonstration(craft, heard, first, second):
     start = heard.angles[0][0]
-    unaided = without_model(heard.readings, craft.axis, craft.outlook_settings)
+    unaided = without_model(heard.readings, craft.axis, craft.pipeline_settings)
 
     def relative(found):
         return tuple(LeadForecasts(lead, *_table(rows, 3, start).T) for lead, rows in sorted(found.items()))

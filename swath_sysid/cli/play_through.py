@@ -20,12 +20,12 @@ from swath_sysid.motion.sensing import Installation
 from swath_sysid.nodes.health import PlayedHealth
 from swath_sysid.nodes.parameter_tables import (
     manoeuvre_outlook_settings,
-    outlook_settings,
+    pipeline_settings,
     refit_settings,
     values_from_file,
     window_settings,
 )
-from swath_sysid.prediction.play_through import PlayThrough, PlayThroughSettings
+from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 
 PROGRESS_STEP = 2000
 
@@ -59,17 +59,17 @@ def run(arguments):
         values_from_file(arguments.params, name) for name in ('imu_buffer', 'identifier', 'predictor')
     )
     settings = PlayThroughSettings(
-        window_settings(buffer), refit_settings(identifier), outlook_settings(predictor),
+        window_settings(buffer), refit_settings(identifier), pipeline_settings(predictor),
         identifier['auto_identify'], arguments.refit_delay,
     )  # fmt: skip
-    installation = settings.outlook.installation
+    installation = settings.forecasts.installation
     readings = read_readings(
         arguments.record, arguments.topic, frame=installation.frame, mounting=installation.mounting
     )
     if readings.in_craft_axes:
         settings = replace(
             settings, window=replace(settings.window, installation=Installation()),
-            outlook=replace(settings.outlook, installation=Installation()),
+            forecasts=replace(settings.forecasts, installation=Installation()),
         )  # fmt: skip
     pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
     pipeline.window.record(buffer['record_at_start'])
@@ -128,7 +128,7 @@ def _known_models(model, model_path):
 
 def _report_counts(pipeline):
     """What was counted by reason, on standard error."""
-    counts = {**pipeline.outlook.counts, **pipeline.outlook.predictor.diagnostics().counts, **pipeline.window.counts}
+    counts = {**pipeline.forecasts.counts, **pipeline.window.counts}
     counted = ', '.join(f'{reason} {count}' for reason, count in counts.items() if count)
     if counted:
         print(f'counted: {counted}', file=sys.stderr)

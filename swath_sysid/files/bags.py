@@ -209,8 +209,9 @@ def read_imu(path, topic=None):
 def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id='imu_link'):
     """Write a trial as an IMU would have sent it.
 
-    Body rates and orientation are those of the trial's angles and Euler rates without yaw; an
-    angle or rate that the trial does not hold is taken as zero, unless it holds none of them.
+    Body rates and orientation are those of the trial's angles and Euler rates, the orientation
+    without yaw; an angle or rate that the trial does not hold is taken as zero, unless it holds none
+    of roll and pitch. An Imu message has no place for heave.
 
     Parameters
     ----------
@@ -257,7 +258,7 @@ def _imu_messages(types, trial, stamps, frame_id):
 
     roll, pitch = known(trial.roll), known(trial.pitch)
     orientation = quaternion(roll, pitch, np.zeros(trial.time.size))
-    rates = body_rates(roll, pitch, known(trial.roll_rate), known(trial.pitch_rate), 0.0)
+    rates = body_rates(roll, pitch, known(trial.roll_rate), known(trial.pitch_rate), known(trial.yaw_rate))
     force = known(trial.accel_x), known(trial.accel_y), known(trial.accel_z)
     covariances = (
         covariance(trial.roll, trial.pitch), covariance(trial.roll_rate, trial.pitch_rate),

@@ -27,14 +27,18 @@ SAMPLES = 'samples'
 ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
 RATE_UNITS = {'rad_s': 1.0, 'deg_s': np.pi / 180}
 ACCELERATION_UNITS = {'m_s2': 1.0, 'g': STANDARD_GRAVITY}
+LENGTH_UNITS = {'m': 1.0}
 
 TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
 QUANTITIES = (
     (('roll', 'roll_angle'), 'roll', ANGLE_UNITS),
     (('pitch', 'pitch_angle'), 'pitch', ANGLE_UNITS),
-    (('yaw', 'yaw_angle', 'heading'), 'yaw', ANGLE_UNITS),
+    (('yaw', 'yaw_angle'), 'yaw', ANGLE_UNITS),
+    (('heading',), 'heading', ANGLE_UNITS),
     (('roll_rate',), 'roll_rate', RATE_UNITS),
     (('pitch_rate',), 'pitch_rate', RATE_UNITS),
+    (('yaw_rate',), 'yaw_rate', RATE_UNITS),
+    (('heave',), 'heave', LENGTH_UNITS),
     *(((f'gyro_{part}', f'gyr_{part}', f'angular_velocity_{part}'), f'gyro_{part}', RATE_UNITS) for part in 'xyz'),
     *(((f'accel_{part}', f'acc_{part}', f'linear_acceleration_{part}'), f'accel_{part}', ACCELERATION_UNITS)
       for part in 'xyz'),
@@ -69,7 +73,7 @@ LOOKED_FOR = ('roll_rad', 'pitch_rad', 'roll_deg', 'pitch_deg', 'roll_rate_rad_s
               'gyro_x_rad_s', 'gyro_y_rad_s (or _deg_s)')
 
 WRITTEN_UNITS = {'roll': 'rad', 'pitch': 'rad', 'roll_rate': 'rad_s', 'pitch_rate': 'rad_s',
-                 'accel_x': 'm_s2', 'accel_y': 'm_s2', 'accel_z': 'm_s2'}
+                 'accel_x': 'm_s2', 'accel_y': 'm_s2', 'accel_z': 'm_s2', 'yaw_rate': 'rad_s', 'heave': 'm'}
 
 LINES_AT_ONCE = 100_000
 
@@ -86,10 +90,12 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     ===================================== ======================= ===========================
     time, t, stamp, timestamp             s, ms, us, ns, samples  needed
     roll, pitch, yaw                      rad, deg                Euler angles
+    heading                               rad, deg                clockwise from north
     quaternion_x, _y, _z, _w              (none)                  orientation
-    roll_rate, pitch_rate                 rad_s, deg_s            Euler rates
+    roll_rate, pitch_rate, yaw_rate       rad_s, deg_s            Euler rates
     gyro_x, _y, _z                        rad_s, deg_s            body rates
     accel_x, _y, _z                       m_s2, g                 specific force
+    heave                                 m                       along the frame's vertical
     ===================================== ======================= ===========================
 
     Comment lines above (``# key: value``) may give ``draft_m``, ``initial_angle_deg`` or

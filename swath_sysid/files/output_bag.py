@@ -14,9 +14,10 @@ from swath_sysid.errors import InputError
 from swath_sysid.files.atomic import replacing
 from swath_sysid.files.mcap_checksums import add_checksums
 from swath_sysid.files.model_file import model_to_yaml
+from swath_sysid.files.topics import HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, lead_topic
 from swath_sysid.identification.refit import COEFFICIENT_NAMES, coefficients
 from swath_sysid.motion.window import COLUMNS
-from swath_sysid.prediction.outlook import HORIZON_TOPIC, NEXT_TOPIC, NOT_GIVEN, QUIESCENCE_TOPIC, lead_topic
+from swath_sysid.prediction.forecast import NOT_GIVEN
 
 IMU, TRAJECTORY, CLOUD = 'sensor_msgs/msg/Imu', 'trajectory_msgs/msg/JointTrajectory', 'sensor_msgs/msg/PointCloud2'
 STRING, ARRAY, FLOAT = 'std_msgs/msg/String', 'std_msgs/msg/Float64MultiArray', 'std_msgs/msg/Float32'
@@ -140,17 +141,17 @@ class OutputBag:
         ----------
         played : Played
         """
-        time_ns, outlook = played.stamp_ns, played.outlook
+        time_ns, step = played.stamp_ns, played.step
         if played.models is not None:
             self.add_models(time_ns, played.models)
-        if outlook.next is not None:
-            self.add_attitude(NEXT_TOPIC, time_ns, outlook.next)
-        for lead, forecast in outlook.leads:
+        if step.next is not None:
+            self.add_attitude(NEXT_TOPIC, time_ns, step.next)
+        for lead, forecast in step.attitudes():
             self.add_attitude(lead_topic(lead), time_ns, forecast)
-        if outlook.horizon is not None:
-            self.add_horizon(time_ns, outlook.horizon)
-        if outlook.quiescence is not None:
-            self._write(QUIESCENCE_TOPIC, FLOAT, time_ns, _FLOAT32.pack(LITTLE_ENDIAN, outlook.quiescence))
+        if step.horizon is not None:
+            self.add_horizon(time_ns, step.trajectory())
+        if step.quiescence is not None:
+            self._write(QUIESCENCE_TOPIC, FLOAT, time_ns, _FLOAT32.pack(LITTLE_ENDIAN, step.quiescence))
         if played.window is not None:
             self.add_window(time_ns, played.window)
 

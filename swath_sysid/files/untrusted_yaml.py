@@ -205,7 +205,6 @@ def dumped(content):
     """
     return yaml.dump(
         _finite_or_null(content), Dumper=_PlainDumper, sort_keys=False, default_flow_style=None, width=120,
-        allow_unicode=True,
     )  # fmt: skip
 
 

@@ -9,8 +9,9 @@ from swath_sysid.errors import InputError
 LEAST_ROWS = 8
 """Fewer rows than this hold no motion to identify."""
 
-LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0}
-"""Beyond these (rad, rad, rad/s, m/s^2) a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g."""
+LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
+"""Beyond these (rad, rad, rad/s, m/s^2, m) a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g, and no
+wave lifts a craft by 50 m."""
 
 GAP_INTERVALS = 3.0
 """An interval longer than this many median intervals is a gap."""
@@ -33,8 +34,8 @@ def clean(time, channels, source='the record'):
         Seconds.
     channels : dict of str to ndarray, shape (N,)
         SI units. What a value may be follows from the name: ``roll`` and ``pitch`` are angles,
-        ``yaw`` a heading, ``*_rate`` and ``gyro_*`` rates, ``accel_*`` accelerations; others
-        are only looked at for NaN.
+        ``yaw`` and ``heading`` headings, ``*_rate`` and ``gyro_*`` rates, ``accel_*`` accelerations,
+        ``heave`` itself; others are only looked at for NaN.
     source : str
         What to call the record in messages.
 
@@ -196,8 +197,10 @@ def _kind(name):
     """The kind of quantity a channel holds, by its name."""
     if name in ('roll', 'pitch'):
         return 'angle'
-    if name == 'yaw':
+    if name in ('yaw', 'heading'):
         return 'heading'
+    if name == 'heave':
+        return name
     if name.endswith('_rate') or name.startswith('gyro_'):
         return 'rate'
     return 'acceleration' if name.startswith('accel_') else ''

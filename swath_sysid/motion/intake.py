@@ -80,6 +80,8 @@ class CraftSample(NamedTuple):
         rad^2 and rad^2/s^2.
     yaw, yaw_rate : float
         rad and rad/s.
+    heave : float
+        m, upwards; known from records only.
     """
 
     stamp_ns: int
@@ -94,8 +96,9 @@ class CraftSample(NamedTuple):
     pitch_variance: float
     roll_rate_variance: float
     pitch_rate_variance: float
-    yaw: float
-    yaw_rate: float
+    yaw: float = nan
+    yaw_rate: float = nan
+    heave: float = nan
 
     @property
     def stamp(self):
@@ -250,6 +253,23 @@ class Intake:
             return Taken(None, reasons)
         taken = take_in(reading, self._installation)
         return Taken(taken.sample, reasons + taken.reasons) if reasons else taken
+
+    def place(self, sample):
+        """Place the next sample of a record, which was cleaned and turned as a whole.
+
+        Parameters
+        ----------
+        sample : CraftSample
+
+        Returns
+        -------
+        Taken
+            With reasons of `STAMP_REASONS`.
+        """
+        placed, reasons = self._order.place(sample.stamp_ns)
+        if placed and all(value != value for value in sample[1:5]):
+            return Taken(None, (*reasons, EMPTY))
+        return Taken(sample if placed else None, reasons)
 
 
 STRAIGHT = Installation()

@@ -10,7 +10,7 @@ from swath_sysid.errors import InputError
 from swath_sysid.motion import attitude
 from swath_sysid.motion.cleaning import clean
 from swath_sysid.motion.installation_checks import contradictions_in
-from swath_sysid.motion.trial import CHANNELS, Trial
+from swath_sysid.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 
 FRAMES = ('flu', 'frd')
 """Sensor axes forward-left-up in an ENU world, or forward-right-down in a NED world."""
@@ -18,6 +18,14 @@ FRAMES = ('flu', 'frd')
 QUATERNION = ('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w')
 GYRO = ('gyro_x', 'gyro_y', 'gyro_z')
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
+
+EULER_RATES = ('roll_rate', 'pitch_rate', 'yaw_rate')
+
+EVEN_INTERVALS = 0.5, 1.5
+"""Median intervals: two samples further apart are across a loss, two nearer are stamped by chance."""
+
+STILL_YAW_RATE = 1e-9
+"""rad/s: a heading that never turns faster was not measured but filled in."""
 
 
 @dataclass(frozen=True)
@@ -135,8 +143,9 @@ def assemble_trial(time, readings, installation=None, *, source='', draft=None, 
         Seconds.
     readings : dict of str to ndarray, shape (N,)
         Any of ``roll``, ``pitch``, ``yaw`` (rad), or the quaternion ``quaternion_x`` ... ``_w``;
-        ``roll_rate``, ``pitch_rate`` (Euler rates), ``gyro_x`` ... ``_z`` (body rates), rad/s;
-        ``accel_x`` ... ``_z`` (specific force), m/s^2.
+        ``heading``, clockwise from north in either frame; ``roll_rate``, ``pitch_rate``,
+        ``yaw_rate`` (Euler rates), ``gyro_x`` ... ``_z`` (body rates), rad/s; ``accel_x`` ... ``_z``
+        (specific force), m/s^2; ``heave`` along the vertical axis of the frame, m.
     installation : Installation, optional
         By default the sensor's axes are those of the craft, FLU.
     source : str
@@ -159,19 +168,45 @@ def assemble_trial(time, readings, installation=None, *, source='', draft=None, 
     installation = installation or Installation()
     name = source or 'the record'
     time, readings, cleaning_advice = clean(time, readings, name)
-    channels, motion_advice = _craft_channels(readings, installation, name)
+    channels, motion_advice = _craft_channels(time, readings, installation, name)
     channels = {key: values for key, values in channels.items() if np.isfinite(values).any()}
     contradictions = contradictions_in(time, channels, installation)
     trial = Trial(
-        time=time, **{key: values for key, values in channels.items() if key in CHANNELS}, source=source, draft=draft,
-        initial_angle=initial_angle, advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
+        time=time, **{key: values for key, values in channels.items() if key in (*CHANNELS, *FURTHER_CHANNELS)},
+        source=source, draft=draft, initial_angle=initial_angle,
+        advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
     )
     if not trial.axes:
         raise InputError(f'{name} holds no usable roll or pitch, neither angle nor rate: check what the sensor sends')
     return trial
 
 
-def _craft_channels(readings, installation, name):
+def turn_rate(time, yaw):
+    """The rate at which a yaw angle or a heading turned from each sample to the next, by the past alone.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        s, increasing.
+    yaw : ndarray, shape (N,)
+        rad, however wrapped.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        rad/s; entry k is the difference of samples k and k - 1, the shorter way round, over their
+        interval. NaN at first, and where the interval is not about the usual one.
+    """
+    rate = np.full(time.size, np.nan)
+    interval = np.diff(time)
+    usual = np.median(interval)
+    shortest, longest = EVEN_INTERVALS
+    even = (interval > shortest * usual) & (interval < longest * usual)
+    rate[1:][even] = (np.remainder(np.diff(yaw) + np.pi, 2 * np.pi) - np.pi)[even] / interval[even]
+    return rate
+
+
+def _craft_channels(time, readings, installation, name):
     """The channels of a trial and the yaw from cleaned readings, and what to tell."""
     advice = []
     angles = _angles(readings, installation, name)
@@ -188,50 +223,69 @@ def _craft_channels(readings, installation, name):
     if any(part in readings for part in GYRO[:2]):
         body = _turned_vector(readings, GYRO, installation, name)
         if _has(body, GYRO) and 'roll' in angles and 'pitch' in angles:
-            rates['roll_rate'], rates['pitch_rate'], rates['yaw_rate'] = attitude.euler_rates(
-                angles['roll'], angles['pitch'], *_parts(body, GYRO))
+            rates = dict(zip(EULER_RATES, attitude.euler_rates(
+                angles['roll'], angles['pitch'], *_parts(body, GYRO)), strict=True))
         else:
-            rates = {euler: body[part] for euler, part in (('roll_rate', GYRO[0]), ('pitch_rate', GYRO[1]))
-                     if part in body}
+            rates = {euler: body[part] for euler, part in zip(EULER_RATES, GYRO, strict=True) if part in body}
     from_gyro = set(rates) - {'yaw_rate'}
     rates.update(_euler_rates(readings, installation, name))
+    if 'yaw_rate' not in rates and 'yaw' in angles:
+        turning = turn_rate(time, angles['yaw'])
+        if np.nanmax(np.abs(turning), initial=0.0) > STILL_YAW_RATE:
+            rates['yaw_rate'] = turning
     force = _turned_vector(readings, ACCEL, installation, name)
     if from_gyro - set(readings) and not ('roll' in angles and 'pitch' in angles and _has(readings, GYRO)):
         advice.append(Advice('body-rates', (
             'the angles (or a gyro axis) are not known, so body rates stand for the Euler rates, which is good for '
             'small angles only: record roll, pitch and all three gyro axes'
         )))
-    return {**angles, **rates, **force}, advice
+    heave = {'heave': _upward(installation) * readings['heave']} if 'heave' in readings else {}
+    return {**angles, **rates, **force, **heave}, advice
 
 
 def _angles(readings, installation, name):
     """Roll, pitch and yaw of the craft, those that are known."""
+    yaw = _sensor_yaw(readings, installation)
     if _has(readings, QUATERNION):
         orientation = _parts(readings, QUATERNION)
     elif not installation.is_turned:
-        sign = -1 if installation.frame == 'frd' else 1
-        known = {axis: side * readings[axis] for axis, side in (('roll', 1), ('pitch', sign)) if axis in readings}
-        if known and 'yaw' in readings:
-            known['yaw'] = np.pi / 2 - readings['yaw'] if sign < 0 else readings['yaw']
-        return known
+        upward = _upward(installation)
+        angles = {axis: side * readings[axis] for axis, side in (('roll', 1), ('pitch', upward)) if axis in readings}
+        return angles if yaw is None else {**angles, 'yaw': upward * yaw}
     elif _has(readings, ('roll', 'pitch')):
-        orientation = attitude.quaternion(readings['roll'], readings['pitch'], readings.get('yaw', 0.0))
+        orientation = attitude.quaternion(readings['roll'], readings['pitch'], 0.0 if yaw is None else yaw)
     elif 'roll' in readings or 'pitch' in readings:
         raise InputError(f'{name} holds only one of roll and pitch, and a mounting can turn only both together: '
                          f'give both, or no mounting')
     else:
         return {}
-    roll, pitch, yaw = attitude.euler_angles(*installation.orientation(*orientation))
-    return {'roll': roll, 'pitch': pitch, 'yaw': yaw}
+    roll, pitch, turned_yaw = attitude.euler_angles(*installation.orientation(*orientation))
+    told = _has(readings, QUATERNION) or yaw is not None
+    return {'roll': roll, 'pitch': pitch, 'yaw': turned_yaw} if told else {'roll': roll, 'pitch': pitch}
+
+
+def _sensor_yaw(readings, installation):
+    """The sensor's yaw about its world's vertical from any zero, or None; a heading turns as yaw does in NED."""
+    if 'yaw' in readings:
+        return readings['yaw']
+    return -_upward(installation) * readings['heading'] if 'heading' in readings else None
+
+
+def _upward(installation):
+    """The sign of the frame's vertical axis, and of pitch and yaw in it, in FLU and ENU."""
+    return -1 if installation.frame == 'frd' else 1
 
 
 def _euler_rates(readings, installation, name):
-    """The Euler rates of roll and pitch that were measured as such."""
-    measured = [rate for rate in ('roll_rate', 'pitch_rate') if rate in readings]
-    if measured and installation.is_turned:
-        raise InputError(f'{name} holds Euler rates ({", ".join(measured)}), which a mounting cannot turn: '
+    """The Euler rates that were measured as such."""
+    measured = [rate for rate in EULER_RATES if rate in readings]
+    needed = [rate for rate in measured if rate != 'yaw_rate']
+    if needed and installation.is_turned:
+        raise InputError(f'{name} holds Euler rates ({", ".join(needed)}), which a mounting cannot turn: '
                          f'give body rates (gyro_x, gyro_y, gyro_z), or no mounting')
-    sign = {'roll_rate': 1, 'pitch_rate': -1 if installation.frame == 'frd' else 1}
+    if installation.is_turned:
+        return {}
+    sign = dict(zip(EULER_RATES, (1, _upward(installation), _upward(installation)), strict=True))
     return {rate: sign[rate] * readings[rate] for rate in measured}
 
 

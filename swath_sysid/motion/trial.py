@@ -1,5 +1,5 @@
 """Trials: the measured motion of a craft, whatever file or topic it came from."""
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -7,6 +7,12 @@ from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
 
 AXES = ('roll', 'pitch')
+
+CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
+"""What an IMU gives of roll and pitch: the columns of a window on the wire, in this order."""
+
+FURTHER_CHANNELS = ('yaw_rate', 'heave')
+"""What some records hold beside `CHANNELS`: more of the wave, for a forecast."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +92,10 @@ class Trial:
         Euler rates, rad/s.
     accel_x, accel_y, accel_z : ndarray or None
         m/s^2.
+    yaw_rate : ndarray or None
+        Euler rate, rad/s, positive to port.
+    heave : ndarray or None
+        m, positive up.
     source : str
         The file (or topic) the trial was read from.
     draft : float or None
@@ -104,6 +114,8 @@ class Trial:
     accel_x: np.ndarray | None = None
     accel_y: np.ndarray | None = None
     accel_z: np.ndarray | None = None
+    yaw_rate: np.ndarray | None = None
+    heave: np.ndarray | None = None
     source: str = ''
     draft: float | None = None
     initial_angle: float | None = None
@@ -112,7 +124,8 @@ class Trial:
     @property
     def channels(self):
         """Name to array of every channel that was measured."""
-        return {name: getattr(self, name) for name in CHANNELS if getattr(self, name) is not None}
+        names = (*CHANNELS, *FURTHER_CHANNELS)
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     @property
     def axes(self):
@@ -138,8 +151,3 @@ class Trial:
             raise InputError(f'{self.source or "the trial"} holds no finite sample of {name}')
         whole = AxisMotion(name, self.time, getattr(self, name), getattr(self, f'{name}_rate'), self.source)
         return whole.only(finite)
-
-
-CHANNELS = tuple(
-    f.name for f in fields(Trial) if f.name not in ('time', 'source', 'draft', 'initial_angle', 'advice')
-)

@@ -5,7 +5,7 @@ from math import isnan
 
 from swath_sysid.motion import intake, stamps
 from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction import predictor
+from swath_sysid.prediction import forecaster
 
 OK, WARN, ERROR = range(3)
 """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -70,11 +70,10 @@ REASON_ADVICE = {
     intake.NEAR_VERTICAL: 'samples with pitch beyond 80 deg were left out, where roll and yaw cannot be told apart: if '
     'there are more and more, the sensor stands on end: set mounting_deg to [0, 90, 0] or [0, -90, 0]',
     intake.EMPTY: 'messages with nothing usable in them were left out: look at the driver',
-    predictor.GAP: 'samples are missing and were predicted through: look at the load of the machine and of the network',
     **{reason: 'samples that contradict the forecast were rejected: look for shocks or magnetic disturbance'
-       for reason in predictor.REJECTED.values()},
+       for reason in forecaster.REJECTED.values()},
     **{reason: 'the sensor contradicted the filter until that began anew: identify again if this repeats'
-       for reason in predictor.RESTARTED.values()},
+       for reason in forecaster.RESTARTED.values()},
     **NODE_REASONS,
 }
 """Every reason that is counted in /diagnostics, and what to do about it."""
@@ -322,14 +321,14 @@ class PredictorHealth(StreamHealth):
     Parameters
     ----------
     topic : str
-    outlook : Outlook
+    pipeline : ForecastPipeline
     """
 
-    def __init__(self, topic, outlook):
+    def __init__(self, topic, pipeline):
         super().__init__(topic)
         for reason in (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED):
             self.counts[reason] = 0
-        self._outlook = outlook
+        self._pipeline = pipeline
         self._model_arrival = None
         self._refusal = ''
 
@@ -345,10 +344,7 @@ class PredictorHealth(StreamHealth):
 
     def reports(self, now, now_ns):
         """The statuses of now; see `StreamHealth.report`."""
-        state = self._outlook.predictor.diagnostics()
-        counts = dict(state.counts)
-        for reason, count in self._outlook.counts.items():
-            counts[reason] = counts.get(reason, 0) + count
+        state = self._pipeline.diagnostics()
         interval = None if isnan(state.sample_interval) else state.sample_interval
         level, message = OK, 'forecasting with the identified model'
         refused = [f'{self._refusal}; the model before it stays'] if self._refusal else []
@@ -360,17 +356,19 @@ class PredictorHealth(StreamHealth):
             'refused_model': self._refusal,
             'has_waves': state.has_waves,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
-            **{f'innovations_outside_{axis}': share for axis, share in state.innovations_outside.items()},
-            **{f'innovations_alike_{axis}': share for axis, share in state.innovations_alike.items()},
         }
         for a, axis in enumerate(AXES):
-            for number, lead in enumerate(self._outlook.settings.predictor.leads):
-                values[f'nrmse_{axis}_{lead}s'] = float(state.skill[a, number])
-                values[f'coverage90_{axis}_{lead}s'] = float(state.coverage[a, number, 1])
+            for number, lead in enumerate(self._pipeline.settings.forecaster.leads):
+                values[f'nrmse_{axis}_{lead}s'] = float(state.nrmse[a, number])
+                values[f'coverage90_{axis}_{lead}s'] = float(state.coverage[a, number])
+                names = tuple(forecaster.CANDIDATES)
+                values[f'speaking_{axis}_{lead}s'] = names[int(state.weights[:, a, number].argmax())]
+                for k, candidate in enumerate(names):
+                    values[f'nrmse_{axis}_{lead}s_{candidate}'] = float(state.candidate_nrmse[k, a, number])
         return [
-            self.report(now, now_ns, counts, self._outlook.used, interval),
+            self.report(now, now_ns, self._pipeline.counts, self._pipeline.used, interval),
             Report('forecast', level, message, values),
-            installation_report(self._outlook.installation),
+            installation_report(self._pipeline.installation),
         ]
 
 
@@ -445,7 +443,7 @@ class PlayedHealth:
         self._pipeline = pipeline
         self._buffer = BufferHealth('imu/data', pipeline.window)
         self._identifier = IdentifierHealth()
-        self._predictor = PredictorHealth('imu/data', pipeline.outlook)
+        self._predictor = PredictorHealth('imu/data', pipeline.forecasts)
         nodes = 'imu_buffer', 'identifier', 'predictor'
         self._periods_ns = {node: round(1e9 * period) for node, period in zip(nodes, periods, strict=True)}
         self._due_ns = {}
@@ -464,9 +462,8 @@ class PlayedHealth:
             Where diagnostics are due: those of each node, every one as `Report.told_by` gives it.
         """
         told, stamp_ns = [], played.stamp_ns
-        predicted = played.outlook.predicted
         # a stray stamp must not be taken for the time
-        if (predicted is not None and predicted.used) or self._now_ns is None:
+        if played.step.used or self._now_ns is None:
             if self._now_ns is None or not self._now_ns <= stamp_ns < self._next_ns:
                 told = self._reports_at(stamp_ns)
             self._now_ns = stamp_ns

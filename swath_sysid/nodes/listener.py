@@ -11,12 +11,12 @@ from std_srvs.srv import Trigger
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import model_from_yaml
+from swath_sysid.files.topics import NEXT_TOPIC, lead_topic
 from swath_sysid.motion.attitude import euler_angles
 from swath_sysid.motion.trial import AXES
 from swath_sysid.nodes.connections import LATCHED
 from swath_sysid.nodes.messages import imu_reading
-from swath_sysid.prediction.demonstration import attitude_at
-from swath_sysid.prediction.outlook import NEXT_TOPIC, lead_topic
+from swath_sysid.pipeline.demonstration import attitude_at
 
 DEPTH = 1000
 RECENT = 6000

@@ -16,7 +16,7 @@ from swath_sysid.errors import InputError
 from swath_sysid.identification.refit import COEFFICIENT_NAMES, coefficients
 from swath_sysid.motion.intake import ImuReading
 from swath_sysid.motion.window import COLUMNS, MotionTable
-from swath_sysid.prediction.outlook import NOT_GIVEN
+from swath_sysid.prediction.forecast import NOT_GIVEN
 
 NANOSECONDS = 1_000_000_000
 ROW_BYTES = 8 * len(COLUMNS)

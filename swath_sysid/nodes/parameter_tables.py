@@ -18,11 +18,11 @@ from swath_sysid.motion.sensing import FRAMES, Installation
 from swath_sysid.motion.stamps import StampSettings
 from swath_sysid.motion.trial import AXES
 from swath_sysid.motion.window import WindowSettings
-from swath_sysid.prediction.ekf import FilterSettings
+from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
+from swath_sysid.prediction.forecaster import ForecasterSettings
+from swath_sysid.prediction.hull_filter import HullFilterSettings
 from swath_sysid.prediction.manoeuvring import ManoeuvreFilterSettings
 from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
-from swath_sysid.prediction.outlook import OutlookSettings
-from swath_sysid.prediction.predictor import PredictorSettings
 from swath_sysid.prediction.quiescence import QuiescenceLimits
 
 
@@ -180,7 +180,7 @@ IDENTIFIER = (
 PREDICTOR = (
     *SENSOR,
     NodeParameter(
-        'leads_s', list(PredictorSettings().leads), 'Leads with a topic of their own, increasing', 's', 0.01, 120.0,
+        'leads_s', list(ForecasterSettings().leads), 'Leads with a topic of their own, increasing', 's', 0.01, 120.0,
         read_only=True,
     ),
     NodeParameter('horizon_s', 5.0, 'Length of forecast/horizon', 's', 0.1, 120.0, read_only=True),
@@ -190,16 +190,16 @@ PREDICTOR = (
         'every sample)', 'Hz', 0.1, 1000.0, read_only=True,
     ),
     NodeParameter(
-        'waves_window_s', PredictorSettings().window, 'The past that the waves are learnt from', 's', 10.0, 3600.0,
+        'waves_window_s', ForecasterSettings().window, 'The past that the waves are learnt from', 's', 10.0, 3600.0,
         read_only=True,
     ),
     NodeParameter(
-        'waves_first_fit_s', PredictorSettings().first_refit, 'The least past that the waves are learnt from (more: '
+        'waves_first_fit_s', ForecasterSettings().first_refit, 'The least past that the waves are learnt from (more: '
         'later, but not from a craft that is handled)', 's', 2.0, 3600.0, read_only=True,
     ),
     NodeParameter(
-        'waves_refit_interval_s', PredictorSettings().refit_interval, 'Least time between fits of the waves, which run '
-        'in the background', 's', 1.0, 600.0, read_only=True,
+        'waves_refit_interval_s', ForecasterSettings().refit_interval, 'Least time between fits of the waves, which '
+        'run in the background', 's', 1.0, 600.0, read_only=True,
     ),
     *(
         NodeParameter(
@@ -222,11 +222,11 @@ PREDICTOR = (
         '0: as told on craft/loading, or not known', '', 0.0, 1e9,
     ),
     NodeParameter(
-        'gate_probability', FilterSettings().gate_probability,
+        'gate_probability', HullFilterSettings().gate_probability,
         'A true measurement is taken for an outlier with this probability', '', 1e-30, 0.01, read_only=True,
     ),
     NodeParameter(
-        'gate_patience', FilterSettings().gate_patience,
+        'gate_patience', HullFilterSettings().gate_patience,
         'After so many rejected samples in a row the sensor is believed again', 'samples', 1, 1000, read_only=True,
     ),
     *DIAGNOSTICS,
@@ -328,21 +328,20 @@ def refit_settings(values):
     return RefitSettings(tuple(values['axes']), identification, values['least_improvement'])
 
 
-def outlook_settings(values):
+def pipeline_settings(values):
     """Settings of predictor's core; see `window_settings`."""
     check(PREDICTOR, values)
-    return OutlookSettings(
+    return PipelineSettings(
         installation=installation(values),
-        predictor=PredictorSettings(
-            filter=FilterSettings(
+        stamps=StampSettings(values['backward_jump_s'], values['gap_limit_s']),
+        forecaster=ForecasterSettings(
+            hull=HullFilterSettings(
                 gate_probability=values['gate_probability'], gate_patience=values['gate_patience']
             ),
             leads=tuple(values['leads_s']),
             horizon=values['horizon_s'],
             horizon_step=values['horizon_step_s'],
             forecast_rate=values['forecast_rate_hz'],
-            gap_limit=values['gap_limit_s'],
-            backward_jump=values['backward_jump_s'],
             window=values['waves_window_s'],
             refit_interval=values['waves_refit_interval_s'],
             first_refit=values['waves_first_fit_s'],

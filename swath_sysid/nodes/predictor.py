@@ -1,6 +1,5 @@
 """The node predictor: attitude one sample ahead, at the leads and over the horizon, with covariance."""
 import sys
-from collections import deque
 from time import perf_counter
 
 from rclpy.node import Node
@@ -10,6 +9,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import description_from_yaml
+from swath_sysid.files.topics import HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, lead_topic
 from swath_sysid.hull.scheduled_model import models_at
 from swath_sysid.nodes.connections import (
     IMU_TOPIC,
@@ -21,30 +21,14 @@ from swath_sysid.nodes.connections import (
     watched_subscription,
 )
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
-from swath_sysid.nodes.health import (
-    BAD_LOADING,
-    LATE_FIT,
-    LOADING_ADVICE,
-    NOT_FITTED,
-    PASSED_OVER,
-    WAVE_WORKER_DIED,
-    PredictorHealth,
-)
-from swath_sysid.nodes.messages import NANOSECONDS, AttitudeMessage, horizon_message, imu_reading
+from swath_sysid.nodes.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, PredictorHealth
+from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
 from swath_sysid.nodes.model_intake import ModelIntake
-from swath_sysid.nodes.parameter_tables import PREDICTOR, outlook_settings
+from swath_sysid.nodes.parameter_tables import PREDICTOR, pipeline_settings
 from swath_sysid.nodes.parameters import NodeParameters
+from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.nodes.spinning import events_executor, run
-from swath_sysid.nodes.worker import Worker
-from swath_sysid.prediction.outlook import (
-    HORIZON_TOPIC,
-    NEXT_TOPIC,
-    QUIESCENCE_TOPIC,
-    Outlook,
-    lead_topic,
-    warm_up,
-)
-from swath_sysid.prediction.waves import fit_waves
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 
 PASSED_OVER_NS = 100_000_000
 """A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late."""
@@ -55,9 +39,10 @@ class Predictor(Node):
 
     def __init__(self):
         super().__init__('predictor')
-        self.parameters = NodeParameters(self, PREDICTOR, outlook_settings, self._on_parameters)
-        self.outlook = Outlook(self.parameters.settings)
-        self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.outlook)
+        self.parameters = NodeParameters(self, PREDICTOR, pipeline_settings, self._on_parameters)
+        self.pipeline = ForecastPipeline(self.parameters.settings)
+        self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
+        self.sea = SeaFitting(self.pipeline, self.health, self.get_logger())
         self._message = AttitudeMessage(self.parameters['frame_id'])
         self._next = watched_publisher(self, Imu, NEXT_TOPIC, NEWEST, self.health)
         self._leads = {
@@ -75,14 +60,10 @@ class Predictor(Node):
         watched_subscription(self, Float64, 'craft/loading', self._on_loading, NEWEST, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
-        self._fits = deque()
-        self._fitting = False
-        self._fit_due_ns = self._newest_ns = 0
-        self.worker = Worker(warm_up, lambda: self.health.note(WAVE_WORKER_DIED))
 
     def destroy_node(self):
         """Also end the worker and the intake."""
-        self.worker.close()
+        self.sea.close()
         self._intake.close()
         super().destroy_node()
 
@@ -99,40 +80,22 @@ class Predictor(Node):
             self.health.note_message(reading.stamp_ns, begun, perf_counter())
 
     def _add(self, reading, is_passed_over):
-        while self._fits:
-            self._install(*self._fits.popleft())
-        step = self.outlook.add(reading, None if is_passed_over else self._publish_next)
-        self._newest_ns = reading.stamp_ns
-        if step.waves is not None and self._fitting:
-            self.health.note(LATE_FIT)
-        elif step.waves is not None:
-            self._fitting = True
-            self._fit_due_ns = reading.stamp_ns + round(self.outlook.settings.predictor.refit_delay * NANOSECONDS)
-            # the end comes in the worker's thread: a deque hands it over to this one
-            self.worker.submit(fit_waves, (step.waves,), lambda *ending: self._fits.append(ending))
+        self.sea.hand_over(reading.stamp_ns)
+        step = self.pipeline.add(reading, None if is_passed_over else self._publish_next)
+        if step.sea_request is not None:
+            self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
             self.health.note(PASSED_OVER)
             return
-        for lead, forecast in step.leads:
+        for lead, forecast in step.attitudes():
             self._leads[lead].publish(self._message.filled(forecast))
         if step.horizon is not None:
-            self._horizon.publish(horizon_message(step.horizon, self.parameters['frame_id']))
+            self._horizon.publish(horizon_message(step.trajectory(), self.parameters['frame_id']))
         if step.quiescence is not None:
             self._quiescence.publish(Float32(data=step.quiescence))
 
     def _publish_next(self, forecast):
         self._next.publish(self._message.filled(forecast))
-
-    def _install(self, fit, error):
-        self._fitting = False
-        if error is None:
-            if self._newest_ns >= self._fit_due_ns:
-                self.health.note(LATE_FIT)
-            self.health.settle('waves')
-            self.outlook.install(fit)
-        else:
-            self.health.note(NOT_FITTED, 'waves')
-            self.get_logger().error(f'the waves were not fitted, {error}')
 
     def _take_models(self):
         """Use what came on model/description, once it is read."""
@@ -157,13 +120,13 @@ class Predictor(Node):
             self.get_logger().error(f'{error}; the loading before it stays')
 
     def _on_parameters(self, settings):
-        self.outlook.predictor.set_quiescence(settings.predictor.quiescence)
+        self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)
         self._load()
 
     def _load(self):
         """Hand on the models at the present loading; the filters keep their state."""
         models, advice = models_at(*self._described, self.parameters['loading'] or self._told_loading)
-        self.outlook.set_models(models)
+        self.pipeline.set_models(models)
         self.health.settle('loading')
         for item in advice:
             self.health.note(LOADING_ADVICE, 'loading')

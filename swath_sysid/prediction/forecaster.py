@@ -1,613 +1,660 @@
-"""From the filters and the past to calibrated forecasts at every lead.
+"""From samples to calibrated forecasts: a hull filter an axis, state spaces of all channels, and one blend of them.
 
-Six experts forecast each axis: its mean, constant rate, the hull alone, the waves (a regression on
-all channels), the axis by itself (a regression on its own past), and the hull driven by the moments
-of the waves.  Their past errors weigh them lead
-by lead and calibrate the result.  What an expert lacks (a hull, enough past, a gap-free stretch)
-only takes that expert away.  In still water the hull alone forecasts (`Stillness`).
+The candidates are an oscillator an axis, for the first minute; the hull filter (constant rate while no hull is known);
+and a state space of all channels for each memory. They are weighted lead by lead by their measured errors; one that
+the newest samples contradict is left out.
 """
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from swath_sysid.advice import Advice
+from swath_sysid.errors import InputError
 from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.calibration import NORMAL_QUANTILES, Calibrator
-from swath_sysid.prediction.combination import Combiner
+from swath_sysid.prediction.blend import Blend
 from swath_sysid.prediction.forecast import AxisForecast, Forecast
-from swath_sysid.prediction.free_forecast import carry_on, longest_horizon_step, spread_table
 from swath_sysid.prediction.history import History
-from swath_sysid.prediction.quiescence import Quiescence
-from swath_sysid.prediction.stillness import Stillness
-from swath_sysid.prediction.waves import CHANNELS, WaveRequest
+from swath_sysid.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
+from swath_sysid.prediction.oscillator import oscillators
+from swath_sysid.prediction.quiescence import Quiescence, QuiescenceLimits
+from swath_sysid.prediction.sea_fit import (
+    ALL_CHANNELS,
+    EACH_ALONE,
+    SEA_MODELS,
+    SHORT_MEMORY,
+    SeaRequest,
+    newest_stretch,
+)
+from swath_sysid.prediction.sensor_noise import NoiseMeter, NoiseSettings
+from swath_sysid.prediction.state_space import InnovationsFilter
 
-EXPERTS = ('mean', 'constant-rate', 'hull', 'waves', 'axis-alone', 'hull-and-waves')
-MEAN, RATE, HULL, WAVES, ALONE, HULL_AND_WAVES = range(len(EXPERTS))
+CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
+"""Of a sample, those that may tell of the waves; a record that lacks some is forecast from the others."""
 
-_FINEST = 0.009
+TARGETS = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
+AXIS_OF_TARGET = (0, 1, 0, 1)
+
+OSCILLATOR, HULL = 'oscillator', 'hull-filter'
+CANDIDATES = {OSCILLATOR: 0.3, HULL: 3.0, SHORT_MEMORY: 0.3, ALL_CHANNELS: 1.0, EACH_ALONE: 0.3}
+"""Each with its weight where errors do not tell them apart: the one that knows most, until another proves better."""
+
+_PLACE = {name: place for place, name in enumerate(CANDIDATES)}
+
+REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
+RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
+FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values())
+
+ROW_RATE = 10.0
+"""Hz; small craft move below 1.5 Hz. A slower sensor gives a row a sample."""
+
+LONGEST_BRIDGE = 60.0
+"""s; after a longer silence nothing is left of what was known of the motion, only of hull and sea."""
+
+SMOOTHED_FROM = 5
+"""Samples a row from which on the rows hold filtered values: fewer are too sparse to smooth without delay."""
+
+ANGLE_NOISE, RATE_NOISE = NoiseSettings(), NoiseSettings(0.005, 1e-4, 0.05)
+"""Of sensors that do not report theirs, rad and rad/s."""
+
+EXCITATION_WINDOW = 600.0
+"""s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes)."""
+
+_ROW = len(CHANNELS)
+_MEASURED = slice(_ROW, _ROW + 4)
+_BLOCK = slice(_ROW + 4, _ROW + 8)
+_COLUMNS = _ROW + 8
+_REGULAR = 0.5
+_IRREGULAR_SAMPLES = 10
+_NEW_STEP = 0.15
+_SETTLING_INTERVALS, _INEXACT_STEP = (5, 20, 60, 200), 2e-3
+_SEPARATING_ROWS = 200
+_SEEDED_FROM, _SEEDED_ROWS = 10.0, 80
+_REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 20.0
+_YOUNG = 60.0
+"""s; so long the oscillator is fitted anew each second."""
+_OSCILLATOR_WINDOW = 600.0
+_YOUNG_INTERVAL, _OLD_INTERVAL = 1.0, 20.0
+HEALTHY_STRAIN = 4.0
+"""Innovations squared over their expectation, lately: a model of the motion at hand stays below."""
+
+_LEAST_VARIANCE = 1e-10
 _ACTIVITY_TIME = 5.0
 _LEAST_ACTIVITY = 1e-4
-_LARGEST_FORECAST = math.pi
-_PRIOR_TRUST = 5.0
-_EARLY = 5.0
-_INFANCY = 60.0
-_FOREIGN = 0.04
-_IDLE_TIME_A_ROW = 0.02
-_FASTEST_EVEN = 0.05
 
 
-_COLUMNS = len(EXPERTS)
-COMBINED, ANGLE, RATE_TOLD, DEVIATION, QUANTILES, ACTIVITY, CLAIM, NOMINAL, LEVEL, MEAN_LEVEL, PAST_LEVEL, STILL = (
-    *range(_COLUMNS, _COLUMNS + 5), *range(_COLUMNS + 7, _COLUMNS + 14)
-)  # fmt: skip
-_WIDTH = STILL + 1
+@dataclass(frozen=True)
+class ForecasterSettings:
+    """What is forecast, and how the sea is learnt.
+
+    Attributes
+    ----------
+    leads : tuple of float
+        s, increasing; the leads that are scored and calibrated.
+    horizon, horizon_step : float
+        s.
+    forecast_rate : float
+        Forecasts a second (never more often than samples come).
+    window : float
+        s; the past that the sea is learnt from.
+    first_refit, refit_interval : float
+        s; when the sea is first learnt, and the least time between fits.
+    refit_delay : float
+        s from a request's stamp to its fit's use: the time that the background has for it.
+    hull : HullFilterSettings
+    quiescence : QuiescenceLimits or None
+        Limits whose probability of being kept is forecast; None: it is not.
+    """
+
+    leads: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
+    horizon: float = 5.0
+    horizon_step: float = 0.1
+    forecast_rate: float = 10.0
+    window: float = 1200.0
+    first_refit: float = 8.0
+    refit_interval: float = 5.0
+    refit_delay: float = 0.5
+    hull: HullFilterSettings = HullFilterSettings()
+    quiescence: QuiescenceLimits | None = None
+
+    def __post_init__(self):
+        if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
+            raise InputError(f'leads must be positive and increasing, not {self.leads}')
+        for name in ('horizon', 'horizon_step', 'forecast_rate', 'window', 'first_refit', 'refit_interval'):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f'{name} must be positive, not {getattr(self, name)}')
+        if self.horizon < self.horizon_step:
+            raise InputError('horizon must be at least one horizon_step')
+        if self.quiescence is not None and not self.horizon_step <= self.quiescence.duration <= self.horizon:
+            raise InputError(
+                f'quiescence over {self.quiescence.duration:g} s needs a horizon at least as long ({self.horizon:g} s) '
+                f'and steps no longer ({self.horizon_step:g} s): lengthen the horizon or shorten the duration'
+            )
+        if not self.refit_delay >= 0.0:
+            raise InputError(f'refit_delay must not be negative, not {self.refit_delay}')
 
 
-class _Issued(NamedTuple):
-    """A forecast whose errors are not all known yet: everything of it by axis and lead, in columns."""
+class Observed(NamedTuple):
+    """What one sample led to.
 
-    stamp: float
-    table: np.ndarray
+    Attributes
+    ----------
+    reasons : tuple of str
+        From `FORECASTER_REASONS`.
+    forecast, horizon : Forecast or None
+        At the leads and over the horizon, when due.
+    sea_request : SeaRequest or None
+        A past to learn from: give it to `fit_sea` and the result to `Forecaster.install`.
+    """
+
+    reasons: tuple[str, ...] = ()
+    forecast: Forecast | None = None
+    horizon: Forecast | None = None
+    sea_request: SeaRequest | None = None
+
+
+@dataclass(frozen=True)
+class ForecasterDiagnostics:
+    """The running state, for people.
+
+    Attributes
+    ----------
+    sample_interval : float
+        s; NaN before the second sample.
+    has_model : dict of str to bool
+        By axis.
+    has_waves : bool
+        Whether a state space of the waves is in use.
+    nis_ratio : dict of str to float
+        Innovations squared over their expectation, by axis; one is healthy.
+    nrmse, coverage : ndarray, shape (A, L)
+        Running error over the size of the motion, and share of the 90 % intervals that held.
+    candidate_nrmse, weights : ndarray, shape (K, A, L)
+        The running error of each of `CANDIDATES`, and what it contributes.
+    advice : tuple of Advice
+    """
+
+    sample_interval: float
+    has_model: dict[str, bool]
+    has_waves: bool
+    nis_ratio: dict[str, float]
+    nrmse: np.ndarray
+    coverage: np.ndarray
+    candidate_nrmse: np.ndarray
+    weights: np.ndarray
+    advice: tuple[Advice, ...]
 
 
 class Forecaster:
     """Forecasts of both axes.
 
+    Pure and causal: its time is the sum of what elapsed between samples.
+
     Parameters
     ----------
-    settings : PredictorSettings
-    filters : dict of str to AttitudeFilter
-        By axis; read, never changed.
+    settings : ForecasterSettings, optional
     """
 
-    def __init__(self, settings, filters):
-        self.settings = settings
-        self._filters = filters
-        self._leads = np.array(settings.leads)
-        count = round(settings.horizon / settings.horizon_step)
-        self._horizon = settings.horizon_step * np.arange(1, count + 1)
-        self._all = np.unique(np.round(np.concatenate([self._leads, self._horizon]), 9))
-        self._at_leads = np.searchsorted(self._all, self._leads - 1e-6)
-        self._at_horizon = np.searchsorted(self._all, self._horizon - 1e-6)
-        # weights change over ratios of leads, deviations grow from now on
-        self._between = _interpolation(np.log(self._leads), np.log(self._all))
-        self._from_now = _interpolation(np.concatenate([[0.0], self._leads]), self._all)
-        shape = len(AXES), self._leads.size
-        self._combiner = Combiner(*shape, len(EXPERTS), settings.skill_memory, 2.0 + self._leads)
-        # errors of another kind in still water: intervals of their own
-        self._calibrator = Calibrator((2, *shape))
-        self._stillness = [
-            Stillness(self._leads, settings.skill_memory, settings.filter.disturbance_initial) for _ in AXES
-        ]
-        self._history = History(settings.window + 2.0 * self._all[-1] + 10.0, _FINEST, len(CHANNELS) + 2)
-        limits = settings.quiescence
-        self._quiescence = None if limits is None else Quiescence(limits, self._horizon)
-        self._steps = {}
-        self._tables = {}
-        self._fit = self._waiting = None
-        self._usable = set()
-        self._pace = {}
-        self.clear()
+    def __init__(self, settings=None):
+        self.settings = s = settings or ForecasterSettings()
+        self._hulls = {axis: HullFilter(s.hull) for axis in AXES}
+        self._models = dict.fromkeys(AXES)
+        self._meters = {axis: (NoiseMeter(ANGLE_NOISE), NoiseMeter(RATE_NOISE)) for axis in AXES}
+        self._noise = np.full((2, len(AXES)), math.nan)
+        self._reported_noise = np.zeros((2, len(AXES)))
+        leads = np.array(s.leads)
+        horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
+        self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
+        self._asked = np.searchsorted(self._leads, leads - 1e-6)
+        self._over_horizon = np.searchsorted(self._leads, horizon - 1e-6)
+        # the oldest forecast that is scored lies one longest lead behind the window
+        self._history = History(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
+        self._quiescence = None if s.quiescence is None else Quiescence(s.quiescence, horizon)
+        self._size = MotionSize(s.window)
+        self._time = 0.0
+        self._due = -math.inf
+        self._interval = self._step = math.nan
+        self._intervals = self._irregular = 0
+        self._is_linked = False
+        self._blend = None
+        self._spaces = {}
+        self._waiting = None
+        self._rows_since_surprise = np.full(len(AXES), 10**9)
 
-    def clear(self):
-        """Forget the past motion (the clock has jumped); what was learnt of the sea stays."""
-        self._history.clear()
-        if self._quiescence is not None:
-            self._quiescence.clear()
-        self._issued = []
-        self._first_issued = 0
-        self._next_due = np.zeros(self._leads.size, dtype=int)
-        self._last = math.nan
-        self._begun = math.nan
-        self._refit_due = -math.inf
-        self._lowpass = [math.nan] * 3
-        self._mean = np.full(len(AXES), math.nan)
-        self._variance = np.zeros(len(AXES))
-        self._rate_square = np.zeros(len(AXES))
-        self._acceleration_square = np.zeros(len(AXES))
-        self._activity_square = np.zeros(len(AXES))
-        self._joint = np.zeros((len(AXES), self._leads.size, 3))
-        self._joint_time = np.zeros((len(AXES), self._leads.size))
+    # -- models and fits
 
-    def set_model(self, axis):
-        """Take notice of the filter's new model."""
-        attitude, place = self._filters[axis], AXES.index(axis)
-        self._tables[axis] = spread_table(attitude.model, self.settings.filter.disturbance_time, self._leads)
-        self._steps.clear()
-        self._pace[axis] = _natural_frequency(attitude.model)
-        for expert in (HULL, HULL_AND_WAVES):
-            self._combiner.forget_expert(place, expert)
-            for issued in self._issued:
-                # what the hull before it foretold says nothing of this one
-                issued.table[place, :, expert] = math.nan
-                issued.table[place, :, CLAIM] = 0.0
-        self._stillness[place].forget()
-        self._find_usable()
-        self._refit_due = -math.inf
-
-    def take(self, sample, interval, estimates):
-        """Remember a sample.
+    def set_model(self, axis, identified):
+        """Swap the hull of an axis under the running filter.
 
         Parameters
         ----------
-        sample : ImuSample
-        interval : float
-            The sensor's usual interval, s.
-        estimates : dict of str to AttitudeEstimate
+        axis : str
+        identified : IdentifiedModel or None
+            None: none is known.
         """
-        stamp = sample.stamp
-        fast = interval <= 0.5 / self.settings.excitation_rate
-        row = [math.nan] * 9
-        for place, axis in enumerate(AXES):
-            estimate = estimates.get(axis)
-            if estimate is None:
-                continue
-            angle, rate = sample[1 + place], sample[3 + place]
-            trusted = not estimate.rejected
-            known = estimate.angle_variance < 0.02
-            if fast or not trusted:
-                row[place] = estimate.angle if known else math.nan
-                row[place + 2] = estimate.rate
-            else:
-                row[place] = angle if angle == angle else (estimate.angle if known else math.nan)
-                row[place + 2] = rate
-            row[place + 7] = (angle if angle == angle else row[place]) if trusted else math.nan
-        gain = min(1.0, 2.0 * interval * self.settings.excitation_rate) if fast else 1.0
-        for k in range(3):
-            value, before = sample[5 + k], self._lowpass[k]
-            if value == value:
-                before = value if before != before else before + gain * (value - before)
-                self._lowpass[k] = before
-                row[4 + k] = before
-        self._history.append(stamp, row)
-        if self._begun != self._begun:
-            self._begun = stamp
+        self._models[axis] = identified
+        if identified is None:
+            self._hulls[axis].set_hull(None)
+        else:
+            self._hulls[axis].set_hull(identified.model, HullUncertainty.of(identified))
+        if self._blend is not None:
+            self._blend.renew(_PLACE[HULL], AXES.index(axis))
+        self._refit_due = -math.inf
 
     def install(self, fit):
-        """Use a fit from its stamp plus ``refit_delay`` on.
+        """Take over what was learnt; it is used from its request's time plus ``refit_delay`` on.
+
+        So a live run whose background is quick enough forecasts what an offline run does.
 
         Parameters
         ----------
-        fit : WaveFit
+        fit : SeaFit
         """
         self._waiting = fit
 
-    def refit_request(self, stamp, interval):
-        """The window to fit, when a fit is due at this stamp; else None.
-
-        Returns
-        -------
-        WaveRequest or None
-        """
-        s = self.settings
-        elapsed = stamp - self._begun
-        if stamp < self._refit_due or elapsed < s.first_refit:
-            return None
-        step = self._grid_step()
-        count = int(min(s.window, elapsed) / step + 1e-6) + 1
-        # a fit costs in proportion to its rows: the background is to be idle nearly always
-        self._refit_due = stamp + max(s.refit_interval, _IDLE_TIME_A_ROW * count)
-        if count < 20:
-            return None
-        values = self._history.back(step, count, interval)[::-1, :len(CHANNELS)]
-        models = {axis: f.model for axis, f in self._filters.items() if f.has_model and f.is_started}
-        trims = {axis: float(self._filters[axis].x[2]) for axis in models}
-        return WaveRequest(stamp, step, values, self._all, models, trims, s.excitation)
-
-    def _grid_step(self):
-        target = 1.0 / self.settings.excitation_rate
-        usual = float(np.median(np.diff(self._history.time[-200:])))
-        if usual < 0.25 * target:
-            return target
-        # a slow sensor: whole intervals, so that lags fall on samples
-        return round(max(1, round(target / usual)) * usual, 4)
-
-    def issue(self, stamp, interval):
-        """Score what has become known, then forecast.
-
-        Parameters
-        ----------
-        stamp, interval : float
-            Now, and the sensor's usual interval, s.
-
-        Returns
-        -------
-        at_leads, over_horizon : Forecast
-        """
-        elapsed = stamp - self._last if self._last == self._last else 0.0
-        elapsed = min(elapsed, 2.0)
-        self._last = stamp
-        if self._waiting is not None and stamp >= self._waiting.stamp + self.settings.refit_delay - 1e-9:
-            self._adopt()
-        self._follow_motion(stamp, elapsed)
-        self._score(stamp, interval, elapsed)
-        self._follow_excitation(stamp, elapsed)
-        angles, rates = self._experts(interval)
-        activity = np.maximum(np.sqrt(self._activity_square), _LEAST_ACTIVITY)
-        spread = {
-            axis: table.covariance(self._filters[axis].P, self._filters[axis].disturbance_variance)
-            for axis, table in self._tables.items()
-        }  # fmt: skip
-        nominal = self._nominal(angles, spread) / activity[:, None, None] ** 2
-        weights, variance = self._combiner.follow(nominal)
-        angle, rate = _combine(angles, rates, weights, self._between)
-        deviation = np.sqrt(np.maximum(variance, 1e-12)) * activity[:, None]
-        at = self._at_leads
-        combined = angle[:, at]
-        claims, believed, nominal, hull_deviation = self._still(deviation**2)
-        is_still = believed > 0.5
-        if believed.any():
-            share = believed @ self._between.T
-            angle = np.where(share > 0.0, angle + share * (angles[:, HULL] - angle), angle)
-            rate = np.where(share > 0.0, rate + share * (rates[:, HULL] - rate), rate)
-            deviation = np.where(is_still, believed * hull_deviation + (1.0 - believed) * deviation, deviation)
-        quantiles = np.where(is_still[..., None], self._calibrator.quantiles[1], self._calibrator.quantiles[0])
-        table = np.empty((len(AXES), self._leads.size, _WIDTH))
-        table[:, :, :_COLUMNS] = angles[:, :, at].transpose(0, 2, 1)
-        table[:, :, COMBINED], table[:, :, ANGLE], table[:, :, RATE_TOLD] = combined, angle[:, at], rate[:, at]
-        table[:, :, DEVIATION], table[:, :, QUANTILES:ACTIVITY] = deviation, quantiles
-        table[:, :, ACTIVITY], table[:, :, STILL] = activity[:, None], is_still
-        table[:, :, CLAIM], table[:, :, NOMINAL] = claims, nominal
-        for place, stillness in enumerate(self._stillness):
-            table[place, :, LEVEL] = stillness.excitation_variance
-            table[place, :, MEAN_LEVEL] = stillness.mean_level
-            table[place, :, PAST_LEVEL] = stillness.past_level
-        self._issued.append(_Issued(stamp, table))
-        at_leads, over_horizon = self._as_forecasts(stamp, angle, rate, deviation[..., None] * quantiles, spread)
-        if self._quiescence is None:
-            return at_leads, over_horizon
-        quiet = self._stays_quiet(over_horizon, activity, interval)
-        return replace(at_leads, quiescence=quiet), replace(over_horizon, quiescence=quiet)
-
-    def _follow_excitation(self, stamp, elapsed):
-        for (axis, attitude), stillness in zip(self._filters.items(), self._stillness, strict=True):
-            if attitude.is_started and attitude.has_model:
-                stillness.follow(
-                    stamp, elapsed, float(attitude.x[3]), float(attitude.P[3, 3]), attitude.disturbance_variance,
-                    2.0 * math.pi / self._pace[axis],
-                )  # fmt: skip
-
-    def _still(self, combination):
-        """Whether the water is still: claimed and believed, and the hull's nominal and likely deviation, (A, L)."""
-        claims, believed, nominal, deviation = np.zeros((4, len(AXES), self._leads.size))
-        for place, axis in enumerate(AXES):
-            attitude = self._filters[axis]
-            if not (attitude.is_started and attitude.has_model):
-                continue
-            covariance, stillness = attitude.P, self._stillness[place]
-            if not stillness.is_conceivable:
-                continue
-            # of the disturbance that is believed in here, all is to come
-            covariance = covariance.copy()
-            covariance[3] = covariance[:, 3] = 0.0
-            covariance[3, 3] = level = stillness.excitation_variance
-            variance = self._tables[axis].covariance(covariance, level)[:, 0, 0] + 1e-12
-            nominal[place], deviation[place] = np.sqrt(variance), np.sqrt(variance * stillness.scale)
-            claims[place] = stillness.claims(deviation[place] ** 2, combination[place])
-            believed[place] = claims[place] * stillness.trust
-        return claims, believed, nominal, deviation
-
-    def _stays_quiet(self, horizon, activity, interval):
-        motion, deviation = np.full((2, self._horizon.size, len(AXES), 2), np.nan)
-        for place, axis in enumerate(AXES):
-            told = horizon.axes.get(axis)
-            if told is not None:
-                motion[:, place] = np.column_stack([told.angle, told.rate])
-                deviation[:, place] = np.sqrt(told.covariance[:, (0, 1), (0, 1)])
-        tolerance = 0.6 * interval
-        self._quiescence.learn(
-            horizon.stamp, lambda stamps: self._history.at(stamps, tolerance)[:, [[7, 2], [8, 3]]]
-        )
-        return self._quiescence.probability(horizon.stamp, motion, deviation, activity)
-
     def set_quiescence(self, limits):
-        """Other limits of quiescence over the same duration."""
+        """Ask for the probability of keeping other limits, over the duration that was configured."""
         self._quiescence.set_limits(limits)
 
     def quiescence_reliability(self):
-        """How the told probabilities came true so far; None where no limits are configured."""
+        """How often the craft stayed quiet, by the probability issued; None where no limits are configured."""
         return None if self._quiescence is None else self._quiescence.record.diagram()
 
-    def _adopt(self):
-        fit, self._waiting = self._waiting, None
-        if self._fit is None or self._fit.hulls.keys() != fit.hulls.keys():
-            self._steps.clear()
-        self._fit = fit
-        self._find_usable()
+    # -- samples
 
-    def _find_usable(self):
-        """The axes whose hull is still the one that the fit knew."""
-        hulls = {} if self._fit is None else self._fit.hulls
-        self._usable = {axis for axis, model in hulls.items() if self._filters[axis].model == model}
+    def observe(self, sample, stamp, elapsed, publish_next=None):
+        """Take one sample.
 
-    def _follow_motion(self, stamp, elapsed):
-        """Running mean, size and speed of the motion."""
-        age = stamp - self._begun
-        slow = min(1.0, elapsed / min(self.settings.window, age + _EARLY))
-        quick = min(1.0, max(elapsed / _ACTIVITY_TIME, elapsed / age if age > 0.0 else 1.0))
-        for place, axis in enumerate(AXES):
-            attitude = self._filters[axis]
-            if not attitude.is_started:
+        Parameters
+        ----------
+        sample : CraftSample
+        stamp : float
+            s; of the forecasts that are issued.
+        elapsed : float or None
+            s since the sample before; None at the first, and where the clock was set back.
+        publish_next : callable, optional
+            Called with the sensor's interval, s, and, by axis, angle, rate and their covariance (three
+            numbers) one sample ahead, as soon as these are known.
+
+        Returns
+        -------
+        Observed
+        """
+        linked = self._is_linked and elapsed is not None and elapsed <= LONGEST_BRIDGE
+        if linked:
+            self._time += elapsed
+            self._follow_interval(elapsed)
+        else:
+            elapsed = 0.0
+            self._break_off()
+        reasons = self._follow_hulls(sample, elapsed, linked)
+        if publish_next is not None and self._interval == self._interval:
+            ahead = {axis: hull.ahead(self._interval) for axis, hull in self._hulls.items() if hull.is_started}
+            publish_next(self._interval, ahead)
+        self._size.follow(self._hulls.values(), elapsed)
+        if self._step != self._step:
+            return Observed(reasons)
+        if self._waiting is not None and self._time >= self._waiting.time + self.settings.refit_delay - 1e-9:
+            self._take_over()
+        self._follow_rows(sample, elapsed)
+        if self._time < self._due:
+            return Observed(reasons)
+        self._schedule()
+        return Observed(reasons, *self._issue(stamp), self._sea_request())
+
+    def _break_off(self):
+        """Nothing links the motion before to that to come; what is known of hull and sea stays."""
+        self._is_linked = True
+        self._due = -math.inf
+        self._size.restart()
+        if self._blend is not None:
+            self._skip_rows(_SEPARATING_ROWS)
+            self._since_row = self._step
+            self._restart_block()
+        if self._quiescence is not None:
+            self._quiescence.clear()
+
+    def _follow_interval(self, elapsed):
+        """The sensor's interval is the mean of those that resemble each other; a new rate is found by their lack."""
+        if abs(elapsed / self._interval - 1.0) < _REGULAR:
+            self._intervals = min(self._intervals + 1, 1000)
+            self._interval += (elapsed - self._interval) / self._intervals
+            self._irregular = 0
+        else:
+            self._irregular += 1
+            if self._interval == self._interval and self._irregular < _IRREGULAR_SAMPLES:
+                return
+            self._interval, self._intervals, self._irregular = elapsed, 1, 0
+        samples = max(1, round(1.0 / (ROW_RATE * self._interval)))
+        deviation = abs(samples * self._interval / self._step - 1.0)
+        if not deviation < _NEW_STEP:
+            self._begin_rows(samples)
+        elif self._intervals in _SETTLING_INTERVALS and deviation > _INEXACT_STEP:
+            self._correct_step()
+
+    def _follow_hulls(self, sample, elapsed, linked):
+        even = abs(elapsed - self._interval) < _REGULAR * self._interval
+        reasons = ()
+        for place, (axis, hull) in enumerate(self._hulls.items()):
+            angle, rate = sample[1 + place], sample[3 + place]
+            if not hull.is_started and angle != angle and rate != rate:
                 continue
-            angle, rate, trim, disturbance = attitude.x.tolist()
-            acceleration = disturbance + float(attitude.model.acceleration(angle + attitude.model.trim - trim, rate))
-            if self._mean[place] != self._mean[place]:
-                # before anything is known of it, the craft is taken to lie at the trim it was identified at
-                self._mean[place] = trim
-            self._mean[place] += slow * (angle - self._mean[place])
-            square = (angle - self._mean[place]) ** 2
-            self._variance[place] += slow * (square - self._variance[place])
-            self._rate_square[place] += slow * (rate * rate - self._rate_square[place])
-            self._acceleration_square[place] += quick * (acceleration**2 - self._acceleration_square[place])
-            # both halves of the oscillation's energy, so that the size does not swing with the phase
-            share = self._variance[place] / self._rate_square[place] if self._rate_square[place] > 0.0 else 0.0
-            size = 0.5 * (square + share * rate * rate)
-            self._activity_square[place] += quick * (size - self._activity_square[place])
-
-    def _score(self, stamp, interval, elapsed):
-        """Errors of the forecasts whose time has come."""
-        tolerance = (0.6 if interval <= _FASTEST_EVEN else 0.25) * interval
-        for _ in range(3):
-            due, records = [], []
-            for lead in range(self._leads.size):
-                place = self._next_due[lead] - self._first_issued
-                if place < len(self._issued) and self._issued[place].stamp + self._leads[lead] <= stamp + 1e-6:
-                    due.append(lead)
-                    records.append(self._issued[place])
-                    self._next_due[lead] += 1
-            if not due:
-                break
-            self._learn(due, records, tolerance, elapsed)
-        done = int(self._next_due.min()) - self._first_issued
-        if done > 0:
-            del self._issued[:done]
-            self._first_issued += done
-
-    def _learn(self, due, records, tolerance, elapsed):
-        stamps = np.full(self._leads.size, np.nan)
-        table = np.full((len(AXES), self._leads.size, _WIDTH), np.nan)
-        for lead, record in zip(due, records, strict=True):
-            stamps[lead] = record.stamp
-            table[:, lead] = record.table[:, lead]
-        truth = np.full((self._leads.size, 4), np.nan)
-        truth[due] = self._history.at(stamps[due] + self._leads[due], tolerance)[:, (7, 8, 2, 3)]
-        activity = table[:, :, ACTIVITY]
-        missed = table[:, :, :QUANTILES]
-        missed[:, :, :RATE_TOLD] -= truth.T[:2, :, None]
-        missed[:, :, RATE_TOLD] -= truth.T[2:]
-        over_deviation = missed[:, :, ANGLE] / table[:, :, DEVIATION]
-        missed[:, :, :DEVIATION] /= activity[:, :, None]
-        self._combiner.learn(missed[:, :, :_COLUMNS], elapsed)
-        still = table[:, :, STILL] == 1.0
-        calm = still
-        if (table[:, :, CLAIM] > 0.0).any():
-            calm = still & self._learn_stillness(table, stamps, elapsed)
-        issued = table[:, :, QUANTILES:ACTIVITY]
-        self._calibrator.learn(np.where((~still, calm), over_deviation, np.nan), issued, elapsed)
-        angle, rate = missed[:, :, ANGLE], missed[:, :, RATE_TOLD]
-        products = np.stack((angle * angle, angle * rate, rate * rate), axis=2)
-        whole = np.isfinite(products[:, :, 1])
-        self._joint_time += elapsed * whole
-        gain = elapsed / np.maximum(np.minimum(self.settings.skill_memory, self._joint_time), 1e-9) * whole
-        products[~whole] = 0.0
-        self._joint += gain[:, :, None] * (products - self._joint)
-
-    def _learn_stillness(self, table, stamps, elapsed):
-        """Score the claims of still water; whether it has stayed still since, shape (A, L)."""
-        stayed = np.zeros(table.shape[:2], dtype=bool)
-        for place, stillness in enumerate(self._stillness):
-            rows = table[place]
-            claims = np.nan_to_num(rows[:, CLAIM])
-            if claims.any():
-                stayed[place] = stillness.learn(
-                    claims, stamps, rows[:, LEVEL], rows[:, MEAN_LEVEL], rows[:, PAST_LEVEL], rows[:, HULL],
-                    rows[:, COMBINED], rows[:, HULL] * rows[:, ACTIVITY] / np.maximum(rows[:, NOMINAL], 1e-9), elapsed,
-                )  # fmt: skip
-        return stayed
-
-    def _experts(self, interval):
-        """Forecasts of every expert: angles and rates, shape (A, E, leads), NaN where there is none."""
-        angles = np.full((len(AXES), len(EXPERTS), self._all.size), np.nan)
-        rates = np.full_like(angles, np.nan)
-        waves, alone, moments = self._waves_ahead(interval)
-        for place, axis in enumerate(AXES):
-            attitude = self._filters[axis]
-            if not attitude.is_started:
+            variances = self._variances(axis, angle, rate, sample[8 + place], sample[10 + place], even)
+            self._noise[:, place] = variances
+            reported = sample[8 + place], sample[10 + place]
+            self._reported_noise[:, place] = [variance if variance > 0.0 else 0.0 for variance in reported]
+            if not (linked and hull.is_started):
+                hull.start(angle, rate, *variances)
                 continue
-            angle, rate, trim, disturbance = attitude.x.tolist()
-            angles[place, MEAN], rates[place, MEAN] = self._mean[place], 0.0
-            if self._last - self._begun < _INFANCY or not (place in waves or place in alone):
-                # a regression knows all that a constant rate does, once it has seen enough
-                angles[place, RATE], rates[place, RATE] = angle + rate * self._all, rate
-            if attitude.has_model:
-                state = angle, rate, trim
-                step, fade = self._grid_of(axis)
-                # what is no larger than its own uncertainty is mostly noise, and none of it is to come
-                level = self._stillness[place].excitation_variance
-                moment = disturbance * level / (level + float(attitude.P[3, 3]))
-                angles[place, HULL], rates[place, HULL] = self._carry(axis, state, moment * fade, step)
-                if axis in moments:
-                    angles[place, HULL_AND_WAVES], rates[place, HULL_AND_WAVES] = self._carry(
-                        axis, state, moments[axis], self._fit.step
-                    )
-            for expert, ahead in ((WAVES, waves), (ALONE, alone)):
-                if place in ahead:
-                    angles[place, expert] = ahead[place]
-                    given = ahead.get(place + len(AXES))
-                    rates[place, expert] = np.gradient(ahead[place], self._all) if given is None else given
-        # a runaway must not reach the average through a small weight
-        np.clip(angles, -_LARGEST_FORECAST, _LARGEST_FORECAST, out=angles)
-        return angles, rates
+            observed = hull.observe(elapsed, angle, rate, *variances)
+            if self._models[axis] is not None and (observed.surprised or observed.restarted):
+                self._rows_since_surprise[place] = 0
+            if observed.rejected:
+                reasons += (REJECTED[axis],)
+            elif observed.restarted:
+                reasons += (RESTARTED[axis],)
+        return reasons
 
-    def _waves_ahead(self, interval):
-        """What the fit foretells: motion and motion of each axis alone, by channel; moments, by axis."""
-        fit = self._fit
-        if fit is None:
-            return {}, {}, {}
-        rows = min(fit.reach, int((self._history.time[-1] - self._history.time[0]) / fit.step + 1e-6) + 1)
-        lags = self._history.back(fit.step, rows, interval)[:, :len(CHANNELS)]
-        moments = None
-        usable = self._usable
-        if usable:
-            moments = fit.moments_ahead(lags, {axis: float(self._filters[axis].x[2]) for axis in fit.hulls})
-        moments = {} if moments is None else {
-            axis: column for axis, column in zip(fit.hulls, moments.T, strict=True) if axis in usable
-        }  # fmt: skip
-        return fit.motion_ahead(lags), fit.alone_ahead(lags), moments
+    def _variances(self, axis, angle, rate, angle_variance, rate_variance, even):
+        """Of the sensor's noise: what it reports; where it reports nothing, as measured."""
+        of_angle, of_rate = self._meters[axis]
+        if not even:
+            of_angle.restart()
+            of_rate.restart()
+        return (
+            angle_variance if angle_variance > 0.0 else of_angle.take(angle),
+            rate_variance if rate_variance > 0.0 else of_rate.take(rate),
+        )
 
-    def _grid_of(self, axis):
-        step = self.settings.horizon_step
-        count = math.ceil(self._all[-1] / step - 1e-9)
-        return step, np.exp(-step * (np.arange(count) + 0.5) / self.settings.filter.disturbance_time)
+    # -- rows: the motion at even steps
 
-    def _carry(self, axis, state, moments, grid):
-        """The hull's motion at all leads under moments given on a grid."""
-        key = axis, grid
-        if key not in self._steps:
-            self._steps[key] = longest_horizon_step(self._filters[axis].model, grid), _hermite(self._all, grid)
-        (step, per_grid), (before, values, slopes) = self._steps[key]
-        angles, rates = carry_on(self._filters[axis].model, *state, moments, step, per_grid)
-        fine = (
-            values[0] * angles[before] + values[1] * angles[before + 1]
-            + grid * (slopes[0] * rates[before] + slopes[1] * rates[before + 1])
-        )  # fmt: skip
-        return fine, values[2] * rates[before] + values[3] * rates[before + 1]
+    def _begin_rows(self, samples):
+        """Rows of another step: nothing that was learnt in rows holds for them."""
+        self._samples_a_row = samples
+        self._step = samples * self._interval
+        self._history.clear()
+        self._spaces = {}
+        self._oscillator_due = -math.inf
+        self._waiting = None
+        self._score_anew()
+        self._rows_begun = self._time
+        self._refit_due = -math.inf
+        # the next sample is a row
+        self._since_row = self._step
+        self._restart_block()
 
-    def _nominal(self, angles, spread):
-        """Variance expected of each expert before any experience, shape (A, L, E)."""
-        leads = self._leads
-        nominal = np.full((len(AXES), leads.size, len(EXPERTS)), np.nan)
-        for place, axis in enumerate(AXES):
-            attitude = self._filters[axis]
-            if not attitude.is_started:
-                continue
-            p = attitude.P
-            # a mean of a few seconds may be off by all that the craft can swing from here
-            x, w = attitude.x[0] - attitude.x[2], attitude.x[1] / self._pace[axis]
-            early = _EARLY / (_EARLY + self._last - self._begun)
-            nominal[place, :, MEAN] = self._variance[place] + early * (x * x + w * w) + 1e-8
-            strayed = 0.25 * leads**4 * self._acceleration_square[place]
-            nominal[place, :, RATE] = p[0, 0] + leads**2 * p[1, 1] + strayed
-            if attitude.has_model:
-                # before anything is known, most of what is seen is taken for the hull's own motion
-                own = self._pace[axis] ** 4 * (x * x + w * w)
-                excess = max(attitude.disturbance_variance - _FOREIGN * own, 0.0)
-                nominal[place, :, HULL] = (
-                    spread[axis][:, 0, 0] - excess * self._tables[axis].by_disturbance[:, 0, 0]
-                )  # fmt: skip
-            for expert, error in self._told_errors(place):
-                nominal[place, :, expert] = error**2 + p[0, 0]
-        nominal[np.isnan(angles[:, :, self._at_leads].transpose(0, 2, 1))] = np.nan
-        return nominal
+    def _correct_step(self):
+        """The first intervals of a sensor that jitters are no measure of the others; the rows themselves stay."""
+        self._step = self._samples_a_row * self._interval
+        self._spaces = {}
+        self._waiting = None
+        self._oscillator_due = self._refit_due = -math.inf
+        self._score_anew()
 
-    def _told_errors(self, place):
-        """Errors at the leads that the fit itself expects of its experts."""
-        fit = self._fit
-        if fit is None:
+    def _score_anew(self):
+        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()), _PLACE[HULL])
+        whole = self._leads / self._step
+        self._leads_are_rows = bool(np.all(np.abs(whole - np.round(whole)) < 0.02)) and whole[0] > 0.9
+
+    def _restart_block(self):
+        self._block_sum, self._block_count = np.zeros((2, 4))
+        self._smoothed = np.full(_ROW, math.nan)
+
+    def _follow_rows(self, sample, elapsed):
+        self._since_row += elapsed
+        measured = np.array((*sample[1:5], sample.yaw_rate, *sample[5:8], sample.heave))
+        known = np.isfinite(measured)
+        self._block_sum[known[:4]] += measured[:4][known[:4]]
+        self._block_count += known[:4]
+        is_smoothed = self._samples_a_row >= SMOOTHED_FROM
+        if is_smoothed:
+            before = np.where(np.isnan(self._smoothed), measured, self._smoothed)
+            gain = 2.0 / self._samples_a_row
+            self._smoothed = np.where(known, before + gain * (measured - before), self._smoothed)
+        steps = round(self._since_row / self._step)
+        if steps < 1 or self._since_row < self._step - 0.5 * self._interval:
             return
-        if fit.motion is not None and place in fit.targets:
-            error = fit.motion.error[self._at_leads, fit.targets.index(place)]
-            yield WAVES, error
-            # the regression of the moments tells no errors of the motion: those of the motion's stand in
-            yield HULL_AND_WAVES, error
-        if place in fit.alone:
-            error = fit.alone[place].error[self._at_leads, 0]
-            yield ALONE, error
-            if fit.motion is None:
-                yield HULL_AND_WAVES, error
+        # a row is a sample's, whatever the clocks of sensor and rows make of their steps
+        self._since_row = 0.0
+        self._skip_rows(steps - 1)
+        row = np.empty(_COLUMNS)
+        row[:_ROW] = self._smoothed if is_smoothed else measured
+        if is_smoothed:
+            for place, hull in enumerate(self._hulls.values()):
+                if hull.is_started:
+                    row[[place, place + 2]] = hull.x[:2]
+        row[_MEASURED] = measured[:4]
+        row[_BLOCK] = np.where(self._block_count > 0, self._block_sum / np.maximum(self._block_count, 1.0), math.nan)
+        self._block_sum[:] = self._block_count[:] = 0.0
+        self._history.append(row)
+        for space in self._spaces.values():
+            space.step(row[:_ROW])
+        self._follow_oscillator()
+        mean, covariance = self._candidates(self._step * self._blend.steps, 0.0)
+        variance = np.diagonal(covariance, axis1=2, axis2=3)
+        self._blend.take(
+            row[_MEASURED][:2], mean[..., :2], variance[..., :2], self._reported_noise[0], self._rows_since_surprise
+        )
+        self._rows_since_surprise += steps
+        self._at_row = mean, covariance
 
-    def _as_forecasts(self, stamp, angle, rate, widths, spread):
-        at_leads, over_horizon = {}, {}
-        for place, axis in enumerate(AXES):
-            attitude = self._filters[axis]
-            if not attitude.is_started:
+    def _skip_rows(self, count):
+        if count > 0:
+            self._history.skip(count)
+            self._blend.skip(count)
+            for space in self._spaces.values():
+                space.skip(count)
+
+    def _follow_oscillator(self):
+        """An oscillator costs so little that it is fitted at once."""
+        if self._time < self._oscillator_due:
+            return
+        is_young = self._time - self._rows_begun < _YOUNG
+        self._oscillator_due = self._time + (_YOUNG_INTERVAL if is_young else _OLD_INTERVAL)
+        self._use(OSCILLATOR, oscillators(self._past(_OSCILLATOR_WINDOW), CHANNELS, self._step, AXES))
+
+    def _past(self, duration):
+        """The channels' rows of the last so many seconds."""
+        return self._history.last(int(duration / self._step) + 1)[:, :_ROW]
+
+    def _use(self, name, model):
+        if model is not None:
+            self._spaces[name] = space = InnovationsFilter(model, TARGETS, self._leads[-1] + 2.0 * self._step)
+            space.seed(self._past(max(_SEEDED_FROM, _SEEDED_ROWS * self._step)))
+
+    # -- what is learnt of the sea
+
+    def _sea_request(self):
+        """The past to learn from, when a fit is due; else None."""
+        s, age = self.settings, self._time - self._rows_begun
+        if self._time < self._refit_due or age < s.first_refit:
+            return None
+        # what a young fit knows grows quickly; one of a long past costs more and changes less
+        interval = max(s.refit_interval, min(_REFIT_SHARE * age, _LONGEST_REFIT_INTERVAL))
+        self._refit_due = self._time + interval
+        excitations = {axis: self._excitation_request(place, axis) for place, axis in enumerate(AXES)}
+        return SeaRequest(
+            self._time, self._step, CHANNELS, self._past(s.window).copy(),
+            {axis: request for axis, request in excitations.items() if request is not None},
+        )  # fmt: skip
+
+    def _excitation_request(self, place, axis):
+        hull = self._hulls[axis]
+        if self._models[axis] is None or not hull.is_started:
+            return None
+        rows = self._history.last(int(min(EXCITATION_WINDOW, self.settings.window) / self._step) + 1)
+        angle, rate = newest_stretch(rows[:, _BLOCK][:, [place, place + 2]].T, self._step)
+        samples = self._samples_a_row
+        noise = self._noise[:, place] / samples
+        return hull.excitation_request(self._step, angle, rate, *noise, samples)
+
+    def _take_over(self):
+        fit, self._waiting = self._waiting, None
+        for name, model in fit.waves.items():
+            self._use(name, model)
+            self._blend.renew(_PLACE[name])
+        for axis, excitation in fit.excitations.items():
+            if self._models[axis] is not None:
+                self._hulls[axis].set_excitation(excitation, self._time - fit.time)
+
+    # -- forecasts
+
+    def _schedule(self):
+        period = 1.0 / self.settings.forecast_rate
+        slack = 0.25 * min(period, self._interval)
+        following = self._due + period
+        self._due = following if self._time - slack < following <= self._time + period else self._time + period - slack
+
+    def _candidates(self, leads, age):
+        """Forecasts of every candidate, (K, L, 4), and their covariances, (K, L, 4, 4); NaN where there is none."""
+        mean = np.full((len(CANDIDATES), leads.size, len(TARGETS)), math.nan)
+        covariance = np.zeros((*mean.shape, len(TARGETS)))
+        hull_place = _PLACE[HULL]
+        for place, hull in enumerate(self._hulls.values()):
+            # without a hull it carries on the rate, which an oscillator does better
+            if not hull.is_started or (self._models[AXES[place]] is None and OSCILLATOR in self._spaces):
                 continue
-            now = math.sqrt(attitude.P[0, 0]) * NORMAL_QUANTILES, math.sqrt(attitude.P[1, 1])
-            correlation, rate_deviation = self._rate_spread(place, spread[axis])
-            rows = np.empty((self._leads.size + 1, 5))
-            rows[0, :3], rows[0, 3], rows[0, 4] = *now, correlation[0]
-            rows[1:, :3], rows[1:, 3], rows[1:, 4] = widths[place], rate_deviation, correlation
-            rows = self._from_now @ rows
-            covariance = _covariance(rows[:, 1] / NORMAL_QUANTILES[1], rows[:, 3], rows[:, 4])
-            for places, told in ((self._at_leads, at_leads), (self._at_horizon, over_horizon)):
-                told[axis] = AxisForecast(
-                    angle[place, places], rate[place, places], covariance[places], rows[places, :3]
-                )
-        return Forecast(stamp, self._leads, at_leads), Forecast(stamp, self._horizon, over_horizon)
+            pair = np.ix_(range(leads.size), [place, place + 2])
+            angle, rate, spread = hull.forecast(leads)
+            mean[hull_place][pair] = np.column_stack([angle, rate])
+            # of the readings to come, as the state spaces'
+            spread = spread + np.diag(self._noise[:, place])
+            covariance[hull_place][np.ix_(range(leads.size), [place, place + 2], [place, place + 2])] = spread
+        for name, space in self._spaces.items():
+            k = _PLACE[name]
+            mean[k], covariance[k] = space.forecast(leads, age)
+            if space.strain > HEALTHY_STRAIN:
+                mean[k][:, self._hull_vouches()] = math.nan
+        np.clip(mean[..., :2], -math.pi, math.pi, out=mean[..., :2])
+        return mean, covariance
 
-    def _rate_spread(self, place, prior):
-        """Correlation of angle and rate errors and deviation of the rate's, at the leads."""
-        prior = prior.reshape(-1, 4)[:, [0, 1, 3]]
-        size = max(self._activity_square[place], _LEAST_ACTIVITY**2)
-        known = self._joint_time[place][:, None]
-        joint = (self._joint[place] * size * known + prior * _PRIOR_TRUST) / (known + _PRIOR_TRUST)
-        correlation = joint[:, 1] / np.sqrt(np.maximum(joint[:, 0] * joint[:, 2], 1e-30))
-        return np.clip(correlation, -0.99, 0.99), np.sqrt(np.maximum(joint[:, 2], 0.0))
+    def _hull_vouches(self):
+        """The targets of which an identified hull explains the newest samples."""
+        vouches = [
+            model is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
+            for model, hull in zip(self._models.values(), self._hulls.values(), strict=True)
+        ]
+        return [vouches[axis] for axis in AXIS_OF_TARGET]
+
+    def _issue(self, stamp):
+        if self._leads_are_rows and abs(self._since_row) < 0.5 * self._interval:
+            mean, covariance = (part[:, self._blend.place_of_lead] for part in self._at_row)
+        else:
+            mean, covariance = self._candidates(self._leads, self._since_row)
+        # a noise that is only measured is an upper bound, with which intervals would come out too narrow
+        mean, covariance = self._blend.combine(mean, covariance, AXIS_OF_TARGET, self._reported_noise.ravel())
+        known = [place for place in range(len(AXES)) if math.isfinite(mean[0, place])]
+        forecast, horizon = (self._forecast(stamp, chosen, mean, covariance, known)
+                             for chosen in (self._asked, self._over_horizon))
+        if self._quiescence is not None:
+            quiet = self._stays_quiet(horizon)
+            forecast, horizon = replace(forecast, quiescence=quiet), replace(horizon, quiescence=quiet)
+        return forecast, horizon
+
+    def _forecast(self, stamp, chosen, mean, covariance, known):
+        mean, covariance = mean[chosen], covariance[chosen]
+        axes = {}
+        for place in known:
+            pair = [place, place + 2]
+            axes[AXES[place]] = AxisForecast.normal(
+                mean[:, place], mean[:, place + 2], covariance[:, pair][:, :, pair]
+            )
+        joint = [*known, *(place + 2 for place in known)]
+        return Forecast(stamp, self._leads[chosen], axes, covariance[:, joint][:, :, joint])
+
+    def _stays_quiet(self, horizon):
+        motion, deviation = np.full((2, horizon.leads.size, len(AXES), 2), math.nan)
+        for place, axis in enumerate(AXES):
+            ahead = horizon.axes.get(axis)
+            if ahead is not None:
+                motion[:, place] = np.column_stack([ahead.angle, ahead.rate])
+                deviation[:, place] = np.sqrt(ahead.covariance[:, (0, 1), (0, 1)])
+        newest, time = self._history.newest, self._time - self._since_row
+        self._quiescence.learn(self._time, lambda times: (
+            self._history.at(newest + (times - time) / self._step)[:, _MEASURED][:, [[0, 2], [1, 3]]]
+        ))  # fmt: skip
+        return self._quiescence.probability(self._time, motion, deviation, self._size.activity)
+
+    # -- for people
+
+    def diagnostics(self):
+        """The running state, for people.
+
+        Returns
+        -------
+        ForecasterDiagnostics
+        """
+        started = {axis: hull for axis, hull in self._hulls.items() if hull.is_started}
+        advice = tuple(
+            Advice('no-model', f'no {axis} model has arrived, so no hull helps the forecast: identify the hull')
+            for axis in started
+            if self._models[axis] is None
+        )
+        has_waves = any(name in self._spaces for name in SEA_MODELS)
+        if not has_waves:
+            advice += (Advice('no-waves', 'the waves are not learnt yet: forecasts improve within a minute or two'),)
+        advice += tuple(note for hull in started.values() for note in hull.advice())
+        shape = len(CANDIDATES), len(AXES), self._asked.size
+        candidate, weights = np.full((2, *shape), math.nan)
+        nrmse, coverage = np.full((2, *shape[1:]), math.nan)
+        if self._blend is not None:
+            places = self._blend.place_of_lead[self._asked]
+            size = np.maximum(self._size.deviation, _LEAST_ACTIVITY)
+            candidate = np.sqrt(self._blend.mean_square[:, places]).transpose(0, 2, 1) / size[:, None]
+            weights = self._blend.weights[:, places].transpose(0, 2, 1)
+            nrmse = np.sqrt(self._blend.blended_square[places]).T / size[:, None]
+            coverage = self._blend.coverage[places].T
+        return ForecasterDiagnostics(
+            self._interval, {axis: self._models[axis] is not None for axis in AXES}, has_waves,
+            {axis: hull.strain for axis, hull in started.items()}, nrmse, coverage, candidate, weights, advice,
+        )  # fmt: skip
+
+
+class MotionSize:
+    """Running mean and size of the angles and rates.
+
+    Parameters
+    ----------
+    memory : float
+        s.
+    """
+
+    def __init__(self, memory):
+        self._memory = memory
+        self._elapsed = 0.0
+        self.mean = np.full(len(AXES), math.nan)
+        self._square, self._rate_square, self._recent = np.full((3, len(AXES)), _LEAST_VARIANCE)
+
+    def restart(self):
+        """Begin the recent size anew."""
+        self._recent[:] = _LEAST_VARIANCE
+
+    def follow(self, hulls, elapsed):
+        """Take the filtered motion one sample later."""
+        self._elapsed += elapsed
+        slow = elapsed / min(self._memory, self._elapsed) if elapsed > 0.0 else 0.0
+        quick = min(1.0, elapsed / min(_ACTIVITY_TIME, max(self._elapsed, elapsed, 1e-9)))
+        for place, hull in enumerate(hulls):
+            if not hull.is_started:
+                continue
+            angle, rate = hull.x[:2].tolist()
+            if self.mean[place] != self.mean[place]:
+                self.mean[place] = angle
+            self.mean[place] += slow * (angle - self.mean[place])
+            square = (angle - self.mean[place]) ** 2
+            self._square[place] += slow * (square - self._square[place])
+            self._rate_square[place] += slow * (rate * rate - self._rate_square[place])
+            # both halves of the oscillation's energy, so that the size does not swing with the phase
+            share = self._square[place] / max(self._rate_square[place], _LEAST_VARIANCE)
+            self._recent[place] += quick * (0.5 * (square + share * rate * rate) - self._recent[place])
 
     @property
-    def weights(self):
-        """Weights of the experts, shape (A, L, E)."""
-        return self._combiner.weights
+    def deviation(self):
+        """Over the memory, by axis, rad."""
+        return np.sqrt(self._square)
 
     @property
-    def coverage(self):
-        """Share of the 50, 90 and 99 % intervals that have held, shape (A, L, 3)."""
-        held, count = self._calibrator.held.sum(axis=0), self._calibrator.count.sum(axis=0)
-        with np.errstate(invalid='ignore', divide='ignore'):
-            return held / count[..., None]
-
-    @property
-    def skill(self):
-        """Running error over the running size of the motion, shape (A, L): below one is better than the mean."""
-        size = np.sqrt(np.maximum(self._variance, _LEAST_ACTIVITY**2) / np.maximum(
-            self._activity_square, _LEAST_ACTIVITY**2))
-        with np.errstate(invalid='ignore'):
-            running = np.where(self._joint_time > 0.0, self._joint[:, :, 0], np.nan)
-        return np.sqrt(running) / size[:, None]
-
-    @property
-    def has_waves(self):
-        """Whether a fit of the waves is in use."""
-        return self._fit is not None and self._fit.motion is not None
-
-
-def _interpolation(known, wanted):
-    """Matrix that interpolates linearly from the known places to the wanted ones."""
-    return np.array([np.interp(wanted, known, unit) for unit in np.eye(known.size)]).T
-
-
-def _natural_frequency(model):
-    """rad/s; one where no hull tells it."""
-    stiffness = -float(model.jacobian(model.trim, 0.0)[0])
-    return math.sqrt(stiffness) if stiffness > 0.01 else 1.0
-
-
-def _hermite(leads, grid):
-    """Places and weights of cubic Hermite interpolation of values, and linear of slopes."""
-    position = leads / grid
-    before = np.floor(position + 1e-9).astype(int)
-    last = math.ceil(leads[-1] / grid - 1e-9)
-    before = np.minimum(before, last - 1)
-    t = position - before
-    values = ((1 + 2 * t) * (1 - t) ** 2, t**2 * (3 - 2 * t), 1 - t, t)
-    return before, values, (t * (1 - t) ** 2, t**2 * (t - 1))
-
-
-def _combine(angles, rates, weights, between):
-    """Weighted angle and rate at all leads, from weights at the scored ones."""
-    known = np.isfinite(angles)
-    spread = weights.transpose(0, 2, 1) @ between.T * known
-    spread /= np.maximum(spread.sum(axis=1, keepdims=True), 1e-30)
-    return (
-        (spread * np.where(known, angles, 0.0)).sum(axis=1),
-        (spread * np.where(np.isfinite(rates), rates, 0.0)).sum(axis=1),
-    )
-
-
-def _covariance(angle_deviation, rate_deviation, correlation):
-    covariance = np.empty((angle_deviation.size, 2, 2))
-    covariance[:, 0, 0] = angle_deviation**2
-    covariance[:, 1, 1] = rate_deviation**2
-    covariance[:, 0, 1] = covariance[:, 1, 0] = correlation * angle_deviation * rate_deviation
-    return covariance
+    def activity(self):
+        """Over the last seconds, by axis, rad."""
+        return np.maximum(np.sqrt(self._recent), _LEAST_ACTIVITY)

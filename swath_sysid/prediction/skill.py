@@ -1,59 +1,102 @@
-"""Skill, measured honestly: the very predictor run causally through a record, beside what it must beat."""
+"""Skill, measured honestly: every forecast that was issued counts, beside what it must beat."""
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
-from swath_sysid.motion.trial import AXES, CHANNELS
-from swath_sysid.prediction import baselines
-from swath_sysid.prediction.calibration import LEVELS
-from swath_sysid.prediction.predictor import ImuSample, Predictor, PredictorSettings
+from swath_sysid.motion.trial import AXES
+from swath_sysid.prediction.baselines import BASELINES, Record, baseline_forecasts
+from swath_sysid.prediction.forecast import LEVELS
 from swath_sysid.prediction.quiescence import QuiescenceLimits, Reliability
-from swath_sysid.prediction.waves import fit_waves
 
 FORECAST = 'forecast'
-METHODS = (FORECAST, *baselines.BASELINES)
-_FANS = (0.35, 0.55, 0.75)
-_STRETCH = 40.0
+METHODS = (FORECAST, *BASELINES)
+
+AFTER_GAP = 4.0
+"""s after lost samples for which the forecasts have scores of their own."""
+
+CONFIDENCE = 0.95
+"""Of the intervals of the scores."""
+
+_BLOCK = 30.0
+"""s: several wave groups, so that the errors of one block tell little of the next."""
+
+_FEWEST_BLOCKS = 8
+_REPLICATES = 2000
 _SELDOM = 2.0
 """Standard deviations: so rarely passed that staying below for some seconds is an open question."""
 _LEAST_LIMIT = 1e-4
+_LEAST_WARMUP = 30.0
+"""s from which limits of quiescence can be taken."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A predictor run through a record.
+
+    Attributes
+    ----------
+    steps : tuple
+        Those that issued a forecast, each with ``stamp`` (s, in the record's time), ``forecast`` (at the leads)
+        and ``horizon``, both `Forecast`.
+    step_times, refit_times : tuple of float
+        s.
+    reliability : Reliability or None
+        Of the quiescence that was forecast.
+    quiescence_limits : QuiescenceLimits or None
+        Whose keeping was forecast.
+    """
+
+    steps: tuple
+    step_times: tuple[float, ...] = ()
+    refit_times: tuple[float, ...] = ()
+    reliability: Reliability | None = None
+    quiescence_limits: QuiescenceLimits | None = None
 
 
 @dataclass(frozen=True)
 class AxisSkill:
-    """Scores of one axis.
+    """Scores of one axis; errors are root mean squares over ``deviation``.
 
     Attributes
     ----------
+    deviation : float
+        Standard deviation of the measured angle while it was scored, rad.
+    counted, unmeasured : ndarray of int, shape (L,)
+        Forecasts that count, and those that cannot because nothing was measured at their time.
     nrmse : dict of str to ndarray, shape (L,)
-        Root mean square error over the standard deviation of the motion scored on, by `METHODS`; NaN where
-        a method could not forecast.
+        By `METHODS`.
+    stood_in : dict of str to ndarray, shape (L,)
+        Share of the counted for which the method had no value, so that persistence stood in.
     coverage : ndarray, shape (L, 3)
         Share of the 50, 90 and 99 % intervals that held the measured angle.
-    samples : ndarray of int, shape (L,)
-        Forecasts scored.
-    deviation : float
-        Of the motion scored on, rad.
+    interval : ndarray, shape (L, 2)
+        Of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
+    best : tuple of str
+        The baseline with the least error, by lead.
+    ratio : ndarray, shape (L,)
+        Error of the forecast over that of the best baseline.
+    ratio_interval : ndarray, shape (L, 2)
+    gap_share : ndarray, shape (L,)
+        Share of the counted that were issued in a gap or within `AFTER_GAP` after it.
+    gap_nrmse : dict of str to ndarray, shape (L,)
+        Their own error, of ``forecast`` and ``persistence``.
     """
 
-    nrmse: dict[str, np.ndarray]
-    coverage: np.ndarray
-    samples: np.ndarray
     deviation: float
-
-
-@dataclass(frozen=True)
-class Fan:
-    """One forecast over the horizon, with what came: for the picture."""
-
-    axis: str
-    stamp: float
-    leads: np.ndarray
-    angle: np.ndarray
-    half_width: np.ndarray
+    counted: np.ndarray
+    unmeasured: np.ndarray
+    nrmse: dict[str, np.ndarray]
+    stood_in: dict[str, np.ndarray]
+    coverage: np.ndarray
+    interval: np.ndarray
+    best: tuple[str, ...]
+    ratio: np.ndarray
+    ratio_interval: np.ndarray
+    gap_share: np.ndarray
+    gap_nrmse: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -65,139 +108,75 @@ class Skill:
     leads : ndarray, shape (L,)
         s.
     axes : dict of str to AxisSkill
-    warmup, window : float
-        s.
+    warmup, until : float
+        s from the record's start; forecasts issued between them were scored.
+    window : float
+        s of past that the baselines learnt from.
     step_time, refit_time : dict of str to float
-        Seconds ('median', 'most') by the given clock; NaN without one.
-    fans : tuple of Fan
-    stretch : dict of str to tuple of ndarray
-        By axis: times and measured angles about the fans.
+        Seconds ('median', 'most') of the run; NaN where not measured.
     quiescence : Reliability or None
     quiescence_limits : QuiescenceLimits or None
-        Whose keeping was forecast.
     advice : tuple of Advice
     """
 
     leads: np.ndarray
     axes: dict[str, AxisSkill]
     warmup: float
+    until: float
     window: float
     step_time: dict[str, float]
     refit_time: dict[str, float]
-    fans: tuple[Fan, ...] = ()
-    stretch: dict = field(default_factory=dict)
     quiescence: Reliability | None = None
     quiescence_limits: QuiescenceLimits | None = None
     advice: tuple[Advice, ...] = ()
 
 
-@dataclass(frozen=True)
-class Run:
-    """A predictor run through a record.
+def usual_limits(trial, limits, warmup):
+    """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up.
 
-    Attributes
+    Parameters
     ----------
-    steps : tuple of Step
-        Those that issued a forecast.
-    refits : tuple of float
-        Stamps of the refits.
-    step_times, refit_times : tuple of float
+    trial : Trial
+    limits : QuiescenceLimits
+    warmup : float
         s.
-    reliability : Reliability or None
-    """
-
-    steps: tuple
-    refits: tuple[float, ...]
-    step_times: tuple[float, ...]
-    refit_times: tuple[float, ...]
-    reliability: Reliability | None
-
-
-def samples_of(trial):
-    """The trial as the sensor would have told it, sample by sample.
-
-    Parameters
-    ----------
-    trial : Trial
-
-    Yields
-    ------
-    ImuSample
-    """
-    absent = np.full(trial.time.size, math.nan)
-    columns = [trial.time, *(trial.channels.get(name, absent) for name in CHANNELS)]
-    for row in np.column_stack(columns).tolist():
-        yield ImuSample(*row)
-
-
-def run_through(trial, settings, models, clock=None, progress=None, limits_from=None):
-    """Run the predictor of the node causally through a record, refits in their place.
-
-    Parameters
-    ----------
-    trial : Trial
-    settings : PredictorSettings
-    models : dict of str to DecayModel
-    clock : callable or None
-        Seconds, for the cost; None: not measured.
-    progress : callable or None
-        Told the share done.
-    limits_from : (float, QuiescenceLimits) or None
-        Limits of quiescence from a stamp on; their reliability is recorded from there.
 
     Returns
     -------
-    Run
+    QuiescenceLimits or None
+        None where none are given and the warm-up is too short to suggest any.
     """
-    now = clock or (lambda: math.nan)
-    predictor = Predictor(settings)
-    for axis, model in models.items():
-        predictor.set_model(axis, model)
-    steps, refits, step_times, refit_times = [], [], [], []
-    every = max(1, trial.time.size // 200)
-    for index, sample in enumerate(samples_of(trial)):
-        if limits_from is not None and sample.stamp >= limits_from[0]:
-            predictor.set_quiescence(limits_from[1])
-            limits_from = None
-        begun = now()
-        step = predictor.observe(sample)
-        step_times.append(now() - begun)
-        if step.forecast is not None:
-            steps.append(step)
-        if step.refit is not None:
-            begun = now()
-            predictor.install(fit_waves(step.refit))
-            refit_times.append(now() - begun)
-            refits.append(step.stamp)
-            steps[-1] = step._replace(refit=None)
-        if progress is not None and index % every == 0:
-            progress(index / trial.time.size)
-    return Run(
-        tuple(steps), tuple(refits), tuple(step_times), tuple(refit_times), predictor.quiescence_reliability()
-    )
+    if np.isfinite(limits.as_array).any():
+        return limits
+    seen = trial.time < trial.time[0] + warmup
+    warm = {axis: trial.channels[axis][seen] for axis in AXES if axis in trial.channels}
+    warm = {axis: angle for axis, angle in warm.items() if np.isfinite(angle).any()}
+    if warmup < _LEAST_WARMUP or not warm:
+        return None
+    usual = {axis: abs(np.nanmean(angle)) + _SELDOM * np.nanstd(angle) for axis, angle in warm.items()}
+    return replace(limits, **{axis: float(max(limit, _LEAST_LIMIT)) for axis, limit in usual.items()})
 
 
-def score(trial, leads, warmup, window=None, models=None, settings=None, clock=None, progress=None):
-    """Score the forecasts of a record and the baselines on the same samples.
+def score(trial, run, leads, warmup, window, until=None, seed=0):
+    """Score the forecasts of a run and the baselines at the same instants.
 
-    Every forecast issued after the warm-up whose time comes within the record counts, where every causal
-    method has one.
+    Every forecast issued between `warmup` and `until` counts, unless nothing was measured at the time that it is
+    for; where a method has no value the last angle measured, persistence, stands in for it.
 
     Parameters
     ----------
     trial : Trial
+    run : Run
     leads : sequence of float
-        s.
+        s, of those that the forecasts are for.
     warmup : float
         s from the record's start that are not scored.
-    window : float or None
-        s of past that forecast and baselines learn from; None: as long as the warm-up.
-    models : dict of str to DecayModel
-        Hulls known, by axis.
-    settings : PredictorSettings or None
-        Everything else.
-    clock, progress : callable or None
-        See `run_through`.
+    window : float
+        s of past that the baselines learn from.
+    until : float, optional
+        s from the record's start; by default to its end.
+    seed : int
+        Of the bootstrap.
 
     Returns
     -------
@@ -206,198 +185,134 @@ def score(trial, leads, warmup, window=None, models=None, settings=None, clock=N
     Raises
     ------
     InputError
-        The record is not longer than the warm-up and the longest lead, or has no angle.
+        The record has no angle, or no forecast was issued in time for one of the leads.
     """
     leads = np.array(sorted({float(lead) for lead in leads}))
-    window = float(window or warmup)
-    duration = float(trial.time[-1] - trial.time[0])
-    if duration <= warmup + leads[-1]:
-        raise InputError(
-            f'{trial.source or "the record"} lasts {duration:.0f} s, no longer than the warm-up of {warmup:.0f} s '
-            f'and the longest lead: shorten the warm-up'
-        )
-    axes = [axis for axis in AXES if axis in trial.channels]
+    axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
     if not axes:
-        raise InputError(f'{trial.source or "the record"} has no angles to score forecasts on: give roll or pitch')
-    base = settings or PredictorSettings()
-    settings = replace(
-        base, leads=tuple(leads.tolist()), window=window, skill_memory=min(base.skill_memory, window)
-    )
-    limits = _quiescence_limits(trial, settings.quiescence, warmup)
-    limits_from = None if limits is None else (float(trial.time[0]) + warmup, limits)
-    run = run_through(trial, settings, models or {}, clock, progress, limits_from)
-    grid = _Grid.of(trial, run, settings)
-    scored, advice = {}, []
-    for axis in axes:
-        scored[axis], told = _score_axis(trial, axis, grid, run, leads, warmup, window)
-        advice += told
-    fans, stretch = _fans(trial, axes, run, warmup)
-    return Skill(
-        leads, scored, warmup, window, _spread(run.step_times), _spread(run.refit_times), fans, stretch,
-        run.reliability, limits, tuple(advice),
-    )  # fmt: skip
-
-
-def _quiescence_limits(trial, limits, warmup):
-    """The given limits; where they limit nothing, the angles that the craft seldom passed in the warm-up."""
-    if limits is None or np.isfinite(limits.as_array).any():
-        return limits
-    seen = trial.time < trial.time[0] + warmup
-    warm = {axis: trial.channels[axis][seen] for axis in AXES if axis in trial.channels}
-    usual = {axis: abs(np.nanmean(angle)) + _SELDOM * np.nanstd(angle) for axis, angle in warm.items()}
-    return replace(limits, **{axis: float(max(limit, _LEAST_LIMIT)) for axis, limit in usual.items()})
-
-
-@dataclass(frozen=True)
-class _Grid:
-    """The record on the even grid that the baselines work on."""
-
-    start: float
-    step: float
-    values: np.ndarray
-    names: tuple[str, ...]
-    refits: tuple[int, ...]
-
-    @classmethod
-    def of(cls, trial, run, settings):
-        usual = _interval(trial.time)
-        target = 1.0 / settings.excitation_rate
-        step = target if usual < 0.25 * target else max(1, round(target / usual)) * usual
-        start = float(trial.time[0])
-        count = int((trial.time[-1] - start) / step + 1e-6) + 1
-        names = tuple(trial.channels)
-        times = start + step * np.arange(count)
-        columns = [_on_grid(trial.time, values, times, usual) for values in trial.channels.values()]
-        refits = tuple(int((stamp - start) / step + 1e-6) for stamp in run.refits)
-        return cls(start, step, np.column_stack(columns), names, refits)
-
-    def place(self, stamps):
-        """The grid row nearest to each stamp."""
-        return np.clip(np.round((stamps - self.start) / self.step).astype(int), 0, self.values.shape[0] - 1)
-
-    def column(self, name):
-        """One channel on the grid, or None."""
-        return self.values[:, self.names.index(name)] if name in self.names else None
-
-
-def _interval(time):
-    """The sensor's interval as its samples keep it: a grid of the nearest round figure would drift from them."""
-    intervals = np.diff(time)
-    counts = np.round(intervals / np.median(intervals))
-    even = (counts == 1) | (counts == 2)
-    return float(intervals[even].sum() / counts[even].sum())
-
-
-def _on_grid(time, values, wanted, usual):
-    """Linear between finite neighbours that are no further apart than a gap; else NaN."""
-    finite = np.isfinite(values)
-    if finite.sum() < 2:
-        return np.full(wanted.size, np.nan)
-    time, values = time[finite], values[finite]
-    after = np.clip(np.searchsorted(time, wanted - 1e-6 * usual), 1, time.size - 1)
-    gap = time[after] - time[after - 1] > 2.5 * usual
-    near = np.minimum(np.abs(wanted - time[after]), np.abs(wanted - time[after - 1])) < 0.1 * usual
-    result = np.interp(wanted, time, values)
-    result[(gap & ~near) | (wanted < time[0] - 0.1 * usual) | (wanted > time[-1] + 0.1 * usual)] = np.nan
-    return result
-
-
-def _score_axis(trial, axis, grid, run, leads, warmup, window):
-    issued = [s for s in run.steps if axis in s.forecast.axes and s.stamp >= trial.time[0] + warmup]
-    stamps = np.array([s.stamp for s in issued])
-    told = np.array([s.forecast.axes[axis].angle for s in issued]).reshape(-1, leads.size)
-    widths = np.array([s.forecast.axes[axis].half_width for s in issued]).reshape(-1, leads.size, LEVELS.size)
-    usual = float(np.median(np.diff(trial.time)))
-    # baselines forecast from the grid's rows: each is scored on what came a lead after its row
-    rows = grid.place(stamps)
-    row_stamps = grid.start + rows * grid.step
-    methods = _baselines(axis, grid, leads, window)
-    angle, angles = grid.column(axis), trial.channels[axis]
-    scored_angle = _on_grid(trial.time, angles, trial.time[trial.time >= trial.time[0] + warmup], usual)
-    deviation = float(np.nanstd(scored_angle))
-    nrmse = {name: np.full(leads.size, np.nan) for name in METHODS}
-    coverage, samples = np.full((leads.size, LEVELS.size), np.nan), np.zeros(leads.size, dtype=int)
-    advice = []
-    for i, lead in enumerate(leads):
-        if abs(lead / grid.step - round(lead / grid.step)) > 0.05 or lead < 0.9 * grid.step:
-            advice.append(Advice(
-                'lead-between-samples',
-                f'the lead of {lead:g} s is no whole number of steps of {grid.step:g} s, so the baselines are not '
-                'scored there: choose multiples',
-            ))  # fmt: skip
-        truth = _on_grid(trial.time, angles, stamps + lead, usual)
-        row_truth = _on_grid(trial.time, angles, row_stamps + lead, usual)
-        good = np.isfinite(truth) & np.isfinite(row_truth) & np.isfinite(told[:, i])
-        for values in methods.values():
-            if np.isfinite(values[rows[good], i]).any():
-                good &= np.isfinite(values[rows, i])
-        if not good.any() or not deviation > 0.0:
-            continue
-        error = told[good, i] - truth[good]
-        nrmse[FORECAST][i] = np.sqrt(np.mean(error**2)) / deviation
-        coverage[i] = (np.abs(error)[:, None] <= widths[good, i]).mean(axis=0)
-        samples[i] = good.sum()
-        for name, values in methods.items():
-            other = values[rows[good], i] - row_truth[good]
-            if np.isfinite(other).all():
-                nrmse[name][i] = np.sqrt(np.mean(other**2)) / deviation
-    after = angle[grid.place(np.array([trial.time[0] + warmup]))[0]:]
-    nrmse['bound'] = _at_whole_steps(leads, grid.step, lambda steps: baselines.spectrum_bound(after, steps))
-    return AxisSkill(nrmse, coverage, samples, deviation), advice if axis == AXES[0] else []
-
-
-def _at_whole_steps(leads, step, of_steps):
-    """Values at the leads that are whole steps, NaN at the others (leads last, or alone)."""
-    whole = (np.abs(leads / step - np.round(leads / step)) <= 0.05) & (leads >= 0.9 * step)
-    steps = np.round(leads[whole] / step).astype(int)
-    if not steps.size:
-        return np.full(leads.size, np.nan)
-    values = of_steps(steps)
-    result = np.full((*values.shape[:-1], leads.size), np.nan)
-    result[..., whole] = values
-    return result
-
-
-def _baselines(axis, grid, leads, window):
-    """Forecasts of every causal baseline at every grid row, shape (N, L), NaN where there is none."""
-    angle, rate = grid.column(axis), grid.column(f'{axis}_rate')
-    rows = int(window / grid.step + 1e-6) + 1
-    useful = [k for k in range(len(grid.names)) if np.isfinite(grid.values[:, k]).mean() > 0.5
-              and np.nanstd(grid.values[:, k]) > 1e-12]
-    place = grid.names.index(axis)
-    methods = {
-        'persistence': lambda steps: baselines.persistence(angle, steps),
-        'constant_rate': lambda steps: baselines.constant_rate(angle, rate, steps, grid.step),
-        'gm11': lambda steps: baselines.gm11(angle, steps),
-        'ar': lambda steps: baselines.running_regression(
-            grid.values[:, [place]], [0], steps, grid.refits, rows)[:, :, 0],
-        'var': lambda steps: baselines.running_regression(
-            grid.values[:, useful], [useful.index(place)], steps, grid.refits, rows)[:, :, 0],
-    }  # fmt: skip
-    if place not in useful:
-        del methods['var'], methods['ar']
-    return {name: _at_whole_steps(leads, grid.step, method) for name, method in methods.items()}
-
-
-def _fans(trial, axes, run, warmup):
-    """A few forecasts over the horizon, evenly over what is scored, and the motion about them."""
-    scored = [s for s in run.steps if s.stamp >= trial.time[0] + warmup]
+        raise InputError(f'{name} has no angles to score forecasts on: give roll or pitch')
+    start, end = float(trial.time[0]), float(trial.time[-1])
+    until = end - start if until is None else float(until)
+    if min(until, end - start) <= warmup or end - start <= warmup + leads[-1]:
+        raise InputError(
+            f'{name} lasts {end - start:.0f} s and nothing of it is scored after the warm-up of {warmup:.0f} s at the '
+            f'longest lead of {leads[-1]:g} s: shorten the warm-up'
+        )
+    scored = tuple(s for s in run.steps if start + warmup <= s.stamp <= start + until)
     if not scored:
-        return (), {}
-    chosen = [scored[int(share * (len(scored) - 1))] for share in _FANS]
-    centre = chosen[1].stamp
-    near = [s for s in scored if abs(s.stamp - centre) <= 0.5 * _STRETCH]
-    spaced, last = [], -math.inf
-    for s in near:
-        if s.stamp - last >= s.horizon.leads[-1]:
-            spaced.append(s)
-            last = s.stamp
-    fans = tuple(
-        Fan(axis, s.stamp, s.horizon.leads, s.horizon.axes[axis].angle, s.horizon.axes[axis].half_width)
-        for axis in axes for s in spaced if axis in s.horizon.axes
+        raise InputError(f'no forecast of {name} was issued between {warmup:.0f} and {until:.0f} s: score more of it')
+    record, stamps = Record.of(trial), np.array([s.stamp for s in scored])
+    baselines = baseline_forecasts(record, axes, stamps, leads, window)
+    results, advice = {}, []
+    for axis in axes:
+        angle, half_width = _issued(scored, axis, leads)
+        span = (trial.time >= start + warmup) & (trial.time <= start + until + leads[-1])
+        deviation = float(np.nanstd(trial.channels[axis][span]))
+        methods = {FORECAST: angle, **baselines[axis]}
+        results[axis] = _score_axis(record, axis, stamps, leads, methods, half_width, deviation, seed)
+        advice += _advice_on(axis, results[axis])
+    return Skill(
+        leads, results, warmup, until, window, _spread(run.step_times), _spread(run.refit_times), run.reliability,
+        run.quiescence_limits, tuple(advice),
     )  # fmt: skip
-    span = np.abs(trial.time - centre) <= 0.5 * _STRETCH + 5.0
-    return fans, {axis: (trial.time[span], trial.channels[axis][span]) for axis in axes}
+
+
+def _issued(steps, axis, leads):
+    """Angles, shape (N, L), and half widths, shape (N, L, 3), as issued; NaN where the axis was not forecast."""
+    given = steps[0].forecast.leads
+    places = np.abs(given[:, None] - leads).argmin(axis=0)
+    if np.any(np.abs(given[places] - leads) > 1e-9):
+        raise InputError(f'the forecasts are for leads of {given.tolist()} s, not {leads.tolist()} s: choose of these')
+    none = np.full(given.size, np.nan), np.full((given.size, LEVELS.size), np.nan)
+    issued = [s.forecast.axes.get(axis) for s in steps]
+    angle = np.array([none[0] if ahead is None else ahead.angle for ahead in issued])
+    half_width = np.array([none[1] if ahead is None else ahead.half_width for ahead in issued])
+    return angle[:, places], half_width[:, places]
+
+
+def _score_axis(record, axis, stamps, leads, methods, half_width, deviation, seed):
+    truth = record.at(stamps[:, None] + leads, [record.names.index(axis)])[..., 0]
+    resting = methods['persistence']
+    counts = np.isfinite(truth) & np.isfinite(resting)
+    counted = counts.sum(axis=0)
+    share = np.where(counted > 0, 1.0 / np.maximum(counted, 1), np.nan)
+    absent = {name: counts & ~np.isfinite(values) for name, values in methods.items()}
+    errors = {name: np.where(absent[name], resting, values) - truth for name, values in methods.items()}
+    squares = {name: np.where(counts, error**2, 0.0) for name, error in errors.items()}
+    scale = deviation if deviation > 0.0 else math.nan
+    nrmse = {name: np.sqrt(square.sum(axis=0) * share) / scale for name, square in squares.items()}
+    held = counts[..., None] & ~absent[FORECAST][..., None] & (np.abs(errors[FORECAST])[..., None] <= half_width)
+    best = tuple(min(BASELINES, key=lambda name: nrmse[name][i]) for i in range(leads.size))
+    of_best = np.column_stack([squares[name][:, i] for i, name in enumerate(best)])
+    sums = block_sums(stamps, np.stack([squares[FORECAST], of_best, counts.astype(float)]))
+    ours, theirs, samples = resampled(sums, seed)
+    after = counts & record.after_gap(axis, stamps, AFTER_GAP)[:, None]
+    with np.errstate(invalid='ignore', divide='ignore'):
+        gap_nrmse = {
+            name: np.sqrt((squares[name] * after).sum(axis=0) / after.sum(axis=0)) / scale
+            for name in (FORECAST, 'persistence')
+        }
+        ratio = nrmse[FORECAST] / np.array([nrmse[name][i] for i, name in enumerate(best)])
+        interval, ratio_interval = _middle(np.sqrt(ours / samples) / scale), _middle(np.sqrt(ours / theirs))
+    return AxisSkill(
+        deviation=deviation, counted=counted, unmeasured=stamps.size - counted, nrmse=nrmse,
+        stood_in={name: missing.sum(axis=0) * share for name, missing in absent.items()},
+        coverage=held.sum(axis=0) * share[:, None], interval=interval, best=best, ratio=ratio,
+        ratio_interval=ratio_interval, gap_share=after.sum(axis=0) * share, gap_nrmse=gap_nrmse,
+    )  # fmt: skip
+
+
+def block_sums(stamps, values):
+    """Sums over blocks of time.
+
+    Parameters
+    ----------
+    stamps : ndarray, shape (N,)
+        s, increasing.
+    values : ndarray, shape (K, N, L)
+
+    Returns
+    -------
+    ndarray, shape (K, B, L)
+        Over the B blocks in which there is a stamp.
+    """
+    blocks = ((stamps - stamps[0]) // _BLOCK).astype(int)
+    return np.add.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
+
+
+def resampled(sums, seed):
+    """Totals of blocks drawn with replacement, again and again (Kuensch 1989, with blocks that do not overlap).
+
+    Parameters
+    ----------
+    sums : ndarray, shape (K, B, L)
+    seed : int
+
+    Returns
+    -------
+    ndarray, shape (K, R, L)
+        NaN where there are too few blocks to tell.
+    """
+    count = sums.shape[1]
+    if count < _FEWEST_BLOCKS:
+        return np.full((sums.shape[0], _REPLICATES, sums.shape[2]), np.nan)
+    return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), _REPLICATES) @ sums
+
+
+def _middle(values):
+    """The central interval over replicates, shape (L, 2)."""
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    return np.quantile(values, (tail, 1.0 - tail), axis=0).T
+
+
+def _advice_on(axis, scores):
+    missing = int(round(float(np.max(np.nan_to_num(scores.stood_in[FORECAST] * scores.counted)))))
+    if not missing:
+        return []
+    return [Advice('forecast-missing', (
+        f'{missing} forecasts were issued without a value for {axis} at a lead, and persistence stood in for them: '
+        'see at which samples the sensor gave too little'
+    ))]  # fmt: skip
 
 
 def _spread(times):
@@ -405,50 +320,3 @@ def _spread(times):
     if not finite:
         return {'median': math.nan, 'most': math.nan}
     return {'median': float(np.median(finite)), 'most': float(max(finite))}
-
-
-def skill_as_data(skill):
-    """The scores as plain data for JSON; what is not known is None.
-
-    Parameters
-    ----------
-    skill : Skill
-
-    Returns
-    -------
-    dict
-    """
-    levels = [f'{100 * level:g}' for level in LEVELS]
-    data = {
-        'leads_s': skill.leads.tolist(),
-        'warmup_s': skill.warmup,
-        'window_s': skill.window,
-        'axes': {
-            axis: {
-                'nrmse': {name: _plain(values) for name, values in scores.nrmse.items()},
-                'coverage': {level: _plain(scores.coverage[:, k]) for k, level in enumerate(levels)},
-                'samples': scores.samples.tolist(),
-                'deviation_rad': scores.deviation,
-            }
-            for axis, scores in skill.axes.items()
-        },
-        'step_s': {name: _known(value) for name, value in skill.step_time.items()},
-        'refit_s': {name: _known(value) for name, value in skill.refit_time.items()},
-        'warnings': [{'code': a.code, 'message': a.message} for a in skill.advice],
-    }
-    if skill.quiescence is not None:
-        r = skill.quiescence
-        data['quiescence'] = {
-            'limits': {name: _known(limit) for name, limit in vars(skill.quiescence_limits).items()},
-            'edges': r.edges.tolist(), 'count': r.count.tolist(), 'told': _plain(r.told),
-            'happened': _plain(r.happened), 'brier': _known(r.brier), 'brier_of_climate': _known(r.brier_of_climate),
-        }  # fmt: skip
-    return data
-
-
-def _known(value):
-    return float(value) if np.isfinite(value) else None
-
-
-def _plain(values):
-    return [_known(value) for value in values]

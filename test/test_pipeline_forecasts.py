@@ -1,27 +1,21 @@
-"""The outlook: what the predictor publishes, as plain numbers."""
+"""The forecast pipeline: what the predictor publishes, as plain numbers."""
 import numpy as np
 import pytest
 from imu_stream import EPOCH_NS, NOT_GIVEN, decay_stream, reading, released
 from scipy.spatial.transform import Rotation
 
+from swath_sysid.files.topics import lead_topic
 from swath_sysid.hull.catalogue import EQUATIONS
 from swath_sysid.hull.decay_model import DecayModel
 from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.prediction.outlook import (
-    NOT_GIVEN as NOT_PUBLISHED,
-)
-from swath_sysid.prediction.outlook import (
-    UNKNOWN_ANGLE_VARIANCE,
-    Outlook,
-    OutlookSettings,
-    lead_topic,
-    warm_up,
-)
-from swath_sysid.prediction.predictor import PredictorSettings
-from swath_sysid.prediction.waves import fit_waves
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.prediction.forecast import NOT_GIVEN as NOT_PUBLISHED
+from swath_sysid.prediction.forecast import UNKNOWN_ANGLE_VARIANCE
+from swath_sysid.prediction.forecaster import ForecasterSettings
+from swath_sysid.prediction.sea_fit import fit_sea, warm_up
 
 RATE = 50.0
-SETTINGS = OutlookSettings(predictor=PredictorSettings(leads=(0.5, 1.0), horizon=2.0, forecast_rate=10.0))
+SETTINGS = PipelineSettings(forecaster=ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, forecast_rate=10.0))
 
 
 def craft(period=2.6, damping=0.08):
@@ -32,15 +26,15 @@ def craft(period=2.6, damping=0.08):
 
 
 def play(readings, models=None, settings=SETTINGS):
-    """An outlook that has taken in readings, and its steps."""
-    outlook = Outlook(settings)
-    outlook.set_models(models or {})
+    """A pipeline that has taken readings, and its steps."""
+    pipeline = ForecastPipeline(settings)
+    pipeline.set_models(models or {})
     steps = []
     for one in readings:
-        steps.append(outlook.add(one))
-        if steps[-1].waves is not None:
-            outlook.install(fit_waves(steps[-1].waves))
-    return outlook, steps
+        steps.append(pipeline.add(one))
+        if steps[-1].sea_request is not None:
+            pipeline.install(fit_sea(steps[-1].sea_request))
+    return pipeline, steps
 
 
 @pytest.fixture(scope='module')
@@ -65,35 +59,35 @@ def test_every_sample_after_the_first_gives_a_next(decay):
 def test_stamps_are_exact(decay):
     for k in (1, 100, 999):
         assert decay[k].next.stamp_ns == EPOCH_NS + (k + 1) * 20_000_000
-    step = next(step for step in decay[500:] if step.leads)
+    step = next(step for step in decay[500:] if step.forecast)
     index = decay.index(step)
-    assert [forecast.stamp_ns - EPOCH_NS for _, forecast in step.leads] == [
+    assert [forecast.stamp_ns - EPOCH_NS for _, forecast in step.attitudes()] == [
         index * 20_000_000 + 500_000_000, index * 20_000_000 + 1_000_000_000]
-    assert step.horizon.stamp_ns == EPOCH_NS + index * 20_000_000
-    assert step.horizon.leads_ns == tuple(100_000_000 * k for k in range(1, 21))
+    assert step.trajectory().stamp_ns == EPOCH_NS + index * 20_000_000
+    assert step.trajectory().leads_ns == tuple(100_000_000 * k for k in range(1, 21))
 
 
 def test_leads_and_horizon_come_at_their_rate(decay):
     issued = [index for index, step in enumerate(decay) if step.horizon is not None]
-    assert all(bool(step.leads) == (step.horizon is not None) for step in decay)
+    assert all(bool(step.attitudes()) == (step.horizon is not None) for step in decay)
     assert np.diff(issued[1:]).tolist() == [5] * (len(issued) - 2)
 
 
 def test_the_forecast_is_the_motion_to_come(decay):
     errors, motion = [], []
     for index, step in enumerate(decay[:-60]):
-        if step.leads and index > 2 * RATE:
+        if step.forecast and index > 2 * RATE:
             truth, _ = released(index / RATE + 1.0, 0.0, damping=0.03)
-            errors.append(pitch_of(step.leads[1][1]) - truth)
+            errors.append(pitch_of(step.attitudes()[1][1]) - truth)
             motion.append(truth)
     assert np.std(errors) < 0.15 * np.std(motion)
 
 
 def test_orientation_rates_and_their_variances_are_of_body_axes(decay):
-    step = decay[600]
-    message = step.next
+    step = next(step for step in decay[600:] if step.forecast)
+    message = step.attitudes()[0][1]
     yaw, pitch, roll = Rotation.from_quat(message.orientation).as_euler('ZYX')
-    forecast = step.predicted.next.axes
+    forecast = step.forecast.axes
     assert (yaw, pitch, roll) == pytest.approx((0.3, forecast['pitch'].angle[0], forecast['roll'].angle[0]), abs=1e-3)
     assert message.rates[1] == pytest.approx(forecast['pitch'].rate[0], rel=1e-3)
     covariance = np.reshape(message.orientation_covariance, (3, 3))
@@ -105,15 +99,15 @@ def test_orientation_rates_and_their_variances_are_of_body_axes(decay):
 
 def test_all_values_are_floats(decay):
     """ROS checks no types: a numpy.float32 or an int would go out as garbage."""
-    step = next(step for step in decay[200:] if step.leads)
-    for message in (step.next, *(forecast for _, forecast in step.leads)):
+    step = next(step for step in decay[200:] if step.forecast)
+    for message in (step.next, *(forecast for _, forecast in step.attitudes())):
         assert type(message.stamp_ns) is int
         assert {type(value) for part in message[1:] for value in part} == {float}
-    assert step.horizon.positions.dtype == float and {type(lead) for lead in step.horizon.leads_ns} == {int}
+    assert step.trajectory().positions.dtype == float and {type(lead) for lead in step.trajectory().leads_ns} == {int}
 
 
 def test_the_horizon_is_a_table_with_standard_deviations(decay):
-    horizon = next(step for step in decay[500:] if step.horizon is not None).horizon
+    horizon = next(step for step in decay[500:] if step.horizon is not None).trajectory()
     assert horizon.columns == ('roll', 'roll_std', 'pitch', 'pitch_std')
     assert horizon.positions.shape == horizon.velocities.shape == (20, 4)
     assert (horizon.positions[:, [1, 3]] > 0.0).all()
@@ -125,37 +119,36 @@ def test_on_rates_alone_the_axes_are_forecast_and_without_any_they_are_unknown()
             yield one._replace(orientation_covariance=NOT_GIVEN)
 
     decay = decay_stream(RATE, 14.0, release=0.0, damping=0.02)
-    outlook, steps = play(without_angles(decay), {'pitch': craft(damping=0.02)})
-    assert outlook.counts['no-orientation'] == len(steps)
+    pipeline, steps = play(without_angles(decay), {'pitch': craft(damping=0.02)})
+    assert pipeline.counts['no-orientation'] == len(steps)
     truth, _ = released(14.0, 0.0, damping=0.02)
     assert pitch_of(steps[-1].next) == pytest.approx(truth, abs=0.01)
     nothing = {'orientation_covariance': NOT_GIVEN, 'rates_covariance': NOT_GIVEN}
-    outlook, steps = play(reading(EPOCH_NS + k * 20_000_000, **nothing) for k in range(20))
-    assert all(step.next is None and step.predicted is None for step in steps)
+    _, steps = play(reading(EPOCH_NS + k * 20_000_000, **nothing) for k in range(20))
+    assert all(step.next is None and not step.used for step in steps)
     assert NOT_PUBLISHED[0] == -1.0
 
 
 def test_before_a_model_constant_rate_with_growing_variance_and_after_it_the_hull():
     readings = list(decay_stream(RATE, 20.0, release=8.0))
-    outlook, before = play(readings[:500])
-    step = next(step for step in reversed(before) if step.leads)
-    (_, half), (_, one) = step.leads
+    pipeline, before = play(readings[:500])
+    step = next(step for step in reversed(before) if step.forecast)
+    (_, half), (_, one) = step.attitudes()
     assert one.orientation_covariance[4] > half.orientation_covariance[4] > 0.0
-    state = step.predicted.estimates['pitch']
-    outlook.set_models({'pitch': craft()})
-    following = outlook.add(readings[500]).predicted.estimates['pitch']
-    assert following.angle == pytest.approx(state.angle, abs=0.05), 'the state goes on'
-    assert outlook.predictor.diagnostics().has_model == {'roll': False, 'pitch': True}
-    outlook.set_models({})
-    assert outlook.predictor.diagnostics().has_model == {'roll': False, 'pitch': False}
+    state = pitch_of(before[-1].next)
+    pipeline.set_models({'pitch': craft()})
+    assert pitch_of(pipeline.add(readings[500]).next) == pytest.approx(state, abs=0.05), 'the state goes on'
+    assert pipeline.diagnostics().has_model == {'roll': False, 'pitch': True}
+    pipeline.set_models({})
+    assert pipeline.diagnostics().has_model == {'roll': False, 'pitch': False}
 
 
 def test_two_runs_agree_to_the_last_bit():
     runs = [play(decay_stream(RATE, 15.0), {'pitch': craft()})[1] for _ in range(2)]
     for one, other in zip(*runs, strict=True):
-        assert one.next == other.next and one.leads == other.leads and one.reasons == other.reasons
+        assert one.next == other.next and one.attitudes() == other.attitudes() and one.reasons == other.reasons
         if one.horizon is not None:
-            assert one.horizon.positions.tobytes() == other.horizon.positions.tobytes()
+            assert one.trajectory().positions.tobytes() == other.trajectory().positions.tobytes()
 
 
 def test_the_epoch_does_not_matter():
@@ -168,28 +161,28 @@ def test_the_epoch_does_not_matter():
 
 
 def test_what_cannot_be_used_is_counted_and_forecasts_nothing():
-    outlook, steps = play([
+    pipeline, steps = play([
         reading(EPOCH_NS), reading(EPOCH_NS + 20_000_000), reading(EPOCH_NS + 20_000_000),
         reading(EPOCH_NS + 40_000_000, orientation=(0.0,) * 4, rates=(float('nan'),) * 3),
         reading(EPOCH_NS + 60_000_000),
     ])
     assert [step.next is not None for step in steps] == [False, True, False, False, True]
-    assert steps[2].reasons == ('duplicate-stamp',) and outlook.used == 3
+    assert steps[2].reasons == ('duplicate-stamp',) and pipeline.used == 3
     assert set(steps[3].reasons) == {'bad-quaternion', 'not-finite', 'nothing-usable'}
-    assert outlook.counts['bad-quaternion'] == 1
+    assert pipeline.counts['bad-quaternion'] == 1
 
 
 def test_warm_up_runs():
     warm_up()
 
 
-def test_the_next_attitude_is_told_before_the_leads_are_worked_out():
-    outlook, told = Outlook(), []
-    issue = outlook.predictor._forecaster.issue
-    outlook.predictor._forecaster.issue = lambda *given: (told.append('leads'), issue(*given))[1]
+def test_the_next_attitude_goes_out_before_the_leads_are_worked_out():
+    pipeline, order = ForecastPipeline(), []
+    issue = pipeline.forecaster._issue
+    pipeline.forecaster._issue = lambda *given: (order.append('leads'), issue(*given))[1]
     for k in range(50):
-        step = outlook.add(reading(EPOCH_NS + 10_000_000 * k, 0.1, 0.02), told.append)
-        assert step.next is None or step.next in told
-        if step.leads and step.next is not None:
-            assert told[-2:] == [step.next, 'leads']
-    assert told.count('leads') > 3
+        step = pipeline.add(reading(EPOCH_NS + 10_000_000 * k, 0.1, 0.02), order.append)
+        assert step.next is None or step.next in order
+        if step.forecast:
+            assert order[-2:] == [step.next, 'leads']
+    assert order.count('leads') > 3

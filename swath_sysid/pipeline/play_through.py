@@ -15,8 +15,8 @@ from swath_sysid.identification.refit import (
 )
 from swath_sysid.motion.intake import NANOSECOND, Intake
 from swath_sysid.motion.window import MotionTable, MotionWindow, WindowSettings
-from swath_sysid.prediction.outlook import Outlook, OutlookSettings, OutlookStep
-from swath_sysid.prediction.waves import WaveFit, WaveRequest, fit_waves
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, PipelineStep
+from swath_sysid.prediction.sea_fit import SeaFit, SeaRequest, fit_sea
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class PlayThroughSettings:
     ----------
     window : WindowSettings
     refit : RefitSettings
-    outlook : OutlookSettings
+    forecasts : PipelineSettings
     auto_identify : bool
         Refit whenever the buffer publishes a window.
     refit_delay : float
@@ -37,7 +37,7 @@ class PlayThroughSettings:
 
     window: WindowSettings = field(default_factory=WindowSettings)
     refit: RefitSettings = field(default_factory=RefitSettings)
-    outlook: OutlookSettings = field(default_factory=OutlookSettings)
+    forecasts: PipelineSettings = field(default_factory=PipelineSettings)
     auto_identify: bool = True
     refit_delay: float = 0.0
 
@@ -53,7 +53,7 @@ class Played(NamedTuple):
         By axis, where they have changed; in use for this message's forecasts already.
     window : MotionTable or None
         Published by itself because a free decay has ended.
-    outlook : OutlookStep
+    step : PipelineStep
         The forecasts.
     verdict : str or None
         One line on a refit that ended.
@@ -62,7 +62,7 @@ class Played(NamedTuple):
     stamp_ns: int
     models: dict[str, IdentifiedModel] | None
     window: MotionTable | None
-    outlook: OutlookStep
+    step: PipelineStep
     verdict: str | None = None
 
 
@@ -78,25 +78,25 @@ class PlayThrough:
         Known at the start, by axis.
     fit : callable, optional
         Turns a `RefitRequest` into a `RefitOutcome`.
-    fit_waves : callable, optional
-        Turns a `WaveRequest` into a `WaveFit`.
+    fit_sea : callable, optional
+        Turns a `SeaRequest` into a `SeaFit`.
     """
 
     def __init__(
         self, settings=None, models=None, fit: Callable[[RefitRequest], RefitOutcome] = refit,
-        fit_waves: Callable[[WaveRequest], WaveFit] = fit_waves,
+        fit_sea: Callable[[SeaRequest], SeaFit] = fit_sea,
     ):
         self.settings = settings or PlayThroughSettings()
-        window, outlook = self.settings.window, self.settings.outlook
-        alike = (window.installation, window.stamps) == (outlook.installation, outlook.stamps)
-        # both nodes take the same in: once is enough
+        window, forecasts = self.settings.window, self.settings.forecasts
+        alike = (window.installation, window.stamps) == (forecasts.installation, forecasts.stamps)
+        # both nodes convert the same messages: once is enough
         self._intake = Intake(window.installation, window.stamps) if alike else None
         self.window = MotionWindow(window, self._intake)
         self.refitter = Refitter(self.settings.refit, models)
-        self.outlook = Outlook(outlook, self._intake)
-        self.outlook.set_models(self.refitter.models)
+        self.forecasts = ForecastPipeline(forecasts, self._intake)
+        self.forecasts.set_models(self.refitter.models)
         self._fit = fit
-        self._fit_waves = fit_waves
+        self._fit_sea = fit_sea
         self.refits = 0
         self._running = None
         self._waiting = None
@@ -121,17 +121,17 @@ class PlayThrough:
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
         taken = None if self._intake is None else self._intake.take(reading)
-        outlook = self.outlook.add(reading) if taken is None else self.outlook.add_taken(taken)
-        if outlook.waves is not None:
+        step = self.forecasts.add(reading) if taken is None else self.forecasts.add_converted(taken)
+        if step.sea_request is not None:
             # it comes into use a while after its stamp, so that live, too, it is there by then
-            self.outlook.install(self._fit_waves(outlook.waves))
+            self.forecasts.install(self._fit_sea(step.sea_request))
         finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
         if finished is None:
-            return Played(stamp_ns, models, None, outlook, verdict)
+            return Played(stamp_ns, models, None, step, verdict)
         if self.settings.auto_identify:
             self._waiting = finished.table
             self._start_refit(stamp_ns)
-        return Played(stamp_ns, models, finished.table, outlook, verdict)
+        return Played(stamp_ns, models, finished.table, step, verdict)
 
     def _start_refit(self, stamp_ns):
         """Fit the newest window, unless a fit is still under way by the stamps."""
@@ -154,6 +154,6 @@ class PlayThrough:
         self._running = None
         if self.refitter.take(outcome):
             models = self.refitter.models
-            self.outlook.set_models(models)
+            self.forecasts.set_models(models)
         self._start_refit(stamp_ns)
         return models, outcome.message

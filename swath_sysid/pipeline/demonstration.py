@@ -6,8 +6,8 @@ import numpy as np
 
 from swath_sysid.motion.attitude import euler_angles
 from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.outlook import Outlook, OutlookSettings
-from swath_sysid.prediction.waves import fit_waves
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.prediction.sea_fit import fit_sea
 
 UNAWARE = 0.3
 """s after letting go; no forecast issued earlier can know that the craft is free."""
@@ -175,26 +175,26 @@ def attitude_at(forecast, axis):
     return angle, float(np.sqrt(forecast.orientation_covariance[4 * place]))
 
 
-def without_model(readings, axis, settings: OutlookSettings):
+def without_model(readings, axis, settings: PipelineSettings):
     """The forecasts of the same messages if no model were known.
 
     Parameters
     ----------
     readings : iterable of ImuReading
     axis : str
-    settings : OutlookSettings
+    settings : PipelineSettings
 
     Returns
     -------
     dict of float to list of (int, float, float)
         Lead to stamps (ns), angles and standard deviations.
     """
-    outlook = Outlook(settings)
-    found = {lead: [] for lead in settings.predictor.leads}
+    pipeline = ForecastPipeline(settings)
+    found = {lead: [] for lead in settings.forecaster.leads}
     for reading in readings:
-        step = outlook.add(reading)
-        if step.waves is not None:
-            outlook.install(fit_waves(step.waves))
-        for lead, forecast in step.leads:
+        step = pipeline.add(reading)
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
+        for lead, forecast in step.attitudes():
             found[lead].append((forecast.stamp_ns, *attitude_at(forecast, axis)))
     return found
