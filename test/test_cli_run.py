@@ -73,10 +73,19 @@ def test_it_says_where_nobody_has_decided_how_far_the_nodes_are_heard(environmen
 @pytest.mark.dds
 @pytest.mark.parametrize(('words', 'sentence'), [
     (['--params-file', '/nowhere/p.yaml'], 'params file'), (['--ros-args', '-p', 'seed'], 'parameter override'),
-    (['--ros-args', '-p', 'seed:=-1'], 'seed'), (['--model', '/dev/null'], 'no model file'),
+    (['--ros-args', '-p', 'seed:=-1'], 'seed'),
 ])
 def test_wrong_arguments_are_one_sentence_and_exit_code_2(words, sentence, capfd):
     pytest.importorskip('rclpy')
     assert run.run(parsed(*words)) == 2
     told = capfd.readouterr().err
     assert sentence in told and 'swath_sysid: ' in told and 'Traceback' not in told
+
+
+@pytest.mark.parametrize('node', [(), ('--only', 'manoeuvre_predictor')])
+def test_a_model_that_is_none_is_refused_before_anything_starts(node, tmp_path):
+    (tmp_path / 'none.yaml').write_text('roll: 1')
+    for name in (tmp_path / 'none.yaml', '/dev/null'):
+        with pytest.raises(InputError):
+            run.ros_arguments(parsed(*node, '--model', str(name)))
+    assert run.ros_arguments(parsed(*node, '--model', str(tmp_path / 'later.yaml')))

@@ -3,12 +3,16 @@ import argparse
 import os
 import sys
 from importlib import import_module
+from pathlib import Path
 
 from swath_sysid.errors import InputError
+from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model
+from swath_sysid.files.model_file import read_model
 
 NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvre_predictor')
 
 MODEL_PARAMETERS = {'identifier': 'model_path', 'manoeuvre_predictor': 'model_file'}
+MODEL_READERS = {'identifier': read_model, 'manoeuvre_predictor': read_manoeuvring_model}
 
 OPEN_TO_THE_SUBNET = (
     'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
@@ -50,7 +54,7 @@ def ros_arguments(arguments):
     Raises
     ------
     InputError
-        A model is given for a node that reads no file.
+        A model is given for a node that reads no file, or the file that is there holds no model.
     """
     given = []
     if arguments.params_file:
@@ -59,6 +63,9 @@ def ros_arguments(arguments):
         node = arguments.only or 'identifier'
         if node not in MODEL_PARAMETERS:
             raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
+        if Path(arguments.model).expanduser().exists():
+            # a node would go on without it, which whoever types a command does not see
+            MODEL_READERS[node](Path(arguments.model).expanduser())
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
     if arguments.namespace:
