@@ -92,7 +92,7 @@ FAULTS = {
     'repeated': (lambda craft: craft.bad(stamp=craft.stamp), 'duplicate-stamp', 'duplicate-stamp'),
     'late': (late(0.1), 'out-of-order', 'out-of-order'),
     'bag loop': (looped, 'clock-jumped-back', 'clock-jumped-back'),
-    'gap': (silent_for(0.3), 'gap', 'gap-predicted-through'),
+    'gap': (silent_for(0.3), 'gap', 'gap'),
     'long gap': (silent_for(20.0), 'gap-too-long', 'gap-too-long'),
     'NaN rates': (each(rates=(nan, 0.0, 0.0)), 'not-finite', 'not-finite'),
     'infinite rates': (each(rates=(0.0, -inf, 0.0)), 'not-finite', 'not-finite'),

@@ -80,6 +80,17 @@ def wait_until(done, what, node=None):
             rclpy.spin_once(node, timeout_sec=0.05)
 
 
+def all_received(statuses, samples, node):
+    """Whether imu_buffer and predictor come to report so many samples within half a minute."""
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        rclpy.spin_once(node, timeout_sec=0.05)
+        counts = [statuses.get(f'{name}: imu', {}).get('received') for name in ('imu_buffer', 'predictor')]
+        if counts == [str(samples)] * 2:
+            return True
+    return False
+
+
 def decoded(path, topic):
     """Every message on a topic of a bag."""
     with opened_bag(path) as (readers, advice):
@@ -124,23 +135,28 @@ def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, no
         'predictor:\n  ros__parameters: {frame_id: hull}\n'
     )
     samples = len(read_imu(bag).stamps)
-    offline, live = tmp_path / 'offline.mcap', tmp_path / 'live.mcap'
+    offline = tmp_path / 'offline.mcap'
     assert main(['play-through', str(bag), '--output', str(offline), '--params', str(params)]) == 0
-    with ExitStack() as stack:
-        nodes = stack.enter_context(verb('run', '--params-file', params))
-        stack.enter_context(verb('record', '--output', live))
-        wait_until(lambda: statuses.get('predictor: forecast', {}).get('has_model_roll') == 'True', 'the model', node)
-        wait_until(lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder', node)
-        # imu_buffer, predictor and the recorder
-        with verb('replay', bag, '--wait-for', 3, ends=None):
-            pass
-        for name in ('imu_buffer: imu', 'predictor: imu'):
+    # best effort may lose samples on a busy machine, and other samples make other forecasts
+    for attempt in range(3):
+        live = tmp_path / f'live_{attempt}.mcap'
+        statuses.clear()
+        with ExitStack() as stack:
+            nodes = stack.enter_context(verb('run', '--params-file', params))
+            stack.enter_context(verb('record', '--output', live))
             wait_until(
-                lambda name=name: statuses.get(name, {}).get('received') == str(samples),
-                f'{samples} samples at {name}', node,
-            )  # fmt: skip
-        assert nodes.poll() is None
-    assert len(decoded(live, '/imu/data')) == samples
+                lambda: statuses.get('predictor: forecast', {}).get('has_model_roll') == 'True', 'the model', node
+            )
+            wait_until(lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder', node)
+            # imu_buffer, predictor and the recorder
+            with verb('replay', bag, '--wait-for', 3, ends=None):
+                pass
+            arrived = all_received(statuses, samples, node)
+            assert nodes.poll() is None
+        if arrived and len(decoded(live, '/imu/data')) == samples:
+            break
+    else:
+        pytest.fail('samples were lost in three replays')
     passed_over = int(statuses['predictor: imu']['passed-over'])
     assert statuses['predictor: imu']['late-fit'] == '0'
     for topic in ('/forecast/next', '/forecast/lead_0_5s', '/forecast/lead_2_0s'):
