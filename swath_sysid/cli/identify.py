@@ -37,7 +37,7 @@ def add_arguments(parser):
     kind.add_argument(
         '--at-sea', action='store_true',
         help='the record is motion in waves: natural period and equivalent linear damping (default: where it holds no '
-        'free decay and swings from begin to end)',
+        'free decay and swings from beginning to end)',
     )  # fmt: skip
     kind.add_argument('--decay', action='store_true', help='the records are free decays, whatever they look like')
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""Working off a campaign: what is asked for by the manifest, what is known already, and the rest."""
+"""Running a campaign: what is asked for by the manifest, what is known already, and the rest."""
 
 import concurrent.futures
 import math

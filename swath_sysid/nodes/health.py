@@ -55,9 +55,10 @@ REASON_ADVICE = {
     stamps.DUPLICATE: 'samples with the stamp of one before were left out: if many, let the driver stamp its messages',
     stamps.OUT_OF_ORDER: 'late samples were left out: look at the transport, or for a second publisher',
     stamps.STRAY: 'single samples with a stamp far away were left out: look at what stamps them',
-    stamps.JUMPED_BACK: 'the clock was set back (a bag that looped?): window and filters began anew',
+    stamps.JUMPED_BACK: 'the clock was set back (a bag that looped?): the window and the state of motion began anew, '
+    'hull and sea are kept',
     stamps.GAP: 'samples are missing: look at the load of the machine and of the network',
-    stamps.LONG_GAP: 'the sensor was silent for long and came back: the filters began anew',
+    stamps.LONG_GAP: 'the sensor was silent for long and came back: look at its driver and cable',
     stamps.RATE_CHANGED: 'the sample rate changed and is followed: look at the driver if that was not meant',
     intake.NOT_FINITE: 'NaN or infinite values were left out: look at the driver',
     intake.ABSURD: 'values that no craft reaches were left out: check that rates are rad/s and accelerations m/s^2',
