@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.motion.intake import CraftSample
+from swath_sysid.motion.trial import CHANNELS, FURTHER_CHANNELS
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.prediction.forecast import Forecast
 from swath_sysid.prediction.sea_fit import fit_sea
@@ -38,11 +39,8 @@ def samples_of(trial):
     ------
     CraftSample
     """
-    absent = np.full(trial.time.size, math.nan)
-    columns = [
-        absent if (values := getattr(trial, name, None)) is None else values
-        for name in ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z', 'yaw_rate', 'heave')
-    ]
+    measured, absent = trial.channels, np.full(trial.time.size, math.nan)
+    columns = [measured.get(name, absent) for name in (*CHANNELS, *FURTHER_CHANNELS)]
     unknown = (math.nan,) * 4
     for stamp_ns, *motion, yaw_rate, heave in zip(
         np.round(trial.time * 1e9).astype(np.int64).tolist(), *(values.tolist() for values in columns), strict=True
