@@ -192,7 +192,7 @@ def read_imu(path, topic=None):
         raise InputError(f'{path} holds no readable message on {topic}{problem}: record it again')
     if decoder.damaged:
         advice.append(Advice('damaged-messages', (
-            f'{decoder.damaged} messages on {topic} are no {IMU_TYPE} and were left out: check the recorder'
+            f'{decoder.damaged} messages on {topic} are not of type {IMU_TYPE} and were left out: check the recorder'
         )))
     order = np.argsort(received, kind='stable')
     if np.any(np.diff(order) != 1):

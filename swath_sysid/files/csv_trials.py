@@ -386,7 +386,7 @@ def _installation(path, remarks, frame, mounting):
         try:
             mounting = tuple(float(part) * ANGLE_UNITS['deg'] for part in parts)
         except ValueError as error:
-            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which are no three "
+            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which are not three "
                              f'angles: write it as 180, 0, 0') from error
     return Installation(frame or remarks.get('frame', 'flu').lower(), mounting)
 
@@ -398,7 +398,7 @@ def _remark(path, remarks, key):
     try:
         return float(remarks[key].replace(',', '.'))
     except ValueError as error:
-        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is no number: "
+        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is not a number: "
                          f'correct that line') from error
 
 

@@ -29,7 +29,7 @@ class ImuReadings:
     Attributes
     ----------
     topic : str
-        Empty where the record is no bag.
+        Empty where the record is not a bag.
     stamps : ndarray of int64, shape (N,)
         header.stamp, ns.
     values : ndarray, shape (N, 37)

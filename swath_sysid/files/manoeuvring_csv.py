@@ -160,4 +160,4 @@ def _remark(path, remarks, key):
     try:
         return float(remarks[key])
     except ValueError as error:
-        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is no number: correct it") from error
+        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is not a number: correct it") from error

@@ -214,7 +214,7 @@ def _craft_channels(time, readings, installation, name):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:
             advice.append(Advice('invalid-orientation', (
-                f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are no orientation and were left out: '
+                f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are invalid and were left out: '
                 f'check the sensor driver'
             )))
         if not np.isfinite(angles['roll']).any():
