@@ -14,18 +14,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.campaign.evaluation import out_of_order
+from swath_sysid.campaign.executors import SerialExecutor, executor_of
+from swath_sysid.campaign.manifest import read_manifest
+from swath_sysid.campaign.result_store import ResultStore
+from swath_sysid.campaign.run import run_campaign
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.files.campaign_run import run_campaign
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.executors import SerialExecutor, executor_of
-from swath_sysid.files.manifest import read_manifest
-from swath_sysid.files.model_file import read_model, read_schedules
-from swath_sysid.files.result_store import ResultStore
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.identification.campaign import out_of_order
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.model_file import read_model, read_schedules
 from swath_sysid.report.campaign_report import campaign_tables, write_report
 from swath_sysid.report.campaign_tables import table_as_csv
 
@@ -332,7 +332,7 @@ def test_a_manifest_that_stands_elsewhere_finds_the_trials(place, trials, tmp_pa
 
 def test_a_cluster_that_does_not_answer(monkeypatch):
     pytest.importorskip('distributed')
-    monkeypatch.setattr('swath_sysid.files.executors.CONNECT_S', 1)
+    monkeypatch.setattr('swath_sysid.campaign.executors.CONNECT_S', 1)
     with pytest.raises(InputError, match='no Dask scheduler answers'), executor_of(1, 'tcp://127.0.0.1:9'):
         pass
 

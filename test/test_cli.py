@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
 from swath_sysid.cli.main import VERBS, main, module_of
-from swath_sysid.files.model_file import read_model
-from swath_sysid.files.reading import read_trial
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.formats.model_file import read_model
+from swath_sysid.formats.reading import read_trial
 
 
 @pytest.fixture(scope='module')

@@ -9,11 +9,11 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from swath_sysid.errors import InputError
-from swath_sysid.files import bags
-from swath_sysid.files.bags import IMU_TYPE, is_bag, read_bag, read_imu, write_imu_bag
-from swath_sysid.motion.attitude import euler_rates, quaternion
-from swath_sysid.motion.trial import CHANNELS, Trial
+from swath_sysid.attitude.motion.attitude import euler_rates, quaternion
+from swath_sysid.attitude.motion.trial import CHANNELS, Trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats import bags
+from swath_sysid.formats.bags import IMU_TYPE, is_bag, read_bag, read_imu, write_imu_bag
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 COUNT = 200

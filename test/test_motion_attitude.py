@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.errors import InputError
-from swath_sysid.motion import attitude
-from swath_sysid.motion.sensing import Installation, assemble_trial, imu_motion, turn_rate
+from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion.sensor_mount import Installation, assemble_trial, imu_motion, turn_rate
+from swath_sysid.common.errors import InputError
 
 angle = st.floats(-np.pi, np.pi)
 pitch_angle = st.floats(-1.55, 1.55)

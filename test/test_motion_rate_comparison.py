@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.motion.rate_comparison import compare_rates
+from swath_sysid.attitude.motion.rate_comparison import compare_rates
 
 STEP = 0.05
 

@@ -2,7 +2,7 @@
 import pytest
 from imu_stream import EPOCH_NS, reading
 
-from swath_sysid.motion.window import WINDOW_REASONS, MotionWindow
+from swath_sysid.attitude.motion.window import WINDOW_REASONS, MotionWindow
 from swath_sysid.nodes.health import (
     BAD_LOADING,
     BAD_MODEL,

@@ -17,7 +17,7 @@ ARGUMENTS = {
 }
 NODES = {
     'swath_sysid': {'imu_buffer', 'predictor', 'identifier'},
-    'manoeuvre': {'manoeuvre_predictor', 'identifier'},
+    'manoeuvre': {'manoeuvring_predictor', 'identifier'},
 }
 TYPES = {'str': str, 'float': float, 'bool': bool}
 SUBSTITUTIONS = {'var', 'find-pkg-share', 'file-content', 'not-equals'}
@@ -85,7 +85,7 @@ def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
     assert hears == {
         'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
         'manoeuvre': {
-            'manoeuvre_predictor': {'odometry', 'imu/data'} | thrusters, 'identifier': {'odometry'} | thrusters},
+            'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters, 'identifier': {'odometry'} | thrusters},
     }[name]
 
 

@@ -27,9 +27,9 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
-from swath_sysid.files.model_file import model_from_yaml, read_model  # noqa: E402
-from swath_sysid.identification.refit import COEFFICIENT_NAMES  # noqa: E402
-from swath_sysid.motion.window import COLUMNS  # noqa: E402
+from swath_sysid.attitude.identification.refit import COEFFICIENT_NAMES  # noqa: E402
+from swath_sysid.attitude.motion.window import COLUMNS  # noqa: E402
+from swath_sysid.formats.model_file import model_from_yaml, read_model  # noqa: E402
 from swath_sysid.nodes.messages import time_message, window_table  # noqa: E402
 from swath_sysid.nodes.parameter_tables import TABLES  # noqa: E402
 
@@ -381,7 +381,7 @@ def test_without_a_buffer_identify_says_what_to_start_and_a_signal_at_work_ends_
 
 def a_window():
     """A window with a decay, as imu_buffer publishes it."""
-    from swath_sysid.motion.window import MotionWindow, WindowSettings
+    from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
     from swath_sysid.nodes.messages import window_message
     window = MotionWindow(WindowSettings(detect_decay=False))
     for one in decay_stream(50.0, 30.0):

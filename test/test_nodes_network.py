@@ -52,7 +52,7 @@ def watcher():
     """A node that sees all nodes on simulated time, since they hear /clock only then."""
     bench = Bench()
     processes = [
-        start_together('-p', 'use_sim_time:=true'), start_node('manoeuvre_predictor', '-p', 'use_sim_time:=true')]
+        start_together('-p', 'use_sim_time:=true'), start_node('manoeuvring_predictor', '-p', 'use_sim_time:=true')]
     try:
         yield bench.node
     finally:

@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from swath_sysid.errors import InputError
-from swath_sysid.identification.refit import RefitSettings
-from swath_sysid.motion.window import WindowSettings
+from swath_sysid.attitude.identification.refit import RefitSettings
+from swath_sysid.attitude.motion.window import WindowSettings
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.common.errors import InputError
 from swath_sysid.nodes import parameter_tables
 from swath_sysid.nodes.parameter_tables import (
     ALL_TABLES,
@@ -17,7 +19,7 @@ from swath_sysid.nodes.parameter_tables import (
     SENSOR,
     configuration_file,
     defaults,
-    manoeuvre_outlook_settings,
+    manoeuvring_pipeline_settings,
     markdown_table,
     pipeline_settings,
     refit_settings,
@@ -25,11 +27,9 @@ from swath_sysid.nodes.parameter_tables import (
     window_settings,
 )
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
-from swath_sysid.prediction.forecaster import ForecasterSettings
-from swath_sysid.prediction.quiescence import QuiescenceLimits
 
 SETTINGS_OF = {'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': pipeline_settings,
-               'manoeuvre_predictor': manoeuvre_outlook_settings}  # fmt: skip
+               'manoeuvring_predictor': manoeuvring_pipeline_settings}  # fmt: skip
 ROOT = Path(__file__).resolve().parents[1]
 
 

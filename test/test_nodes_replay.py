@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.main import main
-from swath_sysid.files.bags import opened_bag, read_imu, write_imu_bag
-from swath_sysid.files.model_file import write_model
-from swath_sysid.files.output_bag import writing_output_bag
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.formats.bags import opened_bag, read_imu, write_imu_bag
+from swath_sysid.formats.model_file import write_model
+from swath_sysid.formats.output_bag import writing_output_bag
 
 rclpy = pytest.importorskip('rclpy', reason='replay and record need ROS 2')
 pytestmark = pytest.mark.dds

@@ -8,13 +8,22 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome
+from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.window import COLUMNS, MotionWindow
+from swath_sysid.attitude.prediction.forecast import AttitudeForecast, HorizonForecast
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import opened_bag, read_bag, read_imu, write_imu_bag
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.imu_readings import read_readings
-from swath_sysid.files.model_file import model_from_yaml, read_model, write_model
-from swath_sysid.files.output_bag import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import opened_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.imu_readings import read_readings
+from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model
+from swath_sysid.formats.output_bag import (
     CHUNK_BYTES,
     OutputBag,
     _QuickWriter,
@@ -22,18 +31,9 @@ from swath_sysid.files.output_bag import (
     diagnostics_cdr,
     writing_output_bag,
 )
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.identification.refit import AxisVerdict, RefitOutcome
-from swath_sysid.motion.attitude import euler_angles
-from swath_sysid.motion.window import COLUMNS, MotionWindow
 from swath_sysid.nodes.health import ERROR, PlayedHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
-from swath_sysid.prediction.forecast import AttitudeForecast, HorizonForecast
-from swath_sysid.prediction.forecaster import ForecasterSettings
-from swath_sysid.prediction.sea_fit import fit_sea
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)

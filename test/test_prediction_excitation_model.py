@@ -6,16 +6,16 @@ import pytest
 from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.compiled import motion_step
-from swath_sysid.prediction.excitation_model import (
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.compiled import motion_step
+from swath_sysid.attitude.prediction.excitation_model import (
     _filtered_covariance,
     _Hull,
     autoregression,
     fit_excitation,
     moment_spectrum,
 )
-from swath_sysid.prediction.hull_filter import ExcitationRequest, HullFilter, HullUncertainty
+from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullUncertainty
 
 HULL = hull_named('swath-roll').model
 NOISE = 5e-4, 3e-3

@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.prediction.history import History
+from swath_sysid.attitude.prediction.history import History
 
 CAPACITY, CHANNELS = 5, 2
 STEPS = st.lists(

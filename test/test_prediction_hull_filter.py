@@ -10,16 +10,14 @@ from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.stats import multivariate_normal
 
-from swath_sysid.accelerator import HAS_NUMBA
-from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import equation_named, hull_named
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft
-from swath_sysid.hull.simulated_trial import SensorNoise
-from swath_sysid.hull.simulation import simulate
-from swath_sysid.prediction import hull_filter
-from swath_sysid.prediction.hull_filter import (
+from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.prediction import hull_filter
+from swath_sysid.attitude.prediction.hull_filter import (
     HULL_STATES,
     ExcitationFit,
     HullFilter,
@@ -27,8 +25,10 @@ from swath_sysid.prediction.hull_filter import (
     HullUncertainty,
     supported_level,
 )
-from swath_sysid.prediction.hull_step import hull_step
-from swath_sysid.prediction.modal_moment import ModalMoment, joined, markov_moment
+from swath_sysid.attitude.prediction.hull_step import hull_step
+from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
+from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.common.errors import InputError
 
 NAN = math.nan
 ROLL = hull_named('swath-roll').model

@@ -4,9 +4,9 @@ import math
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.prediction.forecaster import ForecasterSettings
-from swath_sysid.prediction.quiescence import Quiescence, QuiescenceLimits, ReliabilityRecord
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.quiescence import Quiescence, QuiescenceLimits, ReliabilityRecord
+from swath_sysid.common.errors import InputError
 
 LEADS = np.arange(1, 11) * 0.1
 ONES = np.ones(2)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
-from swath_sysid.prediction.state_space import (
+from swath_sysid.attitude.prediction.state_space import (
     InnovationsFilter,
     InnovationsModel,
     cubic_weights,

@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from swath_sysid.prediction.oscillator import angle_statistics, oscillators
-from swath_sysid.prediction.state_space import InnovationsFilter
-from swath_sysid.prediction.variate_analysis import (
+from swath_sysid.attitude.prediction.oscillator import angle_statistics, oscillators
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter
+from swath_sysid.attitude.prediction.variate_analysis import (
     broken,
     fill_short_gaps,
     identify,

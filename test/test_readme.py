@@ -5,9 +5,9 @@
 import re
 from pathlib import Path
 
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS
-from swath_sysid.identification.search import PRESETS
 from swath_sysid.nodes.health import reasons_table
 from swath_sysid.nodes.parameter_tables import ALL_TABLES, markdown_table
 

@@ -9,12 +9,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.campaign_run import run_campaign
-from swath_sysid.files.executors import executor_of
-from swath_sysid.files.manifest import read_manifest, write_new_manifest
-from swath_sysid.files.outputs import Output, check_outputs, refuse_inputs_among
-from swath_sysid.files.result_store import ResultStore
+from swath_sysid.campaign.executors import executor_of
+from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
+from swath_sysid.campaign.result_store import ResultStore
+from swath_sysid.campaign.run import run_campaign
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 from swath_sysid.report.campaign_report import REPORTED, write_report
 
 MANIFEST = 'campaign.yaml'

@@ -8,6 +8,11 @@ import time
 from rich.console import Console
 from rich.table import Table
 
+from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.identification.fit_quality import poor_fit
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.selection import compare
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.cli.identify import add_force_argument, add_search_arguments, conclude_fit, settings_of
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import (
@@ -18,12 +23,7 @@ from swath_sysid.cli.sources import (
     provenance_of,
     read_trials,
 )
-from swath_sysid.files.model_file import write_model
-from swath_sysid.hull.catalogue import equation_named, equations_of_axis
-from swath_sysid.identification.fit_quality import poor_fit
-from swath_sysid.identification.problem import prepare
-from swath_sysid.identification.selection import compare
-from swath_sysid.motion.contradictions import refuse_contradictions
+from swath_sysid.formats.model_file import write_model
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data

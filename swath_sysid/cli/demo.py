@@ -18,15 +18,15 @@ from rich.console import Console
 from rich.live import Live
 
 import swath_sysid
-from swath_sysid.errors import InputError
-from swath_sysid.files.outputs import Output, check_outputs
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS, hull_named
-from swath_sysid.hull.simulated_craft import returns
-from swath_sysid.motion.intake import NANOSECOND
-from swath_sysid.motion.trial import AXES
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
+from swath_sysid.attitude.hull.simulated_craft import returns
+from swath_sysid.attitude.motion.intake import NANOSECOND
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
-from swath_sysid.prediction.forecaster import ForecasterSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import ViewState, line, render
@@ -70,7 +70,7 @@ def run(arguments):
         import rclpy
         from rclpy.signals import SignalHandlerOptions
 
-        from swath_sysid.nodes.listener import Listener
+        from swath_sysid.nodes.demo_monitor import Listener
     except ImportError as error:
         raise InputError(
             f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'

@@ -1,11 +1,11 @@
 """Arguments that name a hull: published, from a model file, or an equation with given ratios."""
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import read_model
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named, hull_of_family
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.physical_range import check_physical
-from swath_sysid.hull.terms import TERM_NAMES
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named, hull_of_family
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.physical_range import check_physical
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import read_model
 
 
 def add_hull_arguments(parser):

@@ -4,6 +4,12 @@ import json
 import sys
 import time
 
+from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_forced
+from swath_sysid.attitude.identification.fit_quality import poor_fit
+from swath_sysid.attitude.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
+from swath_sysid.attitude.identification.sea_motion import heave_of
+from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import (
     EXIT_POOR_FIT,
@@ -15,14 +21,8 @@ from swath_sysid.cli.sources import (
     provenance_of,
     read_trials,
 )
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import write_model
-from swath_sysid.identification.at_sea import identify_at_sea, is_forced
-from swath_sysid.identification.fit_quality import poor_fit
-from swath_sysid.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
-from swath_sysid.identification.sea_motion import heave_of
-from swath_sysid.identification.search import ALGORITHMS, PRESETS, SearchSettings
-from swath_sysid.motion.contradictions import refuse_contradictions
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import write_model
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
 from swath_sysid.report.figures import save_figure

@@ -10,24 +10,24 @@ import numpy as np
 
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, finite, provenance_of, refuse_twice, without_copies
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import is_bag
-from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
-from swath_sysid.files.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
-from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
-from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
-from swath_sysid.files.outputs import Output, check_outputs
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.model import COMMAND, INPUTS
-from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.standard_tests import TESTS, DriveSettings, run_test
-from swath_sysid.identification.manoeuvring.assembly import seen_region
-from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
-from swath_sysid.identification.manoeuvring.settings import CURRENT_CHOICES, ManoeuvringSettings
-from swath_sysid.motion.manoeuvring_trial import prepare_all
-from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
-from swath_sysid.prediction.manoeuvring_skill import LEADS, score_forecasts
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import is_bag
+from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
+from swath_sysid.formats.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
+from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
+from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
+from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.model import COMMAND, INPUTS
+from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
+from swath_sysid.manoeuvring.identification.assembly import seen_region
+from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
+from swath_sysid.manoeuvring.motion.trial import prepare_all
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
+from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
 from swath_sysid.report.figures import FORMATS, save_figure
 from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
 from swath_sysid.report.manoeuvring_figures import forecast_figure, run_figures, summary_figures, test_figure
@@ -50,7 +50,7 @@ def add_arguments(parser):
     _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
     _add_forecast(verbs.add_parser('forecast', help='score forecasts of runs by lead'))
     _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
-    _add_play_through(verbs.add_parser('play-through', help='what manoeuvre_predictor would have published on a bag'))
+    _add_play_through(verbs.add_parser('play-through', help='what manoeuvring_predictor would have published on a bag'))
 
 
 def run(arguments):

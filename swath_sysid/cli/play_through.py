@@ -4,22 +4,22 @@ import os
 import sys
 from dataclasses import replace
 
-from swath_sysid.advice import Advice
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import finite
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import is_bag
-from swath_sysid.files.imu_readings import read_readings
-from swath_sysid.files.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
-from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model
-from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
-from swath_sysid.files.model_file import read_model
-from swath_sysid.files.output_bag import IMU_TOPIC, writing_output_bag
-from swath_sysid.files.outputs import Output, check_outputs
-from swath_sysid.motion.sensing import Installation
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import is_bag
+from swath_sysid.formats.imu_readings import read_readings
+from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
+from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
+from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
+from swath_sysid.formats.model_file import read_model
+from swath_sysid.formats.output_bag import IMU_TOPIC, writing_output_bag
+from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.nodes.health import PlayedHealth
 from swath_sysid.nodes.parameter_tables import (
-    manoeuvre_outlook_settings,
+    manoeuvring_pipeline_settings,
     pipeline_settings,
     refit_settings,
     values_from_file,
@@ -106,11 +106,11 @@ def run(arguments):
 
 
 def _play_manoeuvres(arguments):
-    """What manoeuvre_predictor would have published: the bag holds odometry and thrust, and no IMU."""
-    values = values_from_file(arguments.params, 'manoeuvre_predictor')
+    """What manoeuvring_predictor would have published: the bag holds odometry and thrust, and no IMU."""
+    values = values_from_file(arguments.params, 'manoeuvring_predictor')
     trial = read_manoeuvring_bag(arguments.record)
     model = arguments.model or values['model_file']
-    settings = manoeuvre_outlook_settings(values)
+    settings = manoeuvring_pipeline_settings(values)
     identified = read_manoeuvring_model(model) if model else None
     count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
     show_advice(trial.advice)

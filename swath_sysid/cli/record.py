@@ -3,8 +3,8 @@
 import sys
 from datetime import datetime
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.outputs import Output, check_outputs
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs
 
 
 def add_arguments(parser):

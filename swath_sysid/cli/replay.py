@@ -3,7 +3,7 @@
 import sys
 
 from swath_sysid.cli.sources import finite
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 
 
 def add_arguments(parser):

@@ -5,14 +5,14 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model
-from swath_sysid.files.model_file import read_model
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
+from swath_sysid.formats.model_file import read_model
 
-NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvre_predictor')
+NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_predictor')
 
-MODEL_PARAMETERS = {'identifier': 'model_path', 'manoeuvre_predictor': 'model_file'}
-MODEL_READERS = {'identifier': read_model, 'manoeuvre_predictor': read_manoeuvring_model}
+MODEL_PARAMETERS = {'identifier': 'model_path', 'manoeuvring_predictor': 'model_file'}
+MODEL_READERS = {'identifier': read_model, 'manoeuvring_predictor': read_manoeuvring_model}
 
 OPEN_TO_THE_SUBNET = (
     'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
@@ -42,7 +42,7 @@ def run(arguments):
             f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
         ) from error
     given = ros_arguments(arguments)
-    program = import_module(f'swath_sysid.nodes.{arguments.only or "together"}')
+    program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
     return program.main(['swath-sysid', '--ros-args', *given])

@@ -1,9 +1,9 @@
 """``swath-sysid scale``: a model at another scale, by Froude's law."""
 
+from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
 from swath_sysid.cli.progress import show_advice
-from swath_sysid.files.model_file import read_description, read_model, write_model, write_scheduled
-from swath_sysid.files.outputs import Output, check_outputs
-from swath_sysid.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
+from swath_sysid.formats.model_file import read_description, read_model, write_model, write_scheduled
+from swath_sysid.formats.outputs import Output, check_outputs
 
 
 def add_arguments(parser):

@@ -2,14 +2,14 @@
 
 import math
 
+from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
 from swath_sysid.cli.sources import finite
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import write_imu_bag
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.outputs import Output, check_outputs
-from swath_sysid.hull.catalogue import hull_named, hull_of_family
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import write_imu_bag
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.outputs import Output, check_outputs
 
 NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
 

@@ -4,12 +4,12 @@ import math
 from pathlib import Path
 
 from swath_sysid import __version__
-from swath_sysid.advice import Advice
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.cli.progress import show_advice
-from swath_sysid.errors import InputError
-from swath_sysid.files.outputs import Output, check_outputs
-from swath_sysid.files.reading import read_trial, source_hash
-from swath_sysid.motion.trial import AXES
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.reading import read_trial, source_hash
 from swath_sysid.report.figures import FORMATS
 
 EXIT_POOR_FIT = 1

@@ -3,9 +3,9 @@ from collections import deque
 from dataclasses import dataclass, field
 from math import isnan
 
-from swath_sysid.motion import intake, stamps
-from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction import forecaster
+from swath_sysid.attitude.motion import intake, stamps
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction import forecaster
 
 OK, WARN, ERROR = range(3)
 """Levels of diagnostic_msgs/DiagnosticStatus."""

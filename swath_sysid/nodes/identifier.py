@@ -9,18 +9,18 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid import __version__
-from swath_sysid.errors import InputError
-from swath_sysid.identification.manoeuvring.refit import refit_manoeuvring
-from swath_sysid.identification.refit import Refitter, refit, warm_up, window_provenance
-from swath_sysid.identification.search import Cancelled
-from swath_sysid.nodes.connections import SERVICES, watched_publisher
+from swath_sysid.attitude.identification.refit import Refitter, refit, warm_up, window_provenance
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.manoeuvring.identification.refit import refit_manoeuvring
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth
-from swath_sysid.nodes.manoeuvre_identification import ManoeuvreIdentification
+from swath_sysid.nodes.manoeuvring_identification import ManoeuvreIdentification
 from swath_sysid.nodes.model_publisher import ModelPublisher
 from swath_sysid.nodes.parameter_tables import IDENTIFIER, refit_settings
 from swath_sysid.nodes.parameters import NodeParameters
-from swath_sysid.nodes.spinning import run
+from swath_sysid.nodes.qos import SERVICES, watched_publisher
 from swath_sysid.nodes.turns import Turns
 from swath_sysid.nodes.window_client import WindowClient
 from swath_sysid.nodes.worker import Worker

@@ -6,14 +6,14 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from swath_sysid.motion.window import MotionWindow
-from swath_sysid.nodes.connections import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
+from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.health import BufferHealth
 from swath_sysid.nodes.messages import imu_reading, window_message
 from swath_sysid.nodes.parameter_tables import IMU_BUFFER, window_settings
 from swath_sysid.nodes.parameters import NodeParameters
-from swath_sysid.nodes.spinning import events_executor, run
+from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
 
 
 class ImuBuffer(Node):

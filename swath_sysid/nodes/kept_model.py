@@ -2,7 +2,7 @@
 import os
 from pathlib import Path
 
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.health import BAD_MODEL_FILE, NOT_SAVED
 
 

@@ -2,8 +2,8 @@
 import threading
 from collections import deque
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.untrusted_yaml import LARGEST_TEXT
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
 
 MOST_WAITING = 16
 """Texts; of a flood the oldest are passed over, as they are superseded anyway."""

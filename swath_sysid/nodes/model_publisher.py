@@ -1,10 +1,10 @@
 """Where the identified models go: model/description, model/coefficients and the model file."""
 from std_msgs.msg import Float64MultiArray, String
 
-from swath_sysid.files.model_file import model_to_yaml, read_model, write_model
-from swath_sysid.nodes.connections import LATCHED, watched_publisher
+from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.messages import coefficients_message
+from swath_sysid.nodes.qos import LATCHED, watched_publisher
 
 
 class ModelPublisher:

@@ -8,22 +8,22 @@ from math import inf, radians
 
 import yaml
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.untrusted_yaml import plain_content, shown, text_of
-from swath_sysid.identification.identify import OBJECTIVES, IdentificationSettings
-from swath_sysid.identification.refit import RefitSettings
-from swath_sysid.identification.search import ALGORITHMS, SearchSettings
-from swath_sysid.motion.manoeuvring_window import AUTO, THRUST_INPUTS
-from swath_sysid.motion.sensing import FRAMES, Installation
-from swath_sysid.motion.stamps import StampSettings
-from swath_sysid.motion.trial import AXES
-from swath_sysid.motion.window import WindowSettings
+from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings
+from swath_sysid.attitude.identification.refit import RefitSettings
+from swath_sysid.attitude.identification.search import ALGORITHMS, SearchSettings
+from swath_sysid.attitude.motion.sensor_mount import FRAMES, Installation
+from swath_sysid.attitude.motion.stamps import StampSettings
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.window import WindowSettings
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.untrusted_yaml import plain_content, shown, text_of
+from swath_sysid.manoeuvring.motion.window import AUTO, THRUST_INPUTS
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
+from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilterSettings
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
-from swath_sysid.prediction.forecaster import ForecasterSettings
-from swath_sysid.prediction.hull_filter import HullFilterSettings
-from swath_sysid.prediction.manoeuvring import ManoeuvreFilterSettings
-from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
-from swath_sysid.prediction.quiescence import QuiescenceLimits
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,7 @@ PREDICTOR = (
 )
 
 MANOEUVRE_PREDICTOR = (
-    NodeParameter('model_file', '', 'Model file of manoeuvre identify; empty: wait for manoeuvre/model',
+    NodeParameter('model_file', '', 'Model file of manoeuvre identify; empty: wait for manoeuvring/model',
                   read_only=True),
     NodeParameter('leads_s', [1.0, 5.0, 10.0], 'Leads with a topic of their own, rising', 's', 0.1, 120.0,
                   read_only=True),
@@ -260,7 +260,7 @@ MANOEUVRE_PREDICTOR = (
 TABLES = {'imu_buffer': IMU_BUFFER, 'identifier': IDENTIFIER, 'predictor': PREDICTOR}
 """Node name to its parameters, of the nodes that run together."""
 
-ALL_TABLES = {**TABLES, 'manoeuvre_predictor': MANOEUVRE_PREDICTOR}
+ALL_TABLES = {**TABLES, 'manoeuvring_predictor': MANOEUVRE_PREDICTOR}
 """Node name to its parameters, of every node."""
 
 
@@ -362,8 +362,8 @@ def quiescence_limits(values):
     )
 
 
-def manoeuvre_outlook_settings(values):
-    """Settings of manoeuvre_predictor's core; see `window_settings`."""
+def manoeuvring_pipeline_settings(values):
+    """Settings of manoeuvring_predictor's core; see `window_settings`."""
     check(MANOEUVRE_PREDICTOR, values)
     noise = ManoeuvreFilterSettings(
         speed_noise=values['speed_noise_m_s'], yaw_rate_noise=values['yaw_rate_noise_rad_s'],

@@ -7,11 +7,18 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, Float64, String
 from trajectory_msgs.msg import JointTrajectory
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import description_from_yaml
-from swath_sysid.files.topics import HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, lead_topic
-from swath_sysid.hull.scheduled_model import models_at
-from swath_sysid.nodes.connections import (
+from swath_sysid.attitude.hull.scheduled_model import models_at
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import description_from_yaml
+from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, lead_topic
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.executor_loop import events_executor, run
+from swath_sysid.nodes.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, PredictorHealth
+from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
+from swath_sysid.nodes.model_intake import ModelIntake
+from swath_sysid.nodes.parameter_tables import PREDICTOR, pipeline_settings
+from swath_sysid.nodes.parameters import NodeParameters
+from swath_sysid.nodes.qos import (
     IMU_TOPIC,
     LATCHED,
     NEWEST,
@@ -20,14 +27,7 @@ from swath_sysid.nodes.connections import (
     watched_publisher,
     watched_subscription,
 )
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
-from swath_sysid.nodes.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, PredictorHealth
-from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
-from swath_sysid.nodes.model_intake import ModelIntake
-from swath_sysid.nodes.parameter_tables import PREDICTOR, pipeline_settings
-from swath_sysid.nodes.parameters import NodeParameters
 from swath_sysid.nodes.sea_fitting import SeaFitting
-from swath_sysid.nodes.spinning import events_executor, run
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 
 PASSED_OVER_NS = 100_000_000

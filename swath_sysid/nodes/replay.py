@@ -14,9 +14,9 @@ from rclpy.signals import SignalHandlerOptions
 from rosbags.interfaces import QosDurability
 from rosgraph_msgs.msg import Clock
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import IMU_TYPE, opened_bag
-from swath_sysid.files.output_bag import LATCHED_TOPICS
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import IMU_TYPE, opened_bag
+from swath_sysid.formats.output_bag import LATCHED_TOPICS
 from swath_sysid.nodes.messages import time_message
 
 CLOCK_PERIOD = 0.01

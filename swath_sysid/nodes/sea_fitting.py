@@ -1,10 +1,10 @@
 """The sea learnt in a process of its own, and handed back to the pipeline between two samples."""
 from collections import deque
 
+from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
 from swath_sysid.nodes.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 from swath_sysid.nodes.messages import NANOSECONDS
 from swath_sysid.nodes.worker import Worker
-from swath_sysid.prediction.sea_fit import fit_sea, warm_up
 
 
 class SeaFitting:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import NamedTuple
 
-from swath_sysid.motion.installation_watch import InstallationCheck
-from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
-from swath_sysid.motion.sensing import Installation
-from swath_sysid.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
-from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.forecast import (
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecast import (
     AttitudeForecast,
     Forecast,
     HorizonForecast,
@@ -20,8 +20,8 @@ from swath_sysid.prediction.forecast import (
     attitudes_at_leads,
     horizon_forecast,
 )
-from swath_sysid.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
-from swath_sysid.prediction.sea_fit import SeaFit, SeaRequest
+from swath_sysid.attitude.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
 
 PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)
 """Everything that is counted."""

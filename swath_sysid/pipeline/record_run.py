@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.motion.intake import CraftSample
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.attitude.prediction.skill import Run
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.prediction.forecast import Forecast
-from swath_sysid.prediction.sea_fit import fit_sea
-from swath_sysid.prediction.skill import Run
 
 
 class Issued(NamedTuple):

@@ -2,9 +2,9 @@
 
 import math
 
-from swath_sysid.hull.published_form import inertia_from_metacentric_height, to_published
-from swath_sysid.hull.terms import RATIO_UNITS
-from swath_sysid.identification.uncertainty import correlation
+from swath_sysid.attitude.hull.published_form import inertia_from_metacentric_height, to_published
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.common.covariance import correlation
 
 
 def fit_as_data(identification, wall_s=None, inertia=None):

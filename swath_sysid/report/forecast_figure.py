@@ -1,7 +1,7 @@
 """The picture of a forecast's skill: error against lead, a stretch with its fans, reliability."""
 import numpy as np
 
-from swath_sysid.prediction.forecast import LEVELS
+from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
 
 LABELS = {

@@ -1,8 +1,8 @@
 """The skill of forecasts as plain data."""
 import numpy as np
 
-from swath_sysid.prediction.forecast import LEVELS
-from swath_sysid.prediction.skill import AFTER_GAP, CONFIDENCE
+from swath_sysid.attitude.prediction.forecast import LEVELS
+from swath_sysid.attitude.prediction.skill import AFTER_GAP, CONFIDENCE
 
 
 def skill_as_data(skill):
