@@ -34,33 +34,49 @@ class PointMotion:
     ----------
     mean : ndarray, shape (L, 3)
         `POINT_MOTION`: m about the mean level, m/s, m/s^2.
-    covariance : ndarray, shape (L, 3, 3)
+    covariance : ndarray, shape (L, 3, 3), or None
     """
 
     mean: np.ndarray
-    covariance: np.ndarray
+    covariance: np.ndarray | None
+
+    def at(self, chosen):
+        """Of some of the leads."""
+        return PointMotion(self.mean[chosen], self.covariance[chosen])
 
 
-def vertical_partial(roll, pitch, in_roll, in_pitch):
-    """Partial derivative of the world's vertical in the craft's axes, so many times in roll and in pitch.
+def height_partials(place, roll, pitch):
+    """Height of a point above the sensor, u . r, and its partial derivatives.
 
     Parameters
     ----------
+    place : sequence of 3 floats
+        r, m.
     roll, pitch : ndarray, shape (L,)
         rad.
-    in_roll, in_pitch : int
 
     Returns
     -------
-    ndarray, shape (L, 3)
+    dict of (int, int) to ndarray, shape (L,)
+        By the number of derivatives in roll and in pitch, up to three in all.
     """
+    x, y, z = place
     # a derivative of a sine is the sine a quarter turn on
-    a, b = roll + 0.5 * np.pi * in_roll, pitch + 0.5 * np.pi * in_pitch
-    along = -np.sin(b) if in_roll == 0 else np.zeros_like(b)
-    return np.stack([along, np.sin(a) * np.cos(b), np.cos(a) * np.cos(b)], axis=-1)
+    sine_roll, cosine_roll, sine_pitch, cosine_pitch = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
+    athwart = [y * sine_roll + z * cosine_roll, y * cosine_roll - z * sine_roll]
+    along = [cosine_pitch, -sine_pitch]
+    sign = (1.0, 1.0, -1.0, -1.0)
+    partials = {}
+    for in_roll in range(4):
+        for in_pitch in range(4 - in_roll):
+            turned = sign[in_roll] * sign[in_pitch]
+            partials[in_roll, in_pitch] = turned * athwart[in_roll % 2] * along[in_pitch % 2]
+    for in_pitch, sine in enumerate((sine_pitch, cosine_pitch, -sine_pitch, -cosine_pitch)):
+        partials[0, in_pitch] = partials[0, in_pitch] - x * sine
+    return partials
 
 
-def point_motion(place, mean_attitude, motion, covariance):
+def point_motion(place, mean_attitude, motion, covariance=None):
     """Vertical motion at a point from that at the sensor, with its covariance to first order.
 
     Parameters
@@ -71,35 +87,37 @@ def point_motion(place, mean_attitude, motion, covariance):
         Roll and pitch about which the craft moves, rad: there the point is at its mean level.
     motion : ndarray, shape (L, 9)
         Heave, vertical velocity and acceleration, roll and pitch acceleration, roll, pitch and their rates.
-    covariance : ndarray, shape (L, 9, 9)
+    covariance : ndarray, shape (L, 9, 9), optional
         Of these.
 
     Returns
     -------
     PointMotion
     """
-    r = np.asarray(place, dtype=float)
     heave, velocity, acceleration, roll_acc, pitch_acc, roll, pitch, roll_rate, pitch_rate = motion.T
 
-    def h(in_roll, in_pitch):
-        return vertical_partial(roll, pitch, in_roll, in_pitch) @ r
+    h = height_partials(place, roll, pitch)
 
     def turning(i, j):
         """(d/dt)^2 of u . r, differentiated i times in roll and j times in pitch."""
         return (
-            h(i + 2, j) * roll_rate**2 + 2.0 * h(i + 1, j + 1) * roll_rate * pitch_rate + h(i, j + 2) * pitch_rate**2
-            + h(i + 1, j) * roll_acc + h(i, j + 1) * pitch_acc
+            h[i + 2, j] * roll_rate**2 + 2.0 * h[i + 1, j + 1] * roll_rate * pitch_rate + h[i, j + 2] * pitch_rate**2
+            + h[i + 1, j] * roll_acc + h[i, j + 1] * pitch_acc
         )  # fmt: skip
 
-    level = (vertical_partial(*np.asarray(mean_attitude)[:, None], 0, 0) @ r)[0]
-    velocity_of_turning = h(1, 0) * roll_rate + h(0, 1) * pitch_rate
-    mean = np.stack([heave + h(0, 0) - level, velocity + velocity_of_turning, acceleration + turning(0, 0)], axis=1)
-    zero, one = np.zeros_like(roll), np.ones_like(roll)
-    jacobian = np.stack([
-        [one, zero, zero, zero, zero, h(1, 0), h(0, 1), zero, zero],
-        [zero, one, zero, zero, zero, h(2, 0) * roll_rate + h(1, 1) * pitch_rate,
-         h(1, 1) * roll_rate + h(0, 2) * pitch_rate, h(1, 0), h(0, 1)],
-        [zero, zero, one, h(1, 0), h(0, 1), turning(1, 0), turning(0, 1),
-         2.0 * (h(2, 0) * roll_rate + h(1, 1) * pitch_rate), 2.0 * (h(1, 1) * roll_rate + h(0, 2) * pitch_rate)],
-    ]).transpose(2, 0, 1)  # fmt: skip
+    level = height_partials(place, *mean_attitude)[0, 0]
+    velocity_of_turning = h[1, 0] * roll_rate + h[0, 1] * pitch_rate
+    mean = np.stack([heave + h[0, 0] - level, velocity + velocity_of_turning, acceleration + turning(0, 0)], axis=1)
+    if covariance is None:
+        return PointMotion(mean, None)
+    jacobian = np.zeros((roll.size, 3, 9))
+    jacobian[:, (0, 1, 2), (0, 1, 2)] = 1.0
+    jacobian[:, 0, 5], jacobian[:, 0, 6] = h[1, 0], h[0, 1]
+    # the rows below are the derivatives in time of the row above: those in the rates are those in the angles there
+    jacobian[:, 1, 5] = h[2, 0] * roll_rate + h[1, 1] * pitch_rate
+    jacobian[:, 1, 6] = h[1, 1] * roll_rate + h[0, 2] * pitch_rate
+    jacobian[:, 1, 7], jacobian[:, 1, 8] = h[1, 0], h[0, 1]
+    jacobian[:, 2, 3], jacobian[:, 2, 4] = h[1, 0], h[0, 1]
+    jacobian[:, 2, 5], jacobian[:, 2, 6] = turning(1, 0), turning(0, 1)
+    jacobian[:, 2, 7], jacobian[:, 2, 8] = 2.0 * jacobian[:, 1, 5], 2.0 * jacobian[:, 1, 6]
     return PointMotion(mean, jacobian @ covariance @ jacobian.transpose(0, 2, 1))

@@ -110,6 +110,16 @@ class InnovationsFilter:
         self.strain = 1.0
 
     @property
+    def state(self):
+        """The state after the newest row, shape (n,)."""
+        return self._x
+
+    @property
+    def state_covariance(self):
+        """Of its error, shape (n, n); None where it is known."""
+        return self._p
+
+    @property
     def settled(self):
         """Whether the state is known without error: the rows have been complete for long enough."""
         return self._p is None

@@ -44,20 +44,21 @@ class VerticalFit:
 
     Attributes
     ----------
-    weights : ndarray, shape (H, 5, P)
-        Of the P regressors (state, leaky integrals, one), for each of `VERTICAL` 0, 1, ... H - 1 rows ahead.
+    weights : ndarray, shape (H, 9, P)
+        Of the P regressors (state, leaky integrals, one), for each of `VERTICAL` and `ATTITUDE` 0, 1, ... H - 1 rows
+        ahead.
     covariance : ndarray, shape (H, 9, 9)
         Of the errors, `VERTICAL` and then `ATTITUDE` by the same regression.
     truth : ndarray, shape (N, 3)
         Heave, velocity and acceleration until half a minute ago.
-    age : int
-        Rows since the last of ``truth`` when the window ended.
+    row : int
+        Number of the row of the last of ``truth``.
     """
 
     weights: np.ndarray
     covariance: np.ndarray
     truth: np.ndarray
-    age: int
+    row: int
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,26 @@ class VerticalMotion:
     covariance: np.ndarray
 
 
-def fit_vertical(stretch, names, step, model, ahead, delay=0.0, age=0):
+@dataclass(frozen=True)
+class VerticalRequest:
+    """What is to be learnt.
+
+    Attributes
+    ----------
+    ahead : int
+        H - 1: rows ahead that are to be forecast.
+    delay : float
+        s by which the accelerations lag behind the attitude.
+    row : int
+        Number of the newest row of the window.
+    """
+
+    ahead: int
+    delay: float = 0.0
+    row: int = 0
+
+
+def fit_vertical(stretch, names, step, model, request, age=0):
     """Learn vertical motion from a stretch of complete rows.
 
     Parameters
@@ -88,19 +108,16 @@ def fit_vertical(stretch, names, step, model, ahead, delay=0.0, age=0):
         s.
     model : InnovationsModel
         The waves; its state is found from its lags.
-    ahead : int
-        H - 1: rows ahead that are to be forecast.
-    delay : float
-        s by which the rows lag behind the motion.
+    request : VerticalRequest
     age : int
-        Rows from the end of the stretch to now.
+        Rows from the end of the stretch to that of the window.
 
     Returns
     -------
     VerticalFit or None
         None where a channel is missing or the stretch is too short.
     """
-    place = {name: number for number, name in enumerate(names)}
+    ahead, place = request.ahead, {name: number for number, name in enumerate(names)}
     measured = stretch[:, [place[name] for name in (*ATTITUDE, *FORCE)]]
     edge, every = round(EDGE / step), max(1, round(_TRAINING_STEP / step))
     used = np.arange(max(edge, model.lags - 1), stretch.shape[0] - edge - ahead, every)
@@ -109,8 +126,8 @@ def fit_vertical(stretch, names, step, model, ahead, delay=0.0, age=0):
         return None
     acceleration = vertical_acceleration(measured[:, 0], measured[:, 1], measured[:, 4:])
     truth = np.stack([
-        *(zero_phase_integral(acceleration, step, times, delay) for times in (HEAVE, VELOCITY, ACCELERATION)),
-        *(zero_phase_integral(rate, step, -1, delay) for rate in measured[:, 2:4].T),
+        *(zero_phase_integral(acceleration, step, times, request.delay) for times in (HEAVE, VELOCITY, ACCELERATION)),
+        *(zero_phase_integral(rate, step, -1) for rate in measured[:, 2:4].T),
     ], axis=1)  # fmt: skip
     states = states_from_lags(model, stretch[:, model.places], used)
     regressors = np.hstack([states, LeakyIntegrals(step).of(acceleration)[used], np.ones((used.size, 1))])
@@ -121,10 +138,10 @@ def fit_vertical(stretch, names, step, model, ahead, delay=0.0, age=0):
     found = np.linalg.solve(gram, regressors.T @ flat)
     errors = (flat - regressors @ found).reshape(targets.shape).transpose(1, 2, 0)
     return VerticalFit(
-        found.T.reshape(ahead + 1, -1, width)[:, :len(VERTICAL)],
+        found.T.reshape(ahead + 1, -1, width),
         errors @ errors.transpose(0, 2, 1) / (used.size - width),
         truth[edge:-edge, :3],
-        age + edge,
+        request.row - age - edge,
     )  # fmt: skip
 
 
@@ -160,59 +177,89 @@ class VerticalForecaster:
     """
 
     def __init__(self, step, ahead):
+        self.ahead = ahead
         self._step = step
-        self._ahead = ahead
         self._integrals = LeakyIntegrals(step)
-        self._fit = self._mean = self._regressors = None
+        self._fit = self._state = self._mean = None
         # forecasts by the number of the row after which they were issued, until their truth is known
         self._issued = np.full((round((_SCORED + 2.0 * EDGE) / step) + ahead, ahead + 1, 3), np.nan)
         self._rows = 0
-        self._scale = np.ones(ahead + 1)
 
-    def install(self, fit, rows_since):
+    def install(self, fit, newest, waves):
         """Use what was learnt, calibrated by how the forecasts issued so far came true.
 
         Parameters
         ----------
-        fit : VerticalFit
-        rows_since : int
-            Rows since the window ended.
+        fit : VerticalFit or None
+            None: forget what was learnt.
+        newest : int
+            Number of the newest row.
+        waves : InnovationsFilter
+            That of the model with which the fit was made, after the newest row.
         """
-        kept, leads = self._issued.shape[0], np.arange(self._ahead + 1)
+        self._fit = fit
+        if fit is None:
+            self._mean = None
+            return
+        kept, leads = self._issued.shape[0], np.arange(self.ahead + 1)
         count = min(fit.truth.shape[0], round(_SCORED / self._step))
-        came = self._rows - 1 - rows_since - fit.age - np.arange(count)[::-1]
+        came = self._rows - 1 - (newest - fit.row) - np.arange(count)[::-1]
         issued_after = came[:, None] - leads
         errors = fit.truth[-count:, None] - self._issued[issued_after % kept, leads]
         errors[(issued_after < 0) | (issued_after < self._rows - kept)] = np.nan
         ratio = np.mean(errors**2 / np.diagonal(fit.covariance, axis1=1, axis2=2)[:, :3], axis=2)
         prior = _PRIOR_SCORES / self._step
-        self._scale = np.sqrt((prior + np.nansum(ratio, axis=0)) / (prior + np.isfinite(ratio).sum(axis=0)))
-        self._fit, self._mean = fit, None
+        scale = np.sqrt((prior + np.nansum(ratio, axis=0)) / (prior + np.isfinite(ratio).sum(axis=0)))[:, None, None]
+        count = len(VERTICAL)
+        cross = fit.covariance[:, :count, count:] * scale
+        # of the vertical motion on the attitude's errors, and what is left of it when they are known
+        self._slope = np.linalg.solve(fit.covariance[:, count:, count:], cross.transpose(0, 2, 1)).transpose(0, 2, 1)
+        self._left = fit.covariance[:, :count, :count] * scale**2 - self._slope @ cross.transpose(0, 2, 1)
+        self._look_ahead(waves)
 
-    def take(self, measured, state):
+    def take(self, measured, waves):
         """One row more.
 
         Parameters
         ----------
         measured : ndarray, shape (5,)
             Roll, pitch and the specific force; NaN where missing.
-        state : ndarray, shape (n,), or None
-            Of the waves after this row.
+        waves : InnovationsFilter or None
+            After this row.
         """
         self._integrals.take(float(vertical_acceleration(measured[0], measured[1], measured[2:])))
-        self._mean = None
-        if self._fit is not None and state is not None:
-            regressors = np.concatenate([state, self._integrals.values, [1.0]])
-            # waves learnt since have another state: their fit of the vertical comes with them
-            if regressors.size == self._fit.weights.shape[2]:
-                self._mean = self._fit.weights @ regressors
+        self._look_ahead(waves)
         self._issued[self._rows % self._issued.shape[0]] = np.nan if self._mean is None else self._mean[:, :3]
         self._rows += 1
 
-    def forecast(self, leads, age, attitude_covariance, state_covariance=None):
-        """Vertical motion at leads.
+    def skip(self, count, waves):
+        """Rows are missing.
 
-        The errors are those of the regression given those of the attitude, so that both together have a covariance.
+        Parameters
+        ----------
+        count : int
+        waves : InnovationsFilter or None
+            After them.
+        """
+        for _ in range(min(count, self._issued.shape[0])):
+            self.take(np.full(5, np.nan), waves)
+
+    def _look_ahead(self, waves):
+        self._mean = self._state_covariance = None
+        if self._fit is not None and waves is not None:
+            self._mean = self._fit.weights @ np.concatenate([waves.state, self._integrals.values, [1.0]])
+            self._state_covariance = waves.state_covariance
+
+    @property
+    def now(self):
+        """Heave and vertical velocity at the newest row, m and m/s; NaN before anything is learnt."""
+        return (np.nan, np.nan) if self._mean is None else tuple(self._mean[0, :2].tolist())
+
+    def forecast(self, leads, age, attitude, attitude_covariance):
+        """Vertical motion at leads, given the attitude forecast.
+
+        The regression forecasts the attitude, too: where the forecast that is issued knows better, so does the vertical
+        motion, by the correlation of their errors; and both together have a covariance.
 
         Parameters
         ----------
@@ -220,10 +267,9 @@ class VerticalForecaster:
             s from now.
         age : float
             s from the newest row to now.
+        attitude : ndarray, shape (L, 4)
+            `ATTITUDE`, as it is forecast.
         attitude_covariance : ndarray, shape (L, 4, 4)
-            Of `ATTITUDE`.
-        state_covariance : ndarray, shape (n, n), or None
-            Of the waves' state; None: known.
 
         Returns
         -------
@@ -232,19 +278,19 @@ class VerticalForecaster:
         """
         if self._mean is None or not np.isfinite(attitude_covariance).all():
             return None
-        steps = np.minimum((leads + age) / self._step, self._ahead)
-        base = np.clip(np.floor(steps + 1e-6).astype(int), 1, self._ahead - 2)
+        steps = np.minimum((leads + age) / self._step, self.ahead)
+        low = np.minimum(np.floor(steps + 1e-6).astype(int), self.ahead - 1)
+        base = np.clip(low, 1, self.ahead - 2)
         mean = np.einsum('lw,lwm->lm', cubic_weights(steps - base), self._mean[base[:, None] + np.arange(-1, 3)])
-        low = np.minimum(np.floor(steps + 1e-6).astype(int), self._ahead - 1)
-        part = (steps - low)[:, None, None]
-        whole = (1.0 - part) * self._fit.covariance[low] + part * self._fit.covariance[low + 1]
-        scale = ((1.0 - part) * self._scale[low, None, None] + part * self._scale[low + 1, None, None])
-        own, cross, attitude = whole[:, :5, :5] * scale**2, whole[:, :5, 5:] * scale, whole[:, 5:, 5:]
-        if state_covariance is not None:
-            of_state = self._fit.weights[low][:, :, :state_covariance.shape[0]]
-            own = own + of_state @ state_covariance @ of_state.transpose(0, 2, 1)
-        slope = np.linalg.solve(attitude, cross.transpose(0, 2, 1)).transpose(0, 2, 1)
+        part, count = (steps - low)[:, None, None], len(VERTICAL)
+        slope = (1.0 - part) * self._slope[low] + part * self._slope[low + 1]
         both = slope @ attitude_covariance
-        own = own - slope @ cross.transpose(0, 2, 1) + both @ slope.transpose(0, 2, 1)
-        covariance = np.block([[own, both], [both.transpose(0, 2, 1), attitude_covariance]])
+        own = (1.0 - part) * self._left[low] + part * self._left[low + 1] + both @ slope.transpose(0, 2, 1)
+        if self._state_covariance is not None:
+            of_state = self._fit.weights[low][:, :count, :self._state_covariance.shape[0]]
+            own = own + of_state @ self._state_covariance @ of_state.transpose(0, 2, 1)
+        mean = mean[:, :count] + (slope @ (attitude - mean[:, count:])[:, :, None])[:, :, 0]
+        covariance = np.empty((leads.size, len(VERTICAL) + len(ATTITUDE), len(VERTICAL) + len(ATTITUDE)))
+        covariance[:, :count, :count], covariance[:, count:, count:] = own, attitude_covariance
+        covariance[:, :count, count:], covariance[:, count:, :count] = both, both.transpose(0, 2, 1)
         return VerticalMotion(mean, covariance)
