@@ -1,21 +1,18 @@
 """The readings of an IMU from any record: a bag's messages as they are, other trials as an IMU would have sent them."""
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.attitude.motion.attitude import body_rates, quaternion
-from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
+from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.common.advice import Advice
-from swath_sysid.formats.bags import (
+from swath_sysid.formats.bags import imu_values, is_bag, read_imu
+from swath_sysid.formats.messages import (
     FORCE,
     FORCE_COVARIANCE,
-    IMU_VALUES,
     ORIENTATION,
     ORIENTATION_COVARIANCE,
     RATES,
     RATES_COVARIANCE,
-    is_bag,
-    read_imu,
 )
 from swath_sysid.formats.reading import read_trial
 
@@ -86,45 +83,5 @@ def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
         record = read_imu(path, topic)
         return ImuReadings(record.topic, record.stamps, record.values, False, record.advice)
     trial = read_trial(path, topic=topic, frame=None if frame == 'flu' else frame, mounting=mounting)
-    return ImuReadings(
-        '', np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64), imu_values(trial), True, trial.advice
-    )
-
-
-def imu_values(trial):
-    """The numbers of the messages that an IMU in the craft's axes would have sent, without yaw.
-
-    An angle or rate that the trial does not hold is zero, unless it holds none of them: then the
-    covariance says that it is not measured.
-
-    Parameters
-    ----------
-    trial : Trial
-
-    Returns
-    -------
-    ndarray, shape (N, 37)
-    """
-    count = trial.time.size
-    values = np.zeros((count, IMU_VALUES))
-
-    def known(channel):
-        return np.zeros(count) if channel is None else channel
-
-    roll, pitch = known(trial.roll), known(trial.pitch)
-    for columns, covariance, parts, channels in (
-        (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, np.zeros(count)), (trial.roll, trial.pitch)),
-        (
-            RATES, RATES_COVARIANCE,
-            body_rates(roll, pitch, known(trial.roll_rate), known(trial.pitch_rate), np.zeros(count)),
-            (trial.roll_rate, trial.pitch_rate),
-        ),
-        (
-            FORCE, FORCE_COVARIANCE, [known(c) for c in (trial.accel_x, trial.accel_y, trial.accel_z)],
-            (trial.accel_x, trial.accel_y, trial.accel_z),
-        ),
-    ):  # fmt: skip
-        values[:, columns] = np.stack(parts, axis=1)
-        if all(channel is None for channel in channels):
-            values[:, covariance.start] = NOT_MEASURED
-    return values
+    stamps = np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
+    return ImuReadings('', stamps, imu_values(replace(trial, yaw_rate=None)), True, trial.advice)
