@@ -18,12 +18,13 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.campaign.evaluation import out_of_order
-from swath_sysid.campaign.executors import SerialExecutor, executor_of
+from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import run_campaign
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_model, read_schedules
 from swath_sysid.report.campaign_report import campaign_tables, write_report

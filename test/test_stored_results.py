@@ -16,11 +16,11 @@ from rosbags.typesys import Stores, get_typestore
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.campaign.executors import SerialExecutor
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import run_campaign
 from swath_sysid.cli.main import main
+from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.report.campaign_report import campaign_tables
