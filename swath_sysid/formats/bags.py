@@ -9,7 +9,7 @@ import numpy as np
 from rosbags.rosbag2 import Reader
 
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
-from swath_sysid.attitude.motion.intake import NOT_MEASURED
+from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.sensor_mount import ACCEL, GYRO, QUATERNION, Installation, assemble_trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -33,61 +33,47 @@ METADATA_FILE = 'metadata.yaml'
 MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
 """First bytes of a storage file, and the ending it should have."""
 
-MESSAGES_AT_ONCE = 50_000
+MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 10_000
 
 
 @dataclass(frozen=True)
 class ImuRecord:
-    """The messages of one IMU topic, as they are in the bag.
+    """The messages of one IMU.
 
     Attributes
     ----------
-    topic, frame_id : str
     stamps : ndarray of int64, shape (N,)
         header.stamp, ns.
-    received : ndarray of int64, shape (N,)
-        When the recorder got them, ns; they are in this order.
     values : ndarray, shape (N, 37)
-        The numbers of each message in the order of the message definition.
+        The numbers of each message in the order of the message definition, as `ORIENTATION` and its like place them;
+        a covariance that begins with -1 says that there is no such measurement.
+    received : ndarray of int64, shape (N,), optional
+        When the recorder got them, ns; they are in this order.
+    topic, frame_id : str
+        Empty where the record is no bag.
+    in_craft_axes : bool
+        Whether frame and mounting of the sensor were taken into account already.
     advice : tuple of Advice
     """
 
-    topic: str
-    frame_id: str
     stamps: np.ndarray
-    received: np.ndarray
     values: np.ndarray
+    received: np.ndarray | None = None
+    topic: str = ''
+    frame_id: str = ''
+    in_craft_axes: bool = False
     advice: tuple[Advice, ...] = ()
 
-    @property
-    def orientation(self):
-        """Quaternions x, y, z, w, shape (N, 4)."""
-        return self.values[:, ORIENTATION]
+    def __len__(self):
+        return len(self.stamps)
 
-    @property
-    def orientation_covariance(self):
-        """Shape (N, 9); -1 in the first place means that there is no orientation."""
-        return self.values[:, ORIENTATION_COVARIANCE]
-
-    @property
-    def angular_velocity(self):
-        """Body rates, rad/s, shape (N, 3)."""
-        return self.values[:, RATES]
-
-    @property
-    def angular_velocity_covariance(self):
-        """Shape (N, 9); -1 in the first place means that there are no rates."""
-        return self.values[:, RATES_COVARIANCE]
-
-    @property
-    def linear_acceleration(self):
-        """Specific force, m/s^2, shape (N, 3)."""
-        return self.values[:, FORCE]
-
-    @property
-    def linear_acceleration_covariance(self):
-        """Shape (N, 9); -1 in the first place means that there is no acceleration."""
-        return self.values[:, FORCE_COVARIANCE]
+    def __iter__(self):
+        """One `ImuReading` after the other."""
+        parts = ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE
+        for first in range(0, len(self), READINGS_AT_ONCE):
+            values = self.values[first:first + READINGS_AT_ONCE]
+            stamps = self.stamps[first:first + READINGS_AT_ONCE].tolist()
+            yield from map(ImuReading, stamps, *(values[:, part].tolist() for part in parts))
 
 
 def is_bag(path):
@@ -202,7 +188,7 @@ def read_imu(path, topic=None):
             f'the messages on {topic} come in {len(decoder.frame_ids)} frames ({names}): if these are two sensors, '
             f'record each on a topic of its own; else look whether the mounting is still right'
         )))
-    return ImuRecord(topic, next(iter(decoder.frame_ids), ''), stamps, received, values, tuple(advice))
+    return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
 
 
 def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id='imu_link'):

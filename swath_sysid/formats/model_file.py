@@ -104,11 +104,6 @@ def model_from_yaml(text, source='the model'):
     return description_from_yaml(text, source)[0]
 
 
-def schedules_from_yaml(text, source='the model'):
-    """The schedules of a model file's text, by axis; see `description_from_yaml`."""
-    return description_from_yaml(text, source)[1]
-
-
 def description_from_yaml(text, source='the model'):
     """Models and schedules of a model file's text, whoever wrote it.
 
@@ -208,11 +203,6 @@ def read_description(path):
 def read_model(path):
     """Read the models of a model file; see `read_description`."""
     return read_description(path)[0]
-
-
-def read_schedules(path):
-    """Read the schedules of a model file; see `read_description`."""
-    return read_description(path)[1]
 
 
 def _axis_to_plain(identified):
