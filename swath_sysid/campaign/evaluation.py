@@ -89,8 +89,21 @@ class Record:
         return f'{self.condition}, repeat {self.repeat}'
 
 
+class _Plain:
+    """A dataclass that is kept as lists, numbers and texts, exact to the last bit when read back."""
+
+    @classmethod
+    def from_plain(cls, plain):
+        """From what `plain` gave, also after a way through JSON."""
+        return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
+
+    def plain(self):
+        """Lists, numbers and texts."""
+        return asdict(self)
+
+
 @dataclass(frozen=True)
-class FitSummary:
+class FitSummary(_Plain):
     """What is kept of an identification: plain numbers, exact to the last bit when read back.
 
     Attributes
@@ -153,47 +166,25 @@ class FitSummary:
     @classmethod
     def of(cls, identification):
         """Summary of an `Identification`."""
-        found, model = identification, identification.model
-        curves = found.bands.curves
+        found, model, curves = identification, identification.model, identification.bands.curves
+        as_it_is = {name: getattr(found, name) for name in ('objective', 'rmse', 'rate_rmse')}
+        as_float = {name: float(getattr(found, name))
+                    for name in ('trim_std', 'objective_value', 'r2', 'effective_samples')}  # fmt: skip
         return cls(
-            equation=model.equation.name,
-            axis=model.axis,
-            terms=model.equation.terms,
-            objective=found.objective,
-            ratios=_floats(model.terms.values()),
-            std=_floats(found.std.values()),
+            equation=model.equation.name, axis=model.axis, terms=model.equation.terms,
+            ratios=_floats(model.terms.values()), std=_floats(found.std.values()),
             covariance=tuple(_floats(row) for row in found.covariance),
-            trim=float(model.trim),
-            trim_std=float(found.trim_std),
-            friction_rate=float(model.friction_rate),
+            trim=float(model.trim), friction_rate=float(model.friction_rate),
             amplitude_range=_floats(found.amplitude_range),
             states=tuple((r.state.x, r.state.rate, r.state.trim) for r in found.records),
-            objective_value=float(found.objective_value),
-            r2=float(found.r2),
-            rmse=found.rmse,
-            rate_rmse=found.rate_rmse,
             samples=int(found.samples),
-            effective_samples=float(found.effective_samples),
             amplitude=_floats(curves.amplitude),
-            frequency=_floats(curves.frequency),
-            frequency_std=_floats(found.bands.frequency_std),
-            damping_ratio=_floats(curves.damping_ratio),
-            damping_ratio_std=_floats(found.bands.damping_ratio_std),
-            generations=int(found.search.generations),
-            evaluations=int(found.search.evaluations),
-            stop=str(found.search.stop),
-            seed=int(found.settings.search.seed),
-            advice=tuple((a.code, a.message) for a in found.advice),
-        )
-
-    @classmethod
-    def from_plain(cls, plain):
-        """From what `plain` gave, also after a way through JSON."""
-        return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
-
-    def plain(self):
-        """Lists, numbers and strings."""
-        return asdict(self)
+            frequency=_floats(curves.frequency), frequency_std=_floats(found.bands.frequency_std),
+            damping_ratio=_floats(curves.damping_ratio), damping_ratio_std=_floats(found.bands.damping_ratio_std),
+            generations=int(found.search.generations), evaluations=int(found.search.evaluations),
+            stop=str(found.search.stop), seed=int(found.settings.search.seed),
+            advice=tuple((a.code, a.message) for a in found.advice), **as_it_is, **as_float,
+        )  # fmt: skip
 
     @property
     def model(self):
@@ -355,15 +346,13 @@ def fit_together(problem, settings, equation, starts):
 def _refit(problem, settings, equation, ratios, states, summary):
     """Refinement from given ratios and states, as a summary; it tells the search of ``summary``."""
     chosen = replace(settings, equation=equation)
-    if summary is None:
-        search = SearchResult(np.empty(0), float('nan'), 0, 0, 'refined')
-    else:
-        search = SearchResult(np.empty(0), float('nan'), summary.generations, summary.evaluations, 'refined')
+    tried = (0, 0) if summary is None else (summary.generations, summary.evaluations)
+    search = SearchResult(np.empty(0), float('nan'), *tried, 'refined')
     return FitSummary.of(refit_from(problem, chosen, chosen.chosen_equation, ratios, states, search))
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Judgement(_Plain):
     """How well one fit of a record does what a model is for.
 
     Attributes
@@ -385,15 +374,6 @@ class Judgement:
     simulation: float
     forecasts: tuple
     held_out: float
-
-    @classmethod
-    def from_plain(cls, plain):
-        """From plain data."""
-        return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
-
-    def plain(self):
-        """Lists, numbers and strings."""
-        return asdict(self)
 
 
 def judge(problem, settings, summaries, other):
@@ -609,21 +589,15 @@ def _findings(ranked, by_draft):
             continue
         gain = without.criterion - item.criterion
         if gain > CRITERION_MARGIN:
-            found.append(
-                Advice(
-                    'friction-necessary',
-                    f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} '
-                    f'(more than {CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; '
-                    'look for it in the bearings or the mooring of the rig, and leave it out for the craft afloat',
-                )
-            )
+            found.append(Advice('friction-necessary', (
+                f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} (more than '
+                f'{CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; look for it in the '
+                f'bearings or the mooring of the rig, and leave it out for the craft afloat'
+            )))
         elif gain < 0:
-            found.append(
-                Advice(
-                    'no-friction',
-                    f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}',
-                )
-            )
+            found.append(Advice('no-friction', (
+                f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}'
+            )))
     return tuple(found)
 
 

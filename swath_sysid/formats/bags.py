@@ -268,6 +268,10 @@ class _ImuDecoder:
         self._blocks = []
 
     def add(self, received, raw):
+        # a broken database holds anything, also nothing
+        if not isinstance(received, int) or not isinstance(raw, bytes | memoryview):
+            self.damaged += 1
+            return
         self._waiting.append((received, raw))
         if len(self._waiting) == MESSAGES_AT_ONCE:
             self._decode()
