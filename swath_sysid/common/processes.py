@@ -8,7 +8,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 
 
 class SerialExecutor(Executor):
-    """Does the work in this process, each task when it is submitted or asked for."""
+    """Does the work in this process, each task when it is submitted."""
 
     def submit(self, function, /, *args, **kwargs):
         """Call the function; the future that is returned is done."""
@@ -19,9 +19,31 @@ class SerialExecutor(Executor):
             future.set_exception(error)
         return future
 
-    def map(self, function, *iterables):
-        """One result after the other, as they are asked for."""
-        return map(function, *iterables)
+
+def results_in_order(function, tasks, count):
+    """The result of each task, in order, by so many processes.
+
+    This process begins at the front, the others, which take seconds to start, at the end.
+
+    Parameters
+    ----------
+    function : callable
+    tasks : sequence
+        Arguments of the function.
+    count : int
+
+    Yields
+    ------
+    object
+    """
+    if count <= 1 or len(tasks) == 1:
+        yield from map(function, tasks)
+        return
+    with _pool(min(count, len(tasks)) - 1) as executor:
+        futures = [executor.submit(function, task) for task in reversed(tasks)]
+        for task, future in zip(tasks, reversed(futures), strict=True):
+            # whatever nobody has begun can be taken back
+            yield function(task) if future.cancel() else future.result()
 
 
 @contextlib.contextmanager
@@ -38,7 +60,13 @@ def processes(count):
     """
     if count <= 1:
         yield SerialExecutor()
-        return
+    else:
+        with _pool(count) as executor:
+            yield executor
+
+
+@contextlib.contextmanager
+def _pool(count):
     # read when a worker imports numpy: more threads than cores would only get in each other's way
     os.environ.setdefault('OMP_NUM_THREADS', '1')
     executor = ProcessPoolExecutor(count, multiprocessing.get_context('spawn'), initializer=_begin_worker)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import quaternion
-from swath_sysid.attitude.prediction.forecast import NOT_GIVEN
+from swath_sysid.attitude.motion.intake import NOT_MEASURED
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import opened_bag
@@ -166,7 +166,7 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
             values = np.zeros(IMU_VALUES)
             values[ORIENTATION] = quaternion(0.0, 0.0, state.heading)
             values[RATES] = 0.0, 0.0, state.yaw_rate
-            values[FORCE_COVARIANCE] = NOT_GIVEN
+            values[FORCE_COVARIANCE.start] = NOT_MEASURED
             add(f'/{namespace}/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
 
 

@@ -10,9 +10,8 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.attitude.identification.refit import COEFFICIENT_NAMES, coefficients
-from swath_sysid.attitude.motion.intake import ImuReading
+from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
-from swath_sysid.attitude.prediction.forecast import NOT_GIVEN
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.topics import IMU, STRING, TYPES, WINDOW_TOPIC
 
@@ -26,7 +25,7 @@ IMU_VALUES = 37
 ORIENTATION, RATES, FORCE = slice(0, 4), slice(13, 16), slice(25, 28)
 ORIENTATION_COVARIANCE, RATES_COVARIANCE, FORCE_COVARIANCE = slice(4, 13), slice(16, 25), slice(28, 37)
 
-NO_FORCE = (0.0, 0.0, 0.0, *NOT_GIVEN)
+NO_FORCE = (0.0, 0.0, 0.0, NOT_MEASURED, *8 * (0.0,))
 ENCAPSULATION_BYTES, FLOAT64_BYTES = 4, 8
 _STAMP = Struct('<iI')
 

@@ -13,7 +13,7 @@ from swath_sysid.attitude.identification.identify import (
 )
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.processes import processes
+from swath_sysid.common.processes import results_in_order
 
 FIRST_PART = 0.5
 """Share of each record, in time, on which a model is identified that the rest then judges."""
@@ -103,12 +103,11 @@ def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, pr
         raise InputError('give at least one equation to compare, and none twice')
     tasks = [(problem, replace(settings, equation=name)) for name in names]
     fits, held_out = [], []
-    with processes(min(jobs, len(tasks))) as executor:
-        for name, (fit, error) in zip(names, executor.map(_fit_and_hold_out, tasks), strict=True):
-            fits.append(fit)
-            held_out.append(error)
-            if progress is not None:
-                progress(len(fits), name)
+    for name, (fit, error) in zip(names, results_in_order(_fit_and_hold_out, tasks, jobs), strict=True):
+        fits.append(fit)
+        held_out.append(error)
+        if progress is not None:
+            progress(len(fits), name)
 
     def refit(fit, better):
         states = [r.state for r in better.records]
