@@ -180,7 +180,7 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys):
         (10, 'no pitch motion'),
         (11, "no file 'absent.csv'"),
         (12, "no axis 'yaw'"),
-        (13, "no key 'drafft'"),
+        (13, "unknown field 'drafft'"),
         (14, 'already given in line 7'),
     ):
         assert any(f'line {line}' in told and words in told for told in said.err.splitlines()), (line, said.err)

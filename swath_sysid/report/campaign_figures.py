@@ -122,18 +122,8 @@ def against_angle(outcome, axis):
         for k, loading in enumerate(loadings):
             colour = SERIES[k % len(SERIES)]
             members = sorted(c for c in axis.together if c.loading == loading)
-            values = np.array([axis.together[c][axis.choice].ratio(term) for c in members])
-            axes.errorbar(
-                [c.initial_angle_deg for c in members],
-                values[:, 0],
-                TWO_STD * values[:, 1],
-                color=colour,
-                marker='o',
-                markersize=4,
-                capsize=3,
-                linewidth=1.2,
-                label=f'{LOADING_NAMES[outcome.quantity]} {loading:g}',
-            )
+            label = f'{LOADING_NAMES[outcome.quantity]} {loading:g}'
+            _ratios(axes, axis, term, members, 'initial_angle_deg', label, color=colour, linewidth=1.2)
             single = [
                 (r.condition.initial_angle_deg, fits[axis.choice].ratio(term)[0])
                 for r, fits in zip(axis.records, axis.fits['simulation'], strict=True)
@@ -149,6 +139,13 @@ def against_angle(outcome, axis):
             )
         )
     return found
+
+
+def _ratios(axes, axis, term, conditions, against, label, **style):
+    """A ratio of the joint fits with two standard deviations, against what the conditions differ in."""
+    values = np.array([axis.together[c][axis.choice].ratio(term) for c in conditions])
+    axes.errorbar([getattr(c, against) for c in conditions], values[:, 0], TWO_STD * values[:, 1], marker='o',
+                  markersize=4, capsize=3, label=label, **style)  # fmt: skip
 
 
 def _legend_below(axes):
@@ -181,19 +178,8 @@ def against_draft(outcome, axis):
         axes.plot(fine, value, color=MEASURED, linewidth=1.6, label='all angles: the schedule')
         for k, angle in enumerate(angles):
             members = sorted(c for c in axis.together if c.initial_angle_deg == angle)
-            values = np.array([axis.together[c][axis.choice].ratio(term) for c in members])
-            axes.errorbar(
-                [c.loading for c in members],
-                values[:, 0],
-                TWO_STD * values[:, 1],
-                color=SERIES[k % len(SERIES)],
-                marker='o',
-                markersize=4,
-                capsize=3,
-                linewidth=0.9,
-                linestyle='--',
-                label=f'{angle:g} deg',
-            )
+            _ratios(axes, axis, term, members, 'loading', f'{angle:g} deg', color=SERIES[k % len(SERIES)],
+                    linewidth=0.9, linestyle='--')  # fmt: skip
         _finish_ratio(axes, term, LOADING_NAMES[outcome.quantity])
         found.append(
             Drawing(
