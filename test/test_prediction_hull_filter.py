@@ -23,7 +23,6 @@ from swath_sysid.attitude.prediction.hull_filter import (
     HullFilter,
     HullFilterSettings,
     HullUncertainty,
-    supported_level,
 )
 from swath_sysid.attitude.prediction.hull_step import hull_step
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
@@ -236,7 +235,6 @@ def test_the_evidence_for_a_smaller_moment_is_the_integral_of_its_posterior(size
     noise = np.diag(np.exp(rng.uniform(-6.0, 1.0, size)))
     seen = 0.1 * rng.normal(size=size)
     gain = prior @ np.linalg.inv(prior + noise)
-    factor, evidence, of_a_quarter = supported_level(gain @ seen, prior - gain @ prior, prior)
 
     def log_likelihood(level):
         return multivariate_normal(np.zeros(size), level * prior + noise).logpdf(seen)

@@ -393,7 +393,7 @@ class Forecaster:
         self._score_anew()
 
     def _score_anew(self):
-        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()), _PLACE[HULL])
+        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()))
         whole = self._leads / self._step
         self._leads_are_rows = bool(np.all(np.abs(whole - np.round(whole)) < 0.02)) and whole[0] > 0.9
 
@@ -526,6 +526,8 @@ class Forecaster:
             mean[k], covariance[k] = space.forecast(leads, age)
             if space.strain > HEALTHY_STRAIN:
                 mean[k][:, self._hull_vouches()] = math.nan
+            # nothing acts: there is nothing else to know
+            mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
         np.clip(mean[..., :2], -math.pi, math.pi, out=mean[..., :2])
         return mean, covariance
 

@@ -135,8 +135,11 @@ class ModalMoment:
         """F over an interval, s; shape (n, n)."""
         first, second, v = self.blocks.T
         a, b = np.exp(first * interval), np.exp(second * interval)
-        c, s = a * np.cos(v * interval), a * np.sin(v * interval)
-        return block_diag(*[[[c1, s1], [-s1, c2]] for c1, s1, c2 in zip(c, s, np.where(v > 0.0, c, b), strict=True)])
+        c, s, at = a * np.cos(v * interval), a * np.sin(v * interval), np.arange(0, self.size, 2)
+        made = np.zeros((self.size, self.size))
+        made[at, at], made[at + 1, at + 1] = c, np.where(v > 0.0, c, b)
+        made[at, at + 1], made[at + 1, at] = s, -s
+        return made
 
     def spectrum(self, frequency):
         """Two-sided spectral density, shape (N,), at frequencies, rad/s; its integral over 2 pi is the variance."""
