@@ -576,7 +576,7 @@ class HullFilter:
         ends = HULL_STATES + np.cumsum([0, *[m.size for m in self.moments]])
         self._parts = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
         self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
-        whole = joined([m.scaled(g) for m, g in zip(self.moments, self.levels, strict=True)])
+        whole = joined(self.moments, self.levels)
         self._insignificant = INSIGNIFICANT**2 / self.moments[0].variance
         self.driven.moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
 
