@@ -256,4 +256,4 @@ def _state_at_end(request, moment):
     fitted.start(float(r.angle[begin]), float(r.rate[begin]), r.angle_variance, r.rate_variance)
     for angle, rate in zip(r.angle[begin + 1:].tolist(), r.rate[begin + 1:].tolist(), strict=True):
         fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)
-    return fitted.x, fitted.P, tuple(fitted.levels.tolist())
+    return fitted.driven.x, fitted.driven.P, tuple(fitted.levels.tolist())

@@ -24,7 +24,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
     SeaRequest,
     newest_stretch,
 )
-from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter, NoiseSettings
+from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -55,8 +55,8 @@ LONGEST_BRIDGE = 60.0
 SMOOTHED_FROM = 5
 """Samples a row from which on the rows hold filtered values: fewer are too sparse to smooth without delay."""
 
-ANGLE_NOISE, RATE_NOISE = NoiseSettings(), NoiseSettings(0.005, 1e-4, 0.05)
-"""Of sensors that do not report theirs, rad and rad/s."""
+ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
+"""First guess, least and most of sensors that do not report theirs, rad and rad/s."""
 
 EXCITATION_WINDOW = 600.0
 """s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes)."""
@@ -200,7 +200,7 @@ class Forecaster:
         self.settings = s = settings or ForecasterSettings()
         self._hulls = {axis: HullFilter(s.hull) for axis in AXES}
         self._models = dict.fromkeys(AXES)
-        self._meters = {axis: (NoiseMeter(ANGLE_NOISE), NoiseMeter(RATE_NOISE)) for axis in AXES}
+        self._meters = {axis: (NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)) for axis in AXES}
         self._noise = np.full((2, len(AXES)), math.nan)
         self._reported_noise = np.zeros((2, len(AXES)))
         leads = np.array(s.leads)
@@ -393,7 +393,7 @@ class Forecaster:
         self._score_anew()
 
     def _score_anew(self):
-        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()), _PLACE[HULL])
+        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()))
         whole = self._leads / self._step
         self._leads_are_rows = bool(np.all(np.abs(whole - np.round(whole)) < 0.02)) and whole[0] > 0.9
 
@@ -526,6 +526,8 @@ class Forecaster:
             mean[k], covariance[k] = space.forecast(leads, age)
             if space.strain > HEALTHY_STRAIN:
                 mean[k][:, self._hull_vouches()] = math.nan
+            # nothing acts: there is nothing else to know
+            mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
         np.clip(mean[..., :2], -math.pi, math.pi, out=mean[..., :2])
         return mean, covariance
 
