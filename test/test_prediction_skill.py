@@ -48,7 +48,7 @@ def forecasts_with_errors(trial, errors, deviation, leads=LEADS):
     for k, stamp in enumerate(trial.time.tolist()):
         angle = np.interp(stamp + np.array(leads), trial.time, trial.roll) + errors[k]
         covariance = np.tile(np.diag([deviation**2, 1.0]), (len(leads), 1, 1))
-        ahead = Forecast(stamp, np.array(leads), {'roll': AxisForecast.normal(angle, 0.0 * angle, covariance)})
+        ahead = Forecast(stamp, np.array(leads), {'roll': AxisForecast(angle, 0.0 * angle, covariance)})
         steps.append(SimpleNamespace(stamp=stamp, forecast=ahead, horizon=ahead))
     return Run(tuple(steps))
 

@@ -36,19 +36,16 @@ class AxisForecast:
         rad, rad/s.
     covariance : ndarray, shape (L, 2, 2)
         Of angle and rate.
-    half_width : ndarray, shape (L, 3)
-        Half widths of the central 50, 90 and 99 % intervals of the angle, rad.
     """
 
     angle: np.ndarray
     rate: np.ndarray
     covariance: np.ndarray
-    half_width: np.ndarray
 
-    @classmethod
-    def normal(cls, angle, rate, covariance):
-        """With the intervals of a normal distribution."""
-        return cls(angle, rate, covariance, np.sqrt(covariance[:, 0, 0])[:, None] * NORMAL_QUANTILES)
+    @property
+    def half_width(self):
+        """Half widths of the central 50, 90 and 99 % intervals of the angle, rad, shape (L, 3): of a normal one."""
+        return np.sqrt(self.covariance[:, 0, 0])[:, None] * NORMAL_QUANTILES
 
 
 @dataclass(frozen=True)
