@@ -75,6 +75,8 @@ class InnovationsFilter:
         taken.  A target that the model does not have is NaN.
     horizon : float
         s; the longest lead and age together.
+    steps : sequence of int, optional
+        From the newest row: those of `at_steps`.
 
     Attributes
     ----------
@@ -82,7 +84,7 @@ class InnovationsFilter:
         Running mean of the targets' innovations squared over their expectation; one is healthy.
     """
 
-    def __init__(self, model, targets, horizon):
+    def __init__(self, model, targets, horizon, steps=()):
         self.model = model
         self.targets = tuple(targets)
         self.horizon = horizon
@@ -96,7 +98,7 @@ class InnovationsFilter:
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
         self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
         self._largest = _BREAK * np.diag(model.s)
-        self._prepare()
+        self._prepare(np.array(steps, dtype=int))
         self.restart()
 
     def restart(self):
@@ -235,28 +237,29 @@ class InnovationsFilter:
         near = np.round(steps)
         whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
         part = steps - whole
-        if not (np.abs(part) > 1e-6).any():
-            return self.at_steps(whole)
         means, covariances = self._whole_steps()
+        if not (np.abs(part) > 1e-6).any():
+            return means[whole + 1], covariances[whole]
         weights = cubic_weights(part)
         mean = np.einsum('lw,lwm->lm', weights, means[whole[:, None] + np.arange(4)])
         part = part[:, None, None]
         return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._steps + 1)]
 
-    def at_steps(self, steps):
-        """As `forecast`, at whole steps from the newest row, shape (L,): no lead has to be placed between two."""
-        means, covariances = self._whole_steps()
-        return means[steps + 1], covariances[steps]
+    def at_steps(self):
+        """As `forecast`, at the steps that were prepared: one matrix product, and while all is known no other."""
+        return self._ahead(*self._at_steps)
 
     def _whole_steps(self):
         """Means at steps -1, 0, ... and covariances at steps 0, 1, ... of the targets, until the next row comes."""
         if self._told is None:
-            means = (self._of_past @ np.concatenate([self._x, *self._recent])).reshape(-1, len(self.targets))
-            covariances = self._free
-            if self._p is not None:
-                covariances = self._free + self._of_state @ self._p @ self._of_state.transpose(0, 2, 1)
-            self._told = means + self._offset, covariances
+            self._told = self._ahead(self._of_past, self._of_state, self._free)
         return self._told
+
+    def _ahead(self, of_past, of_state, free):
+        means = (of_past @ np.concatenate([self._x, *self._recent])).reshape(-1, len(self.targets)) + self._offset
+        if self._p is None:
+            return means, free
+        return means, free + of_state @ self._p @ of_state.transpose(0, 2, 1)
 
     def _find_targets(self):
         """The targets' units, and how each is made of channels: itself, or the difference of the one it is the rate of.
@@ -279,7 +282,7 @@ class InnovationsFilter:
                 self._offset[place] = model.mean[source] if is_direct else 0.0
         return sources
 
-    def _prepare(self):
+    def _prepare(self, prepared):
         """What every forecast needs of the model: its response, ahead of time.
 
         The error of a forecast h steps ahead is the sum of psi_j e over j < h, psi_0 = 1, psi_j = C A^(j-1) K, and
@@ -310,6 +313,8 @@ class InnovationsFilter:
         now = np.eye(channels)[None]
         response = as_targets(np.concatenate([np.zeros((_PAST, *now.shape[1:])), now, ahead[:-1] @ m.k]))[:-1]
         self._free = np.cumsum(response @ m.s @ response.transpose(0, 2, 1), axis=0)[1:]
+        of_steps = of_past[prepared + 1].reshape(-1, past.shape[2])
+        self._at_steps = of_steps, self._of_state[prepared], self._free[prepared]
 
 
 def side_by_side(models):
