@@ -12,12 +12,12 @@ from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.attitude.identification.refit import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.motion.window import COLUMNS
-from swath_sysid.attitude.prediction.forecast import NOT_GIVEN
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.model_file import model_to_yaml
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, lead_topic
+from swath_sysid.pipeline.forecast_messages import NOT_GIVEN
 
 IMU, TRAJECTORY, CLOUD = 'sensor_msgs/msg/Imu', 'trajectory_msgs/msg/JointTrajectory', 'sensor_msgs/msg/PointCloud2'
 STRING, ARRAY, FLOAT = 'std_msgs/msg/String', 'std_msgs/msg/Float64MultiArray', 'std_msgs/msg/Float32'

@@ -15,8 +15,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from swath_sysid.attitude.identification.refit import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
-from swath_sysid.attitude.prediction.forecast import NOT_GIVEN
 from swath_sysid.common.errors import InputError
+from swath_sysid.pipeline.forecast_messages import NOT_GIVEN
 
 NANOSECONDS = 1_000_000_000
 ROW_BYTES = 8 * len(COLUMNS)
