@@ -86,11 +86,13 @@ def test_lost_channels_and_samples_are_filterpys_kalman_update(seed, lost):
     model = _model(seed)
     rows = _rows(model, 60, seed)
     rows[np.random.default_rng(seed).uniform(size=rows.shape) < lost] = np.nan
-    ours, oracle = InnovationsFilter(model, model.channels, 1.0), Oracle(model)
+    ours, oracle = InnovationsFilter(model, model.channels, 1.0, (1, 5, 10)), Oracle(model)
     for row in rows:
         ours.step(row)
         oracle.step(row)
-    means, covariances = ours.forecast(np.array([0.1, 0.5, 1.0]))
+    means, covariances = ours.at_steps()
+    for prepared, at_any_time in zip((means, covariances), ours.forecast(np.array([0.1, 0.5, 1.0])), strict=True):
+        assert prepared == pytest.approx(at_any_time, rel=1e-12, abs=1e-12)
     for steps, mean, covariance in zip((1, 5, 10), means, covariances, strict=True):
         wanted = oracle.ahead(steps)
         # a state that is nearly known is taken as known
