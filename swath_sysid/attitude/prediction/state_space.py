@@ -109,11 +109,6 @@ class InnovationsFilter:
         self._told = None
         self.strain = 1.0
 
-    @property
-    def settled(self):
-        """Whether the state is known without error: the rows have been complete for long enough."""
-        return self._p is None
-
     def seed(self, rows):
         """Start anew and step through the recent past.
 
