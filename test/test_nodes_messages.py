@@ -14,7 +14,6 @@ from std_msgs.msg import Float64MultiArray  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable  # noqa: E402
-from swath_sysid.attitude.prediction.forecast import AttitudeForecast, HorizonForecast  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.nodes.messages import (  # noqa: E402
     AttitudeMessage,
@@ -26,6 +25,7 @@ from swath_sysid.nodes.messages import (  # noqa: E402
     window_message,
     window_table,
 )
+from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast  # noqa: E402
 
 
 def a_table(rows=20):

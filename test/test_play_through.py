@@ -13,7 +13,6 @@ from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_tri
 from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.attitude.motion.attitude import euler_angles
 from swath_sysid.attitude.motion.window import COLUMNS, MotionWindow
-from swath_sysid.attitude.prediction.forecast import AttitudeForecast, HorizonForecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
@@ -26,6 +25,7 @@ from swath_sysid.formats.model_file import model_from_yaml, read_model, write_mo
 from swath_sysid.formats.output_bag import OutputBag, writing_output_bag
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC
 from swath_sysid.nodes.health import ERROR, PlayedHealth
+from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 

@@ -2,7 +2,7 @@
 import numpy as np
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
-from swath_sysid.attitude.prediction.skill import AFTER_GAP, CONFIDENCE
+from swath_sysid.pipeline.scoring import AFTER_GAP, CONFIDENCE
 
 
 def skill_as_data(skill):
