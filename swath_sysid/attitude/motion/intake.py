@@ -7,7 +7,6 @@ import numpy as np
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.cleaning import LARGEST_VALUES
-from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import StampOrder
 
 NOT_FINITE = 'not-finite'
@@ -270,7 +269,3 @@ class Intake:
         if placed and all(value != value for value in sample[1:5]):
             return Taken(None, (*reasons, EMPTY))
         return Taken(sample if placed else None, reasons)
-
-
-STRAIGHT = Installation()
-"""A sensor whose axes are those of the craft, FLU."""
