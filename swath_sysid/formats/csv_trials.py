@@ -7,16 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.attitude.motion.assembly import ACCEL, QUATERNION, assemble_trial
-from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, euler_angles
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.tables import listed_names, read_columns, read_head, shown
-
-STANDARD_GRAVITY = 9.80665
-"""m/s^2, ISO 80000-3."""
 
 EPOCH_SECONDS = 1e8
 """A time column that begins beyond this counts from an epoch, and is told from its first sample instead."""

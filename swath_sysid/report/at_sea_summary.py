@@ -2,7 +2,7 @@
 import math
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.report.fit_summary import finite_or_none
+from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
 
 SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}
 
@@ -50,7 +50,7 @@ def at_sea_as_data(found, wall_s=None):
         'segment_s': [float(found.motion.time[0]), float(found.motion.time[-1])],
         'sources': [found.motion.source],
         'wall_s': wall_s,
-        'warnings': [{'code': a.code, 'message': a.message} for a in found.advice],
+        **warnings_as_data(found.advice),
     })  # fmt: skip
 
 

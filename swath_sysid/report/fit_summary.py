@@ -46,7 +46,7 @@ def fit_as_data(identification, wall_s=None, inertia=None):
         'samples': identification.samples,
         'effective_samples': identification.effective_samples,
         'wall_s': wall_s,
-        'warnings': [{'code': a.code, 'message': a.message} for a in identification.advice],
+        **warnings_as_data(identification.advice),
     }
     if inertia is not None:
         data['published_form'] = vars(to_published(model, inertia))

@@ -3,6 +3,7 @@ import numpy as np
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.skill import AFTER_GAP, CONFIDENCE
+from swath_sysid.report.fit_summary import warnings_as_data
 
 
 def skill_as_data(skill):
@@ -25,7 +26,7 @@ def skill_as_data(skill):
         'axes': {axis: _axis_as_data(scores) for axis, scores in skill.axes.items()},
         'step_s': {name: _known(value) for name, value in skill.step_time.items()},
         'refit_s': {name: _known(value) for name, value in skill.refit_time.items()},
-        'warnings': [{'code': a.code, 'message': a.message} for a in skill.advice],
+        **warnings_as_data(skill.advice),
     }
     if skill.quiescence is not None and skill.quiescence_limits is not None:
         r = skill.quiescence

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.terms import R1, S1
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.common.errors import InputError
-
-STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 
@@ -89,10 +89,7 @@ def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0
     return Trial(time, **measured, source='simulation', initial_angle=float(initial_angle))
 
 
-def gravity_reading(roll, pitch):
+def gravity_reading(roll: Value, pitch: Value) -> dict[str, Value]:
     """Specific force of a sensor that only gravity acts on, m/s^2, body axes forward, port, up."""
-    return {
-        'accel_x': -STANDARD_GRAVITY * np.sin(pitch),
-        'accel_y': STANDARD_GRAVITY * np.sin(roll) * np.cos(pitch),
-        'accel_z': STANDARD_GRAVITY * np.cos(roll) * np.cos(pitch),
-    }
+    up = up_in_body(roll, pitch)
+    return {name: STANDARD_GRAVITY * part for name, part in zip(('accel_x', 'accel_y', 'accel_z'), up, strict=True)}
