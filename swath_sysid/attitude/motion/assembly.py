@@ -1,4 +1,6 @@
 """A record as it came from a sensor, in whatever frame that sits, assembled to a trial of the craft."""
+from collections.abc import Sequence
+
 import numpy as np
 
 from swath_sysid.attitude.motion import attitude
@@ -23,7 +25,10 @@ STILL_YAW_RATE = 1e-9
 Readings = dict[str, np.ndarray]
 
 
-def assemble_trial(time, readings, installation=None, *, source='', draft=None, initial_angle=None, advice=()):
+def assemble_trial(
+    time: np.ndarray, readings: Readings, installation: Installation | None = None, *, source: str = '',
+    draft: float | None = None, initial_angle: float | None = None, advice: Sequence[Advice] = (),
+) -> Trial:
     """A trial from the readings of a sensor: cleaned, in the craft's axes, with Euler rates.
 
     Parameters
@@ -41,8 +46,8 @@ def assemble_trial(time, readings, installation=None, *, source='', draft=None, 
         Where the readings came from.
     draft, initial_angle : float, optional
         m, rad.
-    advice : tuple of Advice
-        What the reader has to tell already.
+    advice : sequence of Advice
+        Of the reader.
 
     Returns
     -------
@@ -53,7 +58,7 @@ def assemble_trial(time, readings, installation=None, *, source='', draft=None, 
     InputError
         Nothing usable is left after cleaning, or a mounting is given for readings that cannot
         be turned.
-    """
+    """  # fmt: skip
     installation = installation or Installation()
     name = source or 'the record'
     time, readings, cleaning_advice = clean(time, readings, name)
@@ -70,7 +75,7 @@ def assemble_trial(time, readings, installation=None, *, source='', draft=None, 
     return trial
 
 
-def turn_rate(time, yaw):
+def turn_rate(time: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """The rate at which a yaw angle or a heading turned from each sample to the next, by the past alone.
 
     Parameters
@@ -95,16 +100,18 @@ def turn_rate(time, yaw):
     return rate
 
 
-def _craft_channels(time, readings, installation, name):
-    """The channels of a trial and the yaw from cleaned readings, and what to tell."""
-    advice = []
+def _craft_channels(
+    time: np.ndarray, readings: Readings, installation: Installation, name: str
+) -> tuple[Readings, list[Advice]]:
+    """The channels of a trial and the yaw from cleaned readings, and advice."""
+    advice: list[Advice] = []
     angles = _angles(readings, installation, name)
     if _has(readings, QUATERNION):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:
             advice.append(Advice('invalid-orientation', (
-                f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are no orientation and were left out: '
-                f'check the sensor driver'
+                f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are invalid and were left out: check the '
+                f'sensor driver'
             )))
         if not np.isfinite(angles['roll']).any():
             angles = {}
@@ -132,7 +139,7 @@ def _craft_channels(time, readings, installation, name):
     return {**angles, **rates, **force, **heave}, advice
 
 
-def _angles(readings, installation, name):
+def _angles(readings: Readings, installation: Installation, name: str) -> Readings:
     """Roll, pitch and yaw of the craft, those that are known."""
     yaw = _sensor_yaw(readings, installation)
     if _has(readings, QUATERNION):
@@ -149,23 +156,23 @@ def _angles(readings, installation, name):
     else:
         return {}
     roll, pitch, turned_yaw = attitude.euler_angles(*installation.orientation(*orientation))
-    told = _has(readings, QUATERNION) or yaw is not None
-    return {'roll': roll, 'pitch': pitch, 'yaw': turned_yaw} if told else {'roll': roll, 'pitch': pitch}
+    yaw_is_known = _has(readings, QUATERNION) or yaw is not None
+    return {'roll': roll, 'pitch': pitch, 'yaw': turned_yaw} if yaw_is_known else {'roll': roll, 'pitch': pitch}
 
 
-def _sensor_yaw(readings, installation):
+def _sensor_yaw(readings: Readings, installation: Installation) -> np.ndarray | None:
     """The sensor's yaw about its world's vertical from any zero, or None; a heading turns as yaw does in NED."""
     if 'yaw' in readings:
         return readings['yaw']
     return -_upward(installation) * readings['heading'] if 'heading' in readings else None
 
 
-def _upward(installation):
+def _upward(installation: Installation) -> int:
     """The sign of the frame's vertical axis, and of pitch and yaw in it, in FLU and ENU."""
     return -1 if installation.frame == 'frd' else 1
 
 
-def _euler_rates(readings, installation, name):
+def _euler_rates(readings: Readings, installation: Installation, name: str) -> Readings:
     """The Euler rates that were measured as such."""
     measured = [rate for rate in EULER_RATES if rate in readings]
     needed = [rate for rate in measured if rate != 'yaw_rate']
@@ -178,7 +185,7 @@ def _euler_rates(readings, installation, name):
     return {rate: sign[rate] * readings[rate] for rate in measured}
 
 
-def _turned_vector(readings, names, installation, name):
+def _turned_vector(readings: Readings, names: Sequence[str], installation: Installation, name: str) -> Readings:
     """A vector reading in the axes of the craft, those components that are known."""
     known = [part for part in names if part in readings]
     if not known:
@@ -190,9 +197,9 @@ def _turned_vector(readings, names, installation, name):
     return {part: values for part, values in zip(names, turned, strict=True) if part in readings}
 
 
-def _has(readings, names):
+def _has(readings: Readings, names: Sequence[str]) -> bool:
     return all(part in readings for part in names)
 
 
-def _parts(readings, names):
+def _parts(readings: Readings, names: Sequence[str]) -> tuple[np.ndarray, ...]:
     return tuple(readings[part] for part in names)
