@@ -1,12 +1,19 @@
 """The skill of forecasts as plain data."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.skill import AFTER_GAP, CONFIDENCE
 from swath_sysid.report.fit_summary import warnings_as_data
 
+if TYPE_CHECKING:
+    from swath_sysid.attitude.prediction.skill import Skill
 
-def skill_as_data(skill):
+
+def skill_as_data(skill: Skill) -> dict:
     """The scores as plain data for JSON; what is not known is None.
 
     Parameters

@@ -1,12 +1,21 @@
 """What is in a record, in words and in plain data."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
 
-def record_as_data(trial, motions):
+    from swath_sysid.attitude.motion.trial import AxisMotion, Trial
+
+
+def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     """What ``inspect --json`` prints.
 
     Parameters
@@ -57,7 +66,9 @@ def _axis_as_data(motion):
     }
 
 
-def record_in_words(trial, motions, worded):
+def record_in_words(
+    trial: Trial, motions: Sequence[AxisMotion], worded: Callable[[str, str], str]
+) -> list[str]:
     """Lines for a reader; see `record_as_data`.
 
     Parameters

@@ -1,15 +1,17 @@
 """Trials with known truth: a hull's free decay as an inertial sensor would have recorded it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 
-MOST_SAMPLES = 20_000_000
+MAX_SAMPLES = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -30,12 +32,15 @@ class SensorNoise:
     rate: float = 0.0165
     acceleration: float = 0.02
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.angle >= 0 and self.rate >= 0 and self.acceleration >= 0):
             raise InputError('noise cannot be negative')
 
 
-def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0.0):
+def simulated_trial(
+    model: DecayModel, initial_angle: float, duration: float, rate_hz: float, noise: SensorNoise, seed: int,
+    hold: float = 0.0,
+) -> Trial:
     """A free decay, released at rest from an initial angle, at even samples.
 
     Parameters
@@ -61,13 +66,13 @@ def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0
     ------
     InputError
         Too few or too many samples, or the motion runs away from that angle.
-    """
+    """  # fmt: skip
     if not (duration > 0.0 and rate_hz > 0.0 and hold >= 0.0):
         raise InputError('duration and rate must be greater than zero, hold not negative')
     count = int(round((hold + duration) * rate_hz))
-    if not 8 <= count <= MOST_SAMPLES:
+    if not 8 <= count <= MAX_SAMPLES:
         raise InputError(
-            f'{count} samples cannot be simulated: choose duration and rate for 8 to {MOST_SAMPLES:,} samples'
+            f'{count} samples cannot be simulated: choose duration and rate for 8 to {MAX_SAMPLES:,} samples'
         )
     time = np.arange(count) / rate_hz
     angle = np.full(count, model.trim + initial_angle)
@@ -85,7 +90,7 @@ def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0
     truth |= gravity_reading(truth['roll'], truth['pitch'])
     spread = {name: noise.rate if name.endswith('_rate') else noise.angle for name in truth}
     spread |= {name: noise.acceleration for name in truth if name.startswith('accel')}
-    measured = {name: values + spread[name] * rng.normal(size=count) for name, values in truth.items()}
+    measured: dict[str, Any] = {name: values + spread[name] * rng.normal(size=count) for name, values in truth.items()}
     return Trial(time, **measured, source='simulation', initial_angle=float(initial_angle))
 
 

@@ -75,10 +75,11 @@ def clean(
     filled = np.zeros(time.size, dtype=bool)
     for values in channels.values():
         filled |= np.isfinite(values)
-    if np.count_nonzero(filled) < MIN_ROWS:
+    usable = int(np.count_nonzero(filled))
+    if usable < MIN_ROWS:
         raise InputError(
-            f'{source} holds usable values in {counted(np.count_nonzero(filled), "row")} of {time.size} and at least '
-            f'{MIN_ROWS} are needed: check that the sensor sent data and that the units are right'
+            f'{source} holds usable values in {counted(usable, "row")} of {time.size} and at least {MIN_ROWS} are '
+            f'needed: check that the sensor sent data and that the units are right'
         )
     return time, channels, tuple(advice + _time_base_advice(time))
 

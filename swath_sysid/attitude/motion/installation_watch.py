@@ -87,7 +87,7 @@ class InstallationCheck:
         """Of the last `WINDOW`, or of `WINDOW_BINS`, if that is longer."""
         rows = self._rows.last()
         interval = float(np.median(np.diff(rows[:, 0])))
-        in_time = np.count_nonzero(rows[:, 0] > rows[-1, 0] - WINDOW)
+        in_time = int(np.count_nonzero(rows[:, 0] > rows[-1, 0] - WINDOW))
         rows = rows[-max(in_time, WINDOW_BINS * samples_a_bin(interval)):]
         if rows[-1, 0] - rows[0, 0] < MIN_DURATION:
             return Judgement()

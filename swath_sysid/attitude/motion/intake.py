@@ -140,11 +140,11 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
     -------
     Taken
     """
-    stamp_ns, quaternion, angle_covariance, rates, rate_covariance, force, force_covariance = reading
+    stamp_ns, orientation, angle_covariance, body_rates, rate_covariance, specific_force, force_covariance = reading
     reasons: list[str] = []
-    quaternion = _orientation(quaternion, angle_covariance, reasons)
-    rates = _vector(rates, rate_covariance, _LARGEST_RATE, reasons)
-    force = _vector(force, force_covariance, _LARGEST_ACCELERATION, reasons)
+    quaternion = _orientation(orientation, angle_covariance, reasons)
+    rates = _vector(body_rates, rate_covariance, _LARGEST_RATE, reasons)
+    force = _vector(specific_force, force_covariance, _LARGEST_ACCELERATION, reasons)
     if quaternion is None and rates is None:
         return Taken(None, (*reasons, EMPTY))
     angle_variances = rate_variances = _UNKNOWN
@@ -159,13 +159,13 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
         if quaternion is not None:
             roll_rate, pitch_rate, yaw_rate = attitude.euler_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
         rate_variances = _variances(rate_covariance, installation, LARGEST_RATE_VARIANCE, reasons)
-    accelerations = _NOT_MEASURED if force is None else installation.vector(*force)
+    accel_x, accel_y, accel_z = _NOT_MEASURED if force is None else installation.vector(*force)
     if (quaternion is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
         reasons.append(UNKNOWN_COVARIANCE)
     return Taken(
         CraftSample(
-            stamp_ns, roll, pitch, roll_rate, pitch_rate, *accelerations, *angle_variances, *rate_variances, yaw,
-            yaw_rate,
+            stamp_ns, roll, pitch, roll_rate, pitch_rate, accel_x, accel_y, accel_z, *angle_variances, *rate_variances,
+            yaw, yaw_rate,
         ),
         tuple(reasons),
     )  # fmt: skip

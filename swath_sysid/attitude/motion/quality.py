@@ -64,7 +64,7 @@ def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = Non
     """
     decays = find_decays(motion) if decays is None else decays
     advice = [] if decays else [explain_absence(motion)]
-    gaps = find_gaps(motion, longer_than=MISSING_SAMPLES * motion.sample_interval) if motion.size > 2 else ()
+    gaps = find_gaps(motion, MISSING_SAMPLES * motion.sample_interval if motion.size > 2 else None)
     if len(gaps):
         begin, end = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
         advice.append(Advice(
