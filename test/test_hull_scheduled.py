@@ -86,7 +86,7 @@ def test_the_curve_passes_through_the_models(schedule):
 
 
 def test_the_middle_model_is_the_reference(schedule):
-    assert schedule.reference == identified(1.0) and schedule.reference_loading == 1.0
+    assert schedule.reference == identified(1.0)
 
 
 @pytest.mark.parametrize(

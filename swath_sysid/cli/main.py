@@ -9,6 +9,7 @@ import importlib
 import sys
 
 from swath_sysid import __version__
+from swath_sysid.cli.advice_words import worded
 from swath_sysid.common.errors import InputError
 
 VERBS = {
@@ -57,7 +58,7 @@ def main(argv=None):
     try:
         return module_of(arguments.verb).run(arguments)
     except InputError as error:
-        print(f'swath-sysid {arguments.verb}: {error}', file=sys.stderr)
+        print(f'swath-sysid {arguments.verb}: {worded(error.code, str(error))}', file=sys.stderr)
         return EXIT_INPUT
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag2 import Reader
 
+from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
-from swath_sysid.attitude.motion.sensor_mount import ACCEL, GYRO, QUATERNION, Installation, assemble_trial
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC

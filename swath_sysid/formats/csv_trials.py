@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.attitude.motion.attitude import euler_angles
-from swath_sysid.attitude.motion.sensor_mount import ACCEL, QUATERNION, Installation, assemble_trial
+from swath_sysid.attitude.motion.assembly import ACCEL, QUATERNION, assemble_trial
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, euler_angles
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -27,9 +28,6 @@ from swath_sysid.formats.tables import (
     remark_number,
     shown,
 )
-
-STANDARD_GRAVITY = 9.80665
-"""m/s^2, ISO 80000-3."""
 
 SAMPLES = 'samples'
 """The unit of a time column that numbers the samples; a comment line says how many a second."""
