@@ -23,8 +23,10 @@ STYLE = {
     'axes.edgecolor': MEASURED,
     'xtick.color': MEASURED,
     'ytick.color': MEASURED,
+    # a figure is 350 to 500 px wide on the page, so that a point is about a pixel
+    'font.size': 11.0,
     'axes.titlesize': 'medium',
-    'legend.fontsize': 'small',
+    'legend.fontsize': 10.0,
     'svg.fonttype': 'none',
     'axes.prop_cycle': matplotlib.cycler(color=SERIES),
 }
@@ -151,7 +153,7 @@ def against_angle(outcome, axis):
     return found
 
 
-def _legend_below(axes):
+def legend_below(axes):
     """Below the axes, where no curve can run through it."""
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
 
@@ -162,7 +164,7 @@ def _finish_ratio(axes, term, below):
     low, high = axes.get_ylim()
     if low < 0 < high and low > -0.2 * high:
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
-    _legend_below(axes)
+    legend_below(axes)
 
 
 def against_draft(outcome, axis):
@@ -232,7 +234,7 @@ def amplitude_drawings(outcome, axis):
         _fit_to_curves(axes)
         if quantity == 'damping':
             axes.set_ylim(bottom=0.0)
-        _legend_below(axes)
+        legend_below(axes)
         caption = (
             f'{label[0].upper()}{label.partition(" [")[0][1:]} against amplitude, bands of two standard deviations'
         )
