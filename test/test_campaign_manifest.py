@@ -61,10 +61,10 @@ FAULTS = [
     ('  - file: absent.csv\n', 'there is no file'),
     ('  - file: pitch_3deg_repeat1.csv\n    repeat: 9\n', 'already given in line 3'),
     ('  - {file: pitch_8.4deg_repeat1.csv, initial_angle_deg: 3, repeat: 1}\n', 'same condition and repeat'),
-    ('  - file: pitch_3deg_repeat2.csv\n    angel_deg: 3\n', "has no key 'angel_deg'"),
+    ('  - file: pitch_3deg_repeat2.csv\n    angel_deg: 3\n', "unknown field 'angel_deg'"),
     ('  - {file: pitch_3deg_repeat2.csv, axis: yaw}\n', "no axis 'yaw'"),
     ('  - {file: pitch_3deg_repeat2.csv, frame: ned}\n', "no frame 'ned'"),
-    ('  - {file: pitch_3deg_repeat2.csv, draft_factor: large}\n', 'must be a number'),
+    ('  - {file: pitch_3deg_repeat2.csv, draft_factor: large}\n', 'is not a number'),
     ('  - {file: pitch_3deg_repeat2.csv, draft_factor: 1, draft_m: 0.1}\n', 'give one of'),
     ('  - {file: pitch_3deg_repeat2.csv, repeat: 1.5}\n', 'whole number'),
     ('  - {file: pitch_3deg_repeat2.csv, repeat: 1, repeat: 2}\n', 'given twice'),
@@ -73,7 +73,7 @@ FAULTS = [
     ("  - {pattern: 'pitch_{speed}.csv'}\n", "unknown placeholder '{speed}'"),
     ("  - {pattern: 'pitch_{angle}deg_repeat2.csv', initial_angle_deg: 3}\n", 'both by the pattern and beside'),
     ('  - {axis: pitch}\n', "'file:' or 'pattern:'"),
-    ('  - just words\n', 'keys and values'),
+    ('  - just words\n', 'names and values'),
 ]
 
 

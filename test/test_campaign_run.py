@@ -18,14 +18,15 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.campaign.evaluation import out_of_order
-from swath_sysid.campaign.executors import SerialExecutor, executor_of
+from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import run_campaign
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
-from swath_sysid.formats.model_file import read_model, read_schedules
+from swath_sysid.formats.model_file import read_description, read_model
 from swath_sysid.report.campaign_report import campaign_tables, write_report
 from swath_sysid.report.campaign_tables import table_as_csv
 
@@ -244,7 +245,7 @@ def test_the_files_that_are_written(done):
     for row, index in zip(rows, axis.best.values(), strict=True):
         for name, fit in zip(axis.names, axis.fits['simulation'][index], strict=True):
             assert float(row[name]) == fit.objective_value
-    assert read_schedules(output / 'model.yaml')['pitch'] == axis.schedule
+    assert read_description(output / 'model.yaml')[1]['pitch'] == axis.schedule
     assert read_model(output / 'model.yaml')['pitch'] == axis.schedule.reference
     figures = list((output / 'figures').glob('*.svg'))
     assert len(figures) > 12 and all(path.read_text().rstrip().endswith('</svg>') for path in figures)

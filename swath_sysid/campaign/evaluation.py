@@ -32,15 +32,16 @@ from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.search import SearchResult
 from swath_sysid.attitude.identification.selection import (
     CRITERION_MARGIN,
-    HELD_OUT_MARGIN,
+    enforce_nesting,
     held_out_error,
+    information_criterion,
+    simplest_adequate,
 )
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.noise import weighting_noise
 
 CONFIDENCE = 0.95
-ROUNDING = 1e-12
 ORDER_TOLERANCE = 1e-9
 TIE = 1e-7
 """Objective values this close, relatively, are one: the larger equation has made nothing of its terms."""
@@ -307,14 +308,10 @@ def settle(problem, settings, summaries):
     tuple of FitSummary
         In the same order.
     """
-    fits = list(summaries)
-    for k in sorted(range(len(fits)), key=lambda k: len(fits[k].terms)):
-        contained = [f for f in fits if f is not fits[k] and set(f.terms) <= set(fits[k].terms)]
-        best = min(contained, key=lambda f: f.objective_value, default=None)
-        if best is not None and best.objective_value < fits[k].objective_value * (1.0 - ROUNDING):
-            again = _refit(problem, settings, fits[k].equation, best.model.ratios, best.initial_states, fits[k])
-            fits[k] = min(again, fits[k], key=lambda f: f.objective_value)
-    return tuple(fits)
+    def refit(fit, better):
+        return _refit(problem, settings, fit.equation, better.model.ratios, better.initial_states, fit)
+
+    return tuple(enforce_nesting(summaries, refit))
 
 
 def out_of_order(summaries):
@@ -526,6 +523,16 @@ class RankedEquation:
     forecast: float
     best_of: int
 
+    @property
+    def name(self):
+        """Name of the equation."""
+        return self.equation
+
+    @property
+    def term_count(self):
+        """Number of ratios."""
+        return len(self.terms)
+
 
 @dataclass(frozen=True)
 class Ranking:
@@ -566,16 +573,15 @@ def rank_campaign(axis, by_draft, by_record, judgements):
     """
     if not by_draft or not by_draft[0]:
         raise InputError(f'no equation could be fitted to any {axis} record')
-    count = len(by_draft[0])
     best_of = [min(tied_best(fits), key=lambda k, fits=fits: len(fits[k].terms)) for fits in by_record]
     ranked = []
-    for k in range(count):
-        first = by_draft[0][k]
+    samples = [min(fits, key=lambda f: f.objective_value).effective_samples for fits in by_draft]
+    for k, first in enumerate(by_draft[0]):
         ranked.append(
             RankedEquation(
                 equation=first.equation,
                 terms=first.terms,
-                criterion=sum(_criterion(fits, k) for fits in by_draft),
+                criterion=sum(information_criterion(fits[k], n) for fits, n in zip(by_draft, samples, strict=True)),
                 r2=min(fits[k].r2 for fits in by_draft),
                 held_out=_root_mean_square([j[k].held_out for j in judgements]),
                 forecast=_root_mean_square([j[k].forecasts[-1] for j in judgements]),
@@ -583,47 +589,15 @@ def rank_campaign(axis, by_draft, by_record, judgements):
             )
         )
     ranked.sort(key=lambda r: r.criterion)
-    likely = [r for r in ranked if r.criterion <= ranked[0].criterion + CRITERION_MARGIN]
-    smallest = min(r.held_out for r in ranked)
-    adequate = [r for r in likely if r.held_out <= HELD_OUT_MARGIN * smallest]
-    choice = min(adequate or likely, key=lambda r: (len(r.terms), r.criterion))
-    return Ranking(axis, tuple(ranked), choice, _reason(choice, ranked, likely, adequate), _findings(ranked, by_draft))
-
-
-def _criterion(fits, k):
-    """n ln(mean squared residual) + terms ln n of one of several fits of the same records."""
-    n = min(fits, key=lambda f: f.objective_value).effective_samples
-    return float(2.0 * n * np.log(fits[k].objective_value) + len(fits[k].terms) * np.log(n))
+    choice, reason = simplest_adequate(
+        ranked, 'criterion, with one set of ratios a draft for all angles and repeats,')
+    return Ranking(axis, tuple(ranked), choice, reason, _findings(ranked, by_draft))
 
 
 def _root_mean_square(values):
     values = np.asarray(values, dtype=float)
     values = values[~np.isnan(values)]
     return float(np.sqrt(np.mean(values**2))) if values.size else float('nan')
-
-
-def _reason(choice, ranked, likely, adequate):
-    if len(ranked) == 1:
-        return f'{choice.equation} is the only equation asked for.'
-    if len(likely) == 1:
-        return (
-            f'{choice.equation} is the only equation whose criterion, with one set of ratios a draft for all angles '
-            f'and repeats, is within {CRITERION_MARGIN:g} of the best: the others fit worse, or need more terms for it.'
-        )
-    words = (
-        f'{choice.equation} has {len(choice.terms)} terms, the fewest of the {len(adequate or likely)} equations whose '
-        f'criterion, with one set of ratios a draft for all angles and repeats, is within {CRITERION_MARGIN:g} of '
-        'the best '
-        f'({ranked[0].equation})'
-    )
-    if adequate:
-        return (
-            f'{words} and whose error on held-out motion is within {100 * (HELD_OUT_MARGIN - 1):.0f} % of the smallest.'
-        )
-    return (
-        f'{words}; none of them predicts the held-out motion as well as '
-        f'{min(ranked, key=lambda r: r.held_out).equation}.'
-    )
 
 
 def _findings(ranked, by_draft):

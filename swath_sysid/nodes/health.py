@@ -6,6 +6,7 @@ from math import isnan
 from swath_sysid.attitude.motion import intake, stamps
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction import forecaster
+from swath_sysid.formats.topics import IMU_TOPIC
 
 OK, WARN, ERROR = range(3)
 """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -442,9 +443,9 @@ class PlayedHealth:
 
     def __init__(self, pipeline, periods):
         self._pipeline = pipeline
-        self._buffer = BufferHealth('imu/data', pipeline.window)
+        self._buffer = BufferHealth(IMU_TOPIC, pipeline.window)
         self._identifier = IdentifierHealth()
-        self._predictor = PredictorHealth('imu/data', pipeline.forecasts)
+        self._predictor = PredictorHealth(IMU_TOPIC, pipeline.forecasts)
         nodes = 'imu_buffer', 'identifier', 'predictor'
         self._periods_ns = {node: round(1e9 * period) for node, period in zip(nodes, periods, strict=True)}
         self._due_ns = {}

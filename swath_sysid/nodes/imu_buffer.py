@@ -7,6 +7,7 @@ from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from swath_sysid.attitude.motion.window import MotionWindow
+from swath_sysid.formats.topics import WINDOW_TOPIC
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.health import BufferHealth
@@ -25,7 +26,7 @@ class ImuBuffer(Node):
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
         self.health = BufferHealth(self.resolve_topic_name(IMU_TOPIC), self.window)
-        self._publisher = watched_publisher(self, PointCloud2, 'motion/window', LATCHED, self.health)
+        self._publisher = watched_publisher(self, PointCloud2, WINDOW_TOPIC, LATCHED, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
         self.create_service(Trigger, '~/clear', self._on_clear)

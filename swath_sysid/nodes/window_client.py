@@ -5,6 +5,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.topics import WINDOW_TOPIC
 from swath_sysid.nodes.health import BAD_WINDOW
 from swath_sysid.nodes.messages import window_table
 from swath_sysid.nodes.qos import LATCHED, watched_subscription
@@ -30,7 +31,7 @@ class WindowClient:
         self._on_window = on_window
         self._awaited = None
         self._client = node.create_client(Trigger, service)
-        watched_subscription(node, PointCloud2, 'motion/window', self._receive, LATCHED, health)
+        watched_subscription(node, PointCloud2, WINDOW_TOPIC, self._receive, LATCHED, health)
 
     async def fetch(self, timeout):
         """Have the buffer publish its window and wait for it, at most so many seconds.
