@@ -101,7 +101,7 @@ def decay_drawings(outcome, axis):
                 label = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
                 axes.plot(time, np.degrees(value), linewidth=1.1, label=label)
             axes.set_xlabel('time since release [s]')
-            axes.set_ylabel(f'{axis.axis} [deg]' if what == 'angle' else f'{axis.axis} rate [deg/s]')
+            axes.set_ylabel(f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]')
             axes.legend(frameon=False)
             title = f'from {angle:g} deg' if several else 'all angles'
             axes.set_title(title)
@@ -155,7 +155,7 @@ def against_angle(outcome, axis):
 
 def legend_below(axes):
     """Below the axes, where no curve can run through it."""
-    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
 
 
 def _finish_ratio(axes, term, below):
@@ -229,7 +229,7 @@ def amplitude_drawings(outcome, axis):
             style = LINE_STYLES[angles.index(condition.initial_angle_deg) % len(LINE_STYLES)]
             name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if len(loadings) > 1 else '')
             axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
-        axes.set_xlabel(f'{axis.axis} amplitude [deg]')
+        axes.set_xlabel(f'{axis.motion} amplitude [deg]')
         axes.set_ylabel(label)
         _fit_to_curves(axes)
         if quantity == 'damping':
