@@ -31,6 +31,7 @@ setup(
     license=MANIFEST.findtext('license'),
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['campaign/papers/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (SHARE.as_posix(), ['package.xml']),

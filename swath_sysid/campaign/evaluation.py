@@ -57,14 +57,22 @@ class Condition:
     loading : float
         Draft factor, draft or displacement: the same quantity throughout a campaign.
     initial_angle_deg : float
+    speed_m_s : float
     """
 
     axis: str
     loading: float
     initial_angle_deg: float
+    speed_m_s: float = 0.0
 
     def __str__(self):
-        return f'{self.axis} {self.initial_angle_deg:g} deg at {self.loading:g}'
+        under_way = f', {self.speed_m_s:g} m/s' if self.speed_m_s else ''
+        return f'{self.axis} {self.initial_angle_deg:g} deg at {self.loading:g}{under_way}'
+
+    @property
+    def series(self):
+        """Name of what is ranked and scheduled by itself: the axis, under way with its speed."""
+        return f'{self.axis}_{self.speed_m_s:g}m_s' if self.speed_m_s else self.axis
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import yaml
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.scheduled_model import QUANTITIES
+from swath_sysid.attitude.identification.extinction import TypeB
 from swath_sysid.attitude.identification.identify import OBJECTIVES
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
@@ -28,6 +29,7 @@ PLACEHOLDERS = {
     'draft_factor': ('draft_factor', NUMBER),
     'draft': ('draft_m', NUMBER),
     'displacement': ('displacement_kg', NUMBER),
+    'speed': ('speed_m_s', NUMBER),
     'axis': ('axis', '|'.join(AXES)),
 }
 """Placeholder of a pattern to the field it fills and what it matches."""
@@ -43,6 +45,9 @@ SHOWN_FILES = 3
 LARGEST = 1e9
 """Of any number but those of the search: kg, s, m, deg."""
 
+OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
+"""What a loading changes, beside a trial; without it that of the craft holds at the design draft alone."""
+
 _NAME = text(1000, as_written=True)
 _NUMBER = number(-LARGEST, LARGEST)
 _POSITIVE = number(above=0.0, highest=LARGEST)
@@ -51,6 +56,8 @@ _TRIAL = record({}, {
     'pattern': _NAME,
     'axis': one_of(AXES, 'axis'),
     **dict.fromkeys(QUANTITIES, _POSITIVE),
+    **dict.fromkeys(OF_CONDITION, _POSITIVE),
+    'speed_m_s': number(0.0, LARGEST),
     'initial_angle_deg': _NUMBER,
     'repeat': whole(1),
     'start_s': _NUMBER,
@@ -72,7 +79,15 @@ class Craft:
     draft_m : float or None
         Design draft, to which draft factors refer.
     displacement_kg : float or None
-        At the design draft.
+        At the design draft, as are the following.
+    kg_m : float or None
+        Height of the centre of gravity above the keel.
+    gm_transverse_m, gm_longitudinal_m : float or None
+        Metacentric heights.
+    gyradius_m, inertia_kg_m2 : float or None
+        About the axis of the trials; the inertia with added inertia.
+    water_density_kg_m3, water_temperature_c : float or None
+    appendages, basin : str or None
     """
 
     name: str = 'the craft'
@@ -81,6 +96,38 @@ class Craft:
     depth_m: float | None = None
     draft_m: float | None = None
     displacement_kg: float | None = None
+    kg_m: float | None = None
+    gm_transverse_m: float | None = None
+    gm_longitudinal_m: float | None = None
+    gyradius_m: float | None = None
+    inertia_kg_m2: float | None = None
+    water_density_kg_m3: float | None = None
+    water_temperature_c: float | None = None
+    appendages: str | None = None
+    basin: str | None = None
+
+
+@dataclass(frozen=True)
+class PredictedDamping:
+    """Equivalent damping that the user predicts, by Ikeda's method or CFD.
+
+    Attributes
+    ----------
+    method : str
+    amplitude_deg : float
+    damping_n_m_s, damping_ratio : float or None
+        One of them.
+    loading : float or None
+        In the quantity of the campaign; None: at any.
+    axis : str or None
+    """
+
+    method: str
+    amplitude_deg: float
+    damping_n_m_s: float | None = None
+    damping_ratio: float | None = None
+    loading: float | None = None
+    axis: str | None = None
 
 
 @dataclass(frozen=True)
@@ -119,6 +166,7 @@ class TrialEntry:
     start, end : float or None
         Bounds of the decay, s.
     frame, topic : str or None
+    speed_m_s, mass_kg, gm_m, inertia_kg_m2 : float or None
     """
 
     path: Path
@@ -131,6 +179,10 @@ class TrialEntry:
     end: float | None = None
     frame: str | None = None
     topic: str | None = None
+    speed_m_s: float | None = None
+    mass_kg: float | None = None
+    gm_m: float | None = None
+    inertia_kg_m2: float | None = None
 
 
 @dataclass(frozen=True)
@@ -146,6 +198,9 @@ class Manifest:
         Names; empty: those of each axis.
     objectives : tuple of str
     search : SearchSettings
+    uncertainty : TypeB
+        Of what a decay itself cannot show.
+    predictions : tuple of PredictedDamping
     faults : tuple of Fault
         What was left out, and why.
     """
@@ -156,14 +211,33 @@ class Manifest:
     equations: tuple[str, ...] = ()
     objectives: tuple[str, ...] = (OBJECTIVES[0],)
     search: SearchSettings = field(default_factory=SearchSettings)
+    uncertainty: TypeB = field(default_factory=TypeB)
+    predictions: tuple[PredictedDamping, ...] = ()
     faults: tuple[Fault, ...] = ()
 
 
-_CRAFT = record({}, {f.name: _NAME if f.name == 'name' else _POSITIVE for f in fields(Craft)})
+_CRAFT = record({}, {
+    **dict.fromkeys((f.name for f in fields(Craft)), _POSITIVE), 'water_temperature_c': _NUMBER,
+    **dict.fromkeys(('name', 'appendages', 'basin'), _NAME),
+})  # fmt: skip
+_UNCERTAINTY = record({}, {f.name: number(0.0, 1.0) for f in fields(TypeB)})
+_PREDICTION = record({'method': _NAME, 'amplitude_deg': _POSITIVE}, {
+    'damping_n_m_s': _POSITIVE, 'damping_ratio': _POSITIVE, 'loading': _POSITIVE, 'axis': one_of(AXES, 'axis'),
+})  # fmt: skip
+
+
+def _prediction(value, where):
+    found = _PREDICTION(value, where)
+    if ('damping_n_m_s' in found) == ('damping_ratio' in found):
+        raise FieldError(where, ' needs damping_n_m_s or damping_ratio, and only one of them')
+    return PredictedDamping(**found)
+
+
 _SEARCH = record({}, {f.name: anything for f in fields(SearchSettings)})
 _CAMPAIGN = record({}, {
     'title': _NAME, 'craft': _CRAFT, 'axis': one_of(AXES, 'axis'), 'equations': anything,
     'objectives': one_or_more(one_of(OBJECTIVES, 'objective')), 'search': _SEARCH, 'trials': anything,
+    'uncertainty': _UNCERTAINTY, 'predictions': one_or_more(_prediction),
 })  # fmt: skip
 """What a manifest may say beside its trials."""
 
@@ -233,7 +307,8 @@ def _manifest_of(root, path):
     return Manifest(
         title=plain.get('title', craft.name), craft=craft, trials=tuple(trials), equations=plain.get('equations', ()),
         objectives=tuple(o for o in OBJECTIVES if o in objectives), search=plain.get('search', SearchSettings()),
-        faults=tuple(faults),
+        uncertainty=TypeB(**plain.get('uncertainty', {})),
+        predictions=tuple(plain.get('predictions', ())), faults=tuple(faults),
     )  # fmt: skip
 
 
@@ -396,7 +471,8 @@ def _without_duplicates(trials, faults):
     for trial in trials:
         file = (trial.path.resolve(), trial.axis, trial.start, trial.end)
         complete = None not in (trial.initial_angle_deg, trial.repeat)
-        condition = (trial.axis, trial.loading, trial.initial_angle_deg, trial.repeat) if complete else None
+        told = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
+        condition = told if complete else None
         if file in by_file:
             faults.append(
                 Fault(
@@ -433,6 +509,18 @@ craft:
   # depth_m: 0.37
   # draft_m: 0.154
   # displacement_kg: 30
+  # For damping in N m s and without dimension, at the design draft: gm_transverse_m or gm_longitudinal_m (or
+  # inertia_kg_m2). Beside a trial at another loading: mass_kg, gm_m, inertia_kg_m2.
+  # gm_transverse_m: 0.05
+  # For the report: kg_m, gyradius_m, water_density_kg_m3, water_temperature_c, appendages, basin.
+
+# Relative standard uncertainties of what a decay cannot show: sensor_scale, time_base, mass, metacentric_height,
+# inertia.
+# uncertainty: {{sensor_scale: 0.005, metacentric_height: 0.02}}
+
+# Damping predicted otherwise, to be drawn beside the measured one: damping_n_m_s or damping_ratio.
+# predictions:
+#   - {{method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}}
 
 axis: {axis}
 
@@ -446,8 +534,9 @@ axis: {axis}
 # search: {{algorithm: ga, preset: swath-pitch, seed: 1}}
 
 # Each entry names one file, or by a pattern many. Placeholders: {{angle}} initial angle in deg, {{repeat}},
-# {{draft_factor}}, {{draft}} in m, {{displacement}} in kg, {{axis}}; * is anything. What the names do not say is given
-# beside: draft_factor (or draft_m, displacement_kg), initial_angle_deg, repeat, axis, start_s, end_s, frame, topic.
+# {{draft_factor}}, {{draft}} in m, {{displacement}} in kg, {{speed}} in m/s, {{axis}}; * is anything. What the names
+# do not say is given beside: draft_factor (or draft_m, displacement_kg), speed_m_s, initial_angle_deg, repeat, axis,
+# start_s, end_s, frame, topic.
 trials:
 """
 

@@ -75,11 +75,12 @@ class TrialOutcome:
 
 @dataclass(frozen=True)
 class AxisOutcome:
-    """What a campaign found about one axis.
+    """What a campaign found about one axis, at one speed.
 
     Attributes
     ----------
     axis : str
+        Name of the series: see `Condition.series`.
     records : tuple of Record
     names : tuple of str
         Of the equations.
@@ -111,6 +112,16 @@ class AxisOutcome:
     ranking: Ranking
     schedule: ScheduledModel
     spreads: tuple[Spread, ...]
+
+    @property
+    def motion(self):
+        """``roll`` or ``pitch``."""
+        return self.records[0].condition.axis
+
+    @property
+    def speed_m_s(self):
+        """Of all its records."""
+        return self.records[0].condition.speed_m_s
 
     @property
     def choice(self):
@@ -189,7 +200,7 @@ def run_campaign(manifest, store, executor, tell=lambda progress: None):
     """
     quantity = loading_quantity(manifest)
     trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
-    axes = {t.record.condition.axis for t in trials if t.record is not None}
+    axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
         told = '; '.join(f'{t.name}: {t.reason}' for t in trials[:3])
         raise InputError(f'no trial of the campaign can be used: {told}')
@@ -268,7 +279,8 @@ def _prepared(entry, manifest, quantity):
         return outcome.left_out(error)
     except Exception as error:  # noqa: BLE001 - one damaged file must not stop the others; its reason is reported
         return outcome.left_out(f'{type(error).__name__} while reading it: {error}')
-    record = Record(outcome.name, Condition(entry.axis, loading, float(angle)), entry.repeat or 0, problem)
+    condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
+    record = Record(outcome.name, condition, entry.repeat or 0, problem)
     advice = tuple(dict.fromkeys((*trial.advice, *problem.advice)))
     return replace(outcome, sha256=sha256, record=record, advice=advice)
 
@@ -408,16 +420,16 @@ class _Work:
 
 
 class _AxisPlan:
-    """The tasks of one axis."""
+    """The tasks of one series: an axis at one speed."""
 
     def __init__(self, axis, manifest, trials, work):
-        used = [t for t in trials if t.record is not None and t.record.condition.axis == axis]
+        used = [t for t in trials if t.record is not None and t.record.condition.series == axis]
         used.sort(key=lambda t: (t.record.condition, t.record.repeat))
         self._axis, self._manifest, self._work = axis, manifest, work
         self._records = [t.record for t in used]
         self._ids = {str(t.record): _identity(t) for t in used}
         self._sources = {str(t.record): {'file': t.name, 'sha256': t.sha256} for t in used}
-        self._names = [e.name for e in _equations(manifest, axis)]
+        self._names = [e.name for e in _equations(manifest, used[0].record.condition.axis)]
         self.left_out = {}
 
     @property

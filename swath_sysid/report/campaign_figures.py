@@ -23,8 +23,10 @@ STYLE = {
     'axes.edgecolor': MEASURED,
     'xtick.color': MEASURED,
     'ytick.color': MEASURED,
+    # a figure is 350 to 500 px wide on the page, so that a point is about a pixel
+    'font.size': 11.0,
     'axes.titlesize': 'medium',
-    'legend.fontsize': 'small',
+    'legend.fontsize': 10.0,
     'svg.fonttype': 'none',
     'axes.prop_cycle': matplotlib.cycler(color=SERIES),
 }
@@ -99,7 +101,7 @@ def decay_drawings(outcome, axis):
                 label = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
                 axes.plot(time, np.degrees(value), linewidth=1.1, label=label)
             axes.set_xlabel('time since release [s]')
-            axes.set_ylabel(f'{axis.axis} [deg]' if what == 'angle' else f'{axis.axis} rate [deg/s]')
+            axes.set_ylabel(f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]')
             axes.legend(frameon=False)
             title = f'from {angle:g} deg' if several else 'all angles'
             axes.set_title(title)
@@ -148,9 +150,9 @@ def _ratios(axes, axis, term, conditions, against, label, **style):
                   markersize=4, capsize=3, label=label, **style)  # fmt: skip
 
 
-def _legend_below(axes):
+def legend_below(axes):
     """Below the axes, where no curve can run through it."""
-    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
 
 
 def _finish_ratio(axes, term, below):
@@ -159,7 +161,7 @@ def _finish_ratio(axes, term, below):
     low, high = axes.get_ylim()
     if low < 0 < high and low > -0.2 * high:
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
-    _legend_below(axes)
+    legend_below(axes)
 
 
 def against_draft(outcome, axis):
@@ -213,12 +215,12 @@ def amplitude_drawings(outcome, axis):
             style = LINE_STYLES[angles.index(condition.initial_angle_deg) % len(LINE_STYLES)]
             name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if len(loadings) > 1 else '')
             axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
-        axes.set_xlabel(f'{axis.axis} amplitude [deg]')
+        axes.set_xlabel(f'{axis.motion} amplitude [deg]')
         axes.set_ylabel(label)
         _fit_to_curves(axes)
         if quantity == 'damping':
             axes.set_ylim(bottom=0.0)
-        _legend_below(axes)
+        legend_below(axes)
         caption = (
             f'{label[0].upper()}{label.partition(" [")[0][1:]} against amplitude, bands of two standard deviations'
         )

@@ -110,6 +110,8 @@ def trials_table(outcome):
         ('axis', lambda t: t.entry.axis),
         (LOADING_NAMES[outcome.quantity], of_record(lambda r: r.condition.loading), digits(4)),
         ('initial angle [deg]', of_record(lambda r: r.condition.initial_angle_deg), digits(4)),
+        *([('speed [m/s]', of_record(lambda r: r.condition.speed_m_s), digits(4))]
+          if any(t.entry.speed_m_s for t in outcome.trials) else []),
         ('repeat', of_record(lambda r: r.repeat), _or_dash),
         ('decay from [s]', segment('start'), digits(5)),
         ('to [s]', segment('end'), digits(5)),
