@@ -277,14 +277,6 @@ def test_the_core_names_no_flag_of_the_command_line(path):
     assert flags == []
 
 
-def test_data_inside_the_package_is_installed(setup_arguments):
-    files = (path for path in PACKAGE.rglob('*') if path.is_file() and '__pycache__' not in path.parts)
-    data = {path for path in files if path.suffix != '.py'}
-    assert data
-    named = {path for pattern in setup_arguments['package_data'][PACKAGE.name] for path in PACKAGE.glob(pattern)}
-    assert data == named
-
-
 def test_console_scripts_start_something(setup_arguments):
     for script, target in console_scripts(setup_arguments).items():
         module, function = target.split(':')
