@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.vertical import (
     EDGE,
-    GRAVITY,
     HEAVE,
     VELOCITY,
     LeakyIntegrals,
@@ -23,7 +23,7 @@ def test_gravity_is_removed_by_the_orientation():
     roll, pitch, yaw = rng.uniform(-1.2, 1.2, (3, 50))
     world = rng.normal(size=(50, 3))
     craft_to_world = Rotation.from_euler('ZYX', np.stack([yaw, pitch, roll], axis=1))
-    force = craft_to_world.inv().apply(world + [0.0, 0.0, GRAVITY])
+    force = craft_to_world.inv().apply(world + [0.0, 0.0, STANDARD_GRAVITY])
     np.testing.assert_allclose(vertical_acceleration(roll, pitch, force), world[:, 2], atol=1e-12)
 
 

@@ -5,8 +5,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.motion.vertical import GRAVITY, vertical_acceleration, zero_phase_integral
+from swath_sysid.attitude.motion.vertical import vertical_acceleration, zero_phase_integral
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
@@ -32,7 +33,7 @@ def swell(duration, seed=2):
 
     pitch, pitch_rate = lines(0.08 * w, 0.3), lines(0.08 * w**2, 0.3 + 0.5 * math.pi)
     roll, roll_rate = lines(0.1 * w, 1.1), lines(0.1 * w**2, 1.1 + 0.5 * math.pi)
-    up = lines(-(w**2)) + GRAVITY
+    up = lines(-(w**2)) + STANDARD_GRAVITY
     force = np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=1) * up[:, None]
     noise = rng.normal(size=(7, time.size)) * np.array([1e-4, 1e-4, 1e-4, 1e-4, 5e-3, 5e-3, 5e-3])[:, None]
     values = np.stack([roll, pitch, roll_rate, pitch_rate, *force.T]) + noise

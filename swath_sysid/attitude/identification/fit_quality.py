@@ -67,13 +67,13 @@ def _poor(quantity, pairs, identification):
     if not r2 >= LEAST_R2 and quantity == fitted:
         return [Advice('poor-fit', (
             f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and {LEAST_R2:.0%} is the least '
-            f'that a model is of use with: check units, signs and times of the columns, choose the decay with --start '
-            f'and --end, or compare other equations'
+            f'that a model is of use with: check units, signs and times of the columns, choose the decay by its start '
+            f'and end, or compare other equations'
         ))]
     if r2 < LEAST_R2_OF_COHERENT_RESIDUALS and _coherence(pairs, identification) > COHERENT:
         return [Advice('poor-fit', (
             f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is no noise: '
-            f'check units, signs and times of the columns, choose the decay with --start and --end, or compare other '
+            f'check units, signs and times of the columns, choose the decay by its start and end, or compare other '
             f'equations'
         ))]
     return []

@@ -5,10 +5,8 @@ are about their mean: the level about which the craft heaves.
 """
 import numpy as np
 from scipy import fft
-from scipy.signal import lfilter
 
-GRAVITY = 9.80665
-"""m/s^2."""
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, up_in_body
 
 BAND_HZ = (0.04, 1.5)
 """Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise."""
@@ -23,22 +21,6 @@ _LEAKS = ((4.0,), (12.0,), (4.0, 6.0))
 """s; time constants of the leaky integrals, one after another."""
 
 
-def vertical_direction(roll, pitch):
-    """The world's vertical in the craft's axes: the third row of its rotation matrix.
-
-    Parameters
-    ----------
-    roll, pitch : float or ndarray
-        rad.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-    """
-    roll, pitch = np.broadcast_arrays(roll, pitch)
-    return np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=-1)
-
-
 def vertical_acceleration(roll, pitch, specific_force):
     """Acceleration along the world's vertical, upwards, without gravity.
 
@@ -46,7 +28,7 @@ def vertical_acceleration(roll, pitch, specific_force):
     ----------
     roll, pitch : float or ndarray
         rad.
-    specific_force : ndarray, shape (..., 3)
+    specific_force : ndarray, shape (3,) or (N, 3)
         In the craft's axes, m/s^2.
 
     Returns
@@ -54,7 +36,8 @@ def vertical_acceleration(roll, pitch, specific_force):
     ndarray
         m/s^2.
     """
-    return np.sum(vertical_direction(roll, pitch) * specific_force, axis=-1) - GRAVITY
+    upwards = sum(up * force for up, force in zip(up_in_body(roll, pitch), specific_force.T, strict=True))
+    return upwards - STANDARD_GRAVITY
 
 
 def zero_phase_integral(signal, step, times, delay=0.0):
@@ -131,6 +114,8 @@ class LeakyIntegrals:
         ----------
         acceleration : ndarray, shape (N,)
         """
+        from scipy.signal import lfilter
+
         columns = []
         for kept in self._kept:
             value = acceleration

@@ -27,7 +27,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
     SeaRequest,
     newest_stretch,
 )
-from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter, NoiseSettings
+from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
 from swath_sysid.common.advice import Advice
@@ -59,8 +59,8 @@ LONGEST_BRIDGE = 60.0
 SMOOTHED_FROM = 5
 """Samples a row from which on the rows hold filtered values: fewer are too sparse to smooth without delay."""
 
-ANGLE_NOISE, RATE_NOISE = NoiseSettings(), NoiseSettings(0.005, 1e-4, 0.05)
-"""Of sensors that do not report theirs, rad and rad/s."""
+ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
+"""First guess, least and most of sensors that do not report theirs, rad and rad/s."""
 
 EXCITATION_WINDOW = 600.0
 """s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes)."""
@@ -212,7 +212,7 @@ class Forecaster:
         self.settings = s = settings or ForecasterSettings()
         self._hulls = {axis: HullFilter(s.hull) for axis in AXES}
         self._models = dict.fromkeys(AXES)
-        self._meters = {axis: (NoiseMeter(ANGLE_NOISE), NoiseMeter(RATE_NOISE)) for axis in AXES}
+        self._meters = {axis: (NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)) for axis in AXES}
         self._noise = dict.fromkeys(AXES, (math.nan, math.nan))
         self._reported_noise = [0.0] * len(TARGETS)
         leads = np.array(s.leads)
@@ -414,7 +414,7 @@ class Forecaster:
         self._score_anew()
 
     def _score_anew(self):
-        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()), _PLACE[HULL])
+        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()))
         if self.settings.points:
             self._vertical = VerticalForecaster(self._step, math.ceil(self._leads[-1] / self._step) + 2)
             self._nowcasts.clear()
@@ -575,6 +575,8 @@ class Forecaster:
             mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
             if space.strain > HEALTHY_STRAIN:
                 mean[k][:, self._hull_vouches()] = math.nan
+            # nothing acts: there is nothing else to know
+            mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
         angles = mean[..., :2]
         # a third of what np.clip takes
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)

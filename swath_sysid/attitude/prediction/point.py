@@ -34,7 +34,8 @@ class PointMotion:
     ----------
     mean : ndarray, shape (L, 3)
         `POINT_MOTION`: m about the mean level, m/s, m/s^2.
-    covariance : ndarray, shape (L, 3, 3), or None
+    covariance : ndarray, shape (L, 7, 7), or None
+        Of these and of roll, pitch and their rates.
     """
 
     mean: np.ndarray
@@ -110,8 +111,8 @@ def point_motion(place, mean_attitude, motion, covariance=None):
     mean = np.stack([heave + h[0, 0] - level, velocity + velocity_of_turning, acceleration + turning(0, 0)], axis=1)
     if covariance is None:
         return PointMotion(mean, None)
-    jacobian = np.zeros((roll.size, 3, 9))
-    jacobian[:, (0, 1, 2), (0, 1, 2)] = 1.0
+    jacobian = np.zeros((roll.size, 7, 9))
+    jacobian[:, (0, 1, 2, 3, 4, 5, 6), (0, 1, 2, 5, 6, 7, 8)] = 1.0
     jacobian[:, 0, 5], jacobian[:, 0, 6] = h[1, 0], h[0, 1]
     # the rows below are the derivatives in time of the row above: those in the rates are those in the angles there
     jacobian[:, 1, 5] = h[2, 0] * roll_rate + h[1, 1] * pitch_rate

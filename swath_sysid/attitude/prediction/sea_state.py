@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import csd, welch
 
 from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.common.errors import InputError
@@ -87,6 +86,8 @@ def sea_state(acceleration, roll, pitch, step, seed=0):
         raise InputError(
             f'{duration:.0f} s of motion hold too few waves: a sea state needs {LEAST_DURATION / 60:.0f} min, better 20'
         )
+    from scipy.signal import welch
+
     how = {'fs': 1.0 / step, 'nperseg': round(min(_SEGMENT, duration / 3.0) / step)}
     frequency, of_acceleration = welch(acceleration, **how)
     inside = (frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1])
@@ -137,6 +138,8 @@ def _axis(acceleration, roll, pitch, how, inside, spectrum, segments):
 
     The slope is -pitch along the bow and roll to port; acceleration is heave turned about.
     """
+    from scipy.signal import csd, welch
+
     slopes = [-pitch, roll]
     of_heave = welch(acceleration, **how)[1][inside]
     quadrature = np.array([csd(acceleration, slope, **how)[1][inside].imag for slope in slopes])

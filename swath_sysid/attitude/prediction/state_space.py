@@ -119,11 +119,6 @@ class InnovationsFilter:
         """Of its error, shape (n, n); None where it is known."""
         return self._p
 
-    @property
-    def settled(self):
-        """Whether the state is known without error: the rows have been complete for long enough."""
-        return self._p is None
-
     def seed(self, rows):
         """Start anew and step through the recent past.
 
