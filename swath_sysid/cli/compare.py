@@ -5,9 +5,6 @@ import os
 import sys
 import time
 
-from rich.console import Console
-from rich.table import Table
-
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
 from swath_sysid.attitude.identification.fit_quality import poor_fit
 from swath_sysid.attitude.identification.problem import prepare
@@ -80,6 +77,9 @@ def run(arguments):
 
 
 def _print_ranking(comparison):
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table('equation', 'terms', 'R2', 'objective', 'criterion', 'held-out error', 'period [s]', 'damping ratio')
     best = comparison.ranked[0].criterion
     for ranked in comparison.ranked:

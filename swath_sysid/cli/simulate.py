@@ -7,8 +7,6 @@ from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_tri
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
 from swath_sysid.cli.sources import finite
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.bags import write_imu_bag
-from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.outputs import Output, check_outputs
 
 NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
@@ -60,7 +58,10 @@ def run(arguments):
         model, math.radians(arguments.initial_angle_deg), arguments.duration, arguments.rate,
         NO_NOISE if arguments.noise == 'none' else noise, arguments.seed, arguments.hold,
     )  # fmt: skip
-    write = write_csv if arguments.output.endswith('.csv') else write_imu_bag
+    if arguments.output.endswith('.csv'):
+        from swath_sysid.formats.csv_trials import write_csv as write
+    else:
+        from swath_sysid.formats.bags import write_imu_bag as write
     write(arguments.output, trial)
     ratios = ', '.join(f'{name} {value:.6g}' for name, value in model.terms.items())
     print(f'{arguments.output}: {trial.time.size} samples of {model.axis}, {model.equation.name}, true ratios {ratios}')

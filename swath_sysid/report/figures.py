@@ -2,9 +2,6 @@
 
 from pathlib import Path
 
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
