@@ -17,15 +17,13 @@ from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_foreca
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.nodes.health import PlayedHealth
-from swath_sysid.nodes.parameter_tables import (
-    manoeuvring_pipeline_settings,
-    pipeline_settings,
-    refit_settings,
-    values_from_file,
-    window_settings,
-)
+from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, values_from_file
+from swath_sysid.nodes.parameters.identifier import refit_settings
+from swath_sysid.nodes.parameters.imu_buffer import window_settings
+from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
+from swath_sysid.pipeline.played_health import PlayedHealth
 
 PROGRESS_STEP = 2000
 
@@ -55,9 +53,7 @@ def run(arguments):
     manoeuvres, imu = holds_manoeuvres(arguments.record) if is_bag(arguments.record) else (False, True)
     if manoeuvres and not imu:
         return _play_manoeuvres(arguments)
-    buffer, identifier, predictor = (
-        values_from_file(arguments.params, name) for name in ('imu_buffer', 'identifier', 'predictor')
-    )
+    buffer, identifier, predictor = (values_from_file(arguments.params, name) for name in ATTITUDE_NODES)
     settings = PlayThroughSettings(
         window_settings(buffer), refit_settings(identifier), pipeline_settings(predictor),
         identifier['auto_identify'], arguments.refit_delay,
@@ -73,7 +69,8 @@ def run(arguments):
         )  # fmt: skip
     pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
     pipeline.window.record(buffer['record_at_start'])
-    health = PlayedHealth(pipeline, [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)])
+    periods = [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)]
+    health = PlayedHealth(ADVICE, pipeline, IMU_TOPIC, periods)
     verdicts = []
     with (
         progress_of('play-through') as progress,
@@ -107,6 +104,8 @@ def run(arguments):
 
 def _play_manoeuvres(arguments):
     """What manoeuvring_predictor would have published: the bag holds odometry and thrust, and no IMU."""
+    from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
+
     values = values_from_file(arguments.params, 'manoeuvring_predictor')
     trial = read_manoeuvring_bag(arguments.record)
     model = arguments.model or values['model_file']

@@ -6,13 +6,12 @@ from importlib import import_module
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
-from swath_sysid.formats.model_file import read_model
 
-NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_predictor')
+NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
 
-MODEL_PARAMETERS = {'identifier': 'model_path', 'manoeuvring_predictor': 'model_file'}
-MODEL_READERS = {'identifier': read_model, 'manoeuvring_predictor': read_manoeuvring_model}
+MODEL_PARAMETERS = {
+    'identifier': 'model_path', 'manoeuvring_identifier': 'model_path', 'manoeuvring_predictor': 'model_file',
+}
 
 OPEN_TO_THE_SUBNET = (
     'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
@@ -65,7 +64,7 @@ def ros_arguments(arguments):
             raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
         if Path(arguments.model).expanduser().exists():
             # a node would go on without it, which whoever types a command does not see
-            MODEL_READERS[node](Path(arguments.model).expanduser())
+            _read_model(node, Path(arguments.model).expanduser())
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
     if arguments.namespace:
@@ -75,6 +74,14 @@ def ros_arguments(arguments):
     if arguments.use_sim_time:
         given += ['-p', 'use_sim_time:=true']
     return [*given, *arguments.ros_args]
+
+
+def _read_model(node, path):
+    if node == 'identifier':
+        from swath_sysid.formats.model_file import read_model as read
+    else:
+        from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model as read
+    read(path)
 
 
 def _quoted(text):

@@ -3,7 +3,7 @@ import os
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.health import BAD_MODEL_FILE, NOT_SAVED
+from swath_sysid.pipeline.health import BAD_MODEL_FILE, NOT_SAVED
 
 
 class ModelFile:

@@ -2,9 +2,9 @@
 from collections import deque
 
 from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
-from swath_sysid.nodes.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 from swath_sysid.nodes.messages import NANOSECONDS
 from swath_sysid.nodes.worker import Worker
+from swath_sysid.pipeline.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 
 
 class SeaFitting:

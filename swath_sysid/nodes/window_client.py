@@ -5,9 +5,9 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.health import BAD_WINDOW
 from swath_sysid.nodes.messages import window_table
 from swath_sysid.nodes.qos import LATCHED, watched_subscription
+from swath_sysid.pipeline.health import BAD_WINDOW
 
 
 class WindowClient:
