@@ -2,7 +2,9 @@
 
 import os
 import sys
+from argparse import ArgumentParser, Namespace
 from dataclasses import replace
+from typing import Any
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import progress_of, show_advice
@@ -28,7 +30,7 @@ from swath_sysid.pipeline.played_health import PlayedHealth
 PROGRESS_STEP = 2000
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The record, the output, and what the nodes would be started with."""
     parser.add_argument('record', metavar='RECORD', help='rosbag2 bag, CSV file or MTi text export')
     parser.add_argument('--output', required=True, metavar='OUT.mcap', help='bag of what the nodes publish')
@@ -42,7 +44,7 @@ def add_arguments(parser):
     parser.add_argument('--with-imu', action='store_true', help='copy the IMU messages to the output as well')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Play the record through and write the output."""
     if arguments.refit_delay < 0.0:
         raise InputError('the refit delay must not be negative')
@@ -102,7 +104,7 @@ def run(arguments):
     return 0
 
 
-def _play_manoeuvres(arguments):
+def _play_manoeuvres(arguments: Namespace):
     """What manoeuvring_predictor would have published: the bag holds odometry and thrust, and no IMU."""
     from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
 
@@ -117,7 +119,7 @@ def _play_manoeuvres(arguments):
     return 0
 
 
-def _known_models(model, model_path):
+def _known_models(model: str | None, model_path: str):
     """The models at the start: of the file named, else of the node's own file if it has one already."""
     if model:
         return read_model(model)
@@ -125,7 +127,7 @@ def _known_models(model, model_path):
     return read_model(own) if os.path.exists(own) else None
 
 
-def _report_counts(pipeline):
+def _report_counts(pipeline: Any) -> None:
     """What was counted by reason, on standard error."""
     counts = {**pipeline.forecasts.counts, **pipeline.window.counts}
     counted = ', '.join(f'{reason} {count}' for reason, count in counts.items() if count)

@@ -2,6 +2,7 @@
 import argparse
 import os
 import sys
+from argparse import ArgumentParser, Namespace
 from importlib import import_module
 from pathlib import Path
 
@@ -19,7 +20,7 @@ OPEN_TO_THE_SUBNET = (
 )
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument('--only', choices=NODES, metavar='NODE', help=f'one node alone: {", ".join(NODES)}')
     parser.add_argument('--params-file', metavar='FILE', help='ROS parameter file for all nodes')
@@ -32,7 +33,7 @@ def add_arguments(parser):
     )
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Run the nodes until a signal comes; returns the exit code."""
     try:
         import rclpy  # noqa: F401 - only to say what to do where it is missing
@@ -47,7 +48,7 @@ def run(arguments):
     return program.main(['swath-sysid', '--ros-args', *given])
 
 
-def ros_arguments(arguments):
+def ros_arguments(arguments: Namespace) -> list[str]:
     """What stands behind ``--ros-args`` for the nodes.
 
     Raises
@@ -76,7 +77,7 @@ def ros_arguments(arguments):
     return [*given, *arguments.ros_args]
 
 
-def _read_model(node, path):
+def _read_model(node: str, path: Path) -> None:
     if node == 'identifier':
         from swath_sysid.formats.model_file import read_model as read
     else:
@@ -84,6 +85,6 @@ def _read_model(node, path):
     read(path)
 
 
-def _quoted(text):
+def _quoted(text: str):
     """A YAML string, whatever is in it: ROS takes the values of parameters for YAML."""
     return "'" + text.replace("'", "''") + "'"

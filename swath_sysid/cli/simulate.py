@@ -1,6 +1,7 @@
 """``swath-sysid simulate``: a trial with known truth."""
 
 import math
+from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
@@ -12,7 +13,7 @@ from swath_sysid.formats.outputs import Output, check_outputs
 NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The hull, the release, the sensor, and the file."""
     usual = SensorNoise()
     add_hull_arguments(parser)
@@ -47,7 +48,7 @@ def add_arguments(parser):
     parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Write the trial."""
     check_outputs([Output('--output', arguments.output, is_recording=True)], [arguments.model])
     model = hull_of(arguments).with_trim(math.radians(arguments.trim_deg))
@@ -68,7 +69,7 @@ def run(arguments):
     return 0
 
 
-def _rate_noise(arguments):
+def _rate_noise(arguments: Namespace):
     if arguments.rate_noise is not None:
         return arguments.rate_noise
     hull = hull_named(arguments.hull) if arguments.hull else hull_of_family(arguments.equation or '')

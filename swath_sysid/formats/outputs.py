@@ -32,7 +32,7 @@ class Output:
     """
 
     option: str
-    path: str | Path
+    path: str | Path | None
     is_folder: bool = False
     is_recording: bool = False
     endings: tuple[str, ...] = ()

@@ -101,6 +101,13 @@ class IdentificationNode(Node):
         self._ended = Future()
         return self._done(work, self._ended)
 
+    def begin(self, work: Callable[[], Awaitable[Answer]]) -> None:
+        """Have a work done that nobody waits for; not while another one is."""
+        executor = self.executor
+        if executor is not None:
+            self._ended = Future()
+            executor.create_task(self._done(work, self._ended))
+
     async def _done(self, work: Callable[[], Awaitable[Answer]], ended: Future) -> Answer:
         answer = await work()
         self._ended = None
@@ -112,7 +119,9 @@ class IdentificationNode(Node):
 
     async def carried_out(self, function: Callable, request: Any) -> tuple[Any, str]:
         """Have the worker do something: its result and an empty sentence, or None and what went wrong."""
-        ended, executor = Future(), self.executor
+        ended = Future()
+        executor = self.executor
+        assert executor is not None, 'a coroutine of this node runs in its executor'
 
         def end(outcome: Any, error: Exception | None) -> None:
             ended.set_result((outcome, error))

@@ -34,7 +34,9 @@ class Identifier(IdentificationNode):
     async def identify(self) -> Answer:
         """Refit on a fresh window."""
         problem = await self._windows.fetch(self.parameters['window_timeout_s'])
-        return (False, problem) if problem else await self._refit(self._windows.newest)
+        if problem or self._windows.newest is None:
+            return False, problem
+        return await self._refit(self._windows.newest)
 
     def rollback(self) -> Answer:
         """Return to the model before."""
@@ -51,7 +53,7 @@ class Identifier(IdentificationNode):
         """Refit on a window that came meanwhile."""
         if self._waiting_table is not None and not self.busy:
             table, self._waiting_table = self._waiting_table, None
-            self.executor.create_task(self.alone(lambda: self._refit(table)))
+            self.begin(lambda: self._refit(table))
 
     def stop_waiting(self) -> None:
         """Give up windows that wait or are waited for."""

@@ -51,9 +51,7 @@ class ManoeuvringPredictor(Node):
         for side, topic in THRUSTERS.items():
             self.create_subscription(Float64, topic, self._thrust_taker(side), SENSOR)
         self.create_subscription(Float64MultiArray, 'manoeuvring/future_thrust', self._on_future, 10)
-        self.create_subscription(
-            String, 'manoeuvring/model', lambda message: self._intake.submit(message.data), LATCHED
-        )
+        self.create_subscription(String, 'manoeuvring/model', self._on_model, LATCHED)
         self._read_file(self.parameters['model_file'])
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
@@ -83,6 +81,9 @@ class ManoeuvringPredictor(Node):
 
     def _thrust_taker(self, side: str) -> Callable[[Float64], None]:
         return lambda message: self.pipeline.add_thrust(self._now(), side, message.data)
+
+    def _on_model(self, message: String) -> None:
+        self._intake.submit(message.data)
 
     def _on_future(self, message: Float64MultiArray) -> None:
         """Rows of lead, port, starboard; none: hold the last."""

@@ -42,7 +42,7 @@ def imu_subscription(
 
 def waiting(subscription: Subscription, most: int) -> list:
     """The messages that a subscription has received and that wait to be handled, at most so many, oldest first."""
-    messages = []
+    messages: list = []
     # as rclpy's own executors and wait_for_message take them
     with subscription.handle:
         while len(messages) < most:

@@ -75,7 +75,7 @@ def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
         descriptor.additional_constraints = parameter.range_text
     if isinstance(parameter.default, float) and parameter.lowest is not None:
         descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(parameter.lowest), to_value=float(parameter.highest), step=0.0)
+            FloatingPointRange(from_value=float(parameter.lowest), to_value=float(parameter.highest or 0.0), step=0.0)
         ]
     elif type(parameter.default) is int and parameter.lowest is not None:
         descriptor.integer_range = [IntegerRange(from_value=parameter.lowest, to_value=parameter.highest, step=1)]

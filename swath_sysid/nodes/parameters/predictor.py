@@ -101,7 +101,6 @@ def quiescence_limits(values: Values) -> QuiescenceLimits:
         return radians(values[name]) or inf
 
     return QuiescenceLimits(
-        *(limit(f'quiet_{axis}_deg') for axis in AXES),
-        *(limit(f'quiet_{axis}_rate_deg_s') for axis in AXES),
-        duration=values['quiet_for_s'] or values['horizon_s'],
+        roll=limit('quiet_roll_deg'), pitch=limit('quiet_pitch_deg'), roll_rate=limit('quiet_roll_rate_deg_s'),
+        pitch_rate=limit('quiet_pitch_rate_deg_s'), duration=values['quiet_for_s'] or values['horizon_s'],
     )
