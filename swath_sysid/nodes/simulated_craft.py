@@ -47,7 +47,7 @@ class SimulatedCraftNode(Node):
         self.create_timer(self._period_ns / NANOSECONDS, self._publish_due, clock=self._steady)
 
     @staticmethod
-    def _empty_message(noise: SensorNoise):
+    def _empty_message(noise: SensorNoise) -> Imu:
         message = Imu()
         message.header.frame_id = 'base_link'
         for name, spread in (
