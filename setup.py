@@ -30,9 +30,8 @@ setup(
     maintainer_email=MAINTAINER.get('email'),
     license=MANIFEST.findtext('license'),
     python_requires='>=3.11',
-    package_data={NAME: ['py.typed']},
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['campaign/papers/*.yaml']},
+    package_data={NAME: ['py.typed', 'campaign/papers/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (SHARE.as_posix(), ['package.xml']),

@@ -9,7 +9,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
-from swath_sysid.attitude.prediction.forecast import AttitudeForecast
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import number_message
 from swath_sysid.formats.model_file import description_from_yaml
@@ -32,6 +31,7 @@ from swath_sysid.nodes.qos import (
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.pipeline.forecast_health import PredictorHealth
+from swath_sysid.pipeline.forecast_messages import AttitudeForecast
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
