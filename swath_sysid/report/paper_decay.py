@@ -408,8 +408,8 @@ def _limits(study):
         values = p.printed_objective[draft, angle]
         lines.append(
             f'Printed values that are no optima: for example at {angle:g} deg and {draft:g} T, {big} with '
-            f'{values[big]:.9g} rad/s although it contains {small} with {values[small]:.9g}. There are '
-            f'{len(p.out_of_order)} such pairs; those digits are of the search, not of the hull.'
+            f'{values[big]:.9g} rad/s although it contains {small} with {values[small]:.9g}. Such '
+            f'pairs: {len(p.out_of_order)}. Those digits are of the search, not of the hull.'
         )
     spread = [max(v.values()) / min(v.values()) - 1.0 for v in p.printed_objective.values()]
     uncertain = [1.0 / math.sqrt(2.0 * r.problem.motions[0].size) for r in study.records]
