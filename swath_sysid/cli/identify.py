@@ -3,6 +3,8 @@
 import json
 import sys
 import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
 
 from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_forced
 from swath_sysid.attitude.identification.fit_quality import poor_fit
@@ -10,6 +12,7 @@ from swath_sysid.attitude.identification.identify import DEFAULT_EQUATION, OBJEC
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import (
     EXIT_POOR_FIT,
@@ -21,6 +24,7 @@ from swath_sysid.cli.sources import (
     read_trials,
 )
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import write_model
 from swath_sysid.report.at_sea_figure import at_sea_figure
@@ -31,7 +35,7 @@ from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import finite_or_none, fit_as_data, fit_in_words, warnings_as_data
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """Records, model, search, output."""
     add_source_arguments(parser)
     kind = parser.add_mutually_exclusive_group()
@@ -52,7 +56,7 @@ def add_arguments(parser):
     add_force_argument(parser)
 
 
-def add_force_argument(parser):
+def add_force_argument(parser: ArgumentParser) -> None:
     """``--force``, and what the exit codes mean; shared with compare."""
     parser.add_argument(
         '--force', action='store_true', help='write the model even where the fit explains too little of the motion'
@@ -63,7 +67,7 @@ def add_force_argument(parser):
     )
 
 
-def add_search_arguments(parser):
+def add_search_arguments(parser: ArgumentParser) -> None:
     """Objective and search; shared with compare."""
     parser.add_argument('--objective', choices=OBJECTIVES, default=OBJECTIVES[0], help='default: %(default)s')
     parser.add_argument('--search', choices=ALGORITHMS, default='ga', help='default: %(default)s')
@@ -74,7 +78,7 @@ def add_search_arguments(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def settings_of(arguments, equation=None):
+def settings_of(arguments: Namespace, equation: str | None = None) -> IdentificationSettings:
     """Identification settings of the command line."""
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
@@ -84,7 +88,7 @@ def settings_of(arguments, equation=None):
     return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Identify, print, and write what was asked for."""
     began = time.perf_counter()
     particulars, type_b = particulars_of(arguments), type_b_of(arguments)
@@ -116,7 +120,7 @@ def run(arguments):
     return conclude_fit(arguments, faults)
 
 
-def conclude_fit(arguments, faults):
+def conclude_fit(arguments: Namespace, faults: Sequence[Advice]) -> int:
     """The exit code, and a word where the model was not written; shared with compare."""
     if not faults or arguments.force:
         return 0
@@ -125,7 +129,7 @@ def conclude_fit(arguments, faults):
     return EXIT_POOR_FIT
 
 
-def _is_at_sea(arguments, trials, axis):
+def _is_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str):
     """Whether the record is to be taken for motion in waves."""
     if arguments.at_sea or arguments.decay:
         return arguments.at_sea
@@ -134,7 +138,7 @@ def _is_at_sea(arguments, trials, axis):
     return given == (None, None, None) and all(is_forced(trial.axis(axis)) for trial in trials)
 
 
-def _run_at_sea(arguments, trials, axis, read_advice, began):
+def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_advice: Sequence[Advice], began: float):
     """Identify from motion in waves, print, and write what was asked for."""
     if len(trials) > 1:
         raise InputError('motion in waves is identified from one record at a time: give one, the longest')
