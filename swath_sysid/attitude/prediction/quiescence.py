@@ -295,7 +295,9 @@ class Quiescence:
         """Size of the motion lately, shape (V,)."""
         elapsed, self._last = now - self._last, now
         gain = elapsed / (_SIZE_MEMORY + elapsed) if elapsed > 0.0 else 1.0
-        self._square = self._square + gain * (activity * activity - self._square)
+        square = activity * activity
+        # what was not known until now begins with its first size
+        self._square = np.where(np.isnan(self._square), square, self._square + gain * (square - self._square))
         return np.sqrt(self._square)
 
     def _members_inside(self, motion, size):
