@@ -93,6 +93,7 @@ CONTRACT = {
     'forecast/lead_0_5s': ('sensor_msgs/msg/Imu', 'predictor', True, False, 1),
     'forecast/lead_5_0s': ('sensor_msgs/msg/Imu', 'predictor', True, False, 1),
     'forecast/horizon': ('trajectory_msgs/msg/JointTrajectory', 'predictor', True, False, 1),
+    'forecast/calm': ('trajectory_msgs/msg/JointTrajectory', 'predictor', True, True, 1),
 }
 
 

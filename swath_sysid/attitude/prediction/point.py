@@ -32,18 +32,21 @@ class PointMotion:
 
     Attributes
     ----------
+    place : tuple of 3 floats
+        m from the sensor.
     mean : ndarray, shape (L, 3)
         `POINT_MOTION`: m about the mean level, m/s, m/s^2.
     covariance : ndarray, shape (L, 7, 7), or None
         Of these and of roll, pitch and their rates.
     """
 
+    place: tuple[float, float, float]
     mean: np.ndarray
     covariance: np.ndarray | None
 
     def at(self, chosen):
         """Of some of the leads."""
-        return PointMotion(self.mean[chosen], self.covariance[chosen])
+        return PointMotion(self.place, self.mean[chosen], self.covariance[chosen])
 
 
 def height_partials(place, roll, pitch):
@@ -110,7 +113,7 @@ def point_motion(place, mean_attitude, motion, covariance=None):
     velocity_of_turning = h[1, 0] * roll_rate + h[0, 1] * pitch_rate
     mean = np.stack([heave + h[0, 0] - level, velocity + velocity_of_turning, acceleration + turning(0, 0)], axis=1)
     if covariance is None:
-        return PointMotion(mean, None)
+        return PointMotion(place, mean, None)
     jacobian = np.zeros((roll.size, 7, 9))
     jacobian[:, (0, 1, 2, 3, 4, 5, 6), (0, 1, 2, 5, 6, 7, 8)] = 1.0
     jacobian[:, 0, 5], jacobian[:, 0, 6] = h[1, 0], h[0, 1]
@@ -121,4 +124,4 @@ def point_motion(place, mean_attitude, motion, covariance=None):
     jacobian[:, 2, 3], jacobian[:, 2, 4] = h[1, 0], h[0, 1]
     jacobian[:, 2, 5], jacobian[:, 2, 6] = turning(1, 0), turning(0, 1)
     jacobian[:, 2, 7], jacobian[:, 2, 8] = 2.0 * jacobian[:, 1, 5], 2.0 * jacobian[:, 1, 6]
-    return PointMotion(mean, jacobian @ covariance @ jacobian.transpose(0, 2, 1))
+    return PointMotion(place, mean, jacobian @ covariance @ jacobian.transpose(0, 2, 1))
