@@ -99,7 +99,7 @@ def run(arguments: Namespace) -> int:
     with progress_of('forecasting') as progress:
         run_made = run_through(
             trial, settings, models, time.perf_counter, progress,
-            None if limits is None else (float(trial.time[0]) + warmup, limits),
+            None if limits is None else (float(trial.time[0]) + warmup, limits), points_ahead=False,
         )  # fmt: skip
     skill = score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until, points=points)
     if arguments.axis is not None:

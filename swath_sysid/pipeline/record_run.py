@@ -1,6 +1,6 @@
 """The forecast pipeline run causally through a record, with what is learnt of the sea taken over by stamp."""
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +73,7 @@ def samples_of(trial):
         yield CraftSample(stamp_ns, *motion, *unknown, yaw_rate=yaw_rate, heave=heave)
 
 
-def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None):
+def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None, points_ahead=True):
     """Run the pipeline through a record; every fit is used from its request's stamp plus the refit delay on.
 
     Parameters
@@ -88,6 +88,8 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
         Called with the share done.
     limits_from : (float, QuiescenceLimits), optional
         Limits of quiescence from a stamp on; their reliability is recorded from there.
+    points_ahead : bool
+        Keep vertical motion over the horizon, which takes 20 kB a point and forecast.
 
     Returns
     -------
@@ -107,7 +109,8 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
         step = pipeline.add_sample(sample)
         step_times.append(now() - begun)
         if step.forecast is not None:
-            steps.append(Issued(stamp, step.forecast, step.horizon))
+            horizon = step.horizon if points_ahead else replace(step.horizon, points={})
+            steps.append(Issued(stamp, step.forecast, horizon))
         if step.sea_request is not None:
             begun = now()
             pipeline.install(fit_sea(step.sea_request))
