@@ -1,6 +1,7 @@
 """What the examples of controllers share: a craft in waves, measured or simulated, and what was forecast of it."""
 import argparse
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +13,12 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import POINT_MOTION
 from swath_sysid.cli.progress import progress_of
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import SENSOR
 from swath_sysid.pipeline.vertical_record import vertical_record
+from swath_sysid.report.figures import FORMATS, save_figure
 
 STEP = 0.1
 ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
@@ -122,14 +125,34 @@ def _measured(trial, name):
     return trial.time[known], trial.channels[name][known]
 
 
-def voyage_of_command_line(description, argv=None):
-    """The voyage that the command line asks for, and where its figure goes."""
+def carry_out(description, tell, argv=None):
+    """Run an example from its command line.
+
+    Parameters
+    ----------
+    description : str
+    tell : callable
+        Prints the table of a `Voyage` and returns its figure.
+    argv : sequence of str, optional
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument('record', nargs='?', help='of attitude, rates and accelerations (default: simulated)')
     parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes")
     parser.add_argument('--warmup', type=float, default=600.0, metavar='S', help='not counted (default: %(default)s)')
     parser.add_argument('--figure', default='figure.png', metavar='FILE', help='default: %(default)s')
     arguments = parser.parse_args(argv)
-    trial = read_trial(arguments.record, frame=arguments.frame) if arguments.record else simulated_craft(1200.0)
-    with progress_of('forecasting') as progress:
-        return sail(trial, arguments.warmup, progress=progress), arguments.figure
+    try:
+        check_outputs([Output('--figure', arguments.figure, endings=FORMATS)], [arguments.record])
+        trial = read_trial(arguments.record, frame=arguments.frame) if arguments.record else simulated_craft(1200.0)
+        with progress_of('forecasting') as progress:
+            voyage = sail(trial, arguments.warmup, progress=progress)
+        save_figure(tell(voyage), arguments.figure)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0

@@ -12,10 +12,10 @@ from it; the forecast adds what its accelerations make of it.  The last row is t
 import sys
 
 import numpy as np
-from craft_in_waves import STEP, voyage_of_command_line
+from craft_in_waves import STEP, carry_out
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.report.figures import MEASURED, SERIES, new_figure, quiet, save_figure
+from swath_sysid.report.figures import MEASURED, SERIES, new_figure, quiet
 
 DELAY, LAG = 2, 0.3
 """Steps until a command acts, and s."""
@@ -97,13 +97,8 @@ def draw(left):
     return figure
 
 
-def main(argv=None):
-    """Print the table and draw the figure; returns the exit code."""
-    try:
-        voyage, file = voyage_of_command_line('A gangway fed by the forecast at its own delay.', argv)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
+def tell(voyage):
+    """Print the table; returns the figure."""
     left = hold(voyage)
     found = residual_variances(left)
     print(f'{"variance left":22}' + ''.join(f'{axis:>12}' for axis in found))
@@ -111,9 +106,8 @@ def main(argv=None):
         print(f'{method:22}' + ''.join(f'{of[method]:12.2g}' for of in found.values()))
     for method in ('raw', 'constant rate'):
         print(f'{method + " / forecast":22}' + ''.join(f'{of[method] / of["forecast"]:12.0f}' for of in found.values()))
-    save_figure(draw(left), file)
-    return 0
+    return draw(left)
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(carry_out('A gangway fed by the forecast at its own delay.', tell))

@@ -11,12 +11,11 @@ were inside the limits, %, with 95 % intervals from a bootstrap of blocks of 30 
 import sys
 
 import numpy as np
-from craft_in_waves import voyage_of_command_line
+from craft_in_waves import carry_out
 from scipy.stats import norm, qmc
 
-from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.scoring import block_sums, resampled
-from swath_sysid.report.figures import SERIES, new_figure, quiet, save_figure
+from swath_sysid.report.figures import SERIES, new_figure, quiet
 
 LIMITED, LIMITS = [1, 3, 4], np.array([0.5, np.radians(2.5), np.radians(3.0)])
 """Vertical velocity, roll and pitch: places in the forecast, and limits in m/s and rad."""
@@ -76,20 +75,14 @@ def draw(shares):
     return figure
 
 
-def main(argv=None):
-    """Print the table and draw the figure; returns the exit code."""
-    try:
-        voyage, file = voyage_of_command_line('Landing on deck by the forecast of touchdown.', argv)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
+def tell(voyage):
+    """Print the table; returns the figure."""
     shares = land(voyage)
     print(f'{"touchdowns inside, %":22}' + ''.join(f'{f"after {lead:g} s":>18}' for lead in DESCENTS))
     for method, rows in shares.items():
         print(f'{method:22}' + ''.join('{:7.0f} ({:3.0f} to {:3.0f})'.format(*(100.0 * row)) for row in rows))
-    save_figure(draw(shares), file)
-    return 0
+    return draw(shares)
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(carry_out('Landing on deck by the forecast of touchdown.', tell))

@@ -2,23 +2,19 @@
 
     python examples/mpc.py morro_buoy.csv --frame frd --figure mpc.png
 
-The winch pays out at a speed that its motor can change by 0.6 m/s^2 only.  At each step it plans its accelerations
-over the horizon, such that the load's speed, deck plus winch, is least where the forecast is sure, and carries out the
-first.
-Live the same numbers are in ``forecast/<point>/horizon``.
+The motor changes the winch's speed by 0.6 m/s^2 at most.  At each step accelerations are planned over the horizon such
+that the load's speed, deck plus winch, is least where the forecast is sure; the first is carried out.
 """
 import sys
 
 import numpy as np
-from craft_in_waves import voyage_of_command_line
+from craft_in_waves import carry_out
 from scipy.optimize import lsq_linear
 
-from swath_sysid.common.errors import InputError
-from swath_sysid.report.figures import MEASURED, SERIES, new_figure, quiet, save_figure
+from swath_sysid.report.figures import MEASURED, SERIES, new_figure, quiet
 
 STEP, STEPS, LARGEST, EFFORT = 0.2, 10, 0.6, 0.05
 """s and number of steps planned; m/s^2; weight of an acceleration beside a speed, s."""
-
 SUM = np.tril(np.full((STEPS, STEPS), STEP))
 
 
@@ -31,47 +27,37 @@ def plan(speed, deck, deviation):
 
 
 def control(voyage):
-    """Speed of the deck and of the load by what the plan is made from: (times, {name: m/s})."""
+    """Times and speeds of the deck and of the load, {planned from: m/s}."""
     chosen = np.searchsorted(voyage.stamps, np.arange(voyage.stamps[0], voyage.stamps[-1], STEP) - 0.01)
     places = [int(np.abs(voyage.leads - STEP * k).argmin()) for k in range(1, STEPS + 1)]
     deck, acceleration = voyage.truth(voyage.stamps[chosen])[:, 1:3].T
-    ahead = voyage.mean[chosen][:, places, 1]
     deviation = np.sqrt(voyage.covariance[chosen][:, places, 1, 1])
-    even = np.ones_like(deviation)
-    inputs = {
-        'forecast': (ahead, deviation),
-        'constant rate': (deck[:, None] + acceleration[:, None] * STEP * np.arange(1, STEPS + 1), even),
-        'persistence': (np.repeat(deck[:, None], STEPS, axis=1), even),
+    horizons = {
+        'forecast': (voyage.mean[chosen][:, places, 1], deviation),
+        'constant rate': (deck[:, None] + acceleration[:, None] * SUM.sum(axis=1), np.ones_like(deviation)),
+        'persistence': (np.repeat(deck[:, None], STEPS, axis=1), np.ones_like(deviation)),
     }
-    speeds = {'deck': deck}
-    for name, horizon in inputs.items():
+    speeds = {'(not at all)': deck}
+    for name, (ahead, spread) in horizons.items():
         winch = np.zeros(deck.size)
         for k in range(deck.size - 1):
-            winch[k + 1] = winch[k] + STEP * plan(winch[k], horizon[0][k], horizon[1][k])[0]
+            winch[k + 1] = winch[k] + STEP * plan(winch[k], ahead[k], spread[k])[0]
         speeds[name] = deck + winch
     return voyage.stamps[chosen], speeds
 
 
-def main(argv=None):
-    """Print the table and draw the figure; returns the exit code."""
-    try:
-        voyage, file = voyage_of_command_line('A winch that plans over the horizon.', argv)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
+def tell(voyage):
+    """Print the table; returns the figure."""
     time, speeds = control(voyage)
+    axes = quiet(new_figure(9.0, 3.5).subplots())
     print(f'{"planned from":16}{"RMS speed of the load, m/s":>28}')
-    for name, speed in speeds.items():
-        print(f'{"(not at all)" if name == "deck" else name:16}{np.sqrt(np.mean(speed**2)):28.3f}')
-    figure, shown = new_figure(9.0, 3.5), time < time[0] + 60.0
-    axes = quiet(figure.subplots())
-    for name, colour in zip(speeds, (MEASURED, SERIES[1], SERIES[0], SERIES[2]), strict=True):
-        axes.plot(time[shown] - time[0], speeds[name][shown], color=colour, label=name)
+    for (name, speed), colour in zip(speeds.items(), (MEASURED, SERIES[1], SERIES[0], SERIES[2]), strict=True):
+        print(f'{name:16}{np.sqrt(np.mean(speed**2)):28.3f}')
+        axes.plot((time - time[0])[time < time[0] + 60.0], speed[time < time[0] + 60.0], color=colour, label=name)
     axes.set(xlabel='time, s', ylabel='vertical speed, m/s')
     axes.legend(frameon=False, ncols=4)
-    save_figure(figure, file)
-    return 0
+    return axes.figure
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(carry_out('A winch that plans over the horizon.', tell))

@@ -1,5 +1,6 @@
 """The examples of controllers, on a short simulated record: what they compute, and that the forecast helps."""
 import importlib
+import subprocess
 import sys
 from pathlib import Path
 
@@ -87,20 +88,30 @@ def test_a_winch_plans_within_its_limits_and_gains_by_the_horizon(voyage):
     assert planned == pytest.approx(np.full(mpc.STEPS, -mpc.LARGEST))
     _, speeds = mpc.control(voyage)
     rms = {name: np.sqrt(np.mean(speed**2)) for name, speed in speeds.items()}
-    assert rms['forecast'] < 0.9 * rms['constant rate'] and rms['forecast'] < 0.7 * rms['persistence'] < rms['deck']
+    assert rms['forecast'] < 0.9 * rms['constant rate']
+    assert rms['forecast'] < 0.7 * rms['persistence'] < rms['(not at all)']
 
 
 @pytest.mark.parametrize('name', ['landing', 'gangway', 'mpc'])
-def test_each_is_one_command(name, voyage, tmp_path, capsys, monkeypatch):
-    example = importlib.import_module(name)
-    file = tmp_path / 'figure.png'
-    monkeypatch.setattr(example, 'voyage_of_command_line', lambda *_: (voyage, file))
-    assert example.main([]) == 0
+def test_each_prints_a_table_and_draws_a_figure(name, voyage, tmp_path, capsys, monkeypatch):
+    shared, file = importlib.import_module('craft_in_waves'), tmp_path / 'figure.png'
+    monkeypatch.setattr(shared, 'sail', lambda *_, **__: voyage)
+    assert shared.carry_out('', importlib.import_module(name).tell, ['--figure', str(file)]) == 0
     assert 'forecast' in capsys.readouterr().out and file.stat().st_size > 10_000
+
+
+def test_one_command_goes_the_whole_way(trial, tmp_path):
+    record, file = tmp_path / 'waves.csv', tmp_path / 'landing.svg'
+    write_csv(record, trial.between(None, 330.0))
+    example = Path(__file__).resolve().parents[1] / 'examples' / 'landing.py'
+    command = [sys.executable, str(example), str(record), '--warmup', '240', '--figure', str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert 'any time' in done.stdout and file.stat().st_size > 1000
 
 
 def test_a_record_that_cannot_be_used_is_refused(trial, tmp_path, capsys):
     short = tmp_path / 'short.csv'
     write_csv(short, trial.between(None, 50.0))
-    assert importlib.import_module('landing').main([str(short)]) == 2
+    shared = importlib.import_module('craft_in_waves')
+    assert shared.carry_out('', None, [str(short), '--figure', str(tmp_path / 'a.png')]) == 2
     assert 'without a gap' in capsys.readouterr().err
