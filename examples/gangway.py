@@ -6,8 +6,9 @@ A command acts 0.2 s later, is held for 0.1 s, and is followed with a lag of 0.3
 now (raw); as it will be when the command acts, by its rate now (constant rate) or by the forecast, either put through
 the inverse of the lag.  Printed: the variance of what is left, over that of the motion.
 
-Heave as measured is that of a reference unit: right at low frequencies, which an IMU alone is not.  All three start
-from it; the forecast adds what its accelerations make of it.  The last row is the forecast without such a unit.
+Heave as measured is that of an ideal reference unit: right at low frequencies, which an IMU alone is not.  All three
+start from its heave, velocity and acceleration; the forecast adds the accelerations to come.  The last row is the
+forecast without such a unit.
 """
 import sys
 
@@ -87,11 +88,12 @@ def draw(left):
     figure = new_figure(9.0, 7.0)
     shown = slice(SETTLED, SETTLED + 600)
     for axes, (axis, (motion, rests)) in zip(figure.subplots(3, sharex=True), left.items(), strict=True):
-        quiet(axes).set(ylabel='heave, m' if axis == 'heave' else f'{axis}, rad')
+        unit, factor = ('m', 1.0) if axis == 'heave' else ('deg', np.degrees(1.0))
+        quiet(axes).set(ylabel=f'{axis}, {unit}')
         time = STEP * np.arange(motion.size)[shown]
-        axes.plot(time, (motion - motion.mean())[shown], color=MEASURED, linewidth=0.8, label='motion')
+        axes.plot(time, factor * (motion - motion.mean())[shown], color=MEASURED, linewidth=0.8, label='motion')
         for k, method in enumerate(('raw', 'constant rate', 'forecast')):
-            axes.plot(time, rests[method][shown], color=SERIES[(2, 0, 1)[k]], label=f'left: {method}')
+            axes.plot(time, factor * rests[method][shown], color=SERIES[(2, 0, 1)[k]], label=f'left: {method}')
     axes.set_xlabel('time, s')
     figure.axes[0].legend(frameon=False, ncols=4, fontsize=8)
     return figure

@@ -146,7 +146,7 @@ def _tell(skill: Any, name: str) -> None:
     )
 
 
-def _tell_point(console: Console, skill: Any, point: str, kinds: Any):
+def _tell_point(console: Console, skill: Any, point: str, kinds: Any) -> None:
     table = Table(title=f'{point}: RMSE / standard deviation {_span(skill)}', title_justify='left')
     table.add_column('lead, s')
     for lead in skill.leads:

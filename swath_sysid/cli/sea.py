@@ -1,5 +1,6 @@
 """``swath-sysid sea``: the sea that a record's own motion shows."""
 import json
+from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.attitude.prediction.sea_state import sea_state
@@ -12,7 +13,7 @@ from swath_sysid.report.sea_figure import sea_figure
 from swath_sysid.report.sea_summary import REMARKS, sea_as_data, sea_in_words
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The record, and how to tell."""
     parser.epilog = ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
@@ -23,7 +24,7 @@ def add_arguments(parser):
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the spectrum')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Print height, periods and axis of the waves, from the longest stretch without a gap."""
     check_model_and_plot(arguments, [arguments.record])
     trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)

@@ -34,7 +34,7 @@ def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
     parser.add_argument('--end', type=finite, metavar='S', help='end of the decay (default: found)')
 
 
-def add_reading_arguments(parser):
+def add_reading_arguments(parser: ArgumentParser) -> None:
     """How to read a record."""
     parser.add_argument('--topic', help='IMU topic, for bags that hold several')
     parser.add_argument(

@@ -201,7 +201,7 @@ def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
         methods = {FORECAST: angle, **baselines[axis]}
         results[axis] = _score(record, axis, at, methods, half_width, 'persistence')
         advice += _advice_on(axis, results[axis])
-    vertical = {}
+    vertical: dict[str, dict[str, QuantitySkill]] = {}
     if points:
         truth = vertical_record(trial, points)
         at = _Occasions(stamps, leads, span, record.after_gap('accel_z', stamps, AFTER_GAP), seed)

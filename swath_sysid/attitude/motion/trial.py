@@ -1,5 +1,6 @@
 """Trials: the measured motion of a craft, whatever file or topic it came from."""
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -159,4 +160,5 @@ class Trial:
             keep &= self.time >= start
         if end is not None:
             keep &= self.time <= end
-        return replace(self, time=self.time[keep], **{name: values[keep] for name, values in self.channels.items()})
+        kept: dict[str, Any] = {name: values[keep] for name, values in self.channels.items()}
+        return replace(self, time=self.time[keep], **kept)
