@@ -31,7 +31,7 @@ def sea_figure(found: SeaState) -> Figure:
     axes.set(
         xlabel='frequency of encounter, Hz', ylabel='heave at the sensor, m²/Hz', ylim=(0.0, None),
         xlim=(0.0, min(5.0 / found.mean_period, float(found.frequency[-1]))),
-        title=f'significant height {found.significant_height:.2f} ± {found.significant_height_std:.2f} m, '
+        title=f'significant height {found.significant_height:.3g} ± {found.significant_height_std:.2g} m, '
         f'mean period {found.mean_period:.2f} ± {found.mean_period_std:.2f} s',
     )  # fmt: skip
     axes.legend(fontsize=8, frameon=False)
