@@ -58,7 +58,7 @@ def forecasts(trial, motion, learnt, seed=1):
         angle = AxisForecast(np.zeros(2), np.zeros(2), np.tile(np.eye(2), (2, 1, 1)))
         points = {
             point.name: PointMotion(
-                motion(stamp + LEADS, point.place[0])[3] + DEVIATIONS * rng.normal(size=(2, 3)), covariance
+                point.place, motion(stamp + LEADS, point.place[0])[3] + DEVIATIONS * rng.normal(size=(2, 3)), covariance
             )
             for point in (SENSOR, BOW) if stamp >= learnt
         }  # fmt: skip
