@@ -20,7 +20,8 @@ from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme,
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 WAMV = preset('wamv-vrx-old')
 COMMANDED = replace(

@@ -14,7 +14,8 @@ from swath_sysid.manoeuvring.identification.refit import (
     refit_manoeuvring,
 )
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, prepare
+from swath_sysid.manoeuvring.motion.intake import prepare
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE
 from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 
 pytestmark = pytest.mark.slow
