@@ -1,7 +1,7 @@
 """What a model leaves of the accelerations, and by how much thrust to come differs from held thrust."""
 import numpy as np
 
-from swath_sysid.common.noise import white_noise
+from swath_sysid.common.signals import white_noise
 from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise
 from swath_sysid.manoeuvring.hull.measurement import through_water
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust

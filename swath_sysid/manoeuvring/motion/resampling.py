@@ -5,7 +5,7 @@ from scipy.signal import savgol_filter
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.noise import white_noise
+from swath_sysid.common.signals import bin_means, white_noise
 
 HOLD = 0.5
 """s for which a command is held after it was last published."""
@@ -105,10 +105,10 @@ def on_grid(grid, step, time, values):
     if interval < 0.75 * step:
         place = np.rint((time - grid[0]) / step).astype(int)
         inside = (place >= 0) & (place < grid.size)
-        counts = np.bincount(place[inside], minlength=grid.size)
-        sums = np.bincount(place[inside], weights=values[inside], minlength=grid.size)
-        with np.errstate(invalid='ignore', divide='ignore'):
-            return np.where(counts > 0, sums / counts, np.nan)
+        held, means = bin_means(place[inside], values[inside])
+        found = np.full(grid.size, np.nan)
+        found[held] = means
+        return found
     after = np.clip(np.searchsorted(time, grid), 0, time.size - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(time[after] - grid) <= np.abs(grid - time[before]), after, before)
