@@ -149,6 +149,9 @@ def test_measurement_is_the_motion_of_the_sensor_seen_by_its_compass(heading, b,
     surge, sway = recorded_speeds(u, v, r, compass, current, p)
     assert (surge, sway) == pytest.approx((velocity.real, velocity.imag), abs=1e-8)
     assert through_water(surge, sway, r, compass, current, p) == pytest.approx((u, v), abs=1e-12)
+    alone = through_water(1.5, np.nan, np.nan, 0.3, (0.0, 0.0), parameter_values({}))
+    assert alone[0] == 1.5
+    assert np.isnan(alone[1])
 
 
 def test_lag_is_the_exact_first_order_response():

@@ -98,12 +98,14 @@ def _currents_by_run(found):
 def terms_in_words():
     """A line for each parameter of the catalogue: name, unit, meaning."""
     sides = {'X': 'surge force', 'Y': 'sway force', 'N': 'yaw moment'}
-    return [
-        f'  {p.name:<24}{p.unit:<10}' + (_MEANINGS.get(p.name) or f'{sides[p.row]} by ' + (
-            ' '.join(_FACTORS[f] for f in p.factors) or 'itself, steady')) for p in PARAMETERS]  # fmt: skip
+
+    def meaning(p):
+        by = ' '.join(f'd{f.lower()}/dt' if f.isupper() else f for f in p.factors)
+        return _MEANINGS.get(p.name) or (f'{sides[p.row]} by {by}' if by else f'steady {sides[p.row]}')
+
+    return [f'  {p.name:<24}{p.unit:<10}{meaning(p)}' for p in PARAMETERS]
 
 
-_FACTORS = {'u': 'u', 'v': 'v', 'r': 'r', 'U': 'du/dt', 'V': 'dv/dt', 'R': 'dr/dt'}
 _MEANINGS = {
     'm': 'mass', 'Iz': 'yaw inertia', 'gain': 'thrust a unit of input at full input ahead',
     'reverse_ratio': 'thrust at full input astern as a share of that ahead',

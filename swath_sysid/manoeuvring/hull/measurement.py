@@ -49,10 +49,14 @@ def recorded_speeds(u, v, r, heading, current, p):
 
 
 def through_water(surge, sway, r, heading, current, p):
-    """u and v of the origin through the water, m/s: the inverse of `recorded_speeds`."""
+    """u and v of the origin through the water, m/s: the inverse of `recorded_speeds`.
+
+    A speed that is NaN, as it was not measured, stays NaN and counts as none towards the other.
+    """
     along, across = turned(*current, heading)
-    u, v = turned(surge - along, sway - across, -deviation(heading, p))
-    return u + r * p[SENSOR_Y], v - r * p[SENSOR_X]
+    u, v = turned(np.nan_to_num(surge - along), np.nan_to_num(sway - across), -deviation(heading, p))
+    r = np.nan_to_num(r)
+    return np.where(np.isnan(surge), np.nan, u + r * p[SENSOR_Y]), np.where(np.isnan(sway), np.nan, v - r * p[SENSOR_X])
 
 
 def recorded_position(x, y, heading, p):

@@ -49,6 +49,9 @@ def helps(costs, costs_before):
     costs, costs_before : ndarray, shape (K,)
         `held_out_costs` with the terms and without.
     """
+    if costs.size < 2:
+        # nothing can be held out of a single window
+        return True
     weight = np.minimum(1.0, LARGEST_SHARE * costs_before.sum() / np.maximum(costs_before, 1e-300))
     gain = weight * (costs_before - costs)
     scatter = gain.std(ddof=1) * np.sqrt(gain.size)

@@ -315,7 +315,7 @@ class MultipleShooting:
         p, current = np.stack(columns, axis=1)[:, part], np.stack(currents, axis=1)[:, part]
         thrust = [np.stack([self._thrust(c)[side] for c in columns], axis=2) for side in (0, 1)]
         surge, sway, rate = windows.initial
-        start = np.stack([*through_water(surge, sway, np.nan_to_num(rate), windows.heading[0], current, p), rate])
+        start = np.stack([*through_water(surge, sway, rate, windows.heading[0], current, p), rate])
         with np.errstate(over='ignore', invalid='ignore'):
             states = runge_kutta_columns(
                 np.where(np.isfinite(start), start, self.states),

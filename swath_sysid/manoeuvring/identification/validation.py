@@ -99,7 +99,7 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
     heading = windows.heading
     p = model.values
     surge, sway, rate = windows.initial
-    state = np.stack([*through_water(surge, sway, np.nan_to_num(rate), heading[0], current, p), rate])
+    state = np.stack([*through_water(surge, sway, rate, heading[0], current, p), rate])
     state[1] = np.where(np.isfinite(windows.initial[1]), state[1], _lead_in_sway(model, windows, acting))
     state = np.where(np.isfinite(state), state, 0.0)
     substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), thrust)
