@@ -100,7 +100,7 @@ def test_compiled_and_plain_kernel_agree():
     rng = np.random.default_rng(1)
     arguments = (
         rng.normal(size=(3, 4)) * 0.3, rng.normal(size=(30, 4)) * 50, rng.normal(size=(30, 4)) * 50,
-        np.repeat(model.values[:, None], 4, axis=1), model.active, 0.1, 2,
+        rng.normal(size=(3, 4)) * 0.1, np.repeat(model.values[:, None], 4, axis=1), model.active, 0.1, 2,
     )  # fmt: skip
     plain = getattr(runge_kutta_columns, 'py_func', runge_kutta_columns)
     assert np.allclose(runge_kutta_columns(*arguments), plain(*arguments), rtol=1e-12, atol=1e-13)
