@@ -9,7 +9,7 @@ LOSS_TURNS_AT = 3.0
 """Standard deviations beyond which a residual counts by its size, not its square."""
 
 LARGEST_SHARE = 0.25
-"""Of the misfit of all runs: what one run exceeds it by does not count."""
+"""Of the misfit of all runs, and of what terms change in it: what one run exceeds it by does not count."""
 
 SCATTER = 0.5
 """Standard errors of the runs by which terms must help."""
@@ -54,6 +54,8 @@ def helps(costs, costs_before):
         return True
     weight = np.minimum(1.0, LARGEST_SHARE * costs_before.sum() / np.maximum(costs_before, 1e-300))
     gain = weight * (costs_before - costs)
+    most = LARGEST_SHARE * np.abs(gain).sum()
+    gain = np.clip(gain, -most, most)
     scatter = gain.std(ddof=1) * np.sqrt(gain.size)
     return bool(gain.sum() > max(SCATTER * scatter, LEAST_GAIN * float(weight @ costs_before)))
 
