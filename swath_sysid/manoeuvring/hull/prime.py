@@ -62,3 +62,7 @@ class PrimeUnits:
     def to_prime(self, name, value):
         """Prime value of a dimensional derivative."""
         return value / self.unit(name)
+
+    def from_prime(self, name, prime):
+        """Dimensional value of a prime derivative."""
+        return prime * self.unit(name)
