@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime, least_squares
+from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
@@ -140,23 +140,29 @@ def test_forward_model_is_what_is_differentiated(force_runs, drift_spread):
     assert np.any(shooting.drift != 0.0) == bool(drift_spread)
 
 
-def test_values_without_a_run_against_fits_without_it():
-    """Exact for a linear problem: the least squares of the others."""
+@pytest.mark.parametrize('bound', [-np.inf, -1.9])
+def test_values_without_a_run_against_fits_without_it(bound):
+    """Exact for a linear problem: the least squares of the others and of the demand of stability, bounds kept."""
     rng = np.random.default_rng(3)
     sizes, truth = (30, 50, 40), np.array([1.0, -2.0, 0.5])
     matrices = [rng.standard_normal((n, 3)) for n in sizes]
     targets = [m @ truth + 0.3 * rng.standard_normal(len(m)) for m in matrices]
     spread = np.array([np.inf, 2.0, np.inf])
-    prior = np.diag(np.where(np.isfinite(spread), spread**-2.0, 0.0))
+    demand, demanded = np.array([[4.0, 0.0, 4.0]]), np.array([4.0])
+    lower = np.array([-np.inf, bound, -np.inf])
 
     def solved(keep):
-        information = sum(matrices[k].T @ matrices[k] for k in keep) + prior
-        return np.linalg.solve(information, sum(matrices[k].T @ targets[k] for k in keep))
+        rows = [*(matrices[k] for k in keep), demand, np.diag(1.0 / spread)]
+        found = lsq_linear(np.concatenate(rows), np.concatenate([*(targets[k] for k in keep), demanded, np.zeros(3)]),
+                           (lower, np.inf), tol=1e-14)  # fmt: skip
+        return np.where(found.active_mask < 0, lower, found.x)
 
     best = solved(range(3))
     shooting = SimpleNamespace(
-        unknowns=SimpleNamespace(units=np.array([1.0, 10.0, 0.1]), spread=spread, lower=-np.inf, upper=np.inf),
+        unknowns=SimpleNamespace(
+            units=np.array([1.0, 10.0, 0.1]), spread=spread, lower=lower, upper=np.full(3, np.inf)),
         parts=lambda values: [(m @ values - y, m) for m, y in zip(matrices, targets, strict=True)],
+        instability_slopes=lambda values: demand,
     )  # fmt: skip
     expected = [solved([j for j in range(3) if j != k]) for k in range(3)]
     assert np.allclose(values_without_each_part(shooting, best), expected, rtol=1e-6)

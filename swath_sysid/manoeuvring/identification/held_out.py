@@ -19,12 +19,19 @@ LEAST_GAIN = 0.003
 
 
 def values_without_each_part(shooting, values):
-    """The values that the runs but one would give, shape (K, n)."""
+    """The values that the runs but one would give, shape (K, n).
+
+    What holds the fit beside the runs stays in force: the regularisation, the demand of stable straight courses, and
+    bounds that it has come to rest at. Otherwise unstable models would judge a hull that hardly keeps its course.
+    """
     units, spread = shooting.unknowns.units, shooting.unknowns.spread
+    at_rest = (values - shooting.unknowns.lower < 1e-9 * units) | (shooting.unknowns.upper - values < 1e-9 * units)
+    units = np.where(at_rest, 0.0, units)
     scaled = [(np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), np.nan_to_num(j, posinf=0.0, neginf=0.0) * units)
               for r, j in shooting.parts(values)]  # fmt: skip
     prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
-    information = sum(j.T @ j for _, j in scaled) + np.diag(prior) + 1e-9 * np.eye(values.size)
+    stability = shooting.instability_slopes(values) * units
+    information = sum(j.T @ j for _, j in scaled) + stability.T @ stability + np.diag(prior + 1e-9)
     found = []
     for residual, jacobian in scaled:
         others = information - jacobian.T @ jacobian

@@ -34,6 +34,7 @@ USUAL = (
     'Xvr', 'Yvv', 'Yur', 'Nrr', 'Nuur', 'Nuv', 'exponent', 'dead_band', 'deviation_B', 'deviation_C', 'sensor_x',
     'sensor_y',
 )  # fmt: skip
+USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 SLOW_SWAY = 0.2
 """Of the first guess of sway damping: the start in the other basin."""
 
@@ -139,18 +140,18 @@ def currents_of(problem, model, runs, window):
 
 
 def first_fit(problem, shooting, names, values):
-    """The best of several starts: few terms or the usual ones, sway that dies away fast or slowly.
+    """The best of several starts: few terms, the usual ones of the hull, or all usual ones with fast or slow sway.
 
     A hull that hardly keeps its course looks like a much heavier one without the usual terms, and one by one they do
     not lead away from it. What they are worth on runs held out decides.
     """
     found = [fit(problem, shooting, names, values)]
-    usual = [n for group in problem.candidates for n in group if n in USUAL and n not in names]
-    if usual:
-        for slow in (False, True) if 'Yv' in names else (False,):
+    for some, sway in ((USUAL_HULL, 1.0), (USUAL, 1.0), (USUAL, SLOW_SWAY)):
+        usual = [n for group in problem.candidates for n in group if n in some and n not in names]
+        if usual and (sway == 1.0 or 'Yv' in names):
             start = np.concatenate([found[0].values, problem.start(usual)])
-            if slow:
-                start[names.index('Yv')] *= SLOW_SWAY
+            if 'Yv' in names:
+                start[names.index('Yv')] *= sway
             found.append(fit(problem, found[0].shooting, (*names, *usual), start))
     stable = [f for f in found if f.stable] or found
     return min(stable, key=lambda f: np.sum(held_out_costs(f.shooting, f.values)))

@@ -210,7 +210,7 @@ class MultipleShooting:
         n = values.size
         prior = np.diag(np.where(np.isfinite(self.unknowns.spread), 1.0 / self.unknowns.spread, 0.0))
         parts = [part.reshape(n, -1).T for part in (projected, state_part, drift_part)]
-        return np.concatenate([*parts, prior, self._instability_slopes(values)])
+        return np.concatenate([*parts, prior, self.instability_slopes(values)])
 
     def refine(self, values, max_evaluations=20, tolerance=1e-5):
         """Bounded least squares over the unknowns."""
@@ -471,7 +471,7 @@ class MultipleShooting:
         weight = STABILITY_WEIGHT * np.sqrt(self._known.sum())
         return weight * np.maximum(growth + LEAST_DECAY, 0.0)
 
-    def _instability_slopes(self, values):
+    def instability_slopes(self, values):
         """Derivatives of `_instability` by the unknowns, shape (speeds, n)."""
         p, _ = self.parameters(values)
         searched = np.flatnonzero(self._index >= 0)
