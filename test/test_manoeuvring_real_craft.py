@@ -102,6 +102,7 @@ def found(runs, craft_and_trials):
         runs[:8], ManoeuvringSettings(mass=craft_and_trials[0].mass, generations=0), runs[8:])
 
 
+@pytest.mark.slow
 def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
     """Measured: see benchmark/manoeuvring.py --vices."""
     assert found.validation.diverged == 0
@@ -113,6 +114,7 @@ def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
     assert np.allclose(found.model.current, truth.current, atol=0.05)
 
 
+@pytest.mark.slow
 def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
     noise = forecast_noise(found.model, found.identified_on)
     identified = IdentifiedManoeuvringModel(
