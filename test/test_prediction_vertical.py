@@ -14,6 +14,8 @@ from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLi
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 
+pytestmark = pytest.mark.slow
+
 STEP = 0.1
 LEADS = np.array([0.1, 0.5, 1.0, 2.0, 3.0, 5.0])
 LIMIT = 0.25
