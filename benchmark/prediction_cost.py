@@ -15,11 +15,11 @@ import time
 import numpy as np
 from sea_forecasts import ANGLE_NOISE, FINE_RATE, HULL, RATE_NOISE, make_sea
 
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.motion.intake import CraftSample
-from swath_sysid.motion.trial import AXES
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
-from swath_sysid.prediction.sea_fit import fit_sea
 
 NOISE = (ANGLE_NOISE**2,) * 2 + (RATE_NOISE**2,) * 2
 GRAVITY = 9.81

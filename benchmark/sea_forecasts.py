@@ -16,16 +16,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.compiled import motion_step
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.terms import TERM_NAMES
-from swath_sysid.motion.intake import CraftSample
-from swath_sysid.motion.trial import Trial
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.compiled import motion_step
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.pipeline.baselines import Record, baseline_forecasts
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.prediction.baselines import Record, baseline_forecasts
-from swath_sysid.prediction.forecaster import ForecasterSettings
-from swath_sysid.prediction.sea_fit import fit_sea
 
 HULL = hull_named('swath-roll').model
 LEADS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)

@@ -3,13 +3,13 @@ import re
 
 import numpy as np
 
-from swath_sysid.files.manoeuvring_model_file import manoeuvring_to_yaml
-from swath_sysid.files.model_file import model_to_yaml
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.stability import Region
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.formats.manoeuvring_model_file import manoeuvring_to_yaml
+from swath_sysid.formats.model_file import model_to_yaml
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.stability import Region
 
 ALIASES = '\n'.join(['a0: &a0 [x, x, x, x, x, x, x, x, x]', *(
     f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 12))])  # fmt: skip

@@ -19,7 +19,7 @@ from std_msgs.msg import Float32, Float64MultiArray, String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from swath_sysid.nodes.spinning import events_executor
+from swath_sysid.nodes.executor_loop import events_executor
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 240.0

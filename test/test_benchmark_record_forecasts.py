@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swath_sysid.motion.trial import Trial
+from swath_sysid.attitude.motion.trial import Trial
 
 TIME = 0.1 * np.arange(1000)
 

@@ -5,7 +5,7 @@ import builtins
 import pytest
 
 from swath_sysid.cli import run
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 
 
 def parsed(*words):
@@ -31,7 +31,7 @@ def test_everything_asked_for_is_handed_on():
 
 def test_a_path_stays_text_for_the_node_that_reads_it():
     """ROS takes values for YAML: 12 would be a number, and what follows a # a comment."""
-    arguments = parsed('--only', 'manoeuvre_predictor', '--model', "o'brien's boat #2.yaml")
+    arguments = parsed('--only', 'manoeuvring_predictor', '--model', "o'brien's boat #2.yaml")
     assert run.ros_arguments(arguments) == ['-p', "model_file:='o''brien''s boat #2.yaml'"]
 
 
@@ -82,7 +82,7 @@ def test_wrong_arguments_are_one_sentence_and_exit_code_2(words, sentence, capfd
     assert sentence in told and 'swath_sysid: ' in told and 'Traceback' not in told
 
 
-@pytest.mark.parametrize('node', [(), ('--only', 'manoeuvre_predictor')])
+@pytest.mark.parametrize('node', [(), ('--only', 'manoeuvring_predictor')])
 def test_a_model_that_is_none_is_refused_before_anything_starts(node, tmp_path):
     (tmp_path / 'none.yaml').write_text('roll: 1')
     for name in (tmp_path / 'none.yaml', '/dev/null'):

@@ -14,14 +14,14 @@ import pytest
 from matplotlib.image import imread
 from rich.console import Console
 
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft, returns
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS, hull_named
-from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft, returns
-from swath_sysid.hull.simulated_trial import SensorNoise
-from swath_sysid.hull.simulation import simulate
-from swath_sysid.motion.attitude import body_rates, quaternion
-from swath_sysid.motion.intake import ImuReading
+from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.demonstration import (
     UNAWARE,
     Demonstration,
@@ -67,7 +67,7 @@ def test_the_craft_rests_until_it_is_released_and_then_decays_as_its_hull():
 
 
 def test_the_craft_goes_on_beyond_what_was_simulated_at_once(monkeypatch):
-    monkeypatch.setattr('swath_sysid.hull.simulated_craft.FREE_SPAN', 1.0)
+    monkeypatch.setattr('swath_sysid.attitude.hull.simulated_craft.FREE_SPAN', 1.0)
     craft = SimulatedCraft(CraftSettings(ROLL, radians(6.0), noise=SILENT))
     readings_of(craft, round(100 * craft.release()))
     expected, _ = simulate(ROLL, radians(6.0), 0.0, np.arange(501) / 100.0)

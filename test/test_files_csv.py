@@ -6,11 +6,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files import tables
-from swath_sysid.files.csv_trials import read_csv, write_csv
-from swath_sysid.motion.attitude import euler_rates
-from swath_sysid.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
+from swath_sysid.attitude.motion.attitude import euler_rates
+from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats import tables
+from swath_sysid.formats.csv_trials import read_csv, write_csv
 
 
 def codes(trial):

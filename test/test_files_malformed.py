@@ -11,11 +11,11 @@ from itertools import chain
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.main import main
-from swath_sysid.files.bags import write_imu_bag
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.reading import read_trial
-from swath_sysid.motion.trial import Trial
+from swath_sysid.formats.bags import write_imu_bag
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.reading import read_trial
 
 MOST_SECONDS = 5.0
 MOST_BYTES = 500e6

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, model_to_yaml, read_model, write_model
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model, write_model
 
 
 def example():

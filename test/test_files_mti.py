@@ -4,9 +4,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.mti import read_mti
-from swath_sysid.motion.attitude import euler_rates, quaternion
+from swath_sysid.attitude.motion.attitude import euler_rates, quaternion
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.mti import read_mti
 
 COUNT = 60
 TIME = 0.01 * np.arange(COUNT)

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.files.atomic import replacing
-from swath_sysid.files.outputs import Output, check_outputs, refuse_inputs_among
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 
 CIRCLE = ('--hull', 'wamv-vrx-old', '--test', 'turning-circle')
 

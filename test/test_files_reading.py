@@ -9,11 +9,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import write_imu_bag
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.reading import read_trial, source_hash
-from swath_sysid.motion.trial import Trial
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import write_imu_bag
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.reading import read_trial, source_hash
 
 TIME = 0.01 * np.arange(300)
 TRIAL = Trial(time=TIME, roll=0.1 * np.sin(TIME), pitch=0 * TIME)

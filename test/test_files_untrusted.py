@@ -8,13 +8,17 @@ from hostile_models import attitude_text, attitude_texts, manoeuvring_text, mano
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.files import untrusted_yaml
-from swath_sysid.files.manifest import read_manifest
-from swath_sysid.files.manoeuvring_model_file import manoeuvring_from_yaml, manoeuvring_to_yaml, read_manoeuvring_model
-from swath_sysid.files.model_file import description_from_yaml, model_to_yaml, read_model
-from swath_sysid.files.untrusted_yaml import LARGEST_TEXT, dumped, plain_content, shown, text_of
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats import untrusted_yaml
+from swath_sysid.formats.manoeuvring_model_file import (
+    manoeuvring_from_yaml,
+    manoeuvring_to_yaml,
+    read_manoeuvring_model,
+)
+from swath_sysid.formats.model_file import description_from_yaml, model_to_yaml, read_model
+from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT, dumped, plain_content, shown, text_of
 
 TEXTS = 2000
 READERS = {'attitude': description_from_yaml, 'manoeuvring': manoeuvring_from_yaml}
@@ -180,12 +184,12 @@ trials:
     ('generations: 20', 'generations: 1.5', 'generations must be a whole number'),
     ('generations: 20', 'generations: 1000000000', 'generations must be a whole number'),
     ('population: 50', 'population: 99999999999999999999', 'population must be a whole number'),
-    ('population: 50', f'population: {"9" * 401}', 'line 6: 9'),
+    ('population: 50', f'population: {"9" * 401}', 'line 6: population: 9'),
     ('seed: 1', 'seed: -1', 'line 6: seed must be a whole number from 0'),
     ('seed: 1', 'seed: {}', 'one value is expected'),
     ('seed: 1', 'seed: .nan', 'not a finite number'),
     ('seed: 1', 'seed: !!python/name:os.system x', 'tag'),
-    ('draft_m: 0.15', 'draft_m: 1.0e+300', 'draft_m of 1e+300'),
+    ('draft_m: 0.15', 'draft_m: 1.0e+300', 'draft_m must be at most 1e+09'),
     ('start_s: 0.5', 'start_s: .inf', 'not a finite number'),
     ('title: Pitch', f'title: {"x" * 5000}', 'is no name'),
     ('axis: pitch', f'axis: {"x" * 5000}', 'there is no axis'),

@@ -8,15 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, model_to_yaml
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS
-from swath_sysid.hull.decay_model import DecayModel, Equation
-from swath_sysid.hull.froude import TIME_POWERS, length_ratio, scaled, scaled_model, scaled_schedule, scaling_advice
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.scheduled_model import ScheduledModel
-from swath_sysid.hull.simulation import simulate
-from swath_sysid.hull.terms import RATIO_UNITS, TERM_NAMES
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.froude import (
+    TIME_POWERS,
+    length_ratio,
+    scaled,
+    scaled_model,
+    scaled_schedule,
+    scaling_advice,
+)
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import RATIO_UNITS, TERM_NAMES
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
 FULL = DecayModel(
     Equation('all', TERM_NAMES),

@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.froude import length_ratio, scaled_model
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.physical_range import RATIO_RANGES, check_physical
+from swath_sysid.attitude.hull.scheduled_model import models_at
+from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.hull.decay_model import DecayModel, Equation
-from swath_sysid.hull.froude import length_ratio, scaled_model
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.manoeuvring.model import ManoeuvringModel
-from swath_sysid.hull.manoeuvring.physical_range import PARAMETER_RANGES
-from swath_sysid.hull.manoeuvring.physical_range import check_physical as check_manoeuvring
-from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
-from swath_sysid.hull.manoeuvring.terms import INDEX, NAMES
-from swath_sysid.hull.physical_range import RATIO_RANGES, check_physical
-from swath_sysid.hull.scheduled_model import models_at
-from swath_sysid.hull.terms import TERM_NAMES
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.physical_range import PARAMETER_RANGES
+from swath_sysid.manoeuvring.hull.physical_range import check_physical as check_manoeuvring
+from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
+from swath_sysid.manoeuvring.hull.terms import INDEX, NAMES
 
 
 def linear(period, damping_ratio=0.1, **fields):

@@ -4,11 +4,11 @@ import math
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named, hull_of_family
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.cli.main import main
-from swath_sysid.files.csv_trials import read_csv
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS, hull_named, hull_of_family
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.hull.simulation import simulate
+from swath_sysid.formats.csv_trials import read_csv
 
 PRINTED = {
     # paper A, equation 2, 6 deg at T, printed as moments; I' is not given (at most 0.1), 0.09 is assumed

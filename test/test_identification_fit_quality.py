@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.identification.fit_quality import explained_share, poor_fit
+from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.cli.main import main
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.reading import read_trial
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.identification.fit_quality import explained_share, poor_fit
-from swath_sysid.identification.identify import identify
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.reading import read_trial
 
 TRUE = simulated_trial(hull_named('swath-pitch').model, np.radians(6.0), 15.0, 50.0, SensorNoise(), 1, 1.0)
 FAULTS = {
@@ -52,7 +52,7 @@ def test_white_noise_is_no_fault():
     trial = simulated_trial(hull_named('swath-pitch').model, np.radians(6.0), 15.0, 50.0, noisy, 1, 0.0)
     assert poor_fit(identify([trial.axis('pitch')])) == ()
 
-
+@pytest.mark.slow
 def test_measured_decays_pass(data_folder):
     for name in ('kvlcc2/run2_0kn.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_3deg_repeat1.csv',
                  'foswec/pitch_8.4deg_repeat3.csv'):

@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 from imu_stream import decay_stream
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, model_to_yaml
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.identification.identify import IdentificationSettings
-from swath_sysid.identification.problem import prepare
-from swath_sysid.identification.refit import (
-    COEFFICIENT_NAMES,
+from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.identify import IdentificationSettings
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.refit import (
     RefitSettings,
     Refitter,
-    coefficients,
     misfit,
     refit,
     warm_up,
     window_provenance,
 )
-from swath_sysid.identification.search import Cancelled, SearchSettings
-from swath_sysid.motion.window import COLUMNS, MotionTable, MotionWindow, WindowSettings
+from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, MotionWindow, WindowSettings
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
 QUICK = RefitSettings(
     axes=('pitch',), identification=IdentificationSettings(search=SearchSettings(generations=15, population=40)))

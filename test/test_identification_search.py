@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.identification.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.identification.scaling import Scales
-from swath_sysid.identification.search import (
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.identification.search import (
     ALGORITHMS,
     PRESETS,
-    Cancelled,
     SearchSettings,
     dimensionless_space,
     published_space,
     run_search,
 )
-from swath_sysid.identification.swarm import ParticleSwarm, SwarmSettings
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
 
 SEARCHES = [(GeneticSearch, GeneticSettings), (ParticleSwarm, SwarmSettings)]
 EQUATION = EQUATIONS['odd-cubic']

@@ -9,9 +9,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.cli import manoeuvre, play_through
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import opened_bag
-from swath_sysid.files.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import opened_bag
+from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
 
 
 def swath(*words):
@@ -35,7 +35,7 @@ def model(folder):
                  '--generations', 3, '--population', 10) == 0  # fmt: skip
     return folder / 'model.yaml'
 
-
+@pytest.mark.slow
 def test_identify_writes_model_and_pictures(folder, model):
     assert model.is_file()
     names = {path.name for path in (folder / 'plots').iterdir()}
@@ -80,7 +80,7 @@ def test_simulate_from_the_identified_model(folder, model, test, capsys):
     assert swath('simulate', '--hull', 'wamv-vrx-new', '--test', 'zigzag') == 0
     assert 'first overshoot' in capsys.readouterr().out
 
-
+@pytest.mark.slow
 def test_play_through_is_repeatable_and_right(folder, model, capsys):
     bag = folder / 'circle.mcap'
     swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'turning-circle', '--output', bag)
@@ -95,7 +95,7 @@ def test_play_through_is_repeatable_and_right(folder, model, capsys):
             messages.append([(c.topic, t, bytes(raw)) for c, t, raw in reader.messages(reader.connections)])
     assert messages[0] == messages[1]
     assert {topic for topic, _, _ in messages[0]} == {
-        '/manoeuvre/forecast', '/manoeuvre/lead_2_0s', '/manoeuvre/lead_5_0s'}
+        '/manoeuvring/forecast', '/manoeuvring/lead_2_0s', '/manoeuvring/lead_5_0s'}
     store, trial = get_typestore(Stores.ROS2_JAZZY), read_manoeuvring_bag(bag)
     missed = []
     for topic, stamp, raw in messages[0]:
@@ -129,7 +129,7 @@ def test_one_clear_sentence(folder, words, match):
     with pytest.raises(InputError, match=match):
         swath(*(word.format(runs=folder / 'runs') for word in words))
 
-
+@pytest.mark.slow
 def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path, capsys):
     bag = tmp_path / 'zigzag.mcap'
     assert swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--output', bag) == 0

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.stability import Region
-from swath_sysid.prediction.manoeuvring_outlook import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.topics import manoeuvring_lead_topic
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.prediction.pipeline import (
     ManoeuvreOutlook,
     ManoeuvreOutlookSettings,
     OdometryReading,
-    manoeuvre_lead_topic,
     steady_motion,
 )
 
@@ -53,7 +53,7 @@ def lead_errors(found, m, lead):
         for k, s in found if 100 < k < len(m.time) - step
     ]
 
-
+@pytest.mark.slow
 def test_forecasts_are_due_and_right(manoeuvre):
     found = play(ManoeuvreOutlook(SETTINGS, MODEL), manoeuvre, list(enumerate(readings(manoeuvre))))
     assert 100 <= len(found) <= 107
@@ -66,13 +66,13 @@ def test_forecasts_are_due_and_right(manoeuvre):
     assert np.all(np.linalg.eigvalsh(state.pose_covariance) > 0)
     assert np.all(np.linalg.eigvalsh(state.twist_covariance) > 0)
 
-
+@pytest.mark.slow
 def test_same_messages_same_numbers(manoeuvre):
     rows = list(enumerate(readings(manoeuvre)))[:200]
     first, second = (play(ManoeuvreOutlook(SETTINGS, MODEL), manoeuvre, rows) for _ in range(2))
     assert [s.leads[0].x for _, s in first] == [s.leads[0].x for _, s in second]
 
-
+@pytest.mark.slow
 def test_a_model_is_swapped_in_under_way(manoeuvre):
     outlook = ManoeuvreOutlook(SETTINGS)
     rows = list(enumerate(readings(manoeuvre)))
@@ -133,7 +133,7 @@ def test_steady_motion_is_steady():
 
 
 def test_topics_and_settings():
-    assert manoeuvre_lead_topic(0.5) == 'manoeuvre/lead_0_5s'
+    assert manoeuvring_lead_topic(0.5) == 'manoeuvring/lead_0_5s'
     for wrong in ({'leads': (2.0, 1.0)}, {'leads': ()}, {'horizon_step': 99.0}, {'rate': 0.0}):
         with pytest.raises(InputError):
             ManoeuvreOutlookSettings(**wrong)

@@ -5,22 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.manoeuvring_model_file import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_model_file import (
     manoeuvring_from_yaml,
     manoeuvring_to_yaml,
     read_manoeuvring_model,
     write_manoeuvring_model,
 )
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.simulation import simulate
-from swath_sysid.hull.manoeuvring.stability import Region
-from swath_sysid.hull.manoeuvring.thrust import acting_thrust
-from swath_sysid.motion.manoeuvring_trial import ManoeuvringTrial, prepare
-from swath_sysid.prediction.manoeuvring import STATES, ManoeuvreFilter, ManoeuvreFilterSettings, ThrustMemory
-from swath_sysid.prediction.manoeuvring_skill import filtered, fit_arx, score_forecasts
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.simulation import simulate
+from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
+from swath_sysid.manoeuvring.motion.intake import prepare
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.prediction.predictor import STATES, ManoeuvreFilter, ManoeuvreFilterSettings
+from swath_sysid.manoeuvring.prediction.skill import filtered, fit_arx, score_forecasts
 
 OLD = preset('wamv-vrx-old')
 NOISE = np.array([0.05, 0.05, 0.005])
@@ -67,7 +68,7 @@ def test_thrust_memory_is_the_thrust_of_the_simulation():
     rng = np.random.default_rng(2)
     port, starboard = rng.uniform(-1, 1, (2, 60))
     expected = np.array(acting_thrust(port, starboard, model.values, 0.1))
-    memory, found = ThrustMemory(model), []
+    memory, found = ThrustMemory(model.values), []
     memory.command(-10.0, port[0], starboard[0])
     for k in range(60):
         memory.command(0.1 * k, port[k], starboard[k])
@@ -131,7 +132,7 @@ def test_current_and_wind_are_followed():
     *_, (_, filter_) = filtered(identified(), run)
     assert np.allclose(filter_.x[6:8], model.current, atol=0.1)
 
-
+@pytest.mark.slow
 def test_model_forecasts_better_than_steady_motion():
     runs = [run_of(name, seed=k) for k, name in enumerate(('mixed', 'turns_fast', 'zigzag_10'))]
     scores = score_forecasts(identified(), runs[:1], training=runs[1:], supplied=True, leads=(1.0, 5.0, 10.0))
@@ -145,7 +146,7 @@ def test_model_forecasts_better_than_steady_motion():
     with pytest.raises(InputError, match='same kind'):
         score_forecasts(identified(), [replace(runs[0], thrust_input='command')])
 
-
+@pytest.mark.slow
 def test_arx_learns_a_linear_craft():
     runs = [run_of(name, seed=k) for k, name in enumerate(('turns_fast', 'speed_up'))]
     arx = fit_arx(runs)

@@ -4,18 +4,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.identification.manoeuvring.refit import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.identification.refit import (
     ManoeuvreRefitRequest,
     ManoeuvreRefitter,
     pieces,
     refit_manoeuvring,
 )
-from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
-from swath_sysid.motion.manoeuvring_trial import COMMAND, FORCE, prepare
-from swath_sysid.motion.manoeuvring_window import ManoeuvringWindow
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.motion.intake import prepare
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE
+from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
+
+pytestmark = pytest.mark.slow
 
 OLD = preset('wamv-vrx-old')
 SETTINGS = ManoeuvringSettings(mass=180.0, generations=2, population=12)
@@ -92,10 +95,13 @@ def test_odometry_without_speeds_leaves_them_to_the_pose():
     window = ManoeuvringWindow()
     window.add_thrust('port', 50.0)
     window.add_thrust('starboard', 40.0)
-    for k in range(10):
+    for k in range(60):
         window.add_motion(0.1 * k, 0.0, 0.0, 0.0, 0.1, 0.1 * k, 0.0)
-    trial = window.trial()
-    assert trial.surge is None and trial.sway is None and trial.yaw_rate is None
+    run = prepare(window.trial())
+    assert {'constant-channel', 'speed-derived', 'yaw-rate-derived'} <= {a.code for a in run.advice}
+    assert np.allclose(run.surge, np.cos(0.1), atol=1e-6)
+    assert np.allclose(run.sway, -np.sin(0.1), atol=1e-6)
+    assert np.allclose(run.yaw_rate, 0.0, atol=1e-6)
 
 
 def test_a_refit_finds_the_craft(outcome):

@@ -11,14 +11,14 @@ from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from std_msgs.msg import Float32, Float64, String  # noqa: E402
 
-from swath_sysid.files.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model  # noqa: E402
-from swath_sysid.hull.manoeuvring.presets import preset  # noqa: E402
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, with_noise  # noqa: E402
-from swath_sysid.hull.manoeuvring.simulation import simulate  # noqa: E402
-from swath_sysid.nodes.connections import LATCHED  # noqa: E402
-from swath_sysid.nodes.manoeuvre_messages import odometry_message  # noqa: E402
+from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model  # noqa: E402
+from swath_sysid.manoeuvring.hull.presets import preset  # noqa: E402
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise  # noqa: E402
+from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
+from swath_sysid.nodes.manoeuvring_messages import odometry_message  # noqa: E402
 from swath_sysid.nodes.messages import stamp_ns  # noqa: E402
-from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreState  # noqa: E402
+from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -79,18 +79,19 @@ class Craft:
 def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     path = tmp_path / 'craft.yaml'
     options = ('-r', '__ns:=/wamv')
-    predictor = start_node('manoeuvre_predictor', '-p', f'leads_s:=[{LEAD}]', '-p', 'forecast_rate_hz:=1.0',
+    predictor = start_node('manoeuvring_predictor', '-p', f'leads_s:=[{LEAD}]', '-p', 'forecast_rate_hz:=1.0',
                            '-p', 'horizon_s:=2.0', *options)  # fmt: skip
+    former = tmp_path / 'former.yaml'
+    former.write_text('/**/identifier: {ros__parameters: {manoeuvre_mass_kg: 180.0, manoeuvre_lever_m: 1.027135}}')
     identifier = start_node(
-        'identifier', '-p', f'manoeuvre_model_path:={path}', '-p', 'manoeuvre_mass_kg:=180.0', '-p',
-        'manoeuvre_lever_m:=1.027135', *options)  # fmt: skip
+        'manoeuvring_identifier', '--params-file', str(former), '-p', f'model_path:={path}', *options)
     bench = Bench('wamv')
     forecasts, models, progress = [], [], []
     try:
         craft = Craft(bench, driven())
-        bench.node.create_subscription(Odometry, 'manoeuvre/lead_2_0s', forecasts.append, RELIABLE)
-        bench.node.create_subscription(String, 'manoeuvre/model', models.append, LATCHED)
-        bench.node.create_subscription(Float32, 'identifier/progress', progress.append, RELIABLE)
+        bench.node.create_subscription(Odometry, 'manoeuvring/lead_2_0s', forecasts.append, RELIABLE)
+        bench.node.create_subscription(String, 'manoeuvring/model', models.append, LATCHED)
+        bench.node.create_subscription(Float32, 'manoeuvring_identifier/progress', progress.append, RELIABLE)
         wait_for(lambda: craft.odometry.get_subscription_count() == 2 and craft.left.get_subscription_count() == 2
                  and craft.right.get_subscription_count() == 2, 'subscriptions')  # fmt: skip
         response = bench.call('identifier/identify_manoeuvring')
@@ -104,7 +105,7 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         wait_for(lambda: models, 'model')
         assert progress[-1].data == pytest.approx(1.0)
         assert [m.data for m in progress] == sorted(m.data for m in progress)
-        found = manoeuvring_from_yaml(models[-1].data, 'manoeuvre/model')
+        found = manoeuvring_from_yaml(models[-1].data, 'manoeuvring/model')
         assert found.model['Nr'] == pytest.approx(OLD['Nr'], rel=0.15)
         assert read_manoeuvring_model(path).model['Nr'] == found.model['Nr']
         before = len(forecasts)
@@ -116,7 +117,7 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         assert sharp < 0.8 * blind
         again = bench.call_async('identifier/identify_manoeuvring')
         wait_for(lambda: any(v.get('state') == 'identifying' for _, _, v in bench.statuses.values()), 'identification')
-        assert bench.call('identifier/cancel').success
+        assert bench.call('manoeuvring_identifier/cancel').success
         assert not bench.wait_for_answer(again, 'identify_manoeuvring').success
     finally:
         bench.close()
@@ -124,4 +125,5 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     for code, output in codes:
         assert code == 0, output
     assert 'new model' in codes[0][1]
+    assert 'sets mass_kg, lever_m in the section of an earlier version' in codes[1][1]
     assert 'began anew' not in codes[0][1]

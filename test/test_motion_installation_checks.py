@@ -9,11 +9,10 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 from wrong_installations import GRAVITY, WRONG, buoy, declared, named_by, readings_of, sentence, turned
 
-from swath_sysid.files.reading import read_trial
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS
-from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.motion.contradictions import (
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.motion.contradictions import (
     DOUBTFUL_CODES,
     FROZEN_CODES,
     GRAVITY_CODES,
@@ -21,11 +20,12 @@ from swath_sysid.motion.contradictions import (
     RATE_CODES,
     Contradiction,
 )
-from swath_sysid.motion.installation_checks import contradictions_in, judge
-from swath_sysid.motion.installation_watch import InstallationCheck
-from swath_sysid.motion.intake import CraftSample
-from swath_sysid.motion.sensing import Installation
-from swath_sysid.motion.turned_axes import TURNS, angles_of
+from swath_sysid.attitude.motion.installation_checks import contradictions_in, judge
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.turned_axes import TURNS, angles_of
+from swath_sysid.formats.reading import read_trial
 
 STRAIGHT = Installation()
 HULLS = list(PUBLISHED_HULLS.values())

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from imu_stream import EPOCH_NS, NOT_GIVEN, UNKNOWN, diagonal, reading
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.motion.intake import (
+from swath_sysid.attitude.motion.intake import (
     ABSURD,
     ABSURD_COVARIANCE,
     BAD_QUATERNION,
@@ -21,7 +21,7 @@ from swath_sysid.motion.intake import (
     ImuReading,
     take_in,
 )
-from swath_sysid.motion.sensing import Installation
+from swath_sysid.attitude.motion.sensor_mount import Installation
 
 STRAIGHT = Installation()
 ANGLES = ('roll', 'pitch', 'yaw')

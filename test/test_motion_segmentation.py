@@ -6,19 +6,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.reading import read_trial
-from swath_sysid.motion.cycles import (
+from swath_sysid.attitude.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.turning_points import (
     centre_of_decay,
     find_gaps,
     find_turning_points,
     mean_period,
-    noise_level,
-    spikes,
     split_at_pauses,
 )
-from swath_sysid.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
-from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.signals import noise_level, spikes
+from swath_sysid.formats.reading import read_trial
 
 RATE_HZ = 100.0
 ANGLE_NOISE, RATE_NOISE = 0.001, 0.0165
@@ -304,7 +303,7 @@ def test_absence_says_what_was_seen_and_what_to_do():
     assert 'release' in still.message
     waves = explain_absence(sea(3))
     assert 'waves' in waves.message
-    assert '--start' in waves.message
+    assert 'give start and end' in waves.message
     drift = explain_absence(motion_of(time, 0.01 * time))
     assert drift.code == 'no-decay'
     with pytest.raises(InputError, match='waves'):

@@ -2,9 +2,9 @@
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.csv_trials import read_csv
-from swath_sysid.motion.time_base import check_time_base, motion_period
+from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.csv_trials import read_csv
 
 
 def swing(size, samples_a_cycle):

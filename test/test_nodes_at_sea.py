@@ -10,11 +10,11 @@ from craft_at_sea import known_sea  # noqa: E402
 from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import Bench, running, start_together, wait_for  # noqa: E402
 
-from swath_sysid.files.model_file import model_from_yaml, read_model, write_model  # noqa: E402
-from swath_sysid.hull.catalogue import EQUATIONS, hull_named  # noqa: E402
-from swath_sysid.hull.decay_model import DecayModel  # noqa: E402
-from swath_sysid.hull.identified_model import IdentifiedModel  # noqa: E402
-from swath_sysid.identification.at_sea import is_at_sea  # noqa: E402
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named  # noqa: E402
+from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel  # noqa: E402
+from swath_sysid.attitude.identification.at_sea import is_at_sea  # noqa: E402
+from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model  # noqa: E402
 
 pytestmark = pytest.mark.dds
 

@@ -8,9 +8,9 @@ from live_bench import Bench, imu_message, stamp_ns, wait_for  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 
-from swath_sysid.nodes.health import PASSED_OVER  # noqa: E402
+from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
 from swath_sysid.nodes.predictor import PASSED_OVER_NS, Predictor  # noqa: E402
-from swath_sysid.nodes.spinning import events_executor  # noqa: E402
+from swath_sysid.pipeline.health import PASSED_OVER  # noqa: E402
 
 pytestmark = pytest.mark.dds
 

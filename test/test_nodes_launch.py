@@ -5,19 +5,19 @@ from xml.etree import ElementTree
 
 import pytest
 
-from swath_sysid.nodes.parameter_tables import ALL_TABLES
+from swath_sysid.nodes.parameters.files import table_of
 
 ROOT = Path(__file__).resolve().parents[1]
 ARGUMENTS = {
     'swath_sysid': {'namespace', 'params_file', 'model_file', 'use_sim_time', 'imu_topic'},
-    'manoeuvre': {
+    'manoeuvring': {
         'namespace', 'model_file', 'use_sim_time', 'odometry_topic', 'imu_topic', 'port_topic', 'starboard_topic',
         'forecast_rate_hz', 'stop_after_s', 'identify', 'model_path', 'mass_kg', 'lever_m',
     },
 }
 NODES = {
     'swath_sysid': {'imu_buffer', 'predictor', 'identifier'},
-    'manoeuvre': {'manoeuvre_predictor', 'identifier'},
+    'manoeuvring': {'manoeuvring_predictor', 'manoeuvring_identifier'},
 }
 TYPES = {'str': str, 'float': float, 'bool': bool}
 SUBSTITUTIONS = {'var', 'find-pkg-share', 'file-content', 'not-equals'}
@@ -66,7 +66,7 @@ def test_every_node_is_started_once_with_parameters_of_its_types(name, launch):
             assert conditions == [(first, None), (None, last)] and first == last
     for node in nodes:
         assert node.get('pkg') == 'swath_sysid' and node.get('name') == node.get('exec')
-        defaults = {p.name: p.default for p in ALL_TABLES[node.get('exec')]} | {'use_sim_time': False}
+        defaults = {p.name: p.default for p in table_of(node.get('exec'))} | {'use_sim_time': False}
         for parameter in node.findall('param'):
             # a path such as 12 or `boat #2` would otherwise be read as YAML
             assert isinstance(defaults[parameter.get('name')], TYPES[parameter.get('type')])
@@ -84,8 +84,9 @@ def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
     thrusters = {'thrusters/left/thrust', 'thrusters/right/thrust'}
     assert hears == {
         'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
-        'manoeuvre': {
-            'manoeuvre_predictor': {'odometry', 'imu/data'} | thrusters, 'identifier': {'odometry'} | thrusters},
+        'manoeuvring': {
+            'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters,
+            'manoeuvring_identifier': {'odometry'} | thrusters},
     }[name]
 
 

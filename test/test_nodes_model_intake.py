@@ -20,7 +20,7 @@ WARN = 1
 TOPICS = {
     # status, count of refusals, a model, and texts that are none
     'model/description': ('predictor: forecast', attitude_text(), attitude_texts()),
-    'manoeuvre/model': ('manoeuvre_predictor: manoeuvre', manoeuvring_text(), manoeuvring_texts()),
+    'manoeuvring/model': ('manoeuvring_predictor: manoeuvre', manoeuvring_text(), manoeuvring_texts()),
 }
 
 
@@ -34,7 +34,7 @@ def refusals(bench, topic):
     """How often a node has refused a model."""
     if topic == 'model/description':
         return int(bench.counts('predictor').get('bad-model', 0))
-    return int(bench.counts('manoeuvre_predictor', 'manoeuvre').get('bad_models', 0))
+    return int(bench.counts('manoeuvring_predictor', 'manoeuvre').get('bad_models', 0))
 
 
 def status_of(bench, topic):
@@ -50,7 +50,7 @@ def nodes():
         publisher.publish(String(data=TOPICS[topic][2]['nested brackets'][0]))
     # in a process of its own, so that it goes on whatever this one does
     sensor = start('-m', 'swath_sysid.nodes.simulated_craft', '--hull', 'swath-pitch', '--angle-deg', '3')
-    processes = start_together(), start_node('manoeuvre_predictor')
+    processes = start_together(), start_node('manoeuvring_predictor')
     try:
         wait_for(lambda: all(TOPICS[topic][0] in bench.statuses for topic in TOPICS), 'diagnostics', PATIENCE)
         yield bench, publishers, processes
@@ -146,9 +146,9 @@ def test_a_model_file_of_manoeuvres_that_cannot_be_used_does_not_end_its_node(tm
     path = tmp_path / 'model.yaml'
     path.write_text(manoeuvring_texts()['mass NaN'][0])
     bench = Bench()
-    process = start_node('manoeuvre_predictor', '-r', '__ns:=/refusing', '-p', f'model_file:={path}')
+    process = start_node('manoeuvring_predictor', '-r', '__ns:=/refusing', '-p', f'model_file:={path}')
     try:
-        status = 'refusing/manoeuvre_predictor: manoeuvre'
+        status = 'refusing/manoeuvring_predictor: manoeuvre'
         wait_for(
             lambda: str(path) in bench.statuses.get(status, (0, '', {}))[2].get('refused_model', ''), 'refusal',
             PATIENCE)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.identification.search import Cancelled
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.worker import Worker, WorkerError
 
 TEST_FOLDER = str(Path(__file__).parent)

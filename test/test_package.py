@@ -16,7 +16,7 @@ import pytest
 
 import swath_sysid
 from swath_sysid.cli.run import NODES
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 from swath_sysid.share import share_folder
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -49,23 +49,27 @@ ROS_PACKAGES = {
 NODE_VERBS = {'demo', 'record', 'replay', 'run'}
 """Verbs that start nodes; play_through does the same without them."""
 
-PURE_ROOMS = ('motion', 'hull', 'identification', 'prediction', 'pipeline')
-BASE = {'accelerator', 'advice', 'errors', 'share'}
+WINGS = ('attitude', 'manoeuvring')
+"""Two crafts' motions with the same inner order; they meet in pipeline, campaign, formats and above only."""
+
+INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
+PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
+BASE = {'common', 'share'}
+CORE = BASE | {f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER} | {'pipeline'}
 MAY_IMPORT = {
-    'accelerator': set(),
-    'advice': set(),
-    'errors': set(),
-    'share': {'errors'},
+    'common': set(),
+    'share': {'common'},
     'start': set(),
-    'motion': BASE,
-    'hull': BASE | {'motion'},
-    'identification': BASE | {'motion', 'hull'},
-    'prediction': BASE | {'motion', 'hull', 'identification'},
-    'pipeline': BASE | {'motion', 'hull', 'identification', 'prediction'},
-    'files': BASE | {'motion', 'hull', 'identification', 'prediction', 'pipeline'},
-    'report': BASE | {'motion', 'hull', 'identification', 'prediction', 'pipeline', 'files'},
-    'nodes': BASE | {'motion', 'hull', 'identification', 'prediction', 'pipeline', 'files'},
-    'cli': BASE | {'motion', 'hull', 'identification', 'prediction', 'pipeline', 'files', 'report', 'nodes'},
+    **{
+        f'{wing}/{room}': BASE | {f'{wing}/{above}' for above in INNER_ORDER[:level]}
+        for wing in WINGS for level, room in enumerate(INNER_ORDER)
+    },
+    'pipeline': CORE,
+    'formats': CORE,
+    'campaign': CORE | {'formats'},
+    'report': CORE | {'formats', 'campaign'},
+    'nodes': CORE | {'formats'},
+    'cli': CORE | {'formats', 'campaign', 'report', 'nodes'},
 }
 """Data flows down this list, imports go up it."""
 
@@ -78,8 +82,13 @@ IMPURE_CALLS = {
 
 
 def room_of(path):
-    """The room, or the module directly inside the package, that a file belongs to."""
-    return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+    """The room, or the module directly inside the package, that a file belongs to: ``'attitude/hull'``, ``'cli'``."""
+    return room_at(path.relative_to(PACKAGE).with_suffix('').parts)
+
+
+def room_at(parts):
+    """The room of a module given by the parts of its name inside the package."""
+    return '/'.join(parts[:2]) if parts[0] in WINGS and len(parts) > 1 and parts[1] != '__init__' else parts[0]
 
 
 def tree_of(path):
@@ -225,8 +234,8 @@ def test_imports_go_up_the_layers_only(path):
     if path == PACKAGE / '__init__.py':
         assert outside_imports(path) == set()
         return
-    rooms = {name.split('.')[1] for name in imports_of(path) if name.startswith(f'{PACKAGE.name}.')}
-    assert rooms <= MAY_IMPORT[room] | {room, '__version__'}
+    rooms = {room_at(name.split('.')[1:]) for name in imports_of(path) if name.startswith(f'{PACKAGE.name}.')}
+    assert rooms <= MAY_IMPORT.get(room, set()) | {room, '__version__'}
 
 
 def test_all_but_the_nodes_import_without_ros_and_numba():
@@ -257,6 +266,17 @@ def test_the_core_is_pure(path):
     assert random <= {('np.random.default_rng', True), ('np.random.SeedSequence', True)}
 
 
+@pytest.mark.parametrize(
+    'path', [path for path in MODULES if room_of(path).split('/')[0] in ('common', 'attitude', 'pipeline')],
+    ids=lambda path: str(path.relative_to(PACKAGE)),
+)
+def test_the_core_names_no_flag_of_the_command_line(path):
+    """Its advice is neutral: `cli.advice_words` adds the flags."""
+    texts = [node.value for node in ast.walk(tree_of(path)) if isinstance(node, ast.Constant)]
+    flags = [text for text in texts if isinstance(text, str) and re.search(r'(?<![-\w])--[a-z]', text)]
+    assert flags == []
+
+
 def test_console_scripts_start_something(setup_arguments):
     for script, target in console_scripts(setup_arguments).items():
         module, function = target.split(':')
@@ -274,7 +294,7 @@ def test_the_users_path_gets_the_command_line_only(setup_arguments):
 def test_ros2_run_finds_every_node_after_pip_and_colcon():
     """The scripts of the nodes start the command line beside them: pip's script, or colcon's console script."""
     nodes = {
-        path.stem for path in (PACKAGE / 'nodes').glob('*.py') if path.stem != 'together'
+        path.stem for path in (PACKAGE / 'nodes').glob('*.py') if path.stem != 'all_in_one'
         and any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree_of(path).body)
     }
     assert nodes == set(NODES)

@@ -4,15 +4,15 @@ import pytest
 from imu_stream import EPOCH_NS, NOT_GIVEN, decay_stream, reading, released
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.files.topics import lead_topic
-from swath_sysid.hull.catalogue import EQUATIONS
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.catalogue import EQUATIONS
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
+from swath_sysid.formats.topics import lead_topic
+from swath_sysid.pipeline.forecast_messages import NOT_GIVEN as NOT_PUBLISHED
+from swath_sysid.pipeline.forecast_messages import UNKNOWN_ANGLE_VARIANCE
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.prediction.forecast import NOT_GIVEN as NOT_PUBLISHED
-from swath_sysid.prediction.forecast import UNKNOWN_ANGLE_VARIANCE
-from swath_sysid.prediction.forecaster import ForecasterSettings
-from swath_sysid.prediction.sea_fit import fit_sea, warm_up
 
 RATE = 50.0
 SETTINGS = PipelineSettings(forecaster=ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, forecast_rate=10.0))

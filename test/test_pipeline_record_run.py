@@ -4,12 +4,12 @@ import math
 import numpy as np
 import pytest
 
-from swath_sysid.motion.trial import Trial
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.record_run import run_through, samples_of
-from swath_sysid.prediction.forecaster import ForecasterSettings
-from swath_sysid.prediction.quiescence import QuiescenceLimits
-from swath_sysid.prediction.sea_fit import fit_sea
 
 SETTINGS = ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, horizon_step=0.5)
 RATE, SECONDS = 10.0, 30.0

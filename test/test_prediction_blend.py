@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.prediction.blend import Blend, error_weights, present_weights
+from swath_sysid.attitude.prediction.blend import Blend, error_weights, present_weights
 
 STEP = 0.1
 LEADS = np.array([0.1, 0.5, 1.0])

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft
-from swath_sysid.hull.simulated_trial import SensorNoise
-from swath_sysid.motion.intake import CraftSample
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.prediction.forecaster import CANDIDATES, ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.prediction.forecaster import CANDIDATES, ForecasterSettings
-from swath_sysid.prediction.sea_fit import fit_sea
 
 ANGLE_NOISE, RATE_NOISE = 5e-4, 3e-3
 LEADS = (0.1, 0.5, 1.0, 2.0)

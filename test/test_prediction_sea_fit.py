@@ -6,11 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.motion.intake import CraftSample
-from swath_sysid.prediction.forecaster import CHANNELS, Forecaster, ForecasterSettings
-from swath_sysid.prediction.sea_fit import LONGEST_FILLED, SEA_MODELS, SeaRequest, fit_sea, newest_stretch, warm_up
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.prediction.forecaster import CHANNELS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import (
+    LONGEST_FILLED,
+    SEA_MODELS,
+    SeaRequest,
+    fit_sea,
+    newest_stretch,
+    warm_up,
+)
 
 STEP = 0.1
 

@@ -5,10 +5,10 @@ import numpy as np
 from imu_stream import diagonal
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.motion.installation_watch import InstallationCheck
-from swath_sysid.motion.intake import ImuReading, Intake
-from swath_sysid.motion.sensing import Installation
-from swath_sysid.motion.stamps import StampSettings
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.intake import ImuReading, Intake
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.stamps import StampSettings
 
 GRAVITY = 9.80665
 NOTHING_WRONG = 'nothing wrong'

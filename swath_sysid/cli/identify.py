@@ -3,34 +3,39 @@
 import json
 import sys
 import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
 
+from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_forced
+from swath_sysid.attitude.identification.fit_quality import poor_fit
+from swath_sysid.attitude.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
+from swath_sysid.attitude.identification.sea_motion import heave_of
+from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import (
     EXIT_POOR_FIT,
     add_source_arguments,
     check_model_and_plot,
     chosen_axis,
-    finite,
     motions_of,
     provenance_of,
     read_trials,
 )
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import write_model
-from swath_sysid.identification.at_sea import identify_at_sea, is_forced
-from swath_sysid.identification.fit_quality import poor_fit
-from swath_sysid.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
-from swath_sysid.identification.sea_motion import heave_of
-from swath_sysid.identification.search import ALGORITHMS, PRESETS, SearchSettings
-from swath_sysid.motion.contradictions import refuse_contradictions
+from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import write_model
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
+from swath_sysid.report.extinction_tables import table_as_data, table_in_words, tank_tables
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
-from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, inertia_of, warnings_as_data
+from swath_sysid.report.fit_summary import finite_or_none, fit_as_data, fit_in_words, warnings_as_data
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """Records, model, search, output."""
     add_source_arguments(parser)
     kind = parser.add_mutually_exclusive_group()
@@ -45,19 +50,13 @@ def add_arguments(parser):
         help=f'published equation, composition like b1,b2|r1,r3, either with +friction (default: {DEFAULT_EQUATION})',
     )  # fmt: skip
     add_search_arguments(parser)
-    parser.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form too")
-    parser.add_argument(
-        '--mass', type=finite, metavar='KG', help='with --metacentric-height: the inertia follows from both'
-    )
-    parser.add_argument(
-        '--metacentric-height', type=finite, metavar='M', help='GM, transverse for roll, longitudinal for pitch'
-    )
+    add_tank_arguments(parser)
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the fit')
     add_force_argument(parser)
 
 
-def add_force_argument(parser):
+def add_force_argument(parser: ArgumentParser) -> None:
     """``--force``, and what the exit codes mean; shared with compare."""
     parser.add_argument(
         '--force', action='store_true', help='write the model even where the fit explains too little of the motion'
@@ -68,7 +67,7 @@ def add_force_argument(parser):
     )
 
 
-def add_search_arguments(parser):
+def add_search_arguments(parser: ArgumentParser) -> None:
     """Objective and search; shared with compare."""
     parser.add_argument('--objective', choices=OBJECTIVES, default=OBJECTIVES[0], help='default: %(default)s')
     parser.add_argument('--search', choices=ALGORITHMS, default='ga', help='default: %(default)s')
@@ -79,7 +78,7 @@ def add_search_arguments(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def settings_of(arguments, equation=None):
+def settings_of(arguments: Namespace, equation: str | None = None) -> IdentificationSettings:
     """Identification settings of the command line."""
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
@@ -89,13 +88,10 @@ def settings_of(arguments, equation=None):
     return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Identify, print, and write what was asked for."""
     began = time.perf_counter()
-    if (arguments.mass is None) != (arguments.metacentric_height is None):
-        raise InputError('give both --mass and --metacentric-height, or neither')
-    if arguments.inertia is not None and arguments.mass is not None:
-        raise InputError('give --inertia, or --mass with --metacentric-height, not both: each sets the inertia')
+    particulars, type_b = particulars_of(arguments), type_b_of(arguments)
     settings = settings_of(arguments, arguments.equation)
     check_model_and_plot(arguments, arguments.trials)
     trials, read_advice = read_trials(arguments.trials, arguments)
@@ -106,7 +102,8 @@ def run(arguments):
         return _run_at_sea(arguments, trials, axis, read_advice, began)
     with progress_of('identify') as progress:
         found = identify(motions_of(trials, axis), settings, progress=progress)
-    inertia = inertia_of(found.model, arguments.inertia, arguments.mass, arguments.metacentric_height)
+    inertia = particulars.inertia_of(found.model)
+    tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
     faults = poor_fit(found)
     if arguments.output and (arguments.force or not faults):
         write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
@@ -116,13 +113,14 @@ def run(arguments):
     if arguments.json:
         advice = (*read_advice, *found.advice, *faults)
         data = fit_as_data(found, time.perf_counter() - began, inertia)
-        print(json.dumps({**data, **warnings_as_data(advice)}, indent=2))
+        data |= {table.name: table_as_data(table) for table in tables} | warnings_as_data(advice)
+        print(json.dumps(finite_or_none(data), indent=2))
     else:
-        print('\n'.join(fit_in_words(found, inertia)))
+        print('\n'.join([*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t)))]))
     return conclude_fit(arguments, faults)
 
 
-def conclude_fit(arguments, faults):
+def conclude_fit(arguments: Namespace, faults: Sequence[Advice]) -> int:
     """The exit code, and a word where the model was not written; shared with compare."""
     if not faults or arguments.force:
         return 0
@@ -131,7 +129,7 @@ def conclude_fit(arguments, faults):
     return EXIT_POOR_FIT
 
 
-def _is_at_sea(arguments, trials, axis):
+def _is_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str):
     """Whether the record is to be taken for motion in waves."""
     if arguments.at_sea or arguments.decay:
         return arguments.at_sea
@@ -140,11 +138,11 @@ def _is_at_sea(arguments, trials, axis):
     return given == (None, None, None) and all(is_forced(trial.axis(axis)) for trial in trials)
 
 
-def _run_at_sea(arguments, trials, axis, read_advice, began):
+def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_advice: Sequence[Advice], began: float):
     """Identify from motion in waves, print, and write what was asked for."""
     if len(trials) > 1:
         raise InputError('motion in waves is identified from one record at a time: give one, the longest')
-    refused = [name for name in ('equation', 'inertia', 'mass') if getattr(arguments, name) is not None]
+    refused = [name for name in ('equation', 'inertia', 'mass', 'extinction') if getattr(arguments, name)]
     if refused:
         raise InputError(
             f'--{refused[0]} has no meaning for motion in waves, which gives a linear equivalent only: leave it out, '

@@ -7,18 +7,23 @@ when it is asked for.
 import argparse
 import importlib
 import sys
+from argparse import ArgumentParser
+from types import ModuleType
 
 from swath_sysid import __version__
-from swath_sysid.errors import InputError
+from swath_sysid.cli.advice_words import worded
+from swath_sysid.common.errors import InputError
 
 VERBS = {
     'identify': 'from decay records to a hull model',
     'compare': 'fit many equations and choose the simplest adequate one',
     'simulate': 'a trial with known truth, as an IMU would have recorded it',
     'campaign': 'a whole trial matrix: tables, figures and a model that knows its draft',
+    'paper': 'a published study carried out again, printed and obtained values side by side',
     'scale': "a model at another scale, by Froude's law",
     'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
     'forecast': 'how well the predictor forecasts a record, beside its baselines',
+    'sea': "height, periods and axis of the waves, from the craft's own motion",
     'inspect': 'what is in a record: rates, gaps, decays, quality',
     'play-through': 'what the nodes would have published on a record, as fast as the machine can',
     'run': 'imu_buffer, identifier and predictor in one process',
@@ -30,7 +35,7 @@ EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
 
 
-def build_parser(verb):
+def build_parser(verb: str | None) -> ArgumentParser:
     """Parser of the command line, with the arguments of one verb filled in."""
     parser = argparse.ArgumentParser(
         prog='swath-sysid', description='Record, identify and forecast the motion of small craft.'
@@ -44,12 +49,12 @@ def build_parser(verb):
     return parser
 
 
-def module_of(verb):
+def module_of(verb: str) -> ModuleType:
     """Module of a verb."""
     return importlib.import_module(f'swath_sysid.cli.{verb.replace("-", "_")}')
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     argv = sys.argv[1:] if argv is None else argv
     verb = next((word for word in argv if not word.startswith('-')), None)
@@ -57,7 +62,7 @@ def main(argv=None):
     try:
         return module_of(arguments.verb).run(arguments)
     except InputError as error:
-        print(f'swath-sysid {arguments.verb}: {error}', file=sys.stderr)
+        print(f'swath-sysid {arguments.verb}: {worded(error.code, str(error))}', file=sys.stderr)
         return EXIT_INPUT
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

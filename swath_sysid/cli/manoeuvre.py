@@ -3,31 +3,39 @@
 import argparse
 import json
 import time
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, finite, provenance_of, refuse_twice, without_copies
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import is_bag
-from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
-from swath_sysid.files.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
-from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
-from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
-from swath_sysid.files.outputs import Output, check_outputs
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.model import COMMAND, INPUTS
-from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.standard_tests import TESTS, DriveSettings, run_test
-from swath_sysid.identification.manoeuvring.assembly import seen_region
-from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
-from swath_sysid.identification.manoeuvring.settings import CURRENT_CHOICES, ManoeuvringSettings
-from swath_sysid.motion.manoeuvring_trial import prepare_all
-from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
-from swath_sysid.prediction.manoeuvring_skill import LEADS, score_forecasts
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import is_bag
+from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
+from swath_sysid.formats.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
+from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
+from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
+from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.model import COMMAND, INPUTS
+from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
+from swath_sysid.manoeuvring.hull.programme import RECIPE, SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
+from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
+from swath_sysid.manoeuvring.identification.assembly import seen_region
+from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
+from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
+from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
+from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.prediction.calibration import calibrated
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
+from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
 from swath_sysid.report.figures import FORMATS, save_figure
 from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
 from swath_sysid.report.manoeuvring_figures import forecast_figure, run_figures, summary_figures, test_figure
@@ -37,6 +45,7 @@ from swath_sysid.report.manoeuvring_summary import (
     forecast_in_words,
     identification_as_data,
     identification_in_words,
+    terms_in_words,
     test_as_data,
     test_in_words,
 )
@@ -44,24 +53,26 @@ from swath_sysid.report.manoeuvring_summary import (
 PROGRAMME = 'programme'
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The sub-verbs and their arguments."""
     verbs = parser.add_subparsers(dest='task', metavar='TASK', required=True)
     _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
     _add_forecast(verbs.add_parser('forecast', help='score forecasts of runs by lead'))
     _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
-    _add_play_through(verbs.add_parser('play-through', help='what manoeuvre_predictor would have published on a bag'))
+    _add_programme(verbs.add_parser('programme', help='runs to drive, and what driven ones still lack'))
+    _add_play_through(verbs.add_parser('play-through', help='what manoeuvring_predictor would have published on a bag'))
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Run the sub-verb; returns the exit code."""
-    tasks = {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate, 'play-through': _play_through}
+    tasks = {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate, 'programme': _recipe,
+             'play-through': _play_through}  # fmt: skip
     return tasks[arguments.task](arguments)
 
 
-def add_run_arguments(parser):
+def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
     """How to read runs; shared by the sub-verbs that take them."""
-    parser.add_argument('runs', nargs='+', metavar='RUN', help='CSV file or rosbag2 bag')
+    parser.add_argument('runs', nargs=count, metavar='RUN', help='CSV file or rosbag2 bag')
     parser.add_argument('--frame', choices=FRAMES, help='of yaw, sway and position (default: as the file states)')
     parser.add_argument(
         '--gap-means-zero', action='store_true',
@@ -74,13 +85,13 @@ def add_run_arguments(parser):
     parser.add_argument('--starboard-topic', metavar='TOPIC')
 
 
-def read_runs(paths, arguments):
+def read_runs(paths: Sequence[str], arguments: Namespace) -> list[ManoeuvringTrial]:
     """Read and prepare runs, all in one step."""
     refuse_twice(paths)
     return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 
 
-def _read(path, arguments):
+def _read(path: str | Path, arguments: Namespace):
     if not Path(path).exists():
         raise InputError(f'there is no file {path}: check the name')
     if is_bag(path):
@@ -94,7 +105,9 @@ def _read(path, arguments):
     return read_manoeuvring_csv(path, arguments.frame)
 
 
-def _add_identify(parser):
+def _add_identify(parser: ArgumentParser) -> None:
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.epilog = 'names for --terms, --fix and --towards, with their units:\n' + '\n'.join(terms_in_words())
     add_run_arguments(parser)
     parser.add_argument(
         '--validate', nargs='+', metavar='RUN', help='runs kept out of the fit (default: a third, of three or more)'
@@ -108,7 +121,8 @@ def _add_identify(parser):
     parser.add_argument('--lever', type=finite, metavar='M', help='half the distance between the thrusters')
     parser.add_argument('--length', type=finite, metavar='M', help='of the hulls, for the prime system')
     parser.add_argument('--terms', metavar='A,B,..', help='exactly these parameters (default: the simplest adequate)')
-    parser.add_argument('--fix', action='append', default=[], metavar='NAME=VALUE', help='a known parameter')
+    parser.add_argument(
+        '--fix', action='append', default=[], metavar='NAME=VALUE', help='a known parameter, as listed below')
     parser.add_argument(
         '--towards', action='append', default=[], metavar='NAME=VALUE:STD',
         help='regularise a parameter towards a value',
@@ -126,7 +140,7 @@ def _add_identify(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def _identify(arguments):
+def _identify(arguments: Namespace):
     began = time.perf_counter()
     if arguments.validate and arguments.no_validation:
         raise InputError('give --validate or --no-validation, not both')
@@ -169,15 +183,17 @@ def _identify(arguments):
     return 0
 
 
-def _for_file(found, data, paths):
+def _for_file(found: Any, data: dict, paths: Sequence[str]):
     told = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
     metrics = {key: data[key] for key in told}
     provenance = {**provenance_of(paths), 'runs': data['runs']}
-    return IdentifiedManoeuvringModel(
-        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance)
+    identified = IdentifiedManoeuvringModel(
+        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance,
+        forecast_noise(found.model, found.identified_on))
+    return calibrated(identified, found.identified_on)
 
 
-def _assignment(text):
+def _assignment(text: str):
     name, sign, value = text.partition('=')
     try:
         return name.strip(), finite(value)
@@ -185,7 +201,7 @@ def _assignment(text):
         raise InputError(f"'{text}' is no NAME=VALUE: write, as an example, Xu_dot=-18") from error
 
 
-def _target(text):
+def _target(text: str):
     name, _, rest = text.partition('=')
     value, _, spread = rest.partition(':')
     try:
@@ -197,7 +213,30 @@ def _target(text):
     return name.strip(), target
 
 
-def _add_forecast(parser):
+def _add_programme(parser: ArgumentParser) -> None:
+    add_run_arguments(parser, '*')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def _recipe(arguments: Namespace) -> int:
+    runs = read_runs(arguments.runs, arguments) if arguments.runs else []
+    shares = excitation(runs) if runs else {}
+    missing = lacking(shares)
+    if arguments.json:
+        recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in RECIPE]
+        print(json.dumps({'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, indent=2))
+        return 0
+    if not runs:
+        print('Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:')
+        print('\n'.join(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE))
+        return 0
+    print('Share of its motion that is a derivative\'s own (1: no other explains it):')
+    for name, share in shares.items():
+        print(f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough'))
+    return 0
+
+
+def _add_forecast(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
     parser.add_argument('--model', required=True, metavar='MODEL.yaml', help='model file of manoeuvre identify')
     parser.add_argument(
@@ -213,7 +252,7 @@ def _add_forecast(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def _forecast(arguments):
+def _forecast(arguments: Namespace):
     check_model_and_plot(arguments, [*arguments.runs, *arguments.train, arguments.model])
     identified = read_manoeuvring_model(arguments.model)
     leads = _leads(arguments.leads) if arguments.leads else LEADS
@@ -232,7 +271,7 @@ def _forecast(arguments):
     return 0
 
 
-def _leads(text):
+def _leads(text: str):
     try:
         leads = tuple(finite(part) for part in text.split(','))
     except ValueError as error:
@@ -242,7 +281,7 @@ def _leads(text):
     return leads
 
 
-def _add_play_through(parser):
+def _add_play_through(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
     parser.add_argument('--model', metavar='MODEL.yaml', help='without: steady motion')
     parser.add_argument('--output', required=True, metavar='OUT.mcap')
@@ -250,7 +289,7 @@ def _add_play_through(parser):
     parser.add_argument('--leads', metavar='S,S,..', default='1,5,10', help='default: %(default)s')
 
 
-def _play_through(arguments):
+def _play_through(arguments: Namespace):
     if len(arguments.runs) != 1 or not is_bag(arguments.runs[0]):
         raise InputError('one bag is played through: give one rosbag2 bag')
     output = Output('--output', arguments.output, is_recording=True, endings=('mcap',))
@@ -265,7 +304,7 @@ def _play_through(arguments):
     return 0
 
 
-def _add_simulate(parser):
+def _add_simulate(parser: ArgumentParser) -> None:
     choice = parser.add_mutually_exclusive_group(required=True)
     choice.add_argument('--model', metavar='MODEL', help=f'model file, or one of {", ".join(PRESETS)}')
     choice.add_argument('--hull', choices=tuple(PRESETS), help='a ready-made craft')
@@ -296,7 +335,7 @@ def _add_simulate(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def _simulate(arguments):
+def _simulate(arguments: Namespace):
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
     is_folder = arguments.test == PROGRAMME
@@ -329,7 +368,7 @@ def _simulate(arguments):
     return 0
 
 
-def _programme(model, arguments):
+def _programme(model: Any, arguments: Namespace):
     if not arguments.output:
         raise InputError('the programme writes several runs: name a folder with --output')
     if arguments.plot:
@@ -355,7 +394,7 @@ def _programme(model, arguments):
     return 0
 
 
-def _write(path, manoeuvre, model):
+def _write(path: str | Path, manoeuvre: Manoeuvre, model: Any) -> None:
     ending = Path(path).suffix
     if ending == '.csv':
         write_manoeuvring_csv(path, manoeuvre, model)
@@ -365,7 +404,7 @@ def _write(path, manoeuvre, model):
         raise InputError(f"'{path}' is neither .csv nor a bag (.mcap, .db3, or a folder name): choose one of these")
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """The sub-verbs as a program of their own (for trying out)."""
     parser = argparse.ArgumentParser(prog='manoeuvre')
     add_arguments(parser)

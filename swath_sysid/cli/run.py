@@ -2,14 +2,17 @@
 import argparse
 import os
 import sys
+from argparse import ArgumentParser, Namespace
 from importlib import import_module
 from pathlib import Path
 
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 
-NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvre_predictor')
+NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
 
-MODEL_PARAMETERS = {'identifier': 'model_path', 'manoeuvre_predictor': 'model_file'}
+MODEL_PARAMETERS = {
+    'identifier': 'model_path', 'manoeuvring_identifier': 'model_path', 'manoeuvring_predictor': 'model_file',
+}
 
 OPEN_TO_THE_SUBNET = (
     'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
@@ -17,7 +20,7 @@ OPEN_TO_THE_SUBNET = (
 )
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument('--only', choices=NODES, metavar='NODE', help=f'one node alone: {", ".join(NODES)}')
     parser.add_argument('--params-file', metavar='FILE', help='ROS parameter file for all nodes')
@@ -30,7 +33,7 @@ def add_arguments(parser):
     )
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Run the nodes until a signal comes; returns the exit code."""
     try:
         import rclpy  # noqa: F401 - only to say what to do where it is missing
@@ -39,13 +42,13 @@ def run(arguments):
             f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
         ) from error
     given = ros_arguments(arguments)
-    program = import_module(f'swath_sysid.nodes.{arguments.only or "together"}')
+    program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
     return program.main(['swath-sysid', '--ros-args', *given])
 
 
-def ros_arguments(arguments):
+def ros_arguments(arguments: Namespace) -> list[str]:
     """What stands behind ``--ros-args`` for the nodes.
 
     Raises
@@ -60,8 +63,7 @@ def ros_arguments(arguments):
         node = arguments.only or 'identifier'
         if node not in MODEL_PARAMETERS:
             raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
-        path = Path(arguments.model).expanduser()
-        if path.exists():
+        if Path(arguments.model).expanduser().exists():
             # a node would go on without it, which whoever types a command does not see
             _read_model(node, path)
         # for every node, because `identifier:` before it would leave out those in a namespace
@@ -75,15 +77,14 @@ def ros_arguments(arguments):
     return [*given, *arguments.ros_args]
 
 
-def _read_model(node, path):
-    # imported here, because most starts name no model
+def _read_model(node: str, path: Path) -> None:
     if node == 'identifier':
-        from swath_sysid.files.model_file import read_model as read
+        from swath_sysid.formats.model_file import read_model as read
     else:
-        from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model as read
+        from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model as read
     read(path)
 
 
-def _quoted(text):
+def _quoted(text: str):
     """A YAML string, whatever is in it: ROS takes the values of parameters for YAML."""
     return "'" + text.replace("'", "''") + "'"

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.motion.attitude import euler_angles
-from swath_sysid.motion.trial import AXES
+from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.prediction.sea_fit import fit_sea
 
 UNAWARE = 0.3
 """s after letting go; no forecast issued earlier can know that the craft is free."""

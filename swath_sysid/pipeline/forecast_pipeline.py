@@ -7,21 +7,22 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import NamedTuple
 
-from swath_sysid.motion.installation_watch import InstallationCheck
-from swath_sysid.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
-from swath_sysid.motion.sensing import Installation
-from swath_sysid.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
-from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.forecast import (
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
+from swath_sysid.pipeline.forecast_messages import (
     AttitudeForecast,
-    Forecast,
     HorizonForecast,
     attitude_forecast,
     attitudes_at_leads,
     horizon_forecast,
+    points_at_leads,
 )
-from swath_sysid.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
-from swath_sysid.prediction.sea_fit import SeaFit, SeaRequest
 
 PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)
 """Everything that is counted."""
@@ -80,6 +81,10 @@ class PipelineStep(NamedTuple):
     def trajectory(self) -> HorizonForecast | None:
         """For ``forecast/horizon``; None unless due."""
         return None if self.horizon is None else horizon_forecast(self.horizon, self.stamp_ns)
+
+    def points(self):
+        """For the topics of named points: list of `PointForecast`; empty unless due and learnt."""
+        return [] if self.forecast is None else points_at_leads(self.forecast, self.stamp_ns)
 
     @property
     def quiescence(self):

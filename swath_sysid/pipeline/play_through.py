@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from swath_sysid import __version__
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.identification.refit import (
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.refit import (
     RefitOutcome,
     RefitRequest,
     RefitSettings,
@@ -13,10 +13,10 @@ from swath_sysid.identification.refit import (
     refit,
     window_provenance,
 )
-from swath_sysid.motion.intake import NANOSECOND, Intake
-from swath_sysid.motion.window import MotionTable, MotionWindow, WindowSettings
+from swath_sysid.attitude.motion.intake import NANOSECOND, Intake
+from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
+from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest, fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, PipelineStep
-from swath_sysid.prediction.sea_fit import SeaFit, SeaRequest, fit_sea
 
 
 @dataclass(frozen=True)

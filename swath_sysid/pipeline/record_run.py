@@ -1,15 +1,16 @@
 """The forecast pipeline run causally through a record, with what is learnt of the sea taken over by stamp."""
 import math
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.motion.intake import CraftSample
-from swath_sysid.motion.trial import CHANNELS, FURTHER_CHANNELS
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS
+from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.prediction.forecast import Forecast
-from swath_sysid.prediction.sea_fit import fit_sea
-from swath_sysid.prediction.skill import Run
 
 
 class Issued(NamedTuple):
@@ -26,6 +27,28 @@ class Issued(NamedTuple):
     stamp: float
     forecast: Forecast
     horizon: Forecast
+
+
+@dataclass(frozen=True)
+class Run:
+    """A predictor run through a record.
+
+    Attributes
+    ----------
+    steps : tuple of Issued
+    step_times, refit_times : tuple of float
+        s.
+    reliability : Reliability or None
+        Of the quiescence that was forecast.
+    quiescence_limits : QuiescenceLimits or None
+        Whose keeping was forecast.
+    """
+
+    steps: tuple[Issued, ...]
+    step_times: tuple[float, ...] = ()
+    refit_times: tuple[float, ...] = ()
+    reliability: Reliability | None = None
+    quiescence_limits: QuiescenceLimits | None = None
 
 
 def samples_of(trial):
@@ -48,7 +71,7 @@ def samples_of(trial):
         yield CraftSample(stamp_ns, *motion, *unknown, yaw_rate=yaw_rate, heave=heave)
 
 
-def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None):
+def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None, points_ahead=True):
     """Run the pipeline through a record; every fit is used from its request's stamp plus the refit delay on.
 
     Parameters
@@ -63,6 +86,8 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
         Called with the share done.
     limits_from : (float, QuiescenceLimits), optional
         Limits of quiescence from a stamp on; their reliability is recorded from there.
+    points_ahead : bool
+        Keep vertical motion over the horizon, which takes 20 kB a point and forecast.
 
     Returns
     -------
@@ -82,7 +107,8 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
         step = pipeline.add_sample(sample)
         step_times.append(now() - begun)
         if step.forecast is not None:
-            steps.append(Issued(stamp, step.forecast, step.horizon))
+            horizon = step.horizon if points_ahead else replace(step.horizon, points={})
+            steps.append(Issued(stamp, step.forecast, horizon))
         if step.sea_request is not None:
             begun = now()
             pipeline.install(fit_sea(step.sea_request))

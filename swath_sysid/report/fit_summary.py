@@ -1,13 +1,22 @@
 """A fit in words and in plain data, for the terminal and for other programs."""
+from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
-from swath_sysid.hull.published_form import inertia_from_metacentric_height, to_published
-from swath_sysid.hull.terms import RATIO_UNITS
-from swath_sysid.identification.uncertainty import correlation
+from swath_sysid.attitude.hull.published_form import to_published
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.common.covariance import correlation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from swath_sysid.attitude.identification.identify import Identification
+    from swath_sysid.attitude.identification.selection import Comparison
+    from swath_sysid.common.advice import Advice
 
 
-def fit_as_data(identification, wall_s=None, inertia=None):
+def fit_as_data(identification: Identification, wall_s: float | None = None, inertia: float | None = None) -> dict:
     """What ``identify --json`` prints: plain numbers, strings, lists and dicts.
 
     Parameters
@@ -46,14 +55,14 @@ def fit_as_data(identification, wall_s=None, inertia=None):
         'samples': identification.samples,
         'effective_samples': identification.effective_samples,
         'wall_s': wall_s,
-        'warnings': [{'code': a.code, 'message': a.message} for a in identification.advice],
+        **warnings_as_data(identification.advice),
     }
     if inertia is not None:
         data['published_form'] = vars(to_published(model, inertia))
     return finite_or_none(data)
 
 
-def warnings_as_data(advice):
+def warnings_as_data(advice: Iterable[Advice]) -> dict[str, list[dict[str, str]]]:
     """The field ``warnings`` of what ``--json`` prints, each warning once.
 
     Parameters
@@ -63,7 +72,7 @@ def warnings_as_data(advice):
     return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
 
 
-def finite_or_none(value):
+def finite_or_none(value: Any) -> Any:
     """The same data with None for numbers that JSON does not know."""
     if isinstance(value, dict):
         return {key: finite_or_none(item) for key, item in value.items()}
@@ -74,14 +83,7 @@ def finite_or_none(value):
     return float(value) if isinstance(value, float) else value
 
 
-def inertia_of(model, inertia, mass, metacentric_height):
-    """I' as given, or from hydrostatics where mass and metacentric height are, or None."""
-    if inertia is None and mass is not None and metacentric_height is not None:
-        return inertia_from_metacentric_height(model, mass, metacentric_height)
-    return inertia
-
-
-def fit_in_words(identification, inertia=None):
+def fit_in_words(identification: Identification, inertia: float | None = None) -> list[str]:
     """Lines for a reader.
 
     Returns
@@ -115,7 +117,7 @@ def fit_in_words(identification, inertia=None):
     return lines
 
 
-def comparison_as_data(comparison, wall_s=None):
+def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:
     """What ``compare --json`` prints."""
     return finite_or_none(
         {

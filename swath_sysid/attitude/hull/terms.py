@@ -1,0 +1,137 @@
+"""The terms a decay model is composed of, all as ratios to the inertia.
+
+With x = angle - trim and w = d(angle)/dt the model reads
+
+    dw/dt = -(b0 sign w + b1 w + b2 |w| w + b3 w^3)
+            -(r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x) + d
+
+A free decay determines the ratios only: inertia and coefficients multiplied by one number
+give the same motion.
+
+Every formula below takes floats or arrays, so that the filter (one state), the search (a
+population) and the compiled kernel run the same source.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from swath_sysid.attitude.motion.attitude import Value
+
+DAMPING_TERMS = {'friction': 'b0', 'linear': 'b1', 'quadratic': 'b2', 'cubic': 'b3'}
+RESTORING_TERMS = {'linear': 'r1', 'quadratic': 'r2', 'cubic': 'r3', 'sine': 's1', 'sine-squared': 's2'}
+DAMPING_NAMES = tuple(DAMPING_TERMS.values())
+RESTORING_NAMES = tuple(RESTORING_TERMS.values())
+TERM_NAMES = DAMPING_NAMES + RESTORING_NAMES
+TERM_INDEX = {name: index for index, name in enumerate(TERM_NAMES)}
+
+RATIO_UNITS = {
+    'b0': 'rad/s^2', 'b1': '1/s', 'b2': '1/rad', 'b3': 's/rad^2',
+    'r1': '1/s^2', 'r2': '1/(rad s^2)', 'r3': '1/(rad^2 s^2)', 's1': 'rad/s^2', 's2': 'rad/s^2',
+}  # fmt: skip
+
+B0, B1, B2, B3, R1, R2, R3, S1, S2 = range(9)
+
+
+def damping_moment(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
+    """Damping moment over inertia, rad/s^2, of the sign of the rate.
+
+    Parameters
+    ----------
+    rate : float or ndarray, shape (P,)
+        rad/s.
+    ratios : sequence of 9 floats, or ndarray, shape (9, P)
+        In the order of ``TERM_NAMES``.
+    active : sequence of 9 bools
+        The terms in use; the others are not read, except b1.
+    friction_rate : float
+        Rate over which the sign of the dry friction is smoothed, rad/s.
+    """
+    slope = ratios[B1]
+    if active[B2]:
+        slope = slope + ratios[B2] * abs(rate)
+    if active[B3]:
+        slope = slope + ratios[B3] * (rate * rate)
+    moment = slope * rate
+    if active[B0]:
+        moment = moment + ratios[B0] * np.tanh(rate / friction_rate)
+    return moment
+
+
+def restoring_moment(x: Value, ratios: Value, active: Sequence[bool]) -> Value:
+    """Restoring moment over inertia, rad/s^2, at the angle ``x`` from trim, rad.
+
+    ``ratios`` and ``active`` as in `damping_moment`; r1 is always read.
+    """
+    slope = ratios[R1]
+    if active[R3]:
+        slope = slope + ratios[R3] * (x * x)
+    if active[R2]:
+        slope = slope + ratios[R2] * x
+    moment = slope * x
+    if active[S1] or active[S2]:
+        sine = np.sin(x)
+        moment = moment + ratios[S1] * sine
+        if active[S2]:
+            moment = moment + ratios[S2] * (sine * sine)
+    return moment
+
+
+def damping_slope(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
+    """Derivative of `damping_moment` by the rate, 1/s."""
+    slope = ratios[B1] + 0.0 * rate
+    if active[B2]:
+        slope = slope + 2.0 * ratios[B2] * abs(rate)
+    if active[B3]:
+        slope = slope + 3.0 * ratios[B3] * (rate * rate)
+    if active[B0]:
+        tanh = np.tanh(rate / friction_rate)
+        slope = slope + ratios[B0] / friction_rate * (1.0 - tanh * tanh)
+    return slope
+
+
+def restoring_slope(x: Value, ratios: Value, active: Sequence[bool]) -> Value:
+    """Derivative of `restoring_moment` by the angle, 1/s^2."""
+    slope = ratios[R1] + 0.0 * x
+    if active[R2]:
+        slope = slope + 2.0 * ratios[R2] * x
+    if active[R3]:
+        slope = slope + 3.0 * ratios[R3] * (x * x)
+    if active[S1]:
+        slope = slope + ratios[S1] * np.cos(x)
+    if active[S2]:
+        slope = slope + ratios[S2] * np.sin(2.0 * x)
+    return slope
+
+
+def restoring_energy(x: Value, ratios: Value) -> Value:
+    """Integral of `restoring_moment` from trim to ``x``, rad^2/s^2; all terms."""
+    return (
+        ratios[R1] * x**2 / 2
+        + ratios[R2] * x**3 / 3
+        + ratios[R3] * x**4 / 4
+        + ratios[S1] * (1.0 - np.cos(x))
+        + ratios[S2] * (x / 2 - np.sin(2 * x) / 4)
+    )
+
+
+def term_moments(x: np.ndarray, rate: np.ndarray, friction_rate: float) -> np.ndarray:
+    """Moment over inertia of each term with its ratio set to one.
+
+    Parameters
+    ----------
+    x, rate : ndarray, shape (N,)
+        Angle from trim, rad, and rate, rad/s.
+    friction_rate : float
+        rad/s.
+
+    Returns
+    -------
+    ndarray, shape (9, N)
+        The model is linear in its ratios: ``acceleration = -ratios @ term_moments``.
+    """
+    sine = np.sin(x)
+    return np.array([
+        np.tanh(rate / friction_rate), rate, np.abs(rate) * rate, rate**3,
+        x, x**2, x**3, sine, sine**2,
+    ])  # fmt: skip

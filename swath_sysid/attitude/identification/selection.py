@@ -1,0 +1,243 @@
+"""Which equation to believe: rank many on the same records, and choose the simplest adequate one."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swath_sysid.attitude.identification.identify import (
+    Identification,
+    IdentificationSettings,
+    identify_problem,
+    motion_fit,
+    refit_from,
+)
+from swath_sysid.attitude.identification.problem import Problem
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import results_in_order
+
+FIRST_PART = 0.5
+"""Share of each record, in time, on which a model is identified that the rest then judges."""
+CRITERION_MARGIN = 10.0
+"""A difference of the information criterion that Kass and Raftery (1995) call very strong."""
+HELD_OUT_MARGIN = 1.1
+ROUNDING = 1e-12
+"""Relative difference of two objective values that is none."""
+
+
+@dataclass(frozen=True)
+class RankedFit:
+    """One equation's fit and how it stands among the others.
+
+    Attributes
+    ----------
+    identification : Identification
+    criterion : float
+        Bayesian information criterion with the effective sample size; smaller is better.
+    held_out : float
+        Error of the motion simulated beyond the part it was identified on, over the standard
+        deviation of the measured motion there; infinite where the simulation ran away.
+    """
+
+    identification: Identification
+    criterion: float
+    held_out: float
+
+    @property
+    def name(self):
+        """Name of the equation."""
+        return self.identification.model.equation.name
+
+    @property
+    def term_count(self):
+        """Number of ratios."""
+        return len(self.identification.model.equation.terms)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Equations ranked, best criterion first, and the choice.
+
+    Attributes
+    ----------
+    ranked : tuple of RankedFit
+    choice : RankedFit
+        The simplest adequate one.
+    reason : str
+        One sentence.
+    """
+
+    ranked: tuple[RankedFit, ...]
+    choice: RankedFit
+    reason: str
+
+
+def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, progress=None):  # noqa: B008 - frozen
+    """Fit equations on the same records and rank them.
+
+    A model that contains another never ends with a worse objective: where its search did, it is
+    refined again from the smaller model's optimum.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of `prepare`.
+    equations : sequence of Equation
+    settings : IdentificationSettings
+        Objective and search; its equation is ignored.
+    jobs : int
+        Processes.
+    progress : callable, optional
+        Called with the number of equations done and the name of the last.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        No equation, or an equation twice.
+    """
+    names = [e.name for e in equations]
+    if not names or len(set(names)) < len(names):
+        raise InputError('give at least one equation to compare, and none twice')
+    tasks = [(problem, replace(settings, equation=name)) for name in names]
+    fits, held_out = [], []
+    for name, (fit, error) in zip(names, results_in_order(_fit_and_hold_out, tasks, jobs), strict=True):
+        fits.append(fit)
+        held_out.append(error)
+        if progress is not None:
+            progress(len(fits), name)
+
+    def refit(fit, better):
+        states = [r.state for r in better.records]
+        return refit_from(problem, fit.settings, fit.model.equation, better.model.ratios, states, fit.search)
+
+    return rank(enforce_nesting(fits, refit), held_out)
+
+
+def rank(fits, held_out):
+    """Rank fits of the same records and choose the simplest adequate one.
+
+    Parameters
+    ----------
+    fits : sequence of Identification
+    held_out : sequence of float
+
+    Returns
+    -------
+    Comparison
+    """
+    samples = min(fits, key=lambda f: f.objective_value).effective_samples
+    ranked = sorted(
+        (RankedFit(f, information_criterion(f, samples), e) for f, e in zip(fits, held_out, strict=True)),
+        key=lambda r: r.criterion,
+    )
+    return Comparison(tuple(ranked), *simplest_adequate(ranked))
+
+
+def simplest_adequate(ranked, criterion='criterion'):
+    """The equation with the fewest terms among those that criterion and held-out motion do not exclude.
+
+    Parameters
+    ----------
+    ranked : sequence
+        Best first, each with ``name``, ``term_count``, ``criterion`` and ``held_out``; see `RankedFit`.
+    criterion : str
+        What the reason calls it.
+
+    Returns
+    -------
+    choice : item of `ranked`
+    reason : str
+        One sentence.
+    """
+    likely = [r for r in ranked if r.criterion <= ranked[0].criterion + CRITERION_MARGIN]
+    smallest = min(r.held_out for r in ranked)
+    adequate = [r for r in likely if r.held_out <= HELD_OUT_MARGIN * smallest]
+    choice = min(adequate or likely, key=lambda r: (r.term_count, r.criterion))
+    within = f'whose {criterion} is within {CRITERION_MARGIN:g} of the best'
+    if len(ranked) == 1:
+        return choice, f'{choice.name} is the only equation asked for.'
+    if len(likely) == 1:
+        return choice, (
+            f'{choice.name} is the only equation {within}: the others fit worse, or need more terms for it.'
+        )
+    words = (
+        f'{choice.name} has {choice.term_count} terms, the fewest of the {len(adequate or likely)} equations {within} '
+        f'({ranked[0].name})'
+    )
+    if adequate:
+        held_out = f'is within {100 * (HELD_OUT_MARGIN - 1):.0f} % of the smallest'
+        return choice, f'{words} and whose error on held-out motion {held_out}.'
+    best = min(ranked, key=lambda r: r.held_out).name
+    return choice, f'{words}; none of them predicts the held-out motion as well as {best}.'
+
+
+def information_criterion(fit, effective_samples):
+    """Bayesian information criterion n ln(mean squared residual) + k ln n, n the effective samples."""
+    n = effective_samples
+    return float(2.0 * n * np.log(fit.objective_value) + len(fit.model.equation.terms) * np.log(n))
+
+
+def _fit_and_hold_out(task):
+    problem, settings = task
+    return identify_problem(problem, settings), held_out_error(problem, settings)
+
+
+def held_out_error(problem, settings):
+    """Identify on the first part of each record and score the simulated motion on the rest.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : IdentificationSettings
+
+    Returns
+    -------
+    float
+        See `RankedFit`.
+    """
+    first = first_part(problem)
+    found = identify_problem(first, settings)
+    whole = motion_fit(problem, found.model.equation)
+    simulated = whole.simulated(whole.pack(found.model.ratios, [r.state for r in found.records]))
+    error = spread = 0.0
+    for motion, cut, (angle, rate) in zip(problem.motions, first.motions, simulated, strict=True):
+        rest = slice(cut.size, None)
+        measured, model = (motion.rate, rate) if motion.angle is None else (motion.angle, angle)
+        error += float(np.sum((measured[rest] - model[rest]) ** 2))
+        spread += float(np.sum((measured[rest] - measured[rest].mean()) ** 2))
+    ratio = np.sqrt(error / spread)
+    return float(ratio) if np.isfinite(ratio) else float('inf')
+
+
+def first_part(problem: Problem):
+    """The same problem on the first half of each record."""
+    cut = tuple(m.between(None, m.time[0] + FIRST_PART * m.duration) for m in problem.motions)
+    return replace(problem, motions=cut)
+
+
+def enforce_nesting(fits, refit):
+    """Refine again, from the smaller model's optimum, any fit that a model it contains beats.
+
+    Parameters
+    ----------
+    fits : sequence
+        Of the same records, each with ``model`` and ``objective_value``.
+    refit : callable
+        Of a fit and the better one of a model that it contains: the fit, refined from there.
+
+    Returns
+    -------
+    list
+        In the same order.
+    """
+    fits = list(fits)
+    for k in sorted(range(len(fits)), key=lambda k: len(fits[k].model.equation.terms)):
+        equation = fits[k].model.equation
+        contained = [f for f in fits if f is not fits[k] and equation.contains(f.model.equation)]
+        best = min(contained, key=lambda f: f.objective_value, default=None)
+        if best is not None and best.objective_value < fits[k].objective_value * (1.0 - ROUNDING):
+            fits[k] = min(refit(fits[k], best), fits[k], key=lambda f: f.objective_value)
+    return fits

@@ -1,0 +1,354 @@
+"""Attitude: quaternions, Euler angles and their rates, frames and mountings.
+
+Every function takes the components as floats or as arrays that broadcast, and returns the
+like: a node calls them once a sample, a reader once a record, and each formula stands once. For
+floats it is evaluated with the functions of `math`, as numpy takes ten times as long over a number.
+
+Orientations turn body vectors into world vectors. Euler angles are those of REP-103:
+yaw about z, then pitch about the new y, then roll about the new x. Body rates are what
+gyroscopes measure; Euler rates are the time derivatives of the Euler angles.
+
+References
+----------
+.. [1] T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley, 2011.
+"""
+import math
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+UNIT_TOLERANCE = 0.1
+"""How far the squared norm of a measured quaternion may be from one."""
+
+VERTICAL_COSINE = 1e-9
+"""Below this cosine of pitch, roll and yaw cannot be separated."""
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, ISO 80000-3."""
+
+Value = Any
+"""A float, or an ndarray that broadcasts with the others."""
+
+Quaternion = tuple[Value, Value, Value, Value]
+"""x, y, z, w."""
+
+
+class _Arrays:
+    """What the formulas need, for arrays."""
+
+    sin, cos, arctan2, hypot = np.sin, np.cos, np.arctan2, np.hypot
+
+    @staticmethod
+    def where(condition, here, elsewhere):
+        return np.where(condition, here, elsewhere)[()]
+
+
+class _Floats:
+    """The same for floats."""
+
+    sin, cos, arctan2, hypot = math.sin, math.cos, math.atan2, math.hypot
+
+    @staticmethod
+    def where(condition, here, elsewhere):
+        return here if condition else elsewhere
+
+
+def _for_angles(first, second, third=0.0):
+    # the functions of math raise where those of numpy return NaN
+    if type(first) is type(second) is type(third) is float and isfinite(first + second + third):
+        return _Floats
+    return _Arrays
+
+
+def is_orientation(x: Value, y: Value, z: Value, w: Value) -> Value:
+    """Whether a measured quaternion is valid.
+
+    Drivers that know no orientation send zeros, and broken packets send anything: a quaternion whose
+    squared norm is not within `UNIT_TOLERANCE` of one, or not finite, is invalid.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    bool or ndarray of bool
+    """
+    if type(x) is float and type(w) is float:
+        return _is_unit(x, y, z, w)
+    with np.errstate(over='ignore', invalid='ignore'):
+        return _is_unit(x, y, z, w)
+
+
+def _is_unit(x, y, z, w):
+    return abs(x * x + y * y + z * z + w * w - 1) <= UNIT_TOLERANCE
+
+
+def euler_angles(x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, Value]:
+    """Roll, pitch and yaw of a quaternion, NaN where it is invalid.
+
+    Where the x axis points straight up or down, roll is set to zero.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    roll, pitch, yaw : float or ndarray
+        rad; roll and yaw in [-pi, pi], pitch in [-pi/2, pi/2].
+
+    Notes
+    -----
+    [1]_, section 2.2.2 (Euler angles from a unit quaternion), but with pitch by arctangent,
+    which stays accurate near the vertical, and with a rotation matrix that grows with the
+    squared norm of the quaternion, which the arctangents do not see.
+    """
+    if type(x) is type(y) is type(z) is type(w) is float:
+        return _euler_angles(_Floats, x, y, z, w) if _is_unit(x, y, z, w) else (math.nan, math.nan, math.nan)
+    with np.errstate(over='ignore', invalid='ignore'):
+        return _euler_angles(_Arrays, x, y, z, np.where(_is_unit(x, y, z, w), w, np.nan)[()])
+
+
+def _euler_angles(f, x, y, z, w):
+    xx, yy, zz, ww = x * x, y * y, z * z, w * w
+    forward_east, forward_north = ww + xx - yy - zz, 2 * (x * y + z * w)
+    left_east, left_north = 2 * (x * y - z * w), ww - xx + yy - zz
+    roll, pitch = _tilt_angles(f, 2 * (x * z - y * w), 2 * (y * z + x * w), ww - xx - yy + zz)
+    vertical = f.hypot(forward_east, forward_north) < VERTICAL_COSINE
+    yaw = f.where(vertical, f.arctan2(-left_east, left_north), f.arctan2(forward_north, forward_east))
+    return f.where(vertical, 0.0, roll), pitch, yaw
+
+
+def tilt_angles(up_x: Value, up_y: Value, up_z: Value) -> tuple[Value, Value]:
+    """Roll and pitch of the world's upward direction seen in body axes (FLU).
+
+    Parameters
+    ----------
+    up_x, up_y, up_z : float or ndarray
+        The last row of the rotation matrix from body to world, times any positive number.
+
+    Returns
+    -------
+    roll, pitch : float or ndarray
+        rad.
+
+    Notes
+    -----
+    [1]_, section 2.2.1, the last row of the rotation matrix.
+    """
+    return _tilt_angles(_Arrays, up_x, up_y, up_z)
+
+
+def _tilt_angles(f, up_x, up_y, up_z):
+    return f.arctan2(up_y, up_z), f.arctan2(-up_x, f.hypot(up_y, up_z))
+
+
+def up_in_body(roll: Value, pitch: Value) -> tuple[Value, Value, Value]:
+    """The world's upward direction seen in body axes (FLU): the inverse of `tilt_angles`.
+
+    Times gravity, what an accelerometer at rest reads.
+
+    Parameters
+    ----------
+    roll, pitch : float or ndarray
+        rad.
+
+    Returns
+    -------
+    x, y, z : float or ndarray
+        A unit vector: the last row of the rotation matrix from body to world.
+    """
+    return -np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)
+
+
+def quaternion(roll: Value, pitch: Value, yaw: Value) -> Quaternion:
+    """The quaternion of roll, pitch and yaw.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : float or ndarray
+        rad.
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+
+    Notes
+    -----
+    [1]_, section 2.2.2 (unit quaternions from Euler angles).
+    """
+    f = _for_angles(roll, pitch, yaw)
+    sin_roll, cos_roll = f.sin(roll / 2), f.cos(roll / 2)
+    sin_pitch, cos_pitch = f.sin(pitch / 2), f.cos(pitch / 2)
+    sin_yaw, cos_yaw = f.sin(yaw / 2), f.cos(yaw / 2)
+    return (
+        sin_roll * cos_pitch * cos_yaw - cos_roll * sin_pitch * sin_yaw,
+        cos_roll * sin_pitch * cos_yaw + sin_roll * cos_pitch * sin_yaw,
+        cos_roll * cos_pitch * sin_yaw - sin_roll * sin_pitch * cos_yaw,
+        cos_roll * cos_pitch * cos_yaw + sin_roll * sin_pitch * sin_yaw,
+    )
+
+
+def euler_rates(
+    roll: Value, pitch: Value, rate_x: Value, rate_y: Value, rate_z: Value
+) -> tuple[Value, Value, Value]:
+    """Euler rates of body rates, NaN where the x axis is vertical (they do not exist there).
+
+    Parameters
+    ----------
+    roll, pitch : float or ndarray
+        rad.
+    rate_x, rate_y, rate_z : float or ndarray
+        Body rates, rad/s.
+
+    Returns
+    -------
+    roll_rate, pitch_rate, yaw_rate : float or ndarray
+        rad/s.
+
+    Notes
+    -----
+    [1]_, section 2.2.1 (attitude transformation).
+    """
+    f = _for_angles(roll, pitch)
+    sin_roll, cos_roll, cos_pitch = f.sin(roll), f.cos(roll), f.cos(pitch)
+    cos_pitch = f.where(abs(cos_pitch) < VERTICAL_COSINE, math.nan, cos_pitch)
+    yaw_rate = (rate_y * sin_roll + rate_z * cos_roll) / cos_pitch
+    return rate_x + yaw_rate * f.sin(pitch), rate_y * cos_roll - rate_z * sin_roll, yaw_rate
+
+
+def body_rates(
+    roll: Value, pitch: Value, roll_rate: Value, pitch_rate: Value, yaw_rate: Value
+) -> tuple[Value, Value, Value]:
+    """Body rates of Euler rates: the inverse of `euler_rates`.
+
+    Parameters
+    ----------
+    roll, pitch : float or ndarray
+        rad.
+    roll_rate, pitch_rate, yaw_rate : float or ndarray
+        rad/s.
+
+    Returns
+    -------
+    rate_x, rate_y, rate_z : float or ndarray
+        rad/s.
+
+    Notes
+    -----
+    [1]_, section 2.2.1 (inverse of the attitude transformation).
+    """
+    f = _for_angles(roll, pitch)
+    sin_roll, cos_roll, cos_pitch = f.sin(roll), f.cos(roll), f.cos(pitch)
+    return (
+        roll_rate - yaw_rate * f.sin(pitch),
+        pitch_rate * cos_roll + yaw_rate * sin_roll * cos_pitch,
+        -pitch_rate * sin_roll + yaw_rate * cos_roll * cos_pitch,
+    )
+
+
+def swap_body_axes(x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
+    """A body vector from FRD (forward, right, down) to FLU (forward, left, up), or back.
+
+    Holds for rates and for specific force alike: half a turn about x.
+
+    Parameters
+    ----------
+    x, y, z : float or ndarray
+
+    Returns
+    -------
+    x, y, z : float or ndarray
+    """
+    return x, -y, -z
+
+
+def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
+    """An orientation from FRD in NED to FLU in ENU, or back.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+
+    Notes
+    -----
+    The product ``n q f`` with ``n = (1, 1, 0, 0) / sqrt(2)``, which exchanges the world axes
+    NED and ENU (REP-103), and ``f = (1, 0, 0, 0)``, half a turn about the body's x axis; both
+    are their own inverses up to sign. In Euler angles: roll stays, pitch changes its sign, yaw
+    becomes pi/2 - yaw.
+    """
+    half = math.sqrt(0.5)
+    return half * (x + y), half * (x - y), half * (w - z), half * (w + z)
+
+
+def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
+    """The quaternion product ``first second``: the rotation `second`, then `first`.
+
+    Parameters
+    ----------
+    first, second : tuple of 4 floats or ndarrays
+        x, y, z, w.
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+
+    Notes
+    -----
+    [1]_, section 2.2.2 (quaternion product).
+    """
+    (ax, ay, az, aw), (bx, by, bz, bw) = first, second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def conjugate(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
+    """The inverse of a unit quaternion.
+
+    Parameters
+    ----------
+    x, y, z, w : float or ndarray
+
+    Returns
+    -------
+    x, y, z, w : float or ndarray
+    """
+    return -x, -y, -z, w
+
+
+def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
+    """A vector turned by a unit quaternion.
+
+    Parameters
+    ----------
+    rotation : tuple of 4 floats or ndarrays
+        x, y, z, w.
+    x, y, z : float or ndarray
+
+    Returns
+    -------
+    x, y, z : float or ndarray
+
+    Notes
+    -----
+    ``v + 2 w (u x v) + 2 u x (u x v)`` with u the vector part: [1]_, section 2.2.2, as
+    ``R = I + 2 w S(u) + 2 S(u)^2``.
+    """
+    ux, uy, uz, w = rotation
+    cx, cy, cz = 2 * (uy * z - uz * y), 2 * (uz * x - ux * z), 2 * (ux * y - uy * x)
+    return (
+        x + w * cx + uy * cz - uz * cy,
+        y + w * cy + uz * cx - ux * cz,
+        z + w * cz + ux * cy - uy * cx,
+    )
+

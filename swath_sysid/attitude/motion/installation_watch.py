@@ -1,0 +1,111 @@
+"""A running sensor, watched: what its own data say of its installation, from sample to sample."""
+from operator import itemgetter
+
+import numpy as np
+
+from swath_sysid.attitude.motion.contradictions import GRAVITY_CODES, RATE_CODES, Contradiction
+from swath_sysid.attitude.motion.installation_checks import (
+    PARTS,
+    WINDOW,
+    WINDOW_BINS,
+    Judgement,
+    binned,
+    judge,
+    samples_a_bin,
+)
+from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.common.row_buffer import RowBuffer
+
+INTERVAL = 5.0
+"""s between judgements of a running sensor."""
+
+MIN_DURATION = 9.0
+"""s below which a mean acceleration is not taken for gravity while a sensor runs."""
+
+CONFIRMATIONS = 2
+"""Judgements in a row that must agree on a contradiction, or on its end."""
+
+MAX_SAMPLES = 30_000
+"""Of a window: half a minute at 1 kHz."""
+
+GAP_NS = 3_000_000_000
+"""ns; a longer silence begins a window anew."""
+
+_values_of = itemgetter(*[CraftSample._fields.index(name) for names in PARTS for name in names])
+
+
+class InstallationCheck:
+    """The judgement of a running sensor: what it has been found to contradict, until it no longer does.
+
+    Parameters
+    ----------
+    installation : Installation
+        What frame and mounting are taken to be.
+    """
+
+    def __init__(self, installation: Installation) -> None:
+        self._installation = installation
+        self._rows = RowBuffer(MAX_SAMPLES, 10)
+        self._origin_ns = self._newest_ns = self._judged_ns = 0
+        self._votes: dict[tuple[str, str | None], tuple[int, Contradiction]] = {}
+        self._decided: frozenset[str] = frozenset()
+        self.contradictions: tuple[Contradiction, ...] = ()
+        self.judgements = 0
+
+    def add(self, sample: CraftSample) -> None:
+        """Take in one sample."""
+        stamp_ns = sample[0]
+        if not len(self._rows) or not 0 <= stamp_ns - self._newest_ns <= GAP_NS:
+            # a clock that was set back also is a reason to begin anew
+            self._rows.clear()
+            self._origin_ns = self._judged_ns = stamp_ns
+        self._newest_ns = stamp_ns
+        self._rows.append(((stamp_ns - self._origin_ns) * NANOSECOND, *_values_of(sample)))
+
+    @property
+    def described(self) -> str:
+        """What could be judged lately, in words."""
+        if RATE_CODES <= self._decided:
+            return 'gravity and rates agree with the attitude' if GRAVITY_CODES <= self._decided else (
+                'the rates agree with the attitude')  # fmt: skip
+        if GRAVITY_CODES <= self._decided:
+            return 'gravity agrees with the attitude; the rates show when the craft moves'
+        return 'not judged yet: it takes 10 s of samples, with orientation or accelerations'
+
+    def judge(self) -> tuple[Contradiction, ...]:
+        """Judge anew where enough has come in since the last time; what stands."""
+        if self._newest_ns - self._judged_ns >= INTERVAL * 1e9:
+            self._judged_ns = self._newest_ns
+            judgement = self._judgement()
+            self._weigh(judgement)
+            self._decided = judgement.decided
+            self.judgements += bool(judgement.decided)
+        return self.contradictions
+
+    def _judgement(self) -> Judgement:
+        """Of the last `WINDOW`, or of `WINDOW_BINS`, if that is longer."""
+        rows = self._rows.last()
+        interval = float(np.median(np.diff(rows[:, 0])))
+        in_time = int(np.count_nonzero(rows[:, 0] > rows[-1, 0] - WINDOW))
+        rows = rows[-max(in_time, WINDOW_BINS * samples_a_bin(interval)):]
+        if rows[-1, 0] - rows[0, 0] < MIN_DURATION:
+            return Judgement()
+        parts = binned(rows[:, 0], np.split(rows[:, 1:], 3, axis=1), interval)
+        return judge(*parts, installation=self._installation, interval=interval)
+
+    def _weigh(self, judgement: Judgement) -> None:
+        """Contradictions stand, and fall, when so many judgements in a row agree."""
+        found = {(each.code, each.axis): each for each in judgement.contradictions}
+        for key, each in found.items():
+            votes = self._votes.get(key, (0, None))[0]
+            self._votes[key] = min(votes + 1, CONFIRMATIONS), each
+        for key, (votes, each) in list(self._votes.items()):
+            if key not in found and each.code in judgement.decided:
+                self._votes[key] = votes - 1, each
+                if votes <= 1:
+                    del self._votes[key]
+        held = {(each.code, each.axis) for each in self.contradictions}
+        self.contradictions = tuple(
+            each for key, (votes, each) in self._votes.items() if votes >= CONFIRMATIONS or key in held
+        )

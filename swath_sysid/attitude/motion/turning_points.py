@@ -1,0 +1,361 @@
+"""Turning points of a motion: its swings, half cycles and natural period.
+
+A motion is looked at on a pyramid of ever coarser even time grids, each the pairwise mean of
+the one before. On the grid that holds a few tens of samples a period the noise is small, the
+turning points are still sharp, and a turning point is one that stands out of the noise.
+"""
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from swath_sysid.common.signals import bin_means, noise_level, quantum, without_spikes
+
+MOST_SAMPLES = 65536
+"""Longer records are averaged down to this many samples: 20 a period for an hour of a 1 s period."""
+
+FEWEST_PER_PERIOD = 32
+"""Samples a period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most."""
+
+FEWEST_PER_PERIOD_UNSMOOTHED = 5
+"""On the finest grid nothing is smoothed, and slow sampling is all there is."""
+
+PROMINENCE = 5.0
+"""A turning point stands out by so many standard deviations of the noise left on its grid."""
+
+RESOLVED_STEPS = 1.5
+"""... by so many steps of rounded values: where the motion is slow, averaging does not help,"""
+
+SMALLEST_PROMINENCE = 0.002
+"""... and by this part of the record's range, so that no trifle is taken for motion."""
+
+SMOOTHING = 1.0
+"""Width (standard deviation, samples) of the Gaussian that smooths all but the finest grid."""
+
+SMOOTHED_NOISE = 1.0 / np.sqrt(2.0 * np.sqrt(np.pi) * SMOOTHING)
+"""What that Gaussian leaves of the standard deviation of white noise."""
+
+LONGEST_BRIDGED_GAP = 0.2
+"""A pause longer than this part of what was sampled splits the record in two."""
+
+
+@dataclass(frozen=True)
+class EvenSignal:
+    """One quantity of a motion on an even time grid.
+
+    Attributes
+    ----------
+    quantity : str
+        ``angle`` (rad) or ``rate`` (rad/s).
+    start : float
+        Time of the first sample, s.
+    interval : float
+        Time between samples, s.
+    value : ndarray, shape (N,)
+        rad or rad/s.
+    noise : float
+        Standard deviation of the white noise in ``value``.
+    resolution : float
+        Smallest step between the values as they were recorded.
+    gaps : ndarray, shape (K, 2)
+        Begin and end of the stretches without samples, s; interpolated in ``value``.
+    smoothed : bool
+        False on the finest grid as it was measured.
+    record_end : float
+        Time of the record's last sample, s; coarse grids end a little earlier.
+    """
+
+    quantity: str
+    start: float
+    interval: float
+    value: np.ndarray
+    noise: float
+    resolution: float
+    gaps: np.ndarray
+    smoothed: bool = False
+    record_end: float = np.inf
+
+    @property
+    def end(self):
+        """Time of the last sample, s."""
+        return self.start + self.interval * (self.value.size - 1)
+
+    @property
+    def time(self):
+        """Times of the samples, s."""
+        return self.start + self.interval * np.arange(self.value.size)
+
+    def index(self, time):
+        """Index of the sample nearest to a time, within the grid."""
+        return min(max(round((time - self.start) / self.interval), 0), self.value.size - 1)
+
+
+@dataclass(frozen=True)
+class TurningPoints:
+    """Alternate maxima and minima of a motion.
+
+    Attributes
+    ----------
+    time : ndarray, shape (M,)
+        s.
+    value : ndarray, shape (M,)
+        rad, or rad/s where ``quantity`` is ``rate``.
+    quantity : str
+        ``angle``, or ``rate`` where no angle was measured.
+    noise : float
+        Standard deviation of the noise of one value.
+    """
+
+    time: np.ndarray
+    value: np.ndarray
+    quantity: str
+    noise: float
+
+    @property
+    def swings(self):
+        """Double amplitude from each turning point to the next, shape (M - 1,)."""
+        return np.abs(np.diff(self.value))
+
+    @property
+    def half_periods(self):
+        """Time from each turning point to the next, s, shape (M - 1,)."""
+        return np.diff(self.time)
+
+
+def find_turning_points(motion, period=None):
+    """Find the maxima and minima of a motion that stand out of its noise.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        Of its quantities the angle is used, or the rate where no angle was measured.
+    period : float, optional
+        s; sets the smoothing. Without it, the slowest period on which most of the motion swings.
+
+    Returns
+    -------
+    TurningPoints
+        Empty where nothing turns.
+    """
+    best = None
+    for signal in pyramid(even_signal(motion)):
+        points = turning_points_of(signal)
+        half_periods, swings = points.half_periods, points.swings
+        if swings.size == 0:
+            found = 0.0
+        else:
+            found = 2.0 * float(np.average(half_periods, weights=swings))
+        wanted = found if period is None else period
+        if best is None or wanted >= FEWEST_PER_PERIOD * signal.interval:
+            best = points
+    return best
+
+
+def mean_period(points):
+    """Period over the turning points, weighted by their swings, s.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two turning points.
+    """
+    if points.time.size < 2:
+        raise ValueError('a period needs at least two turning points')
+    if points.time.size < 3:
+        return 2.0 * float(points.half_periods[0])
+    swings = points.swings
+    return float(np.average(points.time[2:] - points.time[:-2], weights=swings[:-1] + swings[1:]))
+
+
+def centre_of_decay(value):
+    """Value about which a decay swings, from its turning points.
+
+    The limit of a geometric sequence from three successive terms (Aitken's delta-squared
+    process) is exact for linear damping; the median over the decay, weighted by the
+    swings, resists noise and damping that changes with the amplitude.
+
+    Parameters
+    ----------
+    value : ndarray, shape (M,)
+        Successive turning points, M >= 1.
+
+    Returns
+    -------
+    float
+    """
+    value = np.asarray(value, dtype=float)
+    if value.size < 3:
+        return float(np.mean(value[-2:]))
+    first, second, third = value[:-2], value[1:-1], value[2:]
+    bend = first - 2.0 * second + third
+    bent = np.abs(bend) > 0.0
+    if not bent.any():
+        return float(np.mean(value[-2:]))
+    centre = (third[bent] * first[bent] - second[bent] ** 2) / bend[bent]
+    return weighted_median(centre, np.abs(bend[bent]))
+
+
+def weighted_median(value, weight):
+    """Value below and above which half of the weight lies."""
+    order = np.argsort(value)
+    cumulated = np.cumsum(weight[order])
+    return float(value[order][np.searchsorted(cumulated, 0.5 * cumulated[-1])])
+
+
+def find_gaps(motion, longer_than=None):
+    """Find the stretches without samples.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+    longer_than : float, optional
+        s; by default one and a half times the median sample interval.
+
+    Returns
+    -------
+    ndarray, shape (K, 2)
+        Begin and end of each, s.
+    """
+    if motion.size < 3:
+        return np.empty((0, 2))
+    steps = np.diff(motion.time)
+    where = np.flatnonzero(steps > (1.5 * np.median(steps) if longer_than is None else longer_than))
+    return np.stack([motion.time[where], motion.time[where + 1]], axis=1)
+
+
+def split_at_pauses(motion):
+    """Split a motion where the recording paused for long.
+
+    Returns
+    -------
+    list of AxisMotion
+        In order of time; the motion itself where it never paused.
+    """
+    if motion.size < 3:
+        return [motion]
+    steps = np.diff(motion.time)
+    sampled = np.median(steps) * motion.size
+    cuts = np.flatnonzero(steps > LONGEST_BRIDGED_GAP * sampled) + 1
+    bounds = [0, *cuts.tolist(), motion.size]
+    return [motion.only(slice(a, b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+
+
+def even_signal(motion):
+    """The angle of a motion (or its rate, without an angle) on an even grid, without lone spikes.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+
+    Returns
+    -------
+    EvenSignal
+    """
+    quantity, value = ('rate', motion.rate) if motion.angle is None else ('angle', motion.angle)
+    value = np.asarray(value, dtype=float)
+    time = np.asarray(motion.time, dtype=float)
+    record_end = float(time[-1])
+    if motion.size < 3 or not time[-1] > time[0]:
+        none = np.empty((0, 2))
+        return EvenSignal(quantity, float(time[0]), 1.0, value.copy(), 0.0, 0.0, none, record_end=record_end)
+    start, duration = float(time[0]), float(time[-1] - time[0])
+    interval = max(float(np.median(np.diff(time))), duration / (MOST_SAMPLES - 1))
+    number = int(np.floor(duration / interval * (1.0 + 1e-9))) + 1
+    resolution = quantum(value)
+    if number < 0.7 * motion.size:
+        bins = np.clip(np.rint((time - start) / interval).astype(int), 0, number - 1)
+        _, elapsed, value = bin_means(bins, time - start, value)
+        time = start + elapsed
+        resolution = 0.0
+    even = without_spikes(np.interp(start + interval * np.arange(number), time, value))
+    gaps = find_gaps(motion, longer_than=4.0 * interval)
+    return EvenSignal(quantity, start, interval, even, noise_level(even), resolution, gaps, record_end=record_end)
+
+
+def pyramid(signal):
+    """The signal as it is, then smoothed, on ever coarser grids.
+
+    Parameters
+    ----------
+    signal : EvenSignal
+        On its finest grid.
+
+    Yields
+    ------
+    EvenSignal
+    """
+    yield signal
+    level = signal
+    while level.value.size >= FEWEST_PER_PERIOD // 2:
+        smooth = gaussian_filter1d(level.value, SMOOTHING, mode='nearest')
+        yield replace(level, value=smooth, noise=level.noise * SMOOTHED_NOISE, smoothed=True)
+        even = level.value.size // 2 * 2
+        level = replace(
+            level,
+            start=level.start + 0.5 * level.interval,
+            interval=2.0 * level.interval,
+            value=0.5 * (level.value[0:even:2] + level.value[1:even:2]),
+            noise=level.noise / np.sqrt(2.0),
+        )
+
+
+def suits(signal, period):
+    """Whether a grid is the one on which to look at a period.
+
+    Neighbouring grids overlap by a little, so that a period is never missed between them.
+    """
+    samples = period / signal.interval
+    if signal.smoothed:
+        return FEWEST_PER_PERIOD <= samples <= 2.2 * FEWEST_PER_PERIOD
+    return FEWEST_PER_PERIOD_UNSMOOTHED <= samples <= 1.1 * FEWEST_PER_PERIOD
+
+
+def prominence_of(signal):
+    """How far a turning point of this signal must stand out, in its unit."""
+    if signal.value.size < 2:
+        return 0.0
+    return max(
+        PROMINENCE * signal.noise,
+        RESOLVED_STEPS * signal.resolution,
+        SMALLEST_PROMINENCE * float(np.ptp(signal.value)),
+    )
+
+
+def turning_points_of(signal):
+    """Maxima and minima of one grid, placed between samples by the parabola through three.
+
+    Parameters
+    ----------
+    signal : EvenSignal
+
+    Returns
+    -------
+    TurningPoints
+    """
+    value = signal.value
+    least = prominence_of(signal)
+    if value.size < 3 or least == 0.0:
+        empty = np.empty(0)
+        return TurningPoints(empty, empty, signal.quantity, signal.noise)
+    from scipy.signal import find_peaks
+
+    index = _alternating(*(find_peaks(sign * value, prominence=least)[0] for sign in (1.0, -1.0)))
+    before, at, after = value[index - 1], value[index], value[index + 1]
+    bend = before - 2.0 * at + after
+    bent = bend != 0.0
+    offset = np.zeros(index.size)
+    offset[bent] = np.clip(0.5 * (before - after)[bent] / bend[bent], -0.5, 0.5)
+    return TurningPoints(
+        signal.start + signal.interval * (index + offset),
+        at - 0.25 * (before - after) * offset,
+        signal.quantity,
+        signal.noise,
+    )
+
+
+def _alternating(maxima, minima):
+    """Indices of maxima and minima in order; of equal ones with no other kind between, the first."""
+    index = np.concatenate([maxima, minima])
+    order = np.argsort(index)
+    kind = np.repeat([1, -1], [maxima.size, minima.size])[order]
+    return index[order][np.concatenate([[True], kind[1:] != kind[:-1]])] if index.size else index

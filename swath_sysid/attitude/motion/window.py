@@ -1,0 +1,372 @@
+"""The motion window: the last minute of motion in fixed memory, and the decays that end in it."""
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from math import ceil, inf, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, CraftSample, ImuReading, Intake, Taken
+from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.trial import AXES, CHANNELS, AxisMotion, Trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.row_buffer import RowBuffer
+from swath_sysid.common.signals import bin_means
+
+COLUMNS = ('t', *CHANNELS)
+"""Columns of a window: the stamp, s, and the channels of a trial."""
+
+WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
+
+WATCH_SPAN = 2.0
+"""s; motion is large or small over so long."""
+
+WATCH_BLOCK = 0.25
+"""s; the extremes of so long are kept, not every sample."""
+
+CALM = 0.35
+"""Motion below this part of the largest is worth a look for a decay that has ended."""
+
+FIRST_LOOK = 1.0
+NEXT_LOOK = 1.5
+"""A decay is looked for so many seconds after the last large motion, and then ever more rarely, by this factor."""
+
+LOOK_RATE = 50.0
+"""Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms."""
+
+MIN_CYCLES = 1.5
+"""A shorter decay is not reported: it is fitted badly."""
+
+
+@dataclass(frozen=True)
+class WindowSettings:
+    """What a motion window holds and looks for.
+
+    Attributes
+    ----------
+    window : float
+        Length, s.
+    max_rate : float
+        Hz; memory is taken for so many samples a second, faster ones shorten the window.
+    detect_decay : bool
+        Whether to look for free decays that have ended.
+    smallest_decay : float
+        rad; a decay of a smaller first amplitude is not reported.
+    installation : Installation
+    stamps : StampSettings
+    """
+
+    window: float = 60.0
+    max_rate: float = 1000.0
+    detect_decay: bool = True
+    smallest_decay: float = pi / 180.0
+    installation: Installation = field(default_factory=Installation)
+    stamps: StampSettings = field(default_factory=StampSettings)
+
+    def __post_init__(self) -> None:
+        for name in ('window', 'max_rate', 'smallest_decay'):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f'{name} must be positive, not {getattr(self, name)}')
+
+
+@dataclass(frozen=True)
+class MotionTable:
+    """Rows of a motion window, as they are published and received.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (N, 8)
+        `COLUMNS`; NaN marks what is not measured.
+    stamp_ns : int
+        Of the last row; 0 where there is none.
+    """
+
+    rows: np.ndarray
+    stamp_ns: int
+
+    def trial(self, source: str = 'the motion window') -> Trial:
+        """The rows as a trial whose time begins at zero.
+
+        Raises
+        ------
+        InputError
+            The window is empty.
+        """
+        if not len(self.rows):
+            raise InputError('the motion window is empty: check that the IMU publishes and that imu_buffer receives it')
+        time, *channels = np.ascontiguousarray(self.rows.T)
+        measured = {
+            name: values for name, values in zip(CHANNELS, channels, strict=True) if np.isfinite(values).any()
+        }
+        return Trial(time=time - time[0], **measured, source=source)
+
+
+@dataclass(frozen=True)
+class FinishedDecay:
+    """A free decay that has ended, and the window it lies in.
+
+    Attributes
+    ----------
+    axis : str
+    segment : DecaySegment
+        In the time of ``table.trial()``.
+    table : MotionTable
+    """
+
+    axis: str
+    segment: DecaySegment
+    table: MotionTable
+
+
+class WindowStep(NamedTuple):
+    """What one IMU message did to the window.
+
+    Attributes
+    ----------
+    kept : bool
+    reasons : tuple of str
+        From `WINDOW_REASONS`: what was counted.
+    finished : FinishedDecay or None
+        To be published.
+    """
+
+    kept: bool
+    reasons: tuple[str, ...] = ()
+    finished: FinishedDecay | None = None
+
+
+class MotionWindow:
+    """The last samples of an IMU as the motion of the craft, in memory that does not grow.
+
+    Pure: time is the stamps, the same messages give the same windows.
+
+    Parameters
+    ----------
+    settings : WindowSettings, optional
+    intake : Intake, optional
+        That of the settings, where another core shares it.
+    """
+
+    def __init__(self, settings: WindowSettings | None = None, intake: Intake | None = None) -> None:
+        self.settings = settings or WindowSettings()
+        self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
+        self.counts = dict.fromkeys(WINDOW_REASONS, 0)
+        self.samples = 0
+        self.recording = True
+        self._rows = RowBuffer(ceil(self.settings.window * self.settings.max_rate) + 1, len(COLUMNS))
+        self._watch = DecayWatch(self.settings)
+        self.clear()
+
+    @property
+    def interval(self) -> float | None:
+        """Typical time between samples, s; None before the second."""
+        return self._intake.interval
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return len(self._rows)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last row."""
+        rows = self._rows.last()
+        return float(rows[-1, 0] - rows[0, 0]) if len(rows) else 0.0
+
+    @property
+    def described(self) -> str:
+        """What the window holds, for people."""
+        state = 'recording' if self.recording else 'not recording'
+        held = f'{self.size} samples, {self.duration:.1f} s' if self.size else 'the window is empty'
+        return f'{state}, {held}'
+
+    @property
+    def is_short_of_memory(self) -> bool:
+        """Whether samples come faster than memory was taken for, so that the window is shorter than asked."""
+        return self.size == self._rows.capacity and self.duration < 0.95 * self.settings.window
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._rows.clear()
+        self._stamp_ns = 0
+        self._watch.restart()
+
+    def record(self, on: bool) -> None:
+        """Begin a new window, or keep the one there is as it is."""
+        if on and not self.recording:
+            self.clear()
+        self.recording = on
+
+    def detect_decay(self, on: bool) -> None:
+        """Look for decays that have ended, or do not."""
+        self._watch.restart()
+        self._watch.on = on
+
+    def add(self, reading: ImuReading) -> WindowStep:
+        """Take in one message."""
+        return self.add_taken(self._intake.take(reading))
+
+    def add_taken(self, taken: Taken) -> WindowStep:
+        """Take in what the intake made of one message."""
+        sample, reasons = taken
+        for reason in reasons:
+            self.counts[reason] += 1
+        if JUMPED_BACK in reasons:
+            self.clear()
+        if sample is None:
+            return WindowStep(False, reasons)
+        self.samples += 1
+        if not self.recording:
+            return WindowStep(True, reasons)
+        self._append(sample)
+        return WindowStep(True, reasons, self._watch.look(sample, self))
+
+    def table(self, since: float | None = None) -> MotionTable:
+        """The rows, oldest first.
+
+        Parameters
+        ----------
+        since : float, optional
+            Stamp of the first row wanted, s.
+
+        Returns
+        -------
+        MotionTable
+        """
+        rows = self._rows.last()
+        if since is not None:
+            rows = rows[np.searchsorted(rows[:, 0], since):]
+        return MotionTable(rows.copy(), self._stamp_ns)
+
+    def _append(self, sample: CraftSample) -> None:
+        stamp = sample[0] * NANOSECOND
+        self._rows.append((stamp, *sample[1:8]))
+        self._rows.drop_below(stamp - self.settings.window)
+        self._stamp_ns = sample[0]
+
+
+class DecayWatch:
+    """Notices, from the samples as they come, that a free decay has ended.
+
+    Looking for one takes 10 ms, so it is done only when large motion has died down.
+
+    Parameters
+    ----------
+    settings : WindowSettings
+    """
+
+    def __init__(self, settings: WindowSettings) -> None:
+        self._settings = settings
+        self.on = settings.detect_decay
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what was seen and reported."""
+        self._watches = {axis: _AxisWatch(ceil(self._settings.window / WATCH_BLOCK)) for axis in AXES}
+        self._reported_until: dict[str, float | None] = dict.fromkeys(AXES)
+        self._block_end: float | None = None
+
+    def look(self, sample: CraftSample, window: MotionWindow) -> FinishedDecay | None:
+        """Take in a sample that the window holds already; the decay that has ended, if one has."""
+        if not self.on:
+            return None
+        stamp, roll, pitch, roll_rate, pitch_rate = sample[:5]
+        by_roll, by_pitch = self._watches.values()
+        by_roll.widen(roll if roll == roll else roll_rate)
+        by_pitch.widen(pitch if pitch == pitch else pitch_rate)
+        time = stamp * NANOSECOND
+        if self._block_end is None:
+            self._block_end = time + WATCH_BLOCK
+        if time < self._block_end:
+            return None
+        self._block_end = time + WATCH_BLOCK
+        due = [axis for axis, watch in self._watches.items() if watch.is_due(time)]
+        return next(filter(None, (self._search(axis, window) for axis in due)), None)
+
+    def _search(self, axis: str, window: MotionWindow) -> FinishedDecay | None:
+        """The newest decay about an axis that has ended and was not reported before."""
+        table = window.table(self._reported_until[axis])
+        try:
+            motion = averaged(table, LOOK_RATE).trial().axis(axis)
+        except InputError:
+            return None
+        if motion.size < 2 * LOOK_RATE * FIRST_LOOK:
+            return None
+        ended = [decay for decay in find_decays(motion) if self._is_worth_reporting(decay, motion)]
+        if not ended:
+            return None
+        newest = max(ended, key=lambda decay: decay.end)
+        self._reported_until[axis] = table.rows[0, 0] + newest.end
+        return FinishedDecay(axis, newest, table)
+
+    def _is_worth_reporting(self, decay: DecaySegment, motion: AxisMotion) -> bool:
+        amplitude = decay.initial_amplitude
+        if decay.quantity == 'rate':
+            amplitude *= decay.period / (2.0 * pi)
+        begun = decay.beginning in ('released', 'pushed')
+        large = amplitude >= self._settings.smallest_decay and decay.cycles >= MIN_CYCLES
+        return begun and large and is_finished(decay, motion)
+
+
+class _AxisWatch:
+    """How far one quantity reached lately, and when to look for a decay next."""
+
+    def __init__(self, blocks: int) -> None:
+        spans = round(WATCH_SPAN / WATCH_BLOCK)
+        self._lows, self._highs = deque([inf], spans), deque([-inf], spans)
+        self._reaches = deque([0.0], max(blocks, spans))
+        self._low, self._high = inf, -inf
+        self._calm_since: float | None = None
+        self._wait = FIRST_LOOK
+
+    def widen(self, value: float) -> None:
+        """Take in a value, which may lie beyond the block's lowest and highest."""
+        if value < self._low:
+            self._low = value
+        if value > self._high:
+            self._high = value
+
+    def is_due(self, time: float) -> bool:
+        """Close a block of samples; whether to look for a decay now, s."""
+        self._lows.append(self._low)
+        self._highs.append(self._high)
+        self._low, self._high = inf, -inf
+        reach = max(max(self._highs) - min(self._lows), 0.0)
+        self._reaches.append(reach)
+        if reach >= CALM * max(self._reaches):
+            self._calm_since, self._wait = None, FIRST_LOOK
+            return False
+        if self._calm_since is None:
+            self._calm_since = time
+        if time - self._calm_since < self._wait:
+            return False
+        self._wait *= NEXT_LOOK
+        return True
+
+
+def averaged(table: MotionTable, rate: float) -> MotionTable:
+    """A table with the means of its rows over even intervals, where it has more than ``rate`` rows a second.
+
+    Parameters
+    ----------
+    table : MotionTable
+    rate : float
+        Hz.
+
+    Returns
+    -------
+    MotionTable
+    """
+    rows = table.rows
+    if len(rows) < 2:
+        return table
+    elapsed = rows[:, 0] - rows[0, 0]
+    bins = np.floor(elapsed * rate).astype(int)
+    if len(rows) <= 1.5 * (bins[-1] + 1):
+        return table
+    _, *means = bin_means(bins, *rows.T)
+    return MotionTable(np.stack(means, axis=1), table.stamp_ns)

@@ -1,0 +1,68 @@
+"""Forecasts as values."""
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from swath_sysid.attitude.prediction.point import PointMotion
+from swath_sysid.attitude.prediction.quiescence import CalmWindow
+
+LEVELS = np.array([0.5, 0.9, 0.99])
+"""Of the central intervals that every forecast gives."""
+
+NORMAL_QUANTILES = np.array([0.6744897501960817, 1.6448536269514722, 2.5758293035489004])
+"""Half widths of these intervals over the standard deviation."""
+
+
+@dataclass(frozen=True)
+class AxisForecast:
+    """The forecast of one axis at L leads.
+
+    Attributes
+    ----------
+    angle, rate : ndarray, shape (L,)
+        rad, rad/s.
+    covariance : ndarray, shape (L, 2, 2)
+        Of angle and rate.
+    """
+
+    angle: np.ndarray
+    rate: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def half_width(self):
+        """Half widths of the central 50, 90 and 99 % intervals of the angle, rad, shape (L, 3): of a normal one."""
+        return np.sqrt(self.covariance[:, 0, 0])[:, None] * NORMAL_QUANTILES
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """Forecasts issued at one stamp.
+
+    Attributes
+    ----------
+    stamp : float
+        When issued, s; entry i is for ``stamp + leads[i]``.
+    leads : ndarray, shape (L,)
+        s.
+    axes : dict of str to AxisForecast
+        The axes that the sensor measures.
+    covariance : ndarray, shape (L, 2A, 2A), or None
+        Joint covariance of the angles of ``axes`` and then of their rates; each axis's own block is that
+        of its `AxisForecast`.
+    quiescence : float
+        Probability that the craft stays inside the configured limits; NaN where none are configured.
+    calm : CalmWindow or None
+        When it will next be inside them for long enough; None: not within the horizon, or not known.
+    points : dict of str to PointMotion
+        Vertical motion at the configured points; empty until it is learnt.
+    """
+
+    stamp: float
+    leads: np.ndarray
+    axes: dict[str, AxisForecast]
+    covariance: np.ndarray | None = None
+    quiescence: float = math.nan
+    calm: CalmWindow | None = None
+    points: dict[str, PointMotion] = field(default_factory=dict)

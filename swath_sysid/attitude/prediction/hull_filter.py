@@ -1,0 +1,786 @@
+"""The filter of one axis on a known hull: an extended Kalman filter whose exciting moment is a state space inside it.
+
+    d(angle)/dt = rate
+    d(rate)/dt  = -exp(d) D(rate) - exp(k) R(angle - trim) + h z        D, R: the identified damping and restoring
+    d(trim)/dt, dk/dt, dd/dt = slow random walks, from what the identification knows of them
+    dz/dt       = A z + w                                               (`modal_moment`)
+
+Two of them follow every sample: one on which nothing acts, and one that is driven by the sum of two moments: one of
+which nothing is known but its size (second-order Markov: a hand on the craft, a gust, a sea not yet learnt) and, once
+learnt, that of the sea (`excitation_model`). Which one speaks is decided by the likelihood of their innovations, in
+Wald's sequential test: once a hand lets go, the hull alone remains within some tenths of a second.
+"""
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from scipy.stats import chi2
+
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.terms import term_moments
+from swath_sysid.attitude.prediction import hull_step
+from swath_sysid.attitude.prediction.hull_step import HULL_STATES
+from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
+from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
+_OF_HULL = slice(TRIM, HULL_STATES)
+
+NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
+NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
+
+TRIM_DRIFT = 3e-6**2
+"""rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the sea."""
+
+SCALE_DRIFT = 1e-4**2
+"""1/s; the scales move by 2 % in ten hours of a voyage."""
+
+UNKNOWN_TRIM_STD = 0.02
+IDENTIFIED_TRIM_STD = 5e-4
+"""rad; identification reports 3e-5 to 7e-4."""
+
+LEAST_STIFFNESS_STD = 0.001
+LEAST_DAMPING_STD = 0.005
+MOST_SCALE_STD = 1.0
+"""Of the logarithms of the scales: no model is exact, and none is worth nothing."""
+
+USUAL_AMPLITUDE = 0.05
+"""rad; where the ratios' covariance is weighed, if the identification does not say which amplitudes it saw."""
+
+INITIAL_ANGLE_STD = 0.3
+INITIAL_RATE_STD = 0.3
+"""rad and rad/s, of what the first sample does not measure."""
+
+MARKOV_TIME = 0.5
+"""s; one over the corner frequency of the moment of which nothing is known."""
+
+MARKOV_STD = 0.3
+"""rad/s^2; its size at the start."""
+
+LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e4
+"""Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft."""
+
+CHALLENGING_LEVEL = 0.01
+"""Of the unknown moment where it has to show anew that it acts."""
+
+LEVEL_INTERVAL = 0.05
+"""s between two judgements of the moments' sizes."""
+
+FREE_LEVEL_INTERVAL = 1.0
+"""s; the same while no hull is known: nothing but the filter's own smoothness hangs on it."""
+
+LEVEL_TIMES = 2.0, 60.0
+"""s; a size drifts towards what the states support: the unknown moment's, and that of a learnt sea."""
+
+CONVINCING, LOST = 10.0, 2.0
+"""Logarithms of the likelihood ratio from which on the filter that does not speak takes over, and begins anew."""
+
+UNFORESEEN = 1e-8
+"""Of a learnt sea's variance: that of the unknown moment beside it, at first."""
+
+STRAIN_GAIN = 0.2
+MOST_STRAIN = 3.5
+"""Running mean of the innovations squared over their expectation, and from where on something new must be acting."""
+
+NEWCOMER = 0.5
+"""Of the moment that one interval's innovation shows: it has often acted for longer. Too little is raised again."""
+
+RECENT = 400
+"""Samples that are kept to be taken in anew when a fit arrives."""
+
+INSIGNIFICANT = 0.01
+"""rad/s^2; an unknown moment of less is none."""
+
+QUIET = 3.0
+"""s; trim and scales are learnt once the unknown moment has been insignificant for so long."""
+
+LONGEST_STEP = 0.05
+"""s; the moment acts by the mean of its values at both ends of a step."""
+
+CONTRADICTION = 3.0
+"""Standard deviations."""
+
+MUCH = 0.1, 0.3
+"""Logarithms of the scales of stiffness and damping that are worth a word however little was known before."""
+
+
+class HullUncertainty(NamedTuple):
+    """What is not known of an identified hull.
+
+    Attributes
+    ----------
+    trim_std : float
+        rad; NaN: not known.
+    stiffness_std, damping_std : float
+        Relative.
+    """
+
+    trim_std: float = IDENTIFIED_TRIM_STD
+    stiffness_std: float = 0.0
+    damping_std: float = 0.0
+
+    @classmethod
+    def of(cls, identified):
+        """Relative uncertainty of the restoring and damping moments at the amplitude that the identification saw.
+
+        Parameters
+        ----------
+        identified : IdentifiedModel
+
+        Returns
+        -------
+        HullUncertainty
+        """
+        if not identified.covariance.any():
+            return cls()
+        model, (_, largest) = identified.model, identified.amplitude_range
+        amplitude = 0.5 * largest if math.isfinite(largest) and largest > 0.0 else USUAL_AMPLITUDE
+        frequency = model.natural_frequency
+        rate = amplitude * (frequency if frequency == frequency else 1.0)
+        moments = term_moments(amplitude, rate, model.friction_rate)[model.equation.indices]
+        parts = model.ratios[model.equation.indices] * moments
+        is_damping = model.equation.indices < 4
+
+        def relative(chosen):
+            direction = np.where(chosen, moments, 0.0)
+            variance = float(direction @ identified.covariance @ direction)
+            return math.sqrt(max(variance, 0.0)) / max(abs(float(parts[chosen].sum())), 1e-12)
+
+        return cls(identified.trim_std, relative(~is_damping), relative(is_damping))
+
+
+@dataclass(frozen=True)
+class HullFilterSettings:
+    """When a sample is refused.
+
+    Attributes
+    ----------
+    gate_probability : float
+        A true measurement is taken for an outlier with this probability.
+    gate_patience : int
+        After so many rejected samples in a row the filter starts anew from the sensor.
+    """
+
+    gate_probability: float = 1e-12
+    gate_patience: int = 5
+
+    def __post_init__(self):
+        if not 0.0 < self.gate_probability < 0.5:
+            raise InputError('a gate_probability of 0.5 or more rejects good samples: give 1e-3 or less')
+        if not self.gate_patience > 0:
+            raise InputError('gate_patience must be 1 sample or more')
+
+
+class Observed(NamedTuple):
+    """What one sample led to.
+
+    Attributes
+    ----------
+    nis : float
+        Normalised innovation squared; NaN where nothing was measured.
+    measured : int
+        How many values (0, 1 or 2) the sample gave.
+    rejected : bool
+        The gate refused the sample.
+    restarted : bool
+        The filter began anew from this sample.
+    log_likelihood : float
+        Of the sample, natural logarithm; zero where nothing was measured or it was rejected.
+    surprised : bool
+        A moment that nothing foretold has begun to act, or ceased to: a hand, a line, a gust.
+    """
+
+    nis: float = math.nan
+    measured: int = 0
+    rejected: bool = False
+    restarted: bool = False
+    log_likelihood: float = 0.0
+    surprised: bool = False
+
+
+@dataclass(frozen=True)
+class ExcitationRequest:
+    """A window to learn a moment from (`excitation_model.fit_excitation`).
+
+    Attributes
+    ----------
+    model : DecayModel
+        The hull.
+    hull_mean, hull_covariance : ndarray, shapes (3,) and (3, 3)
+        Trim, rad, and logarithms of the scales of stiffness and damping, as the filter knows them now.
+    hull_is_learnt : bool
+        Whether the filter has learnt them in this window already.
+    step : float
+        s between the samples.
+    angle, rate : ndarray, shape (N,)
+        rad, rad/s, each the mean of the sensor's samples in a step.
+    angle_variance, rate_variance : float
+        Of the noise of these means.
+    samples : int
+        Of the sensor in a step.
+    """
+
+    model: DecayModel
+    hull_mean: np.ndarray
+    hull_covariance: np.ndarray
+    hull_is_learnt: bool
+    step: float
+    angle: np.ndarray
+    rate: np.ndarray
+    angle_variance: float
+    rate_variance: float
+    samples: int = 1
+
+
+@dataclass(frozen=True)
+class ExcitationFit:
+    """A learnt moment.
+
+    Attributes
+    ----------
+    moment : ModalMoment
+    mean, covariance : ndarray, shapes (n,) and (n, n)
+        Of the whole state of a filter with it, at the time of the window's last sample.
+    levels : tuple of 2 floats
+        Sizes of the unknown moment and of this one then.
+    """
+
+    moment: ModalMoment
+    mean: np.ndarray
+    covariance: np.ndarray
+    levels: tuple[float, float]
+
+
+class HullTrack(ExtendedKalmanFilter):
+    """Extended Kalman filter of a hull under a moment; each call says how much time has passed.
+
+    ``x`` and ``P`` are filterpy's; so are ``predict`` and ``update`` where numba is absent, after `linearise`.
+    """
+
+    def __init__(self):
+        super().__init__(dim_x=HULL_STATES, dim_z=2)
+        self.x, self.P = np.zeros(HULL_STATES), np.eye(HULL_STATES)
+        self.moment = NO_MOMENT
+        self.strain = 1.0
+        self.set_hull(None)
+
+    def set_hull(self, model):
+        """Swap the equation; None: a constant rate that the moment drives."""
+        self.hull = NO_HULL if model is None else (
+            tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate)
+        )  # fmt: skip
+        fastest = 0.0
+        if model is not None:
+            by_angle, by_rate = model.jacobian(model.trim, 0.0)
+            fastest = max(math.sqrt(abs(by_angle)), abs(by_rate))
+        self.drifts = TRIM_DRIFT, 0.0 if model is None else SCALE_DRIFT
+        self.longest = min(LONGEST_STEP, 0.25 / fastest if fastest > 0.0 else LONGEST_STEP)
+        self.foreseen = None
+
+    def set_state(self, mean, covariance):
+        """Replace the state, of whatever size."""
+        self.x, self.P = np.array(mean), np.array(covariance)
+        self.dim_x = self.x.size
+        self._I = np.eye(self.dim_x)
+        self.foreseen = None
+
+    def set_part(self, places, mean, covariance):
+        """Replace some states, which become independent of the others."""
+        self.x[places] = mean
+        self.P[places] = self.P[:, places] = 0.0
+        self.P[places, places] = covariance
+        self.foreseen = None
+
+    def advance(self, duration):
+        """Predict over a duration, s."""
+        foreseen, self.foreseen = self.foreseen, None
+        if foreseen is not None and abs(foreseen[0] - duration) < 1e-6:
+            _, self.x, self.P = foreseen
+        elif duration > 0.0:
+            self._predict_to(np.array([duration]))
+
+    def ahead(self, lead):
+        """Mean and covariance one lead after the present state, which stays as it is."""
+        if self.foreseen is None or self.foreseen[0] != lead:
+            now = self.x.copy(), self.P.copy()
+            self._predict_to(np.array([lead]))
+            self.foreseen = lead, self.x, self.P
+            self.x, self.P = now
+        return self.foreseen[1:]
+
+    def forecast(self, leads):
+        """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
+        now = self.x, self.P
+        self.x, self.P = self.x.copy(), self.P.copy()
+        found = self._predict_to(np.diff(np.asarray(leads, dtype=float), prepend=0.0))
+        self.x, self.P = now
+        return found
+
+    def _predict_to(self, durations):
+        means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
+        if HAS_NUMBA:
+            hull_step.predict_to(
+                self.x, self.P, self.moment, self.hull, self.drifts, durations, self.longest, means, spreads
+            )
+            return means, spreads
+        for k, duration in enumerate(durations.tolist()):
+            count = max(1, math.ceil(duration / self.longest - 1e-6)) if duration > 0.0 else 0
+            for _ in range(count):
+                self.linearise(duration / count)
+                self.predict()
+                hull_step.limit(self.P)
+            means[k], spreads[k] = self.x[:2], self.P[:2, :2]
+        return means, spreads
+
+    def linearise(self, step):
+        """Set F, Q and the end of the mean for filterpy's own ``predict``.
+
+        Parameters
+        ----------
+        step : float
+            s, short against the hull's period.
+        """
+        blocks, h, at_rest = self.moment
+        f = ModalMoment(blocks, h, at_rest).transition(step)
+        now = self.x[HULL_STATES:]
+        mean_output = 0.5 * (h + h @ f)
+        angle, rate, to_angle, to_rate = hull_step.hull_step(
+            *map(float, self.x[:HULL_STATES]), float(mean_output @ now), float(self.P[1, 1]), step, self.hull
+        )
+        self._then = np.concatenate([[angle, rate], self.x[_OF_HULL], f @ now])
+        slopes = np.array([to_angle, to_rate])
+        self.F = np.eye(self.dim_x)
+        self.F[:2, :HULL_STATES] = slopes[:, :5]
+        self.F[:2, HULL_STATES:] = np.outer(slopes[:, 5], mean_output)
+        self.F[HULL_STATES:, HULL_STATES:] = f
+        # what drives the moment in the step acts on the hull by half
+        driven = np.zeros((self.dim_x, h.size))
+        driven[:2], driven[HULL_STATES:] = np.outer(slopes[:, 5], 0.5 * h), np.eye(h.size)
+        self.Q = driven @ (at_rest - f @ at_rest @ f.T) @ driven.T
+        self.Q[_OF_HULL, _OF_HULL] += step * np.diag([self.drifts[0], self.drifts[1], self.drifts[1]])
+
+    def predict_x(self, u=0):
+        """filterpy's hook: the mean over the step of the nonlinear hull that `linearise` has set."""
+        self.x = self._then
+
+    def innovation(self, elapsed, values, variances):
+        """Number of values, their NIS and log likelihood, and the NIS had the moment jumped."""
+        found = hull_step.innovation(
+            self.x, self.P, self.moment[1], self.hull, elapsed, *values, *variances, MARKOV_STD
+        )
+        if found[0] > 0:
+            self.strain += STRAIN_GAIN * (found[1] / found[0] - self.strain)
+        return found
+
+    def take_in(self, values, variances, learns):
+        """Update with what was measured of angle and rate (NaN: not measured); see `hull_step.update`."""
+        if HAS_NUMBA:
+            hull_step.observe(self.x, self.P, *values, *variances, learns)
+            return
+        considered = self.x[_OF_HULL].copy(), self.P[_OF_HULL, _OF_HULL].copy()
+        places = [k for k, value in enumerate(values) if value == value]
+        rows = np.eye(self.dim_x)[places]
+        self.update(
+            np.array(values)[places], lambda x: rows, lambda x: rows @ x, R=np.diag(np.array(variances)[places])
+        )
+        if not learns:
+            self.x[_OF_HULL], self.P[_OF_HULL, _OF_HULL] = considered
+
+
+class HullFilter:
+    """The filter of one axis: free and driven hull, of which one speaks.
+
+    It holds no clock: every call says how much time has passed. Same calls, same numbers.
+
+    Parameters
+    ----------
+    settings : HullFilterSettings
+
+    Attributes
+    ----------
+    is_free : bool
+        Whether the hull on which nothing acts speaks.
+    moments : list of ModalMoment
+        The unknown one and, once learnt, that of the sea.
+    levels : ndarray, shape (1,) or (2,)
+        Their variances over those that they were taken up with.
+    """
+
+    def __init__(self, settings=None):
+        self.settings = s = settings or HullFilterSettings()
+        self.free, self.driven = HullTrack(), HullTrack()
+        self.is_started = self.is_free = False
+        self.rejections = 0
+        self._may_learn = True
+        self._quiet = self._evidence = self._since_level = 0.0
+        self._gates = [math.inf, *(float(chi2.isf(s.gate_probability, m)) for m in (1, 2))]
+        self._recent = deque(maxlen=RECENT)
+        self._use_moments([markov_moment(MARKOV_STD**2, MARKOV_TIME)], [1.0])
+        size = HULL_STATES + self.moments[0].size
+        self.driven.set_state(np.zeros(size), np.eye(size))
+        self.model = None
+        self.set_hull(None)
+
+    @classmethod
+    def for_window(cls, request, moment):
+        """A filter for the window of a request, with the moment learnt from it, not started yet.
+
+        Trim and scales are learnt only if the filter that asked has not learnt them in this window: no sample
+        counts twice.
+
+        Parameters
+        ----------
+        request : ExcitationRequest
+        moment : ModalMoment
+
+        Returns
+        -------
+        HullFilter
+        """
+        made = cls()
+        made.set_hull(request.model)
+        hand = made.moments[0]
+        made._use_moments([hand, moment], (UNFORESEEN * moment.variance / hand.variance, 1.0))
+        size = HULL_STATES + hand.size + moment.size
+        made.driven.set_state(np.zeros(size), np.eye(size))
+        for track in (made.free, made.driven):
+            track.set_part(_OF_HULL, request.hull_mean, request.hull_covariance)
+        made._may_learn = not request.hull_is_learnt
+        made._quiet = math.inf
+        return made
+
+    # -- hull and moment ---------------------------------------------------------------------------------------
+
+    @property
+    def speaking(self):
+        """The track whose state and forecasts count."""
+        return self.free if self.is_free else self.driven
+
+    @property
+    def x(self):
+        """Mean of the state, shape (n,): angle, rate, trim, logarithms of the scales, the moment's."""
+        return self.speaking.x
+
+    @property
+    def P(self):
+        """Covariance of the state, shape (n, n)."""
+        return self.speaking.P
+
+    @property
+    def strain(self):
+        """Running mean of the innovations squared over their expectation; one is healthy."""
+        return self.speaking.strain
+
+    @property
+    def learns_hull(self):
+        """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
+        return self._may_learn and self._quiet > QUIET
+
+    def set_hull(self, model, uncertainty=None):
+        """Swap the hull; the state of motion and the moment's estimate go on.
+
+        Parameters
+        ----------
+        model : DecayModel or None
+            None: no restoring and no damping, a constant rate that the moment drives.
+        uncertainty : HullUncertainty or None
+            None: exactly known, but for what no model is exact in.
+        """
+        was_without, self.model = self.model is None, model
+        self._prior = self._prior_of(uncertainty or HullUncertainty(IDENTIFIED_TRIM_STD))
+        mean = [model.trim if model else 0.0, 0.0, 0.0]
+        for track in (self.free, self.driven):
+            track.set_hull(model)
+            track.set_part(_OF_HULL, mean, np.diag(self._prior))
+        if model is None:
+            self.is_free = False
+        elif was_without and self.is_started:
+            # the moment that stood for the hull's own has nothing to say of the one that is left
+            self.levels[0] = 1.0
+            self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
+
+    def _prior_of(self, uncertainty):
+        """Variances of trim and the logarithms of the scales."""
+        if self.model is None:
+            return np.array([UNKNOWN_TRIM_STD**2, 0.0, 0.0])
+        trim_std = uncertainty.trim_std if uncertainty.trim_std == uncertainty.trim_std else UNKNOWN_TRIM_STD
+        return np.square([
+            trim_std,
+            min(max(uncertainty.stiffness_std, LEAST_STIFFNESS_STD), MOST_SCALE_STD),
+            min(max(uncertainty.damping_std, LEAST_DAMPING_STD), MOST_SCALE_STD),
+        ])
+
+    def set_excitation(self, fit, age=0.0):
+        """Take up a learnt moment.
+
+        The driven hull goes on from the state that the fit found at its window's end, and takes in anew the samples
+        that have come since; a hull on which nothing acts is not concerned.
+
+        Parameters
+        ----------
+        fit : ExcitationFit
+        age : float
+            s from the time of the window's last sample to that of the newest one here.
+        """
+        self._use_moments([self.moments[0], fit.moment], fit.levels)
+        self._evidence = 0.0
+        if self.is_free:
+            self._challenge()
+            return
+        self._quiet = math.inf
+        self.driven.set_state(fit.mean, fit.covariance)
+        self._challenge()
+        since, passed = [], 0.0
+        while self._recent and passed + self._recent[-1][0] < age + 1e-6:
+            since.append(self._recent.pop())
+            passed += since[-1][0]
+        if age - passed > 1e-6:
+            self.driven.advance(age - passed)
+            self.free.advance(age - passed)
+        for sample in reversed(since):
+            self.observe(*sample)
+
+    def excitation_request(self, step, angle, rate, angle_variance, rate_variance, samples=1):
+        """A window of the past, with what is known of the hull now, for `fit_excitation`.
+
+        Parameters
+        ----------
+        step : float
+            s between the samples.
+        angle, rate : ndarray, shape (N,)
+            rad, rad/s, each the mean of the sensor's samples in a step; without gaps.
+        angle_variance, rate_variance : float
+            Of the noise of these means.
+        samples : int
+            Of the sensor in a step.
+
+        Returns
+        -------
+        ExcitationRequest or None
+            None: there is no hull through which a moment could be seen.
+        """
+        if self.model is None:
+            return None
+        return ExcitationRequest(
+            self.model, self.x[_OF_HULL].copy(), self.P[_OF_HULL, _OF_HULL].copy(), self.learns_hull, step, angle,
+            rate, angle_variance, rate_variance, samples,
+        )  # fmt: skip
+
+    def _use_moments(self, moments, levels):
+        self.moments, self.levels = list(moments), np.array(levels, dtype=float)
+        ends = HULL_STATES + np.cumsum([0, *[m.size for m in self.moments]])
+        self._parts = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
+        self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
+        whole = joined(self.moments, self.levels)
+        self._insignificant = INSIGNIFICANT**2 / self.moments[0].variance
+        self.driven.moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
+
+    def _set_level(self, place, level):
+        """Give a moment another size: the covariance that it tends to."""
+        self.levels[place] = level = min(max(level, LEAST_LEVEL), MOST_LEVEL)
+        moment, part = self.moments[place], self._parts[place]
+        part = slice(part.start - HULL_STATES, part.stop - HULL_STATES)
+        self.driven.moment[2][part, part] = level * moment.stationary
+        self.driven.foreseen = None
+
+    # -- the samples -------------------------------------------------------------------------------------------
+
+    def start(self, angle, rate, angle_variance, rate_variance):
+        """Begin anew from one sample (NaN: not measured). Trim, scales and the moments' sizes are kept.
+
+        Parameters
+        ----------
+        angle, rate : float
+            rad, rad/s.
+        angle_variance, rate_variance : float
+            rad^2, rad^2/s^2.
+        """
+        has_angle, has_rate = angle == angle, rate == rate
+        motion = [angle if has_angle else self.x[TRIM], rate if has_rate else 0.0]
+        spread = np.diag([
+            angle_variance if has_angle else INITIAL_ANGLE_STD**2, rate_variance if has_rate else INITIAL_RATE_STD**2
+        ])
+        if self.is_free:
+            self.driven.set_part(_OF_HULL, self.x[_OF_HULL], self.P[_OF_HULL, _OF_HULL])
+        self.driven.set_part(slice(2), motion, spread)
+        if len(self.moments) == 1:
+            self._set_level(0, max(self.levels[0], 1.0))
+        self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
+        self.is_started, self.is_free = True, False
+        self.rejections = 0
+        self._challenge()
+
+    def observe(self, elapsed, angle, rate, angle_variance, rate_variance):
+        """Predict over the time since the sample before, and take in what was measured (NaN: not measured).
+
+        Parameters
+        ----------
+        elapsed : float
+            s.
+        angle, rate : float
+            rad, rad/s.
+        angle_variance, rate_variance : float
+            Of the sensor's noise, rad^2 and rad^2/s^2.
+
+        Returns
+        -------
+        Observed
+        """
+        self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
+        values, variances, speaking = (angle, rate), (angle_variance, rate_variance), self.speaking
+        tracks = (self.driven,) if self.model is None else (self.driven, self.free)
+        for track in tracks:
+            track.advance(elapsed)
+        found = {track: track.innovation(elapsed, values, variances) for track in tracks}
+        measured, nis, log_likelihood, gate_nis = found[speaking]
+        if measured == 0:
+            return Observed()
+        if gate_nis > self._gates[measured]:
+            return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
+        self.rejections = 0
+        surprised = self.driven.strain > MOST_STRAIN
+        if surprised:
+            self._something_new(angle, rate, elapsed)
+        for track in tracks:
+            track.take_in(values, variances, track is speaking and self.learns_hull)
+        if self.model is not None:
+            surprised = self._weigh(found[self.free][2] - found[self.driven][2]) or (surprised and not self.is_free)
+        is_quiet = self.is_free or self.levels[0] < self._insignificant
+        self._quiet = self._quiet + elapsed if is_quiet else 0.0
+        self._since_level += elapsed
+        if self._since_level >= (FREE_LEVEL_INTERVAL if self.model is None else LEVEL_INTERVAL) - 1e-6:
+            if not self.is_free:
+                self._judge_levels(self._since_level)
+            self._since_level = 0.0
+        return Observed(nis, measured, False, False, log_likelihood, surprised)
+
+    def _weigh(self, for_free):
+        """Wald's sequential test of the track that speaks against the other one; whether the other takes over.
+
+        Wald (1945), Ann. Math. Stat. 16, 117. The other one begins anew from the state of that which speaks as often
+        as it has lost (Page 1954, Biometrika 41, 100): when a hand lets go is not known.
+        """
+        self._evidence += -for_free if self.is_free else for_free
+        if self._evidence > CONVINCING:
+            self.is_free = not self.is_free
+            self._evidence = 0.0
+            return True
+        if self._evidence < -LOST:
+            self._challenge()
+        return False
+
+    def _challenge(self):
+        """The track that does not speak begins anew from the state of the one that does."""
+        self._evidence = 0.0
+        if not self.is_free:
+            self.free.set_state(self.x[:HULL_STATES], self.P[:HULL_STATES, :HULL_STATES])
+            self.free.strain = 1.0
+            return
+        self._set_level(0, CHALLENGING_LEVEL)
+        self.driven.set_state(np.zeros(self._parts[-1].stop), np.zeros((self._parts[-1].stop,) * 2))
+        self.driven.set_part(slice(HULL_STATES), self.x, self.P)
+        self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
+        self.driven.strain = 1.0
+
+    def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
+        self.rejections += 1
+        if self.rejections < self.settings.gate_patience:
+            return Observed(nis, measured, rejected=True)
+        self.start(angle, rate, angle_variance, rate_variance)
+        if self.model is not None:
+            # a craft that lies where its hull would not rest is held there by a moment
+            at = float(self.x[ANGLE] - self.x[TRIM]) + self.model.trim
+            self._raise_level(float(self.model.acceleration(at, float(self.x[RATE]))) ** 2)
+        return Observed(nis, measured, restarted=True)
+
+    def _something_new(self, angle, rate, elapsed):
+        """The innovations are too large: another moment has begun to act, of the size that they show."""
+        self.driven.strain = 1.0
+        e0, e1 = angle - float(self.driven.x[ANGLE]), rate - float(self.driven.x[RATE])
+        size = e1 / elapsed if e1 == e1 else 2.0 * e0 / (elapsed * elapsed)
+        self._raise_level((NEWCOMER * size) ** 2)
+
+    def _raise_level(self, variance):
+        """Let the unknown moment be that much larger, and a learnt sea as large as when it was learnt."""
+        self._add(0, variance / self.moments[0].variance)
+        for place in range(1, len(self.moments)):
+            self._add(place, max(1.0 - self.levels[place], 0.0))
+
+    def _add(self, place, level):
+        part = self._parts[place]
+        self.driven.P[part, part] += level * self.moments[place].stationary
+        self._set_level(place, self.levels[place] + level)
+
+    def _judge_levels(self, elapsed):
+        """Let each moment's size follow what its estimated states support."""
+        for place, (moment, part, inverse) in enumerate(zip(self.moments, self._parts, self._inverses, strict=True)):
+            level = float(self.levels[place])
+            unknown, square = hull_step.support(self.driven.x, self.driven.P, part.start, inverse)
+            known, square = moment.size - unknown / level, square / level
+            gain = min(elapsed / LEVEL_TIMES[place], 1.0)
+            self._set_level(place, level * math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0)))
+
+    def advice(self):
+        """What to say of the model: whether the sea, or the craft in still water, contradicts it.
+
+        The scales begin at one with what the identification knows of them. Innovations that draw one further than
+        `CONTRADICTION` of its standard deviations were not made by this hull.
+
+        Returns
+        -------
+        tuple of Advice
+        """
+        if self.model is None:
+            return ()
+        found = []
+        prior, spread = self._prior[1:], np.diag(self.P)[STIFFNESS:HULL_STATES]
+        scales = self.x[STIFFNESS:HULL_STATES]
+        for name, log_scale, before, now, much in zip(
+            ('stiffness', 'damping'), scales.tolist(), prior.tolist(), spread.tolist(), MUCH, strict=True
+        ):
+            is_unlikely = abs(log_scale) > CONTRADICTION * math.sqrt(before)
+            is_much = abs(log_scale) > much and abs(log_scale) > CONTRADICTION * math.sqrt(now)
+            if is_unlikely or is_much:
+                found.append(Advice(
+                    'model-contradicted',
+                    f'the motion asks for {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
+                    f'model has, and than its uncertainty allows ({log_scale / math.sqrt(before):+.1f} standard '
+                    'deviations): identify again',
+                ))  # fmt: skip
+        return tuple(found)
+
+    # -- the forecast ------------------------------------------------------------------------------------------
+
+    def ahead(self, lead):
+        """One lead after the present state, which stays as it is.
+
+        Returns
+        -------
+        tuple of 5 floats
+            Angle, rate, angle variance, covariance of both, rate variance.
+        """
+        mean, covariance = self.speaking.ahead(lead)
+        return (
+            float(mean[0]), float(mean[1]), float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+        )
+
+    def forecast(self, leads):
+        """Angle and rate at leads after the present state, which stays as it is.
+
+        Parameters
+        ----------
+        leads : ndarray, shape (L,)
+            s, increasing.
+
+        Returns
+        -------
+        angle, rate : ndarray, shape (L,)
+        covariance : ndarray, shape (L, 2, 2)
+        """
+        means, spreads = self.speaking.forecast(leads)
+        return means[:, 0], means[:, 1], spreads

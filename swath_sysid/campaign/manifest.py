@@ -1,0 +1,634 @@
+"""The manifest of a campaign: which trials, under which conditions, and what to fit; YAML.
+
+Whatever is wrong is named with its line. What is wrong with one trial leaves that trial out; the
+others are kept, because a campaign shall not stop at one bad entry.
+"""
+
+import os
+import re
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+
+import yaml
+
+from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.scheduled_model import QUANTITIES
+from swath_sysid.attitude.identification.extinction import TypeB
+from swath_sysid.attitude.identification.identify import OBJECTIVES
+from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.fields import FieldError, Place, anything, number, one_of, one_or_more, record, text, whole
+from swath_sysid.formats.untrusted_yaml import LocatedError, line_of, located, parsed, shown, text_of
+
+NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
+PLACEHOLDERS = {
+    'angle': ('initial_angle_deg', NUMBER),
+    'repeat': ('repeat', r'\d+'),
+    'draft_factor': ('draft_factor', NUMBER),
+    'draft': ('draft_m', NUMBER),
+    'displacement': ('displacement_kg', NUMBER),
+    'speed': ('speed_m_s', NUMBER),
+    'axis': ('axis', '|'.join(AXES)),
+}
+"""Placeholder of a pattern to the field it fills and what it matches."""
+
+_MATCHED = {'axis': str, 'repeat': int}
+
+
+def _decimal(matched):
+    return float(matched.replace(',', '.'))
+
+
+SHOWN_FILES = 3
+LARGEST = 1e9
+"""Of any number but those of the search: kg, s, m, deg."""
+
+OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
+"""What a loading changes, beside a trial; without it that of the craft holds at the design draft alone."""
+
+_NAME = text(1000, as_written=True)
+_NUMBER = number(-LARGEST, LARGEST)
+_POSITIVE = number(above=0.0, highest=LARGEST)
+_TRIAL = record({}, {
+    'file': _NAME,
+    'pattern': _NAME,
+    'axis': one_of(AXES, 'axis'),
+    **dict.fromkeys(QUANTITIES, _POSITIVE),
+    **dict.fromkeys(OF_CONDITION, _POSITIVE),
+    'speed_m_s': number(0.0, LARGEST),
+    'initial_angle_deg': _NUMBER,
+    'repeat': whole(1),
+    'start_s': _NUMBER,
+    'end_s': _NUMBER,
+    'frame': one_of(('flu', 'frd'), 'frame'),
+    'topic': _NAME,
+})  # fmt: skip
+"""What an entry may say."""
+
+
+@dataclass(frozen=True)
+class Craft:
+    """Particulars of the craft; what is not known is None.
+
+    Attributes
+    ----------
+    name : str
+    length_m, beam_m, depth_m : float or None
+    draft_m : float or None
+        Design draft, to which draft factors refer.
+    displacement_kg : float or None
+        At the design draft, as are the following.
+    kg_m : float or None
+        Height of the centre of gravity above the keel.
+    gm_transverse_m, gm_longitudinal_m : float or None
+        Metacentric heights.
+    gyradius_m, inertia_kg_m2 : float or None
+        About the axis of the trials; the inertia with added inertia.
+    water_density_kg_m3, water_temperature_c : float or None
+    appendages, basin : str or None
+    """
+
+    name: str = 'the craft'
+    length_m: float | None = None
+    beam_m: float | None = None
+    depth_m: float | None = None
+    draft_m: float | None = None
+    displacement_kg: float | None = None
+    kg_m: float | None = None
+    gm_transverse_m: float | None = None
+    gm_longitudinal_m: float | None = None
+    gyradius_m: float | None = None
+    inertia_kg_m2: float | None = None
+    water_density_kg_m3: float | None = None
+    water_temperature_c: float | None = None
+    appendages: str | None = None
+    basin: str | None = None
+
+
+@dataclass(frozen=True)
+class PredictedDamping:
+    """Equivalent damping that the user predicts, by Ikeda's method or CFD.
+
+    Attributes
+    ----------
+    method : str
+    amplitude_deg : float
+    damping_n_m_s, damping_ratio : float or None
+        One of them.
+    loading : float or None
+        In the quantity of the campaign; None: at any.
+    axis : str or None
+    """
+
+    method: str
+    amplitude_deg: float
+    damping_n_m_s: float | None = None
+    damping_ratio: float | None = None
+    loading: float | None = None
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something wrong in the manifest.
+
+    Attributes
+    ----------
+    line : int
+        From 1; 0 where it has no line.
+    message : str
+        What is wrong and what to do.
+    """
+
+    line: int
+    message: str
+
+    def __str__(self):
+        return f'line {self.line}: {self.message}' if self.line else self.message
+
+
+@dataclass(frozen=True)
+class TrialEntry:
+    """One trial of the manifest; what it does not say is None.
+
+    Attributes
+    ----------
+    path : Path
+    line : int
+        Of the entry in the manifest.
+    axis : str
+    loading : tuple of str and float, or None
+        Quantity, one of ``QUANTITIES``, and value.
+    initial_angle_deg : float or None
+    repeat : int or None
+    start, end : float or None
+        Bounds of the decay, s.
+    frame, topic : str or None
+    speed_m_s, mass_kg, gm_m, inertia_kg_m2 : float or None
+    """
+
+    path: Path
+    line: int
+    axis: str
+    loading: tuple[str, float] | None = None
+    initial_angle_deg: float | None = None
+    repeat: int | None = None
+    start: float | None = None
+    end: float | None = None
+    frame: str | None = None
+    topic: str | None = None
+    speed_m_s: float | None = None
+    mass_kg: float | None = None
+    gm_m: float | None = None
+    inertia_kg_m2: float | None = None
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A campaign as it was asked for.
+
+    Attributes
+    ----------
+    title : str
+    craft : Craft
+    trials : tuple of TrialEntry
+    equations : tuple of str
+        Names; empty: those of each axis.
+    objectives : tuple of str
+    search : SearchSettings
+    uncertainty : TypeB
+        Of what a decay itself cannot show.
+    predictions : tuple of PredictedDamping
+    faults : tuple of Fault
+        What was left out, and why.
+    """
+
+    title: str
+    craft: Craft
+    trials: tuple[TrialEntry, ...]
+    equations: tuple[str, ...] = ()
+    objectives: tuple[str, ...] = (OBJECTIVES[0],)
+    search: SearchSettings = field(default_factory=SearchSettings)
+    uncertainty: TypeB = field(default_factory=TypeB)
+    predictions: tuple[PredictedDamping, ...] = ()
+    faults: tuple[Fault, ...] = ()
+
+
+_CRAFT = record({}, {
+    **dict.fromkeys((f.name for f in fields(Craft)), _POSITIVE), 'water_temperature_c': _NUMBER,
+    **dict.fromkeys(('name', 'appendages', 'basin'), _NAME),
+})  # fmt: skip
+_UNCERTAINTY = record({}, {f.name: number(0.0, 1.0) for f in fields(TypeB)})
+_PREDICTION = record({'method': _NAME, 'amplitude_deg': _POSITIVE}, {
+    'damping_n_m_s': _POSITIVE, 'damping_ratio': _POSITIVE, 'loading': _POSITIVE, 'axis': one_of(AXES, 'axis'),
+})  # fmt: skip
+
+
+def _prediction(value, where):
+    found = _PREDICTION(value, where)
+    if ('damping_n_m_s' in found) == ('damping_ratio' in found):
+        raise FieldError(where, ' needs damping_n_m_s or damping_ratio, and only one of them')
+    return PredictedDamping(**found)
+
+
+_SEARCH = record({}, {f.name: anything for f in fields(SearchSettings)})
+_CAMPAIGN = record({}, {
+    'title': _NAME, 'craft': _CRAFT, 'axis': one_of(AXES, 'axis'), 'equations': anything,
+    'objectives': one_or_more(one_of(OBJECTIVES, 'objective')), 'search': _SEARCH, 'trials': anything,
+    'uncertainty': _UNCERTAINTY, 'predictions': one_or_more(_prediction),
+})  # fmt: skip
+"""What a manifest may say beside its trials."""
+
+
+def read_manifest(path):
+    """Read a manifest.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Manifest
+        With the faults of what was left out. Paths are relative to the manifest's folder.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is not YAML, its search or objectives cannot be used, or no trial is left.
+    """
+    path = Path(path)
+    root = parsed(text_of(path, 'manifest'), str(path))
+    if not isinstance(root, yaml.MappingNode):
+        raise InputError(
+            f"{path} is not a manifest: it must hold 'trials:' (start one with swath-sysid campaign --new FOLDER)"
+        )
+    try:
+        return _manifest_of(root, path)
+    except (FieldError, LocatedError) as error:
+        raise InputError(f'{path}, {_fault(error)}') from error
+
+
+def _fault(error):
+    return Fault(error.line or 0, error.problem)
+
+
+def _manifest_of(root, path):
+    entries = next((value for key, value in root.value if key.value == 'trials'), None)
+    if not isinstance(entries, yaml.SequenceNode) or not entries.value:
+        raise FieldError('', "'trials:' must list at least one entry with 'file:' or 'pattern:'",
+                         1 if entries is None else line_of(entries))
+    # the trials each by itself: what is wrong with one leaves that one out
+    root.value = [(key, value) for key, value in root.value if value is not entries]
+    source, place = str(path), Place('')
+    place.faults = []
+    content = located(root, source)
+    plain = _CAMPAIGN(content, place)
+    if 'equations' in plain:
+        plain['equations'] = _equations(plain['equations'], place.within(content, 'equations', 'equations'))
+    if 'search' in plain:
+        plain['search'] = _search(plain['search'], content)
+    faults, trials = [_fault(error) for error in place.faults], []
+    for node in entries.value:
+        line = line_of(node)
+        try:
+            for trial in _entries(_entry(located(node, source), line), path.parent, plain.get('axis'), line):
+                trials.append(trial) if isinstance(trial, TrialEntry) else faults.append(trial)
+        except (FieldError, LocatedError) as error:
+            faults.append(_fault(error))
+    trials = _without_duplicates(trials, faults)
+    if not trials:
+        raise InputError(f'{path}: no trial is left to use: {"; ".join(map(str, faults[:SHOWN_FILES]))}')
+    craft = Craft(**plain.get('craft', {}))
+    # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
+    objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
+    return Manifest(
+        title=plain.get('title', craft.name), craft=craft, trials=tuple(trials), equations=plain.get('equations', ()),
+        objectives=tuple(o for o in OBJECTIVES if o in objectives), search=plain.get('search', SearchSettings()),
+        uncertainty=TypeB(**plain.get('uncertainty', {})),
+        predictions=tuple(plain.get('predictions', ())), faults=tuple(faults),
+    )  # fmt: skip
+
+
+def _equations(value, place):
+    """The names that can be used, each once; the others become faults."""
+    names = []
+    for k, name in enumerate(one_or_more(anything)(value, place)):
+        line = value.lines[k] if isinstance(value, list) else place.line
+        try:
+            equation_named(shown(name))
+            if name not in names:
+                names.append(str(name))
+                continue
+            fault = f"the equation '{shown(name)}' is named twice: leave one out"
+        except InputError as error:
+            fault = f'{error}; it is left out'
+        place.faults.append(FieldError('', fault, line))
+    if not names:
+        raise FieldError('', 'none of the equations can be used: correct their names, or leave the key out', place.line)
+    return tuple(names)
+
+
+def _search(values, content):
+    lines = content['search'].lines
+    for key, value in values.items():
+        if isinstance(value, dict | list):
+            raise FieldError(key, ': one value is expected here, not a list or a mapping', lines[key])
+    values = {key: shown(value) if isinstance(value, str) else value for key, value in values.items()}
+    # each alone first, so that the line is that of the key
+    for line, chosen in (*((lines[key], {key: value}) for key, value in values.items()),
+                         (content.lines['search'], values)):  # fmt: skip
+        try:
+            settings = SearchSettings(**chosen)
+        except InputError as error:
+            raise FieldError('', str(error), line) from error
+    return settings
+
+
+def _entry(content, line):
+    """One checked entry, by field."""
+    place = Place('')
+    place.line = line
+    plain = _TRIAL(content, place)
+    if ('file' in plain) == ('pattern' in plain):
+        raise FieldError('', "a trial is given by either 'file:' or 'pattern:'", line)
+    if 'start_s' in plain and 'end_s' in plain and not plain['start_s'] < plain['end_s']:
+        raise FieldError('', 'start_s must lie before end_s', line)
+    return plain
+
+
+def _entries(plain, folder, default_axis, line):
+    """The trials of one entry, one file or all files of a pattern; a `Fault` for one that cannot be used."""
+    if 'file' not in plain:
+        found = []
+        for path, matched in _matches(plain.pop('pattern'), folder, line):
+            try:
+                found.append(_trial(path, plain, matched, default_axis, line))
+            except FieldError as error:
+                found.append(_fault(error))
+        return found
+    name = plain.pop('file')
+    # not Path.exists, which raises an error for a name that is too long
+    if not os.path.exists(folder / name):
+        problem = f"there is no file '{shown(name)}': check the name, it is relative to the manifest"
+        raise FieldError('', problem, line)
+    return [_trial(folder / name, plain, {}, default_axis, line)]
+
+
+def _trial(path, given, matched, default_axis, line):
+    twice = sorted(set(given) & set(matched) - {'axis'})
+    if twice:
+        raise FieldError('', f"'{twice[0]}' is given both by the pattern and beside it: leave one out", line)
+    values = _TRIAL({'axis': default_axis} | given | matched if default_axis else given | matched, Place(path.name))
+    loadings = [(quantity, values.pop(quantity)) for quantity in QUANTITIES if quantity in values]
+    if len(loadings) > 1:
+        raise FieldError('', f'give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}', line)
+    if 'axis' not in values:
+        raise FieldError('', f"no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for the "
+                             f'whole campaign', line)  # fmt: skip
+    names = {'start_s': 'start', 'end_s': 'end'}
+    return TrialEntry(path, line, loading=loadings[0] if loadings else None,
+                      **{names.get(key, key): value for key, value in values.items()})  # fmt: skip
+
+
+def pattern_expression(pattern):
+    """Regular expression of a pattern with placeholders and the wildcards ``*`` and ``?``.
+
+    Raises
+    ------
+    InputError
+        An unknown placeholder, or one used twice.
+    """
+    parts, used = [], set()
+    for piece in re.split(r'(\{[^{}]*\}|\*|\?)', pattern):
+        if piece == '*':
+            parts.append('[^/]*')
+        elif piece == '?':
+            parts.append('[^/]')
+        elif piece.startswith('{') and piece.endswith('}'):
+            name = piece[1:-1]
+            if name not in PLACEHOLDERS:
+                known = ', '.join(f'{{{n}}}' for n in PLACEHOLDERS)
+                raise InputError(f"the pattern has an unknown placeholder '{piece}': use {known}, or * for anything")
+            if name in used:
+                raise InputError(f"the pattern uses '{piece}' twice: write * for one of them")
+            used.add(name)
+            parts.append(f'(?P<{name}>{PLACEHOLDERS[name][1]})')
+        else:
+            parts.append(re.escape(piece))
+    return re.compile(''.join(parts))
+
+
+def _matches(pattern, folder, line):
+    """Files that a pattern matches, with what their names say."""
+    try:
+        expression = pattern_expression(pattern)
+    except InputError as error:
+        raise FieldError('', str(error), line) from error
+    if '**' in pattern:
+        raise FieldError('', f"the pattern '{shown(pattern)}' holds **: write * for each folder", line)
+    base = Path(pattern).anchor
+    root = Path(base) if base else folder
+    relative = pattern[len(base) :]
+    expression = pattern_expression(relative)
+    glob = re.sub(r'\{[^{}]*\}', '*', relative)
+    try:
+        candidates = sorted(root.glob(glob))
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise FieldError('', f"'{shown(pattern)}' is no pattern: {shown(error)}", line) from error
+    found = []
+    for path in candidates:
+        match = expression.fullmatch(_relative(path, root, relative))
+        if match:
+            said = {PLACEHOLDERS[name][0]: text for name, text in match.groupdict().items()}
+            found.append((path, {k: _MATCHED.get(k, _decimal)(v) for k, v in said.items()}))
+    if not found:
+        parent = root / Path(glob).parent
+        near = (
+            sorted(p.name for p in parent.iterdir() if not p.name.startswith('.'))[:SHOWN_FILES]
+            if parent.is_dir()
+            else []
+        )
+        there = f'there are {", ".join(near)}, ...' if near else f'the folder {parent} is empty or does not exist'
+        raise FieldError(
+            '', f"no file matches '{pattern}' ({there}): check the folder and the placeholders", line)
+    return found
+
+
+def _relative(path, root, pattern):
+    """The path as the pattern writes it, which may climb with ``..``."""
+    text = path.as_posix()
+    start = root.as_posix()
+    if start not in ('.', '') and text.startswith(start):
+        text = text[len(start) :].lstrip('/')
+    return text.removeprefix('./') if not pattern.startswith('./') else f'./{text.removeprefix("./")}'
+
+
+def _without_duplicates(trials, faults):
+    kept, by_file, by_condition = [], {}, {}
+    for trial in trials:
+        file = (trial.path.resolve(), trial.axis, trial.start, trial.end)
+        complete = None not in (trial.initial_angle_deg, trial.repeat)
+        told = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
+        condition = told if complete else None
+        if file in by_file:
+            faults.append(
+                Fault(
+                    trial.line,
+                    f'{trial.path.name} is already given in line {by_file[file]}: it would count twice, name it once',
+                )
+            )
+        elif condition is not None and condition in by_condition:
+            other = by_condition[condition]
+            faults.append(
+                Fault(
+                    trial.line,
+                    f'{trial.path.name} has the same condition and repeat as {other.path.name} (line {other.line}): '
+                    'give it another repeat',
+                )
+            )
+        else:
+            by_file[file] = trial.line
+            if condition is not None:
+                by_condition[condition] = trial
+            kept.append(trial)
+    return kept
+
+
+HEAD = """\
+# A campaign of free-decay trials for: swath-sysid campaign {name} --output FOLDER
+title: {title}
+
+# Particulars; leave out what is not known. Draft factors refer to draft_m.
+craft:
+  name: {title}
+  # length_m: 1.26
+  # beam_m: 0.6
+  # depth_m: 0.37
+  # draft_m: 0.154
+  # displacement_kg: 30
+  # For damping in N m s and without dimension, at the design draft: gm_transverse_m or gm_longitudinal_m (or
+  # inertia_kg_m2). Beside a trial at another loading: mass_kg, gm_m, inertia_kg_m2.
+  # gm_transverse_m: 0.05
+  # For the report: kg_m, gyradius_m, water_density_kg_m3, water_temperature_c, appendages, basin.
+
+# Relative standard uncertainties of what a decay cannot show: sensor_scale, time_base, mass, metacentric_height,
+# inertia.
+# uncertainty: {{sensor_scale: 0.005, metacentric_height: 0.02}}
+
+# Damping predicted otherwise, to be drawn beside the measured one: damping_n_m_s or damping_ratio.
+# predictions:
+#   - {{method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}}
+
+axis: {axis}
+
+# Equations to compare; without this key all published for the axis, and our own. Compositions are written
+# 'linear,quadratic|linear,cubic', and '+friction' adds dry friction.
+# equations: [linear, odd-cubic, odd-cubic+friction]
+
+# The simulated motion is always fitted; one-step adds the objective of the papers, biased under noise, for comparison.
+# objectives: [simulation, one-step]
+
+# search: {{algorithm: ga, preset: swath-pitch, seed: 1}}
+
+# Each entry names one file, or by a pattern many. Placeholders: {{angle}} initial angle in deg, {{repeat}},
+# {{draft_factor}}, {{draft}} in m, {{displacement}} in kg, {{speed}} in m/s, {{axis}}; * is anything. What the names
+# do not say is given beside: draft_factor (or draft_m, displacement_kg), speed_m_s, initial_angle_deg, repeat, axis,
+# start_s, end_s, frame, topic.
+trials:
+"""
+
+
+def new_manifest(folder, axis='pitch', name='campaign.yaml', at=None):
+    """Text of a commented manifest for the trials in a folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+    axis : str
+        Where the names do not say it.
+    name : str
+        File name of the manifest, for its first line.
+    at : str or Path, optional
+        The folder the manifest is to stand in, to which its paths are relative; by default that of the trials.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        No folder, or nothing in it that could be a trial.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f'{folder} is no folder: give the folder of the trials')
+    files = [p for p in sorted(folder.iterdir()) if _may_be_trial(p)]
+    if not files:
+        raise InputError(f'{folder} holds no trial: CSV files, bags or MTi exports (.txt) were looked for')
+    by_pattern = {}
+    for file in files:
+        by_pattern.setdefault(pattern_of_name(file.name), []).append(file.name)
+    way = '' if at is None else Path(os.path.relpath(os.path.realpath(folder), os.path.realpath(at))).as_posix() + '/'
+    way = '' if way == './' else way
+    lines = []
+    for pattern, names in by_pattern.items():
+        if '{' in pattern and len(names) > 1:
+            lines.append(f'  - pattern: {_quoted(way + pattern)}   # {len(names)} files')
+        else:
+            lines += [_file_entry(way + name) for name in names]
+    found_axis = next((a for a in AXES if any(a in file.name.lower() for file in files)), axis)
+    return (
+        HEAD.format(name=name, title=_quoted(folder.resolve().name or 'campaign'), axis=found_axis)
+        + '\n'.join(lines)
+        + '\n'
+    )
+
+
+def write_new_manifest(folder, path, axis='pitch'):
+    """Write `new_manifest` to a file that does not exist yet.
+
+    Raises
+    ------
+    InputError
+        Also where the file exists.
+    """
+    path = Path(path)
+    if path.exists():
+        raise InputError(f'{path} exists already: remove it first, or name another file with --output')
+    text = new_manifest(folder, axis, path.name, path.parent)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding='utf-8')
+
+
+def pattern_of_name(name):
+    """The pattern that a file's name suggests: numbers beside the words for angle, repeat and draft."""
+    stem, dot, ending = name.rpartition('.')
+    if not dot:
+        stem, ending = name, ''
+    number = r'\d+(?:[.,]\d+)?'
+    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?(?:deg|°))', '{angle}', stem, count=1)
+    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?T(?![a-z]))', '{draft_factor}', stem, count=1)
+    stem = re.sub(rf'(?<![\d.,]){number}(?=[ _-]?kg)', '{displacement}', stem, count=1)
+    stem = re.sub(r'((?:repeat|rep|run|trial)[ _-]?)\d+', r'\1{repeat}', stem, count=1, flags=re.IGNORECASE)
+    stem = re.sub(r'(?<![a-z])(roll|pitch)(?![a-z])', '{axis}', stem, count=1)
+    return f'{stem}{dot}{ending}'
+
+
+def _file_entry(name):
+    return f'  - file: {_quoted(name)}\n    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
+
+
+def _quoted(text):
+    return yaml.safe_dump(text, default_style="'", width=1000).strip()
+
+
+def _may_be_trial(path):
+    if path.name.startswith('.'):
+        return False
+    if path.is_dir():
+        return (path / 'metadata.yaml').is_file()
+    return path.suffix.lower() in ('.csv', '.mcap', '.db3', '.txt', '.tsv')

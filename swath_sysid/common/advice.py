@@ -1,0 +1,27 @@
+"""Warnings as values: the core returns them, the callers show them."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Advice:
+    """A warning with what to do about it.
+
+    The sentence knows no command line and no node: those add by the code what their flags and parameters are
+    called (`swath_sysid.cli.advice_words`).
+
+    Attributes
+    ----------
+    code : str
+        Stable, machine-readable, kebab-case: ``too-few-cycles``.
+    message : str
+        One sentence that says what was seen and what to do.
+    """
+
+    code: str
+    message: str
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun in the singular or plural: ``1 gap``, ``2 gaps``."""
+    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'

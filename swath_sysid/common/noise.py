@@ -1,0 +1,85 @@
+"""How residuals are weighted, and how much information correlated ones hold."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from swath_sysid.common.signals import white_noise
+
+MODEL_FLOOR = 0.005
+"""No model of a hull is trusted closer than this share of the motion's standard deviation."""
+
+
+def weighting_noise(channels: Sequence[np.ndarray]) -> float:
+    """The noise by which the residuals of a channel are weighted.
+
+    Parameters
+    ----------
+    channels : sequence of ndarray
+        The channel in each record.
+
+    Returns
+    -------
+    float
+        Measured noise and the model floor, added in squares; never zero.
+    """
+    white = np.median([white_noise(c) for c in channels])
+    motion = max(float(np.std(c)) for c in channels)
+    return float(np.hypot(white, MODEL_FLOOR * motion)) or 1.0
+
+
+def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
+    """Tapered autocovariance of a residual, cut where it is no more than chance.
+
+    The cut is the empirical rule of Politis (2003): the first lag after which
+    ``shortest_memory`` autocorrelations stay below ``2 sqrt(log10 N / N)``. The triangular taper
+    keeps the implied covariance matrix positive.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (N,)
+    shortest_memory : int
+        Lags that must be small; longer than a quarter period, at which an oscillating residual
+        passes through zero.
+
+    Returns
+    -------
+    ndarray, shape (L,)
+        Lags 0 to L - 1, L at most N / 4.
+    """
+    from scipy.signal import fftconvolve
+
+    count = residual.size
+    centred = residual - residual.mean()
+    longest = max(1, count // 4)
+    covariance = fftconvolve(centred, centred[::-1])[count - 1 : count - 1 + longest + shortest_memory] / count
+    if covariance[0] <= 0.0:
+        return np.zeros(1)
+    small = np.abs(covariance / covariance[0]) < 2.0 * np.sqrt(np.log10(count) / count)
+    run = np.convolve(small, np.ones(shortest_memory), mode='valid') >= shortest_memory
+    quiet = np.flatnonzero(run)
+    cut = min(quiet[0] if quiet.size else longest, longest)
+    length = max(1, min(2 * cut - 1, longest))
+    return covariance[:length] * (1.0 - np.arange(length) / length)
+
+
+def correlated_information(sensitivity: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """J^T Gamma J for residuals of a given autocovariance.
+
+    Parameters
+    ----------
+    sensitivity : ndarray, shape (N, p)
+        Derivatives of the residuals by the parameters.
+    covariance : ndarray, shape (L,)
+        Of `autocovariance`.
+
+    Returns
+    -------
+    ndarray, shape (p, p)
+    """
+    if covariance.size == 1:
+        return covariance[0] * sensitivity.T @ sensitivity
+    from scipy.signal import fftconvolve
+
+    kernel = np.concatenate([covariance[:0:-1], covariance])[:, None]
+    return sensitivity.T @ fftconvolve(sensitivity, kernel, mode='same', axes=0)

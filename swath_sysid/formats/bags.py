@@ -1,0 +1,460 @@
+"""Rosbag2 bags: IMU topics as trials, and trials as IMU topics."""
+import tempfile
+from collections import defaultdict
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag2 import Reader
+
+from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
+from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
+from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
+from swath_sysid.formats.messages import (
+    FORCE,
+    FORCE_COVARIANCE,
+    IMU_VALUES,
+    ORIENTATION,
+    ORIENTATION_COVARIANCE,
+    RATES,
+    RATES_COVARIANCE,
+    ImuMessage,
+)
+from swath_sysid.formats.output_bag import STORAGES, writing_bag
+from swath_sysid.formats.topics import IMU
+
+IMU_TYPE = IMU
+METADATA_FILE = 'metadata.yaml'
+MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
+"""First bytes of a storage file, and the ending it should have."""
+
+MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 10_000
+
+
+@dataclass(frozen=True)
+class ImuRecord:
+    """The messages of one IMU.
+
+    Attributes
+    ----------
+    stamps : ndarray of int64, shape (N,)
+        header.stamp, ns.
+    values : ndarray, shape (N, 37)
+        The numbers of each message in the order of the message definition, as `ORIENTATION` and its like place them;
+        a covariance that begins with -1 says that there is no such measurement.
+    received : ndarray of int64, shape (N,), optional
+        When the recorder got them, ns; they are in this order.
+    topic, frame_id : str
+        Empty where the record is not a bag.
+    in_craft_axes : bool
+        Whether frame and mounting of the sensor were taken into account already.
+    advice : tuple of Advice
+    """
+
+    stamps: np.ndarray
+    values: np.ndarray
+    received: np.ndarray | None = None
+    topic: str = ''
+    frame_id: str = ''
+    in_craft_axes: bool = False
+    advice: tuple[Advice, ...] = ()
+
+    def __len__(self):
+        return len(self.stamps)
+
+    def __iter__(self):
+        """One `ImuReading` after the other."""
+        parts = ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE
+        for first in range(0, len(self), READINGS_AT_ONCE):
+            values = self.values[first:first + READINGS_AT_ONCE]
+            stamps = self.stamps[first:first + READINGS_AT_ONCE].tolist()
+            yield from map(ImuReading, stamps, *(values[:, part].tolist() for part in parts))
+
+
+def is_bag(path):
+    """Whether something is a rosbag2 bag: a folder of storage files, or one such file."""
+    path = Path(path)
+    if path.is_dir():
+        return (path / METADATA_FILE).is_file() or bool(_storage_files(path))
+    return _storage_kind(path) is not None
+
+
+def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
+    """Read a trial from an IMU topic of a rosbag2 bag.
+
+    Time is that of the header stamps, from the first message. Angles come from the orientation
+    (none if its covariance begins with -1), Euler rates from it and the angular velocity.
+
+    Parameters
+    ----------
+    path : str or Path
+        A bag folder, or a single .mcap or .db3 file.
+    topic : str, optional
+        Which topic, needed only if the bag holds several of type sensor_msgs/msg/Imu.
+    frame : str, optional
+        ``flu`` (default) or ``frd``: what the sensor's axes mean.
+    mounting : tuple of 3 floats
+        Roll, pitch, yaw of the sensor in the craft, rad.
+
+    Returns
+    -------
+    Trial
+
+    Raises
+    ------
+    InputError
+        There is no such bag or topic, the choice of the topic is open, the bag is damaged beyond
+        reading, or holds too few usable messages.
+    """
+    installation = Installation(frame or 'flu', mounting)
+    record = read_imu(path, topic)
+    stamps, advice = record.stamps, list(record.advice)
+    if np.all(stamps == stamps[0]) and stamps.size > 1:
+        stamps = record.received
+        advice.append(Advice('no-header-stamps', (
+            f'{record.topic} carries no header stamps, so the times of arrival are used: let the driver stamp its '
+            f'messages'
+        )))
+    readings = {}
+    for names, columns, covariance in (
+        (QUATERNION, ORIENTATION, ORIENTATION_COVARIANCE),
+        (GYRO, RATES, RATES_COVARIANCE),
+        (ACCEL, FORCE, FORCE_COVARIANCE),
+    ):
+        measured = record.values[:, covariance.start] != -1
+        if measured.any():
+            block = np.where(measured[:, None], record.values[:, columns], np.nan)
+            readings.update(zip(names, np.ascontiguousarray(block.T), strict=True))
+    return assemble_trial(
+        (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice)
+
+
+def read_imu(path, topic=None):
+    """Read the messages of an IMU topic of a rosbag2 bag, as they are.
+
+    Of a bag that was cut off, what is whole is read, and advice tells so.
+
+    Parameters
+    ----------
+    path : str or Path
+        A bag folder, or a single .mcap or .db3 file.
+    topic : str, optional
+        Needed only if the bag holds several of type sensor_msgs/msg/Imu.
+
+    Returns
+    -------
+    ImuRecord
+
+    Raises
+    ------
+    InputError
+        There is no such bag or topic, the choice of the topic is open, or the bag is damaged
+        beyond reading.
+    """
+    path = Path(path)
+    with ExitStack() as stack:
+        readers, advice = _open_bag(path, stack)
+        if advice and not any(c.msgtype == IMU_TYPE for reader in readers for c in reader.connections):
+            raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
+        topic = _choose_topic(path, readers, topic)
+        decoder = _ImuDecoder()
+        for reader in readers:
+            connections = [c for c in reader.connections if c.topic == topic and c.msgtype == IMU_TYPE]
+            if connections:
+                try:
+                    for _, received, raw in reader.messages(connections):
+                        decoder.add(received, raw)
+                except Exception as error:  # the libraries raise whatever a broken byte leads them to
+                    advice.append(_damage(path, error))
+    stamps, received, values = decoder.arrays()
+    if not stamps.size:
+        problem = f' ({advice[-1].message})' if advice else ''
+        raise InputError(f'{path} holds no readable message on {topic}{problem}: record it again')
+    if decoder.damaged:
+        advice.append(Advice('damaged-messages', (
+            f'{decoder.damaged} messages on {topic} are not of type {IMU_TYPE} and were left out: check the recorder'
+        )))
+    order = np.argsort(received, kind='stable')
+    if np.any(np.diff(order) != 1):
+        stamps, received, values = stamps[order], received[order], values[order]
+    if len(decoder.frame_ids) > 1:
+        names = ', '.join(repr(name[:40]) for name in list(decoder.frame_ids)[:3])
+        advice.append(Advice('frame-id-changed', (
+            f'the messages on {topic} come in {len(decoder.frame_ids)} frames ({names}): if these are two sensors, '
+            f'record each on a topic of its own; else look whether the mounting is still right'
+        )))
+    return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
+
+
+def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id='imu_link'):
+    """Write a trial as an IMU would have sent it.
+
+    Body rates and orientation are those of the trial's angles and Euler rates, the orientation
+    without yaw; an angle or rate that the trial does not hold is taken as zero, unless it holds none
+    of roll and pitch. An Imu message has no place for heave.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
+    trial : Trial
+    start_stamp_ns : int
+        Stamp of the first sample.
+    topic, frame_id : str
+
+    Raises
+    ------
+    InputError
+        Something stands at `path` that may not be replaced, or it cannot be written.
+    """
+    stamps = int(start_stamp_ns) + np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
+    sender = ImuMessage(frame_id)
+    with writing_bag(path) as add:
+        for stamp, values in zip(stamps.tolist(), imu_values(trial), strict=True):
+            add(topic, IMU_TYPE, stamp, sender.of_values(stamp, values))
+
+
+def imu_values(trial):
+    """The numbers of the messages that an IMU in the craft's axes would have sent, without yaw.
+
+    An angle or rate that the trial does not hold is zero, unless it holds none of them: then the
+    covariance says that it is not measured.
+
+    Parameters
+    ----------
+    trial : Trial
+
+    Returns
+    -------
+    ndarray, shape (N, 37)
+    """
+    count = trial.time.size
+    values = np.zeros((count, IMU_VALUES))
+
+    def known(channel):
+        return np.zeros(count) if channel is None else channel
+
+    roll, pitch = known(trial.roll), known(trial.pitch)
+    turns, angles = (trial.roll_rate, trial.pitch_rate), (trial.roll, trial.pitch)
+    forces = trial.accel_x, trial.accel_y, trial.accel_z
+    rates = body_rates(roll, pitch, *map(known, turns), known(trial.yaw_rate))
+    for columns, covariance, parts, channels in (
+        (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, np.zeros(count)), angles),
+        (RATES, RATES_COVARIANCE, rates, turns),
+        (FORCE, FORCE_COVARIANCE, list(map(known, forces)), forces),
+    ):  # fmt: skip
+        values[:, columns] = np.stack(parts, axis=1)
+        if all(channel is None for channel in channels):
+            values[:, covariance.start] = NOT_MEASURED
+    return values
+
+
+class _ImuDecoder:
+    """Turns serialised Imu messages into arrays, many at once.
+
+    Messages of one length and frame_id have their numbers in the same places (CDR, as ROS 2
+    sends it), so that a block of them is an array already.
+    """
+
+    def __init__(self):
+        self.frame_ids = {}
+        self.damaged = 0
+        self._waiting = []
+        self._blocks = []
+
+    def add(self, received, raw):
+        # a broken database holds anything, also nothing
+        if not isinstance(received, int) or not isinstance(raw, bytes | memoryview):
+            self.damaged += 1
+            return
+        self._waiting.append((received, raw))
+        if len(self._waiting) == MESSAGES_AT_ONCE:
+            self._decode()
+
+    def arrays(self):
+        """Stamps, times of arrival, and values of all messages so far."""
+        self._decode()
+        empty = np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, IMU_VALUES))
+        return tuple(np.concatenate(parts) for parts in zip(empty, *self._blocks, strict=True))
+
+    def _decode(self):
+        alike = defaultdict(list)
+        for received, raw in self._waiting:
+            alike[raw[:4], raw[12:16], len(raw)].append((received, raw))
+        self._waiting = []
+        for (encoding, name_length, size), messages in alike.items():
+            layout = _imu_layout(encoding, name_length, size)
+            if layout is None:
+                self.damaged += len(messages)
+                continue
+            table = np.frombuffer(b''.join(raw for _, raw in messages), dtype=layout)
+            first = table['frame_id'][0]
+            ids = np.unique(table['frame_id']) if np.any(table['frame_id'] != first) else [first]
+            self.frame_ids.update(dict.fromkeys(frame_id.decode('utf-8', 'replace') for frame_id in ids))
+            stamps = table['sec'].astype(np.int64) * 1_000_000_000 + table['nanosec']
+            received = np.array([time for time, _ in messages], dtype=np.int64)
+            self._blocks.append((stamps, received, table['values'].astype(float)))
+
+
+def _imu_layout(encoding, name_length, size):
+    """Where the numbers stand in a serialised Imu message, None if it is none (CDR, OMG formal/02-06-51)."""
+    if encoding[:2] not in (b'\0\0', b'\0\1') or len(name_length) < 4:
+        return None
+    order = '<' if encoding[1] else '>'
+    length = int.from_bytes(name_length, 'little' if encoding[1] else 'big')
+    # alignment counts from behind the four bytes that tell the encoding
+    values = 4 + -(-(12 + length) // 8) * 8
+    if not 1 <= length <= size or values + 8 * IMU_VALUES > size:
+        return None
+    return np.dtype({
+        'names': ['sec', 'nanosec', 'frame_id', 'values'],
+        'formats': [f'{order}i4', f'{order}u4', f'S{length}', (f'{order}f8', IMU_VALUES)],
+        'offsets': [4, 8, 16, values],
+        'itemsize': size,
+    })
+
+
+@contextmanager
+def opened_bag(path):
+    """The open readers of everything in a bag, in the order of recording, and what to tell of its state.
+
+    Parameters
+    ----------
+    path : str or Path
+        A bag folder, or a single .mcap or .db3 file; of one that was cut off, what is whole can be read.
+
+    Yields
+    ------
+    readers : list
+        Each with ``connections`` and ``messages(connections)``, as those of rosbags.
+    advice : list of Advice
+
+    Raises
+    ------
+    InputError
+        There is no such bag, or it is damaged beyond reading.
+    """
+    with ExitStack() as stack:
+        yield _open_bag(Path(path), stack)
+
+
+def _open_bag(path, stack):
+    """Readers of everything in a bag, opened, and what to tell of its state."""
+    if not path.exists():
+        raise InputError(f'there is no bag {path}: check the name')
+    if path.is_dir():
+        return _open_folder(path, stack)
+    return _open_storage(path, stack)
+
+
+def _open_folder(path, stack):
+    files = _storage_files(path)
+    problem = 'its metadata.yaml is missing'
+    if (path / METADATA_FILE).is_file():
+        try:
+            return [stack.enter_context(Reader(path))], []
+        except Exception as error:  # as above
+            problem = str(error)
+    if not files:
+        raise InputError(f'{path} is no rosbag2 bag that can be read ({_reason(path, problem)}): give a bag folder, or '
+                         f'a .mcap or .db3 file')
+    readers, advice = [], [_damage(path, problem)]
+    for file in files:
+        try:
+            opened, more = _open_storage(file, stack)
+        except InputError as error:
+            advice.append(Advice('damaged-bag', str(error)))
+        else:
+            readers += opened
+            advice += more
+    if not readers:
+        raise InputError(advice[-1].message)
+    return readers, advice
+
+
+def _open_storage(path, stack):
+    try:
+        kind = _storage_kind(path)
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from error
+    if kind is None:
+        raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
+    open_storage = Reader.STORAGE_PLUGINS[kind]
+    try:
+        storage = _opened(open_storage(path))
+        if kind == '.mcap' and (damage := damage_of(path)):
+            raise InputError(damage)
+        return [stack.enter_context(storage)], []
+    except Exception as error:  # as above
+        if kind != '.mcap':
+            raise InputError(f'{path} is damaged ({_reason(path, error)}): recover it with the sqlite3 tool, as in '
+                             f"sqlite3 OLD.db3 '.recover' | sqlite3 NEW.db3") from error
+        advice = [_damage(path, error)]
+    try:
+        mended = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.name
+        copy_whole_records(path, mended)
+        return [stack.enter_context(_opened(open_storage(mended)))], advice
+    except Exception as error:  # as above
+        raise InputError(f'{path} is damaged beyond reading ({_reason(path, error)}): record it again') from error
+
+
+@contextmanager
+def _opened(storage):
+    storage.open()
+    try:
+        yield storage
+    finally:
+        storage.close()
+
+
+def _storage_files(folder):
+    """The storage files in a folder, in the order in which a recorder numbers them."""
+    return sorted((file for file in folder.iterdir() if file.suffix in STORAGES and file.is_file()),
+                  key=lambda file: (len(file.name), file.name))
+
+
+def _storage_kind(path):
+    """The ending that a storage file with these first bytes should have, None for any other file."""
+    with open(path, 'rb') as file:
+        start = file.read(16)
+    return next((ending for magic, ending in MAGIC.items() if start.startswith(magic)), None)
+
+
+def _choose_topic(path, readers, topic):
+    """The IMU topic to read."""
+    types = {c.topic: c.msgtype for reader in readers for c in reader.connections}
+    filled = {c.topic for reader in readers for c in reader.connections if c.msgcount and c.msgtype == IMU_TYPE}
+    imus = sorted(filled or (name for name, kind in types.items() if kind == IMU_TYPE))
+    listed = ', '.join(imus) or 'none'
+    if topic:
+        name = topic if topic.startswith('/') else f'/{topic}'
+        if types.get(name) == IMU_TYPE:
+            return name
+        if name in types:
+            raise InputError(f'{path}: {name} is of type {types[name]}, not {IMU_TYPE}: choose an IMU topic ({listed})')
+        raise InputError(f'{path} holds no topic {name}: choose an IMU topic ({listed})')
+    if len(imus) == 1:
+        return imus[0]
+    if imus:
+        raise InputError(f'{path} holds {len(imus)} IMU topics: choose one of {listed}')
+    held = ', '.join(sorted(f'{name} ({kind})' for name, kind in types.items())) or 'none'
+    raise InputError(f'{path} holds no topic of type {IMU_TYPE} (topics in it: {held}): record one')
+
+
+def _damage(path, error):
+    return Advice('damaged-bag', (
+        f'{path} is damaged ({_reason(path, error)}): what is whole was read; let the recorder finish before its '
+        f'power goes'
+    ))
+
+
+def _reason(path, error):
+    """What a library said of a file, short and on one line."""
+    words = ' '.join(str(error).replace(f' {path}', '').split()).rstrip('.')
+    return words[:120] or type(error).__name__

@@ -1,0 +1,164 @@
+"""CSV records of manoeuvres: thrusters, speeds, yaw, position."""
+
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.tables import (
+    ANGLE_UNITS,
+    EPOCH_SECONDS,
+    LENGTH_UNITS,
+    PURE,
+    RATE_UNITS,
+    TIME_UNITS,
+    known_columns,
+    listed_names,
+    plain_name,
+    read_columns,
+    read_head,
+    remark_number,
+    shown,
+)
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
+
+SPEED_UNITS = {'m_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0}
+FORCE_UNITS = {'n': 1.0}
+PULSE_UNITS = {'us': 1.0}
+
+QUANTITIES = (
+    (('time', 't', 'stamp', 'timestamp'), 'time', TIME_UNITS),
+    *((names, f'{side}_{kind}', units)
+      for kind, units in (('thrust', FORCE_UNITS), ('command', PURE), ('pwm', PULSE_UNITS))
+      for side, other in (('port', 'left'), ('starboard', 'right'))
+      for names in [(f'{side}_{kind}', f'{other}_{kind}', f'{kind}_{side}', f'{kind}_{other}')]),
+    (('surge', 'u', 'surge_speed'), 'surge', SPEED_UNITS),
+    (('sway', 'v', 'sway_speed'), 'sway', SPEED_UNITS),
+    (('yaw_rate', 'r'), 'yaw_rate', RATE_UNITS),
+    (('heading', 'yaw', 'psi'), 'heading', ANGLE_UNITS),
+    *(((name,), name, LENGTH_UNITS) for name in ('x', 'y', 'east', 'north')),
+)
+"""Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
+
+FRAMES = ('enu', 'ned')
+USUAL_NEUTRAL, USUAL_FULL = 1500.0, 1900.0
+"""us of pulses to speed controllers: no thrust, and full thrust ahead."""
+
+LARGEST_COMMAND = 1.5
+"""A command beyond is not normalised."""
+
+
+def read_manoeuvring_csv(path, frame=None):
+    """Read a record of a manoeuvre.
+
+    Columns, in any order: ``time_s``; ``port_thrust_n`` and ``starboard_thrust_n``, or ``port_command`` and
+    ``starboard_command``, or ``port_pwm_us`` and ``starboard_pwm_us``; any of ``surge_m_s``, ``sway_m_s``,
+    ``yaw_rate_rad_s`` or ``_deg_s``, ``heading_rad`` or ``_deg``, ``x_m`` and ``y_m`` (or ``east_m`` and
+    ``north_m``). Comment lines above may state ``# frame: ned``, ``# lever_m: 1.0``, ``# length_m: 4.9``, and of
+    pulses ``# pwm_neutral_us: 1500`` and ``# pwm_full_us: 1900`` (full ahead), which are the usual ones. Empty cells
+    are missing values.
+
+    Parameters
+    ----------
+    path : str or Path
+    frame : str, optional
+        ``enu`` or ``ned``; by default what the file states, else not stated.
+
+    Returns
+    -------
+    ManoeuvringTrial
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or lacks time, thrust or motion; the sentence names what was looked for.
+    """
+    path = Path(path)
+    try:
+        head = read_head(path)
+        columns = _find_columns(path, head.names)
+        values, advice = read_columns(path, head, [index for index, _ in columns.values()])
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from error
+    found = {name: row * scale for row, (name, (_, scale)) in zip(values, columns.items(), strict=True)}
+    thrust_input, port, starboard = _thrusters(path, found, head.remarks)
+    frame = (frame or head.remarks.get('frame', '')).lower() or None
+    if frame not in (None, *FRAMES):
+        raise InputError(f"{path} states the frame '{shown(frame)}': state enu or ned")
+    x, y = found.get('x'), found.get('y')
+    if x is None and 'east' in found and 'north' in found:
+        x, y = (found['north'], found['east']) if frame == 'ned' else (found['east'], found['north'])
+    time = found['time']
+    finite = time[np.isfinite(time)]
+    if not finite.size:
+        raise InputError(f'{path} has no readable time: check its time column')
+    return ManoeuvringTrial(
+        time - finite[0] if abs(finite[0]) > EPOCH_SECONDS else time, port, starboard, thrust_input,
+        *(found.get(name) for name in ('surge', 'sway', 'yaw_rate', 'heading')), x, y, frame,
+        *(remark_number(path, head.remarks, key) for key in ('lever_m', 'length_m')), str(path), tuple(advice),
+    )  # fmt: skip
+
+
+def write_manoeuvring_csv(path, manoeuvre, model, water_track=False):
+    """Write a simulated manoeuvre as `read_manoeuvring_csv` reads it, in ENU.
+
+    Parameters
+    ----------
+    path : str or Path
+    manoeuvre : Manoeuvre
+    model : ManoeuvringModel
+    water_track : bool
+        Write u and v through the water for surge and sway instead of those over ground.
+    """
+    kind = 'thrust_n' if model.thrust_input == FORCE else 'command'
+    surge, sway = (manoeuvre.u, manoeuvre.v) if water_track else (manoeuvre.surge, manoeuvre.sway)
+    columns = {
+        'time_s': manoeuvre.time, f'port_{kind}': manoeuvre.port, f'starboard_{kind}': manoeuvre.starboard,
+        'surge_m_s': surge, 'sway_m_s': sway, 'yaw_rate_rad_s': manoeuvre.yaw_rate, 'heading_rad': manoeuvre.heading,
+        'x_m': manoeuvre.x, 'y_m': manoeuvre.y,
+    }  # fmt: skip
+    with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
+        file.write(f'# frame: enu\n# lever_m: {model["lever"]!r}\n# length_m: {model.length!r}\n')
+        file.write(','.join(columns) + '\n')
+        rows = zip(*(np.round(values, 9).tolist() for values in columns.values()), strict=True)
+        file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
+
+
+def _find_columns(path, names):
+    known, columns = known_columns(QUANTITIES), {}
+    for index, name in enumerate(map(plain_name, names)):
+        if name in known:
+            reading, _, scale = known[name]
+            columns.setdefault(reading, (index, scale))
+    if 'time' not in columns:
+        raise InputError(f'{path} has no time column: looked for time_s, time_ms, t_s; found {listed_names(names)}')
+    thrusters = [{f'port_{kind}', f'starboard_{kind}'} for kind in ('thrust', 'command', 'pwm')]
+    if not any(pair <= set(columns) for pair in thrusters):
+        raise InputError(f'{path} has no pair of thrusters: looked for port_thrust_n and starboard_thrust_n, or '
+                         f'port_command and starboard_command, or port_pwm_us and starboard_pwm_us; '
+                         f'found {listed_names(names)}')  # fmt: skip
+    motion = set(columns) & {'surge', 'sway', 'yaw_rate', 'heading', 'x', 'east'}
+    if not motion:
+        raise InputError(f'{path} has no motion: looked for surge_m_s, sway_m_s, yaw_rate_rad_s, heading_rad, '
+                         f'heading_deg, x_m and y_m; found {listed_names(names)}')  # fmt: skip
+    return columns
+
+
+def _thrusters(path, found, remarks):
+    if 'port_thrust' in found and 'starboard_thrust' in found:
+        return FORCE, found['port_thrust'], found['starboard_thrust']
+    if 'port_pwm' in found and 'starboard_pwm' in found:
+        neutral = remark_number(path, remarks, 'pwm_neutral_us') or USUAL_NEUTRAL
+        span = (remark_number(path, remarks, 'pwm_full_us') or USUAL_FULL) - neutral
+        if not span:
+            raise InputError(f'{path}: pwm_neutral_us and pwm_full_us are the same: state the pulses of no thrust '
+                             f'and of full thrust ahead')  # fmt: skip
+        port, starboard = ((found[f'{side}_pwm'] - neutral) / span for side in ('port', 'starboard'))
+    else:
+        port, starboard = found['port_command'], found['starboard_command']
+    most = max((float(np.nanmax(np.abs(c))) for c in (port, starboard) if np.isfinite(c).any()), default=0.0)
+    if most > LARGEST_COMMAND:
+        raise InputError(f'{path}: commands reach {most:g}: normalise them to -1 .. 1, or name them port_thrust_n and '
+                         f'starboard_thrust_n if they are forces')  # fmt: skip
+    return COMMAND, port, starboard

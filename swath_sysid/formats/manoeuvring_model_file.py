@@ -1,0 +1,161 @@
+"""The model file of a manoeuvring craft: YAML, versioned, checked on reading."""
+
+from dataclasses import asdict, fields
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.fields import (
+    ModelFormat,
+    anything,
+    built,
+    check_std,
+    covariance,
+    list_of,
+    mapping,
+    metrics,
+    number,
+    one_of,
+    quantities_of,
+    record,
+    text,
+)
+from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.model import INPUTS, ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.hull.physical_range import check_physical
+from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS
+from swath_sysid.manoeuvring.identification.shooting import CURRENT
+
+_SPEED = number(-100.0, 100.0)
+_INPUT = number(-1e9, 1e9)
+_REGION = {
+    'slowest': _SPEED, 'fastest': _SPEED, 'largest_sway': number(0.0, 100.0), 'largest_yaw_rate': number(0.0, 100.0),
+    'least_input': _INPUT, 'most_input': _INPUT, 'largest_difference': number(0.0, 2e9),
+}  # fmt: skip
+_SPREAD, _TIME = number(0.0, 1e6), number(0.0, 1e6, above=0.0)
+_FORECAST = record({
+    'disturbance': list_of(_SPREAD, 3), 'disturbance_time': list_of(_TIME, 3), 'thrust': list_of(_SPREAD, 3),
+    'sensors': list_of(_TIME, 4), 'leads': list_of(_TIME), 'scale': list_of(list_of(_SPREAD), 6),
+})  # fmt: skip
+FORMAT = ModelFormat(
+    'swath_sysid manoeuvring model', 'body x forward, y port, z up; world x east, y north (REP 103)',
+    'write one with manoeuvre identify --output', {
+        'name': text(),
+        'thrust_input': one_of(INPUTS),
+        'length_m': number(0.01, 1000.0),
+        'largest_input': number(0.0, 1e9, above=0.0),
+        'parameters': quantities_of({p.name: p.unit for p in PARAMETERS}, 'parameter'),
+        'current_m_s': list_of(number(-20.0, 20.0), 2),
+        'identified': list_of(one_of((*INDEX, *CURRENT))),
+        'covariance': anything,
+        'noise': list_of(number(0.0, 100.0), 3),
+        'region': record({field.name: _REGION[field.name] for field in fields(Region)}),
+        'metrics': metrics,
+        'provenance': mapping,
+    }, {'forecast': _FORECAST}, kind='manoeuvring model',
+)  # fmt: skip
+"""What a model file holds; null stands for what is not known."""
+
+
+def manoeuvring_to_yaml(identified):
+    """Text of a model file.
+
+    Parameters
+    ----------
+    identified : IdentifiedManoeuvringModel
+
+    Returns
+    -------
+    str
+    """
+    model = identified.model
+    std = dict(zip(identified.names, np.sqrt(np.diag(identified.covariance)).tolist(), strict=True))
+    parameters = {
+        p.name: {'value': float(model[p.name]), 'std': std.get(p.name), 'unit': p.unit}
+        for p in PARAMETERS
+        if p.name in identified.names or model[p.name] != NEUTRAL[INDEX[p.name]]
+    }
+    forecast = {} if identified.forecast is None else {'forecast': {
+        name: np.asarray(values, dtype=float).tolist() for name, values in asdict(identified.forecast).items()}}
+    return FORMAT.text(
+        name=model.name, thrust_input=model.thrust_input, length_m=float(model.length),
+        largest_input=float(model.largest_input), parameters=parameters,
+        current_m_s=[float(c) for c in model.current], identified=list(identified.names),
+        covariance=np.asarray(identified.covariance, dtype=float).tolist(),
+        noise=[float(n) for n in identified.noise],
+        region={name: float(value) for name, value in asdict(identified.region).items()},
+        metrics=identified.metrics, provenance=identified.provenance, **forecast,
+    )  # fmt: skip
+
+
+def manoeuvring_from_yaml(text, source='the model'):
+    """The model of a model file's text.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Named in the errors.
+
+    Returns
+    -------
+    IdentifiedManoeuvringModel
+
+    Raises
+    ------
+    InputError
+        Not such a file, of another version, or with unknown, missing or wrong fields.
+    """
+    content = FORMAT.content(text, source)
+    names = tuple(content['identified'])
+    if len(set(names)) < len(names):
+        raise InputError(f'{source}, identified: a name is given twice: leave one out')
+    region = Region(**content['region'])
+    if not (region.slowest <= region.fastest and region.least_input <= region.most_input):
+        raise InputError(f'{source}, region: slowest and least_input must not exceed fastest and most_input')
+    # YAML knows no empty table, only an empty list
+    matrix = covariance(content['covariance'], names, f'{source}, covariance')
+    # the current has no std of its own in the file
+    told = {name: content['parameters'][name]['std'] for name in names if name in content['parameters']}
+    check_std(told, np.diag(matrix)[[names.index(name) for name in told]], source)
+    return IdentifiedManoeuvringModel(
+        built(lambda: _model_of(content), source), names, matrix, np.array(content['noise']), region,
+        content['metrics'], content['provenance'], _forecast_of(content.get('forecast'), f'{source}, forecast'),
+    )  # fmt: skip
+
+
+def _forecast_of(content, where):
+    if content is None:
+        return None
+    found = {name: np.array(values) for name, values in content.items() if name != 'scale'}
+    leads = found['leads']
+    if not leads.size or np.any(np.diff(leads) <= 0.0) or any(len(row) != leads.size for row in content['scale']):
+        raise InputError(f'{where}: the leads must rise, and every row of scale hold one number a lead')
+    return ForecastNoise(**found, scale=np.array(content['scale'], dtype=float))
+
+
+def _model_of(content):
+    values = {name: plain['value'] for name, plain in content['parameters'].items()}
+    model = ManoeuvringModel(
+        parameter_values(values), thrust_input=content['thrust_input'], name=content['name'],
+        length=content['length_m'], largest_input=content['largest_input'], current=tuple(content['current_m_s']),
+    )  # fmt: skip
+    check_physical(model)
+    return model
+
+
+def write_manoeuvring_model(path, identified):
+    """Write a model file whole or not at all.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, or would be refused by its readers.
+    """
+    FORMAT.write(path, manoeuvring_to_yaml(identified), manoeuvring_from_yaml)
+
+
+def read_manoeuvring_model(path):
+    """Read a model file; see `manoeuvring_from_yaml`."""
+    return FORMAT.read(path, manoeuvring_from_yaml)

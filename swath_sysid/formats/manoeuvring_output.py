@@ -1,0 +1,86 @@
+"""What manoeuvring_predictor would have published on a record, written as mcap without ROS."""
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_messages import odometry_message, path_message
+from swath_sysid.formats.messages import SECOND_NS
+from swath_sysid.formats.output_bag import writing_output_bag
+from swath_sysid.formats.topics import PATH_TOPIC, manoeuvring_lead_topic
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, OdometryReading
+
+
+def play_manoeuvres(trial, settings, identified=None):
+    """Forecasts on a trial, as the live node makes them; same trial, same numbers.
+
+    Parameters
+    ----------
+    trial : ManoeuvringTrial
+        Of a bag, in ENU, with everything that an odometry holds.
+    settings : ManoeuvreOutlookSettings
+    identified : IdentifiedManoeuvringModel, optional
+
+    Yields
+    ------
+    float, OutlookStep
+        Time and forecasts, where some were due.
+
+    Raises
+    ------
+    InputError
+        The trial lacks what an odometry holds, or its thrust is not of the model's kind.
+    """
+    names = ('x', 'y', 'heading', 'surge', 'sway')
+    missing = [name for name in (*names, 'yaw_rate') if getattr(trial, name) is None]
+    if missing:
+        raise InputError(f'{trial.source} lacks {", ".join(missing)}: play a bag with odometry through')
+    if identified is not None and identified.model.thrust_input != trial.thrust_input:
+        raise InputError(f'{trial.source} holds thrust as {trial.thrust_input}, the model takes '
+                         f'{identified.model.thrust_input}: give --thrust-input if that was mistaken')  # fmt: skip
+    outlook = ManoeuvreOutlook(settings, identified)
+    rate = np.nan
+    for k, stamp in enumerate(trial.time.tolist()):
+        for side in ('port', 'starboard'):
+            value = float(getattr(trial, side)[k])
+            if np.isfinite(value):
+                outlook.add_thrust(stamp, side, value)
+        if np.isfinite(trial.yaw_rate[k]):
+            rate = float(trial.yaw_rate[k])
+            outlook.add_yaw_rate(stamp, rate)
+        values = [float(getattr(trial, name)[k]) for name in names]
+        if np.all(np.isfinite(values)) and np.isfinite(rate):
+            step = outlook.add_odometry(OdometryReading(stamp, *values, rate, {}))
+            if step.path:
+                yield stamp, step
+
+
+def write_forecasts(path, forecasts, leads, namespace=''):
+    """Write forecasts as mcap on the topics of manoeuvring_predictor.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``NAME.mcap``.
+    forecasts : iterable of (float, OutlookStep)
+    leads : sequence of float
+    namespace : str
+
+    Returns
+    -------
+    int
+        Number of forecasts.
+
+    Raises
+    ------
+    InputError
+        The name does not end in .mcap, or the file cannot be written.
+    """
+    count = 0
+    with writing_output_bag(path, namespace=namespace) as bag:
+        for stamp, step in forecasts:
+            count += 1
+            time_ns = round(stamp * SECOND_NS)
+            bag.add(PATH_TOPIC, time_ns, path_message(step.path, stamp, 'odom'))
+            for lead, state in zip(leads, step.leads, strict=True):
+                bag.add(manoeuvring_lead_topic(lead), time_ns, odometry_message(state, 'odom', 'base_link'))
+    return count

@@ -1,0 +1,144 @@
+"""Check sums of mcap files (mcap.dev/spec), and what is whole of a damaged one.
+
+A file is a magic, records and the magic again; a record is an operation code, a length of eight bytes and its
+content. Chunks, the data section and the summary have a check sum each; zero is none.
+"""
+import os
+import struct
+from binascii import crc32
+
+from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
+
+MAGIC = b'\x89MCAP0\r\n'
+FOOTER, CHUNK, DATA_END = 0x02, 0x06, 0x0F
+HEAD = struct.Struct('<BQ')
+FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)
+CHUNK_CHECKSUM_AT = 24
+"""Behind its times and its uncompressed size."""
+
+BLOCK_BYTES = 1 << 20
+
+
+def _records(file):
+    """Code, place and length of the content of one record after the other, to the footer; the file may be moved in."""
+    at, code = len(MAGIC), None
+    file.seek(at)
+    while code != FOOTER and len(head := file.read(HEAD.size)) == HEAD.size:
+        code, length = HEAD.unpack(head)
+        at += HEAD.size
+        yield code, at, length
+        at += length
+        file.seek(at)
+
+
+def _number(file, at, size=4):
+    file.seek(at)
+    return int.from_bytes(file.read(size), 'little')
+
+
+def damage_of(path):
+    """Whether records go beyond the file, and which check sums of the data section and of the summary do not hold.
+
+    Check sums of the chunks are looked at where the chunks are read. Lengths come first: who believes a broken one
+    asks for as much memory.
+
+    Parameters
+    ----------
+    path : Path
+        Of a whole mcap file.
+
+    Returns
+    -------
+    str
+        Empty where nothing is wrong.
+    """
+    with open(path, 'rb') as file:
+        size = file.seek(0, os.SEEK_END)
+        records = list(_records(file))
+        if size < len(MAGIC) + FOOTER_BYTES or not records or sum(records[-1][1:]) + len(MAGIC) != size:
+            return 'a record in it goes beyond its end'
+        summary_start = _number(file, size - FOOTER_BYTES + HEAD.size, 8)
+        summary_end = size - len(MAGIC) - 4
+        summary_sum = _number(file, summary_end)
+        if summary_sum and summary_start and _sum_of(file, summary_start, summary_end) != summary_sum:
+            return 'the check sum of its summary does not hold'
+        for code, at, _ in records:
+            if code == DATA_END and (data_sum := _number(file, at)) and _sum_of(file, 0, at - HEAD.size) != data_sum:
+                return 'the check sum of its data does not hold'
+    return ''
+
+
+def add_checksums(path):
+    """Write the check sums into an mcap file that has none, so that a flipped byte does not pass for a measurement.
+
+    Parameters
+    ----------
+    path : Path
+        Of a whole mcap file.
+    """
+    with open(path, 'rb+') as file:
+
+        def write(at, total):
+            file.seek(at)
+            file.write(total.to_bytes(4, 'little'))
+
+        for code, at, length in _records(file):
+            if code == CHUNK:
+                write(at + CHUNK_CHECKSUM_AT, crc32(_unpacked(file.read(length))))
+            elif code == DATA_END:
+                write(at, _sum_of(file, 0, at - HEAD.size))
+        end = file.seek(0, os.SEEK_END) - len(MAGIC) - 4
+        write(end, _sum_of(file, _number(file, end + 4 + len(MAGIC) - FOOTER_BYTES + HEAD.size, 8), end))
+
+
+def copy_whole_records(path, target):
+    """Copy an mcap file up to its last whole record, without chunks of which the check sum does not hold or an index.
+
+    Of a plain chunk that was cut off, its own records follow: they may also stand alone.
+
+    Parameters
+    ----------
+    path, target : Path
+    """
+    size = path.stat().st_size
+    with open(path, 'rb') as source, open(target, 'wb') as copy:
+        copy.write(MAGIC)
+        source.seek(len(MAGIC))
+        while len(head := source.read(HEAD.size)) == HEAD.size and head[0] not in (FOOTER, DATA_END):
+            length = HEAD.unpack(head)[1]
+            if source.tell() + length <= size:
+                content = source.read(length)
+                if head[0] != CHUNK or _chunk_holds(content):
+                    copy.write(head + content)
+                continue
+            if head[0] != CHUNK or _number(source, source.tell() + CHUNK_CHECKSUM_AT + 4):
+                break
+            source.seek(8, os.SEEK_CUR)
+        copy.write(HEAD.pack(FOOTER, 20) + bytes(20) + MAGIC)
+
+
+def _chunk_holds(content):
+    """Whether the check sum of a chunk holds, or it has none."""
+    expected = int.from_bytes(content[CHUNK_CHECKSUM_AT:CHUNK_CHECKSUM_AT + 4], 'little')
+    try:
+        return not expected or crc32(_unpacked(content)) == expected
+    except Exception:  # noqa: BLE001 - the libraries raise whatever a broken byte leads them to
+        return False
+
+
+def _unpacked(content):
+    """The records in a chunk."""
+    at = CHUNK_CHECKSUM_AT + 8
+    end = at + int.from_bytes(content[at - 4:at], 'little')
+    compression, size = content[at:end].decode(), int.from_bytes(content[end:end + 8], 'little')
+    return DECOMPRESSORS[compression](content[end + 8:end + 8 + size], int.from_bytes(content[16:24], 'little'))
+
+
+def _sum_of(file, start, end):
+    """CRC-32 of a part of a file."""
+    file.seek(start)
+    total, left = 0, end - start
+    while left > 0 and (block := file.read(min(BLOCK_BYTES, left))):
+        total = crc32(block, total)
+        left -= len(block)
+    return total

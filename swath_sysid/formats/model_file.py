@@ -1,0 +1,223 @@
+"""The model file: YAML, versioned, complete, checked on reading; one or both axes of a craft.
+
+It is what `identify` writes, what the identifier publishes on ``model/description``, and what
+the predictor and `forecast` read. A file may also hold a schedule on draft (`scheduled_to_yaml`):
+its ``axes`` are then the models of the middle draft, for readers that know of no schedule.
+"""
+
+import math
+
+import numpy as np
+
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.physical_range import check_physical
+from swath_sysid.attitude.hull.scheduled_model import QUANTITIES, ScheduledModel
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.fields import (
+    ModelFormat,
+    anything,
+    built,
+    check_std,
+    covariance,
+    if_known,
+    list_of,
+    mapping,
+    metrics,
+    number,
+    one_of,
+    quantities_of,
+    record,
+    table_of,
+    text,
+)
+
+_AXIS = record({
+    'equation': text(),
+    'ratios': quantities_of(RATIO_UNITS, 'ratio'),
+    'covariance': anything,
+    'trim_rad': number(-math.pi, math.pi),
+    'trim_std_rad': if_known(number(lowest=0.0)),
+    'friction_rate_rad_s': number(above=0.0),
+    'valid_amplitude_rad': list_of(if_known(number(0.0, math.pi), math.inf), 2),
+    'metrics': metrics,
+    'provenance': mapping,
+})  # fmt: skip
+_SCHEDULE = record({
+    'quantity': one_of(QUANTITIES), 'models': list_of(record({'loading': number(above=0.0), 'model': _AXIS})),
+})  # fmt: skip
+FORMAT = ModelFormat(
+    'swath_sysid decay model', 'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)', 'identify again',
+    {'axes': table_of(AXES, 'axis', _AXIS)}, {'schedule': table_of(AXES, 'axis', _SCHEDULE)},
+)  # fmt: skip
+"""What a model file holds; null stands for what is not known."""
+
+
+def model_to_yaml(models):
+    """Text of a model file.
+
+    Parameters
+    ----------
+    models : mapping of str to IdentifiedModel
+        Axis to model.
+
+    Returns
+    -------
+    str
+    """
+    return _dumped(models)
+
+
+def scheduled_to_yaml(schedules):
+    """Text of a model file with a schedule.
+
+    Parameters
+    ----------
+    schedules : mapping of str to ScheduledModel
+        Axis to schedule.
+
+    Returns
+    -------
+    str
+    """
+    plain = {
+        axis: {
+            'quantity': schedule.quantity,
+            'models': [
+                {'loading': loading, 'model': _axis_to_plain(identified)}
+                for loading, identified in zip(schedule.loadings, schedule.models, strict=True)
+            ],
+        }
+        for axis, schedule in schedules.items()
+    }
+    return _dumped({axis: schedule.reference for axis, schedule in schedules.items()}, schedule=plain)
+
+
+def _dumped(models, **more):
+    return FORMAT.text(axes={axis: _axis_to_plain(identified) for axis, identified in models.items()}, **more)
+
+
+def model_from_yaml(text, source='the model'):
+    """Models of a model file's text, by axis; see `description_from_yaml`."""
+    return description_from_yaml(text, source)[0]
+
+
+def description_from_yaml(text, source='the model'):
+    """Models and schedules of a model file's text, whoever wrote it.
+
+    Parameters
+    ----------
+    text : str
+        Any text whatever.
+    source : str
+        Named in the errors.
+
+    Returns
+    -------
+    models : dict of str to IdentifiedModel
+        By axis.
+    schedules : dict of str to ScheduledModel
+        By axis; empty where the text holds none.
+
+    Raises
+    ------
+    InputError
+        Not a model file, of another version, with unknown, missing or wrong fields, or of a hull
+        that no craft has; the sentence names the field.
+    """
+    content = FORMAT.content(text, source)
+    axes, schedule = content['axes'], content.get('schedule', {})
+    if not axes:
+        raise InputError(f"{source}: the field 'axes' holds no axis; give {' or '.join(AXES)}")
+    if schedule and set(schedule) != set(axes):
+        raise InputError(f"{source}: the axes of 'schedule' and of 'axes' differ; give the same in both")
+    models = {axis: _identified(plain, axis, f'{source}, {axis}') for axis, plain in axes.items()}
+    return models, {axis: _scheduled(item, axis, f'{source}, schedule of {axis}') for axis, item in schedule.items()}
+
+
+def _scheduled(plain, axis, where):
+    models = [
+        _identified(item['model'], axis, f'{where}, model {number}') for number, item in enumerate(plain['models'], 1)
+    ]
+    return built(
+        lambda: ScheduledModel(plain['quantity'], tuple(item['loading'] for item in plain['models']), tuple(models)),
+        where,
+    )
+
+
+def _identified(plain, axis, where):
+    ratios = plain['ratios']
+    smallest, largest = plain['valid_amplitude_rad']
+    if not smallest <= largest:
+        raise InputError(f'{where}, valid_amplitude_rad: give the smallest and the largest amplitude, in this order')
+    model = built(lambda: _model_of(plain, axis), where)
+    # the model has its terms in their own order, the rows of the file are in the file's
+    matrix = covariance(plain['covariance'], tuple(ratios), f'{where}, covariance')
+    check_std({name: ratio['std'] for name, ratio in ratios.items()}, np.diag(matrix), where)
+    order = [tuple(ratios).index(name) for name in model.equation.terms]
+    return IdentifiedModel(
+        model, matrix[np.ix_(order, order)], plain['trim_std_rad'], (smallest, largest), plain['metrics'],
+        plain['provenance'],
+    )  # fmt: skip
+
+
+def _model_of(plain, axis):
+    ratios = plain['ratios']
+    model = DecayModel.from_terms(
+        Equation(plain['equation'], tuple(ratios)), {name: ratio['value'] for name, ratio in ratios.items()},
+        trim=plain['trim_rad'], friction_rate=plain['friction_rate_rad_s'], axis=axis,
+    )  # fmt: skip
+    check_physical(model)
+    return model
+
+
+def write_model(path, models):
+    """Write a model file, whole or not at all; see `model_to_yaml`.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, or would be refused by its readers.
+    """
+    FORMAT.write(path, model_to_yaml(models), description_from_yaml)
+
+
+def write_scheduled(path, schedules):
+    """Write a model file with a schedule, as `write_model`; see `scheduled_to_yaml`."""
+    FORMAT.write(path, scheduled_to_yaml(schedules), description_from_yaml)
+
+
+def read_description(path):
+    """Read models and schedules of a model file; see `description_from_yaml`.
+
+    Raises
+    ------
+    InputError
+        Also where the file cannot be read.
+    """
+    return FORMAT.read(path, description_from_yaml)
+
+
+def read_model(path):
+    """Read the models of a model file; see `read_description`."""
+    return read_description(path)[0]
+
+
+def _axis_to_plain(identified):
+    model = identified.model
+    return {
+        'equation': model.equation.name,
+        'ratios': {
+            name: {'value': value, 'std': identified.std[name], 'unit': RATIO_UNITS[name]}
+            for name, value in model.terms.items()
+        },
+        'covariance': identified.covariance.tolist(),
+        'trim_rad': float(model.trim),
+        'trim_std_rad': float(identified.trim_std),
+        'friction_rate_rad_s': float(model.friction_rate),
+        'valid_amplitude_rad': [float(a) for a in identified.amplitude_range],
+        'metrics': identified.metrics,
+        'provenance': identified.provenance,
+    }

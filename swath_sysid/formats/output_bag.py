@@ -1,0 +1,191 @@
+"""Writing rosbag2 bags without ROS: of what sensors send, and of what the nodes publish."""
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.mcap_checksums import add_checksums
+from swath_sysid.formats.messages import (
+    ImuMessage,
+    PointMessages,
+    coefficients_message,
+    diagnostics_message,
+    horizon_message,
+    number_message,
+    text_message,
+    typestore,
+    window_message,
+)
+from swath_sysid.formats.model_file import model_to_yaml
+from swath_sysid.formats.topics import (
+    COEFFICIENTS_TOPIC,
+    DESCRIPTION_TOPIC,
+    DIAGNOSTICS_TOPIC,
+    HORIZON_TOPIC,
+    IMU_TOPIC,
+    LATCHED_TOPICS,
+    NEXT_TOPIC,
+    QUIESCENCE_TOPIC,
+    TYPES,
+    WINDOW_TOPIC,
+    lead_topic,
+    type_of,
+)
+
+STORAGES = {'.mcap': StoragePlugin.MCAP, '.db3': StoragePlugin.SQLITE3}
+FOR_EVER = QosTime(9223372036, 854775807)
+
+
+@contextmanager
+def writing_bag(path):
+    """A rosbag2 bag being written, which takes its final name at the end; nothing is left if the block raises.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
+
+    Yields
+    ------
+    callable
+        Adds a message: topic, type, time, ns, and bytes; and, for a new topic, the QoS offered.
+
+    Raises
+    ------
+    InputError
+        Something stands at `path` that may not be replaced, or it cannot be written.
+    """
+    path = Path(path)
+    kind = path.suffix if path.suffix in STORAGES else None
+    with replacing(path) as temporary:
+        folder = temporary.with_suffix('') if kind else temporary
+        with Writer(folder, version=9, storage_plugin=STORAGES[kind or '.mcap']) as writer:
+            connections = {}
+
+            def add(topic, msgtype, time_ns, raw, qos=()):
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(
+                        topic, msgtype, typestore=typestore(), offered_qos_profiles=list(qos))
+                writer.write(connections[topic], time_ns, raw)
+
+            yield add
+        if kind != '.db3':
+            add_checksums(folder / f'{folder.name}.mcap')
+        if kind:
+            os.replace(folder / f'{folder.name}{kind}', temporary)
+
+
+@contextmanager
+def writing_output_bag(path, *, frame_id='base_link', namespace=''):
+    """An `OutputBag` that takes its final name at the end; see `writing_bag`.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``NAME.mcap``.
+    frame_id : str
+        Of all messages of attitude with a header.
+    namespace : str
+        Of the topics.
+
+    Yields
+    ------
+    OutputBag
+
+    Raises
+    ------
+    InputError
+        The name does not end in .mcap, or the file cannot be written.
+    """
+    if not str(path).endswith('.mcap'):
+        raise InputError(f"the messages are written as mcap: give an output name that ends in .mcap, not '{path}'")
+    with writing_bag(path) as add:
+        yield OutputBag(add, frame_id, namespace)
+
+
+class OutputBag:
+    """What the nodes publish, as messages of a bag being written.
+
+    Parameters
+    ----------
+    add : callable
+        See `writing_bag`.
+    frame_id : str
+    namespace : str
+    """
+
+    def __init__(self, add, frame_id='base_link', namespace=''):
+        self._add = add
+        self._frame_id = frame_id
+        self._prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
+        self._imu = ImuMessage(frame_id)
+        self._points = PointMessages(frame_id)
+        self.counts = {}
+
+    def add(self, topic, time_ns, raw):
+        """A serialised message on a topic of the nodes."""
+        name = topic if topic.startswith('/') else f'{self._prefix}/{topic}'
+        qos = offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)
+        self._add(name, type_of(topic), time_ns, raw, [qos])
+        self.counts[topic] = self.counts.get(topic, 0) + 1
+
+    def add_played(self, played):
+        """Everything that one step of a play-through published.
+
+        Parameters
+        ----------
+        played : Played
+        """
+        time_ns, step = played.stamp_ns, played.step
+        if played.models is not None:
+            self.add_models(time_ns, played.models)
+        if step.next is not None:
+            self.add(NEXT_TOPIC, time_ns, self._imu.filled(step.next))
+        for lead, forecast in step.attitudes():
+            self.add(lead_topic(lead), time_ns, self._imu.filled(forecast))
+        if step.horizon is not None:
+            self.add(HORIZON_TOPIC, time_ns, horizon_message(step.trajectory(), self._frame_id))
+        if step.quiescence is not None:
+            self.add(QUIESCENCE_TOPIC, time_ns, number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC]))
+        for topic, raw in self._points.of(step):
+            self.add(topic, time_ns, raw)
+        if played.window is not None:
+            self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._frame_id))
+
+    def add_imu(self, time_ns, values):
+        """The IMU message itself, of 37 numbers in the order of the message definition."""
+        self.add(IMU_TOPIC, time_ns, self._imu.of_values(time_ns, values))
+
+    def add_models(self, time_ns, models):
+        """Models by axis, as ``model/description`` and ``model/coefficients``."""
+        self.add(DESCRIPTION_TOPIC, time_ns, text_message(model_to_yaml(models)))
+        self.add(COEFFICIENTS_TOPIC, time_ns, coefficients_message(models))
+
+    def add_diagnostics(self, time_ns, statuses):
+        """Statuses as `diagnostics_message` takes them."""
+        self.add(DIAGNOSTICS_TOPIC, time_ns, diagnostics_message(time_ns, statuses))
+
+
+def offered_qos(latched, reliable):
+    """What a bag says of the publisher of a topic.
+
+    Parameters
+    ----------
+    latched : bool
+        Transient local.
+    reliable : bool
+
+    Returns
+    -------
+    rosbags.interfaces.Qos
+    """
+    return Qos(
+        QosHistory.KEEP_LAST, 1 if latched else 10,
+        QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
+        QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        FOR_EVER, FOR_EVER, QosLiveliness.AUTOMATIC, FOR_EVER, False,
+    )  # fmt: skip

@@ -1,0 +1,94 @@
+"""A craft that is steered while it moves: the simulation, one step at a time."""
+import math
+
+import numpy as np
+
+from swath_sysid.manoeuvring.hull.simulation import (
+    UNDISTURBED,
+    Manoeuvre,
+    runge_kutta_columns,
+    steady_speed,
+    substeps_for,
+)
+from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
+
+
+class SteeredCraft:
+    """A craft under inputs that may depend on what it does.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+    step : float
+        s.
+    first_input : float
+        Both inputs before the start; the craft starts at the speed they drive, heading east.
+    at_rest : bool
+        Start at rest instead.
+    """
+
+    def __init__(self, model, step, first_input=0.0, at_rest=False):
+        self.model, self.step = model, step
+        self._thrust = ThrustMemory(model.values, first_input)
+        push = float(np.sum(self._thrust.advance(-step, step)))
+        speed = 0.0 if at_rest or push <= 0 else steady_speed(model, push)
+        self._state = np.array([speed, 0.0, 0.0])
+        self._pose = np.zeros(3)
+        most = max(abs(push), 2.0 * abs(float(thrust_curve(model.largest_input, model.values))))
+        self._substeps = substeps_for(model, step, self._state, (np.array([most]), np.array([most])))
+        self._p = model.values[:, None]
+        self._rows = [(*self._state, *self._pose)]
+        self._inputs = []
+
+    @property
+    def time(self):
+        """s."""
+        return self.step * len(self._inputs)
+
+    @property
+    def u(self):
+        """Speed ahead through the water, m/s."""
+        return float(self._state[0])
+
+    @property
+    def yaw_rate(self):
+        """rad/s."""
+        return float(self._state[2])
+
+    @property
+    def heading(self):
+        """rad, not wrapped."""
+        return float(self._pose[0])
+
+    def advance(self, port, starboard):
+        """Hold both inputs over one step."""
+        self._thrust.command(self.time, port, starboard)
+        left, right = self._thrust.advance(self.time, self.step)[:, None, None]
+        before = self._state
+        self._state = runge_kutta_columns(
+            before[:, None], left, right, UNDISTURBED, self._p, self.model.active, self.step, self._substeps
+        )[-1, :, 0]
+        half = 0.5 * self.step
+        psi = self._pose[0] + half * (before[2] + self._state[2])
+        east, north = self.model.current
+        moved = np.array([[u * math.cos(h) - v * math.sin(h) + east, u * math.sin(h) + v * math.cos(h) + north]
+                          for (u, v, _), h in ((before, self._pose[0]), (self._state, psi))])  # fmt: skip
+        self._pose = np.array([psi, *(self._pose[1:] + half * moved.sum(axis=0))])
+        self._rows.append((*self._state, *self._pose))
+        self._inputs.append((port, starboard))
+
+    def hold(self, port, starboard, duration):
+        """Hold both inputs for a while, s."""
+        for _ in range(round(duration / self.step)):
+            self.advance(port, starboard)
+
+    def manoeuvre(self):
+        """Everything since the start."""
+        u, v, r, psi, x, y = np.array(self._rows).T
+        inputs = np.array([*self._inputs, self._inputs[-1]])
+        east, north = self.model.current
+        return Manoeuvre(
+            time=self.step * np.arange(u.size), u=u, v=v, yaw_rate=r, heading=psi, x=x, y=y,
+            surge=u + east * np.cos(psi) + north * np.sin(psi), sway=v - east * np.sin(psi) + north * np.cos(psi),
+            port=inputs[:, 0], starboard=inputs[:, 1],
+        )  # fmt: skip

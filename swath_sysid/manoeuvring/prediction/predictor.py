@@ -1,0 +1,292 @@
+"""Extended Kalman filter and forecast of a manoeuvring craft.
+
+State: u, v (through the water), r, heading, x, y, current east, current north, and disturbances of the surge, sway and
+yaw accelerations (wind, waves, what the model lacks). The mean follows the identified model, the covariance its
+linearisation:
+
+    d(current)/dt = slow random walk
+    d(disturbance)/dt = -disturbance / tau + white noise      (Singer 1970, first-order Markov)
+
+What is measured is what the sensors record: see `hull.measurement`.
+"""
+import math
+from copy import copy, deepcopy
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise
+from swath_sysid.manoeuvring.hull.measurement import (
+    deviation,
+    recorded_heading,
+    recorded_position,
+    recorded_speeds,
+    through_water,
+)
+from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, substeps_for, track
+from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
+
+STATES = (
+    'u', 'v', 'r', 'heading', 'x', 'y', 'current_east', 'current_north', 'surge_disturbance', 'sway_disturbance',
+    'yaw_disturbance',
+)  # fmt: skip
+U, V, R, HEADING, X, Y, EAST, NORTH = range(8)
+DISTURBANCES = slice(8, 11)
+MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
+LONGEST_STEP = 0.1
+"""s of a step of the filter, at most."""
+
+DIFFERENCE = 1e-5
+MOVES = np.concatenate([np.zeros((len(STATES), 1)), DIFFERENCE * np.eye(len(STATES))], axis=1)
+
+USUAL_DISTURBANCE_TIME = 5.0
+"""s; for models whose runs were not asked."""
+
+
+@dataclass(frozen=True)
+class ManoeuvreFilterSettings:
+    """What the filter assumes of sensors.
+
+    Attributes
+    ----------
+    speed_noise, yaw_rate_noise, heading_noise, position_noise : float
+        Standard deviations of the sensors, m/s, rad/s, rad, m, where they do not tell theirs.
+    gate_probability : float
+        A true measurement is taken for an outlier with this probability.
+    gate_patience : int
+        After so many rejected samples of a kind in a row the sensor is believed.
+    """
+
+    speed_noise: float = 0.05
+    yaw_rate_noise: float = 0.01
+    heading_noise: float = 0.01
+    position_noise: float = 0.5
+    gate_probability: float = 1e-9
+    gate_patience: int = 10
+
+    def __post_init__(self):
+        for name, value in vars(self).items():
+            if not value > 0:
+                raise InputError(f'the filter setting {name} must be positive, not {value}: give a positive number')
+
+    @classmethod
+    def of(cls, identified):
+        """With the sensors' noise on the runs that a model was identified on."""
+        return cls() if identified.forecast is None else cls(*map(float, identified.forecast.sensors))
+
+    def noise(self, name):
+        """Standard deviation of a measurable channel."""
+        return {'surge': self.speed_noise, 'sway': self.speed_noise, 'yaw_rate': self.yaw_rate_noise,
+                'heading': self.heading_noise, 'x': self.position_noise, 'y': self.position_noise}[name]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ManoeuvreForecast:
+    """Expected motion at some leads.
+
+    Attributes
+    ----------
+    stamps : ndarray, shape (L,)
+        s.
+    states : ndarray, shape (L, 11)
+        See ``STATES``.
+    covariances : ndarray, shape (L, 11, 11)
+    recorded : ndarray, shape (L, 6)
+        What the sensors will record of it: see ``MEASURABLE``.
+    recorded_covariances : ndarray, shape (L, 6, 6)
+        Calibrated; without the sensors' noise.
+    """
+
+    stamps: np.ndarray
+    states: np.ndarray
+    covariances: np.ndarray
+    recorded: np.ndarray
+    recorded_covariances: np.ndarray
+
+
+class ManoeuvreFilter:
+    """Extended Kalman filter of surge, sway and yaw; it holds no clock.
+
+    Parameters
+    ----------
+    identified : IdentifiedManoeuvringModel
+    settings : ManoeuvreFilterSettings, optional
+        By default with the sensors of the runs that the model was identified on.
+
+    Attributes
+    ----------
+    x, P : ndarray, shapes (11,), (11, 11)
+        State and its covariance.
+    stamp : float
+        s; NaN before the start.
+    thrust : ThrustMemory
+    """
+
+    def __init__(self, identified, settings=None):
+        self.model = identified.model
+        self.settings = settings or ManoeuvreFilterSettings.of(identified)
+        self.thrust = ThrustMemory(self.model.values)
+        self.x, self.P = np.zeros(len(STATES)), np.eye(len(STATES))
+        self.stamp = math.nan
+        self._noise = identified.forecast or _usual_noise(identified, self.settings)
+        self._walk, self._thrust_walk = _process_intensity(identified, self._noise)
+        self._columns = np.repeat(self.model.values[:, None], MOVES.shape[1], axis=1)
+        most = abs(float(thrust_curve(self.model.largest_input, self.model.values)))
+        self._substeps = substeps_for(self.model, LONGEST_STEP, thrust=((most,), (most,)))
+        self._gate = float(chi2.isf(self.settings.gate_probability, 1))
+        self._rejections = dict.fromkeys(MEASURABLE, 0)
+
+    @property
+    def is_started(self):
+        """Whether there is a state."""
+        return not math.isnan(self.stamp)
+
+    def start(self, stamp, **measured):
+        """Begin anew from what is measured (surge, sway, yaw_rate, heading, x, y)."""
+        p, current = self.model.values, self.model.current
+        compass = measured.get('heading', 0.0)
+        heading = compass - float(deviation(compass, p))
+        r = measured.get('yaw_rate', 0.0)
+        u, v = through_water(measured.get('surge', 0.0), measured.get('sway', 0.0), r, compass, current, p)
+        ahead, aside = recorded_position(0.0, 0.0, heading, p)
+        place = measured.get('x', ahead) - ahead, measured.get('y', aside) - aside
+        self.x = np.array([u, v, r, heading, *place, *current, 0.0, 0.0, 0.0])
+        spread = [self.settings.noise(n) if n in measured else unknown for n, unknown in
+                  zip(MEASURABLE, (1.0, 0.3, 0.3, 0.01, 0.01, 0.01), strict=True)]  # fmt: skip
+        self.P = np.diag(np.square([*spread, 0.1, 0.1, *self._noise.disturbance]))
+        self.stamp = stamp
+        self._rejections = dict.fromkeys(MEASURABLE, 0)
+
+    def advance(self, stamp):
+        """Predict up to a stamp; earlier stamps do nothing."""
+        self._advance(stamp, self._walk)
+
+    def _advance(self, stamp, walk):
+        total = stamp - self.stamp
+        if total <= 0.0:
+            return
+        count = max(1, math.ceil(total / LONGEST_STEP - 1e-9))
+        for _ in range(count):
+            self._step(total / count, walk)
+        self.stamp = stamp
+
+    def _step(self, step, walk):
+        thrust = self.thrust.advance(self.stamp, step)
+        after = self._propagated(self.x[:, None] + MOVES, thrust, step)
+        transition = (after[:, 1:] - after[:, :1]) / DIFFERENCE
+        self.x = after[:, 0]
+        covariance = transition @ self.P @ transition.T + walk * step
+        self.P = 0.5 * (covariance + covariance.T)
+        self.stamp += step
+
+    def _propagated(self, states, thrust, step):
+        """States (11, C) after a step under acting thrusts (2,)."""
+        time = self._noise.disturbance_time[:, None]
+        decay = np.exp(-step / time)
+        push = states[DISTURBANCES] * (time / step * (1.0 - decay))
+        port, starboard = (np.full((1, states.shape[1]), side) for side in thrust)
+        motion = runge_kutta_columns(
+            np.ascontiguousarray(states[:3]), port, starboard, push, self._columns, self.model.active, step,
+            self._substeps)
+        pose = track(*np.moveaxis(motion, 1, 0), step, states[HEADING], states[X : Y + 1], states[EAST : NORTH + 1])
+        return np.concatenate([motion[-1], [series[-1] for series in pose], states[EAST : NORTH + 1],
+                               states[DISTURBANCES] * decay])  # fmt: skip
+
+    def correct(self, name, value, std=None):
+        """Update with one measured channel.
+
+        Parameters
+        ----------
+        name : str
+            One of ``MEASURABLE``.
+        value : float
+            SI; NaN does nothing.
+        std : float, optional
+            Of the sensor; by default that of the settings.
+
+        Returns
+        -------
+        tuple of Advice
+            ``outlier`` where the gate refused the value, ``sensor-believed`` where it gave in.
+        """
+        if not math.isfinite(value):
+            return ()
+        place = MEASURABLE.index(name)
+        recorded = self._recorded(self.x[:, None] + MOVES)[place]
+        row, expected = (recorded[1:] - recorded[0]) / DIFFERENCE, float(recorded[0])
+        innovation = value - expected
+        if name == 'heading':
+            innovation = math.remainder(innovation, 2.0 * math.pi)
+        variance = (std or self.settings.noise(name)) ** 2
+        seen = self.P @ row
+        spread = float(row @ seen) + variance
+        advice = ()
+        if innovation**2 > self._gate * spread:
+            self._rejections[name] += 1
+            if self._rejections[name] <= self.settings.gate_patience:
+                return (Advice('outlier', f'{name} {value:.3g} was refused: expected {expected:.3g}'),)
+            self.P = self.P + np.outer(row, row) * innovation**2
+            seen = self.P @ row
+            spread = float(row @ seen) + variance
+            advice = (Advice('sensor-believed', f'{name} jumped and stayed: the filter follows it; check the sensor'),)
+        self._rejections[name] = 0
+        self.x = self.x + seen * (innovation / spread)
+        self.P = self.P - np.outer(seen, seen) / spread
+        return advice
+
+    def _recorded(self, states):
+        """What the sensors record of states (11, C), shape (6, C)."""
+        u, v, r, heading, x, y, east, north = states[:8]
+        p = self.model.values
+        compass = recorded_heading(heading, p)
+        return np.stack([*recorded_speeds(u, v, r, compass, (east, north), p), r, compass,
+                         *recorded_position(x, y, heading, p)])  # fmt: skip
+
+    def forecast(self, leads, future=None):
+        """Expected motion under held or supplied inputs; the filter itself stays where it is.
+
+        Parameters
+        ----------
+        leads : sequence of float
+            s, increasing, positive.
+        future : sequence of (lead, port, starboard), optional
+            Inputs that hold from each lead on; without, the last ones hold, and are the less certain the further.
+
+        Returns
+        -------
+        ManoeuvreForecast
+        """
+        ahead = copy(self)
+        ahead.thrust = deepcopy(self.thrust)
+        begin = self.stamp
+        for lead, port, starboard in future or ():
+            ahead.thrust.command(begin + lead, port, starboard)
+        walk = self._walk if future else self._walk + self._thrust_walk
+        rows = []
+        for lead in leads:
+            ahead._advance(begin + lead, walk)
+            recorded = ahead._recorded(ahead.x[:, None] + MOVES)
+            slopes = (recorded[:, 1:] - recorded[:, :1]) / DIFFERENCE * self._noise.scale_at(lead)[:, None]
+            rows.append((ahead.x, ahead.P, recorded[:, 0], slopes @ ahead.P @ slopes.T))
+        return ManoeuvreForecast(begin + np.asarray(leads, dtype=float), *map(np.array, zip(*rows, strict=True)))
+
+
+def _usual_noise(identified, settings):
+    """Disturbances as large as it takes to leave, behind the hull's damping, the residuals of the identification."""
+    jacobian = identified.model.jacobian(max(identified.region.fastest * 0.6, 0.1), 0.0, 0.0)
+    own = np.array([settings.speed_noise, settings.speed_noise, settings.yaw_rate_noise])
+    # what the sensors' own noise explains of the residuals needs no disturbance
+    left = np.sqrt(np.maximum(identified.noise**2 - own**2, (0.2 * identified.noise) ** 2))
+    return ForecastNoise(left * np.maximum(-np.diag(jacobian), 0.05), np.full(3, USUAL_DISTURBANCE_TIME), np.zeros(3),
+                         np.zeros(4))  # fmt: skip
+
+
+def _process_intensity(identified, noise):
+    """White noise that drives the state, a second, and what thrust to come adds in a forecast; shape (11, 11) each."""
+    steady = np.square(np.maximum(0.02 * identified.noise, 1e-4))
+    driving = 2.0 * noise.disturbance**2 / noise.disturbance_time
+    known = np.diag([*steady, 1e-8, 1e-6, 1e-6, 1e-5, 1e-5, *driving])
+    return known, np.diag([*np.zeros(8), *(2.0 * noise.thrust**2 / noise.disturbance_time)])

@@ -1,0 +1,241 @@
+"""Forecasts as the values of the messages that publish them: what every driver sends or writes."""
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion.intake import NANOSECOND
+
+UNKNOWN_ANGLE_VARIANCE = math.pi**2
+"""rad^2; of a heading, which is not forecast but held, and of an axis that the sensor does not measure."""
+
+UNKNOWN_RATE_VARIANCE = 100.0
+"""rad^2/s^2."""
+
+NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The covariance of a quantity that a sensor_msgs/Imu does not give."""
+
+UNKNOWN_PLACE_VARIANCE = 100.0
+"""m^2, m^2/s^2 and m^2/s^4; of the horizontal motion of the sensor, which is not forecast."""
+
+_NOTHING_KNOWN = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, 0.0, UNKNOWN_RATE_VARIANCE
+
+
+class AttitudeForecast(NamedTuple):
+    """What a sensor_msgs/Imu of a forecast says, in the axes of the craft (FLU in ENU).
+
+    Attributes
+    ----------
+    stamp_ns : int
+        The time it is for.
+    orientation : tuple of 4 floats
+        Quaternion x, y, z, w.
+    orientation_covariance : tuple of 9 floats
+    rates : tuple of 3 floats
+        Body rates, rad/s.
+    rates_covariance : tuple of 9 floats
+    """
+
+    stamp_ns: int
+    orientation: tuple[float, ...]
+    orientation_covariance: tuple[float, ...]
+    rates: tuple[float, ...]
+    rates_covariance: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class HorizonForecast:
+    """What a trajectory_msgs/JointTrajectory of a forecast says.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        When issued.
+    columns : tuple of str
+        ``roll``, ``roll_std``, ... of the axes that the sensor measures.
+    leads_ns : tuple of int
+        From the stamp.
+    positions : ndarray, shape (L, columns)
+        Angle and its standard deviation, rad.
+    velocities : ndarray, shape (L, columns)
+        Euler rate and its standard deviation, rad/s.
+    """
+
+    stamp_ns: int
+    columns: tuple[str, ...]
+    leads_ns: tuple[int, ...]
+    positions: np.ndarray
+    velocities: np.ndarray
+
+
+def attitude_forecast(stamp_ns, lead, axes, yaw, yaw_rate):
+    """The forecast at one lead as an attitude with covariance.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        When issued.
+    lead : float
+        s.
+    axes : dict of str to sequence of 5 floats
+        By axis that the sensor measures: angle, rate, angle variance, covariance of both, rate variance.
+    yaw, yaw_rate : float
+        Held heading, rad, and its rate, rad/s.
+
+    Returns
+    -------
+    AttitudeForecast
+    """
+    roll, roll_rate, roll_variance, _, roll_rate_variance = axes.get('roll', _NOTHING_KNOWN)
+    pitch, pitch_rate, pitch_variance, _, pitch_rate_variance = axes.get('pitch', _NOTHING_KNOWN)
+    return AttitudeForecast(
+        stamp_ns + round(lead / NANOSECOND),
+        attitude.quaternion(roll, pitch, yaw),
+        _diagonal(roll_variance, pitch_variance, UNKNOWN_ANGLE_VARIANCE) if axes else NOT_GIVEN,
+        attitude.body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate),
+        _diagonal(roll_rate_variance, pitch_rate_variance, UNKNOWN_RATE_VARIANCE) if axes else NOT_GIVEN,
+    )
+
+
+def attitudes_at_leads(forecast, stamp_ns, yaw, yaw_rate):
+    """The forecast at each of its leads as an attitude with covariance.
+
+    Parameters
+    ----------
+    forecast : Forecast
+    stamp_ns : int
+        When issued.
+    yaw, yaw_rate : float
+        See `attitude_forecast`.
+
+    Returns
+    -------
+    tuple of (float, AttitudeForecast)
+        Lead, s, and the attitude.
+    """
+    moments = {
+        axis: np.column_stack([
+            ahead.angle, ahead.rate, ahead.covariance[:, 0, 0], ahead.covariance[:, 0, 1], ahead.covariance[:, 1, 1]
+        ]).tolist()
+        for axis, ahead in forecast.axes.items()
+    }
+    return tuple([
+        (lead, attitude_forecast(stamp_ns, lead, {axis: rows[k] for axis, rows in moments.items()}, yaw, yaw_rate))
+        for k, lead in enumerate(forecast.leads.tolist())
+    ])
+
+
+def horizon_forecast(forecast, stamp_ns):
+    """The forecast over the horizon as a table.
+
+    Parameters
+    ----------
+    forecast : Forecast
+    stamp_ns : int
+        When issued.
+
+    Returns
+    -------
+    HorizonForecast
+    """
+    positions, velocities = np.empty((2, forecast.leads.size, 2 * len(forecast.axes)))
+    for place, ahead in enumerate(forecast.axes.values()):
+        positions[:, 2 * place], velocities[:, 2 * place] = ahead.angle, ahead.rate
+        np.sqrt(ahead.covariance[:, 0, 0], out=positions[:, 2 * place + 1])
+        np.sqrt(ahead.covariance[:, 1, 1], out=velocities[:, 2 * place + 1])
+    return HorizonForecast(
+        stamp_ns,
+        tuple([f'{axis}{kind}' for axis in forecast.axes for kind in ('', '_std')]),
+        tuple(np.round(forecast.leads / NANOSECOND).astype(np.int64).tolist()),
+        positions,
+        velocities,
+    )
+
+
+def _diagonal(about_x, about_y, about_z):
+    return (about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z)
+
+
+class PointForecast(NamedTuple):
+    """What the messages of a point at one lead say: in a level frame that moves with the craft's mean.
+
+    Attributes
+    ----------
+    name : str
+    lead : float
+        s.
+    stamp_ns : int
+        The time it is for.
+    position : tuple of 3 floats
+        From the sensor's mean place, m: z is about the mean level of the point; x and y by rotation alone.
+    orientation : tuple of 4 floats
+        Quaternion x, y, z, w.
+    pose_covariance : ndarray, shape (6, 6)
+        Of x, y, z and the rotations about them.
+    linear, angular : tuple of 3 floats
+        In the axes of the craft then, m/s and rad/s.
+    twist_covariance : ndarray, shape (6, 6)
+    acceleration : float
+        Upwards, m/s^2.
+    acceleration_variance : float
+    """
+
+    name: str
+    lead: float
+    stamp_ns: int
+    position: tuple[float, ...]
+    orientation: tuple[float, ...]
+    pose_covariance: np.ndarray
+    linear: tuple[float, ...]
+    angular: tuple[float, ...]
+    twist_covariance: np.ndarray
+    acceleration: float
+    acceleration_variance: float
+
+
+def points_at_leads(forecast, stamp_ns):
+    """The forecast of each point at each of its leads.
+
+    Parameters
+    ----------
+    forecast : Forecast
+    stamp_ns : int
+        When issued.
+
+    Returns
+    -------
+    list of PointForecast
+    """
+    if not forecast.points:
+        return []
+    roll, pitch = forecast.axes['roll'], forecast.axes['pitch']
+    attitudes = np.column_stack([roll.angle, pitch.angle, roll.rate, pitch.rate]).tolist()
+    return [
+        _point_forecast(name, lead, stamp_ns, at, motion.place, motion.mean[k].tolist(), motion.covariance[k])
+        for name, motion in forecast.points.items()
+        for k, (lead, at) in enumerate(zip(forecast.leads.tolist(), attitudes, strict=True))
+    ]
+
+
+def _point_forecast(name, lead, stamp_ns, at, place, motion, covariance):
+    heave, velocity, acceleration = motion
+    orientation = attitude.quaternion(at[0], at[1], 0.0)
+    angular = attitude.body_rates(*at, 0.0)
+    level = attitude.rotate(orientation, *place)
+    across = attitude.rotate(orientation, *np.cross(angular, place).tolist())
+    linear = attitude.rotate(attitude.conjugate(*orientation), across[0], across[1], velocity)
+    pose = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [UNKNOWN_ANGLE_VARIANCE])
+    pose[2:5, 2:5] = covariance[np.ix_((0, 3, 4), (0, 3, 4))]
+    # the world's axes in those of the craft, by columns
+    axes = np.array([attitude.rotate(attitude.conjugate(*orientation), *unit) for unit in np.eye(3).tolist()]).T
+    twist = np.zeros((6, 6))
+    twist[:3, :3] = axes @ np.diag([UNKNOWN_PLACE_VARIANCE, UNKNOWN_PLACE_VARIANCE, covariance[1, 1]]) @ axes.T
+    twist[3:5, 3:5], twist[5, 5] = covariance[5:, 5:], UNKNOWN_RATE_VARIANCE
+    twist[:3, 3:5] = np.outer(axes[:, 2], covariance[1, 5:])
+    twist[3:5, :3] = twist[:3, 3:5].T
+    return PointForecast(
+        name, lead, stamp_ns + round(lead / NANOSECOND), (*level[:2], heave), orientation, pose, linear, angular, twist,
+        acceleration, float(covariance[2, 2]),
+    )  # fmt: skip

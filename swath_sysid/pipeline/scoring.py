@@ -1,0 +1,360 @@
+"""Skill, measured honestly: every forecast that was issued counts, beside what it must beat."""
+import math
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.vertical import EDGE
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.point import POINT_MOTION, Point
+from swath_sysid.attitude.prediction.quiescence import ATTITUDE, QuiescenceLimits, Reliability, quantity_at
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts
+from swath_sysid.pipeline.vertical_record import vertical_record
+
+FORECAST = 'forecast'
+METHODS = (FORECAST, *BASELINES)
+
+SENSOR = Point('sensor', (0.0, 0.0, 0.0))
+"""Where vertical motion is scored beside the points asked for."""
+
+AFTER_GAP = 4.0
+"""s after lost samples for which the forecasts have scores of their own."""
+
+CONFIDENCE = 0.95
+"""Of the intervals of the scores."""
+
+_BLOCK = 30.0
+"""s: several wave groups, so that the errors of one block tell little of the next."""
+
+_FEWEST_BLOCKS = 8
+_REPLICATES = 2000
+_SELDOM = 2.0
+"""Standard deviations: so rarely passed that staying below for some seconds is an open question."""
+_LEAST_LIMIT = 1e-4
+_LEAST_WARMUP = 30.0
+"""s from which limits of quiescence can be taken."""
+
+
+@dataclass(frozen=True)
+class QuantitySkill:
+    """Scores of one quantity; errors are root mean squares over ``deviation``.
+
+    Attributes
+    ----------
+    deviation : float
+        Standard deviation of what came while it was scored: rad, m, m/s or m/s^2.
+    counted, unmeasured : ndarray of int, shape (L,)
+        Forecasts that count, and those that cannot because nothing was measured at their time.
+    nrmse : dict of str to ndarray, shape (L,)
+        By `METHODS`; of vertical motion by those that need no measurement of it.
+    stood_in : dict of str to ndarray, shape (L,)
+        Share of the counted for which the method had no value, so that persistence stood in; of vertical motion the
+        mean of the past, which is all that is known before it is learnt.
+    coverage : ndarray, shape (L, 3)
+        Share of the 50, 90 and 99 % intervals that held what came.
+    interval : ndarray, shape (L, 2)
+        Of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
+    best : tuple of str
+        The baseline with the least error, by lead.
+    ratio : ndarray, shape (L,)
+        Error of the forecast over that of the best baseline.
+    ratio_interval : ndarray, shape (L, 2)
+    gap_share : ndarray, shape (L,)
+        Share of the counted that were issued in a gap or within `AFTER_GAP` after it.
+    gap_nrmse : dict of str to ndarray, shape (L,)
+        Their own error, of ``forecast`` and ``persistence``.
+    """
+
+    deviation: float
+    counted: np.ndarray
+    unmeasured: np.ndarray
+    nrmse: dict[str, np.ndarray]
+    stood_in: dict[str, np.ndarray]
+    coverage: np.ndarray
+    interval: np.ndarray
+    best: tuple[str, ...]
+    ratio: np.ndarray
+    ratio_interval: np.ndarray
+    gap_share: np.ndarray
+    gap_nrmse: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Skill:
+    """Scores of a record.
+
+    Attributes
+    ----------
+    leads : ndarray, shape (L,)
+        s.
+    axes : dict of str to QuantitySkill
+    warmup, until : float
+        s from the record's start; forecasts issued between them were scored.
+    window : float
+        s of past that the baselines learnt from.
+    step_time, refit_time : dict of str to float
+        Seconds ('median', 'most') of the run; NaN where not measured.
+    quiescence : Reliability or None
+    quiescence_limits : QuiescenceLimits or None
+    advice : tuple of Advice
+    points : dict of str to dict of str to QuantitySkill
+        By point and `POINT_MOTION`.
+    """
+
+    leads: np.ndarray
+    axes: dict[str, QuantitySkill]
+    warmup: float
+    until: float
+    window: float
+    step_time: dict[str, float]
+    refit_time: dict[str, float]
+    quiescence: Reliability | None = None
+    quiescence_limits: QuiescenceLimits | None = None
+    advice: tuple[Advice, ...] = ()
+    points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)
+
+
+def usual_limits(trial, limits, warmup):
+    """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up.
+
+    Parameters
+    ----------
+    trial : Trial
+    limits : QuiescenceLimits
+    warmup : float
+        s.
+
+    Returns
+    -------
+    QuiescenceLimits or None
+        None where none are given and the warm-up is too short to suggest any.
+    """
+    if np.isfinite(limits.bounds(ATTITUDE)).any():
+        return limits
+    seen = trial.time < trial.time[0] + warmup
+    warm = {axis: trial.channels[axis][seen] for axis in AXES if axis in trial.channels}
+    warm = {axis: angle for axis, angle in warm.items() if np.isfinite(angle).any()}
+    if warmup < _LEAST_WARMUP or not warm:
+        return None
+    usual = {axis: abs(np.nanmean(angle)) + _SELDOM * np.nanstd(angle) for axis, angle in warm.items()}
+    return replace(limits, **{axis: float(max(limit, _LEAST_LIMIT)) for axis, limit in usual.items()})
+
+
+def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
+    """Score the forecasts of a run and the baselines at the same instants.
+
+    Every forecast issued between `warmup` and `until` counts, unless nothing was measured at the time that it is
+    for; where a method has no value the last angle measured, persistence, stands in for it.
+
+    Parameters
+    ----------
+    trial : Trial
+    run : Run
+    leads : sequence of float
+        s, of those that the forecasts are for.
+    warmup : float
+        s from the record's start that are not scored.
+    window : float
+        s of past that the baselines learn from.
+    until : float, optional
+        s from the record's start; by default to its end.
+    seed : int
+        Of the bootstrap.
+    points : sequence of Point
+        Of those whose vertical motion was forecast; it is scored by that of the whole record (`vertical_record`).
+
+    Returns
+    -------
+    Skill
+
+    Raises
+    ------
+    InputError
+        The record has no angle, or no forecast was issued in time for one of the leads; with points, it does not
+        show its vertical motion.
+    """
+    leads = np.array(sorted({float(lead) for lead in leads}))
+    axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
+    if not axes:
+        raise InputError(f'{name} has no angles to score forecasts on: give roll or pitch')
+    start, end = float(trial.time[0]), float(trial.time[-1])
+    until = end - start if until is None else float(until)
+    if min(until, end - start) <= warmup or end - start <= warmup + leads[-1]:
+        raise InputError(
+            f'{name} lasts {end - start:.0f} s and nothing of it is scored after the warm-up of {warmup:.0f} s at the '
+            f'longest lead of {leads[-1]:g} s: shorten the warm-up'
+        )
+    scored = tuple(s for s in run.steps if start + warmup <= s.stamp <= start + until)
+    if not scored:
+        raise InputError(f'no forecast of {name} was issued between {warmup:.0f} and {until:.0f} s: score more of it')
+    record, stamps = Record.of(trial), np.array([s.stamp for s in scored])
+    baselines = baseline_forecasts(record, axes, stamps, leads, window)
+    span = start + warmup, start + until + leads[-1]
+    results, advice = {}, []
+    for axis in axes:
+        angle, half_width = _issued(scored, axis, leads)
+        at = _Occasions(stamps, leads, span, record.after_gap(axis, stamps, AFTER_GAP), seed)
+        methods = {FORECAST: angle, **baselines[axis]}
+        results[axis] = _score(record, axis, at, methods, half_width, 'persistence')
+        advice += _advice_on(axis, results[axis])
+    vertical: dict[str, dict[str, QuantitySkill]] = {}
+    if points:
+        truth = vertical_record(trial, points)
+        at = _Occasions(stamps, leads, span, record.after_gap('accel_z', stamps, AFTER_GAP), seed)
+        if not ((truth.time >= stamps[0] + leads[-1]) & (truth.time <= span[1])).any():
+            raise InputError(
+                f'{name} does not show its vertical motion from {warmup:.0f} to {until:.0f} s: it is not known within '
+                f'{EDGE:.0f} s of the ends of a record and of gaps, so shorten the warm-up'
+            )
+    for point in points:
+        mean, half_widths = _issued_at_point(scored, point.name, leads)
+        vertical[point.name] = {}
+        for place, kind in enumerate(POINT_MOTION):
+            quantity = quantity_at(point.name, kind)
+            methods = {FORECAST: mean[..., place], **simple_forecasts(truth, quantity, stamps, leads, window)}
+            vertical[point.name][kind] = _score(truth, quantity, at, methods, half_widths[:, :, place], 'mean')
+    return Skill(
+        leads, results, warmup, until, window, _spread(run.step_times), _spread(run.refit_times), run.reliability,
+        run.quiescence_limits, tuple(advice), vertical,
+    )  # fmt: skip
+
+
+def _issued(steps, axis, leads):
+    """Angles, shape (N, L), and half widths, shape (N, L, 3), as issued; NaN where the axis was not forecast."""
+    places = _places(steps, leads)
+    absent = np.full(leads.size, np.nan), np.full((leads.size, LEVELS.size), np.nan)
+    issued = [s.forecast.axes.get(axis) for s in steps]
+    angle = np.array([absent[0] if ahead is None else ahead.angle[places] for ahead in issued])
+    half_width = np.array([absent[1] if ahead is None else ahead.half_width[places] for ahead in issued])
+    return angle, half_width
+
+
+def _issued_at_point(steps, name, leads):
+    """`POINT_MOTION`, shape (N, L, 3), and half widths, shape (N, L, 3, 3), as issued; NaN before it is learnt."""
+    places, count = _places(steps, leads), len(POINT_MOTION)
+    mean = np.full((len(steps), leads.size, count), np.nan)
+    deviation = mean.copy()
+    for row, step in enumerate(steps):
+        if name in step.forecast.points:
+            ahead = step.forecast.points[name]
+            mean[row] = ahead.mean[places]
+            deviation[row] = np.sqrt(np.diagonal(ahead.covariance[places], axis1=1, axis2=2)[:, :count])
+    return mean, deviation[..., None] * NORMAL_QUANTILES
+
+
+def _places(steps, leads):
+    """Of the leads among those that were forecast."""
+    given = steps[0].forecast.leads
+    places = np.abs(given[:, None] - leads).argmin(axis=0)
+    if np.any(np.abs(given[places] - leads) > 1e-9):
+        raise InputError(f'the forecasts are for leads of {given.tolist()} s, not {leads.tolist()} s: choose of these')
+    return places
+
+
+class _Occasions(NamedTuple):
+    """When forecasts were issued, s, how far ahead, the span of time scored, and which were issued after a gap."""
+
+    stamps: np.ndarray
+    leads: np.ndarray
+    span: tuple[float, float]
+    after_gap: np.ndarray
+    seed: int
+
+
+def _score(record, name, at, methods, half_width, stand_in):
+    """Scores of the methods' forecasts of a channel; where one has no value the one named stands in."""
+    stamps, leads = at.stamps, at.leads
+    truth = record.at(stamps[:, None] + leads, [record.names.index(name)])[..., 0]
+    resting, baselines = methods[stand_in], [method for method in methods if method != FORECAST]
+    deviation = float(np.nanstd(record.column(name)[(record.time >= at.span[0]) & (record.time <= at.span[1])]))
+    counts = np.isfinite(truth) & np.isfinite(resting)
+    counted = counts.sum(axis=0)
+    share = np.where(counted > 0, 1.0 / np.maximum(counted, 1), np.nan)
+    absent = {name: counts & ~np.isfinite(values) for name, values in methods.items()}
+    errors = {name: np.where(absent[name], resting, values) - truth for name, values in methods.items()}
+    squares = {name: np.where(counts, error**2, 0.0) for name, error in errors.items()}
+    scale = deviation if deviation > 0.0 else math.nan
+    nrmse = {name: np.sqrt(square.sum(axis=0) * share) / scale for name, square in squares.items()}
+    held = counts[..., None] & ~absent[FORECAST][..., None] & (np.abs(errors[FORECAST])[..., None] <= half_width)
+    best = tuple(min(baselines, key=lambda name: nrmse[name][i]) for i in range(leads.size))
+    of_best = np.column_stack([squares[name][:, i] for i, name in enumerate(best)])
+    sums = block_sums(stamps, np.stack([squares[FORECAST], of_best, counts.astype(float)]))
+    ours, theirs, samples = resampled(sums, at.seed)
+    after = counts & at.after_gap[:, None]
+    with np.errstate(invalid='ignore', divide='ignore'):
+        gap_nrmse = {
+            name: np.sqrt((squares[name] * after).sum(axis=0) / after.sum(axis=0)) / scale
+            for name in (FORECAST, 'persistence')
+        }
+        ratio = nrmse[FORECAST] / np.array([nrmse[name][i] for i, name in enumerate(best)])
+        interval, ratio_interval = _middle(np.sqrt(ours / samples) / scale), _middle(np.sqrt(ours / theirs))
+    return QuantitySkill(
+        deviation=deviation, counted=counted, unmeasured=stamps.size - counted, nrmse=nrmse,
+        stood_in={name: missing.sum(axis=0) * share for name, missing in absent.items()},
+        coverage=held.sum(axis=0) * share[:, None], interval=interval, best=best, ratio=ratio,
+        ratio_interval=ratio_interval, gap_share=after.sum(axis=0) * share, gap_nrmse=gap_nrmse,
+    )  # fmt: skip
+
+
+def block_sums(stamps, values):
+    """Sums over blocks of time.
+
+    Parameters
+    ----------
+    stamps : ndarray, shape (N,)
+        s, increasing.
+    values : ndarray, shape (K, N, L)
+
+    Returns
+    -------
+    ndarray, shape (K, B, L)
+        Over the B blocks in which there is a stamp.
+    """
+    blocks = ((stamps - stamps[0]) // _BLOCK).astype(int)
+    return np.add.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
+
+
+def resampled(sums, seed):
+    """Totals of blocks drawn with replacement, again and again (Kuensch 1989, with blocks that do not overlap).
+
+    Parameters
+    ----------
+    sums : ndarray, shape (K, B, L)
+    seed : int
+
+    Returns
+    -------
+    ndarray, shape (K, R, L)
+        NaN where there are too few blocks to tell.
+    """
+    count = sums.shape[1]
+    if count < _FEWEST_BLOCKS:
+        return np.full((sums.shape[0], _REPLICATES, sums.shape[2]), np.nan)
+    return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), _REPLICATES) @ sums
+
+
+def _middle(values):
+    """The central interval over replicates, shape (L, 2)."""
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    return np.quantile(values, (tail, 1.0 - tail), axis=0).T
+
+
+def _advice_on(axis, scores):
+    missing = int(round(float(np.max(np.nan_to_num(scores.stood_in[FORECAST] * scores.counted)))))
+    if not missing:
+        return []
+    return [Advice('forecast-missing', (
+        f'{missing} forecasts were issued without a value for {axis} at a lead, and persistence stood in for them: '
+        'see at which samples the sensor gave too little'
+    ))]  # fmt: skip
+
+
+def _spread(times):
+    finite = [t for t in times if t == t]
+    if not finite:
+        return {'median': math.nan, 'most': math.nan}
+    return {'median': float(np.median(finite)), 'most': float(max(finite))}
