@@ -33,6 +33,9 @@ EVERY = 150
 CLOSE = 1e-7
 """Relative, and in rad: where a fit ends depends on rounding, with and without numba by 8e-9."""
 
+SAME_FIT = 1e-6
+"""Relative: a fit by one step ends elsewhere by 4.5e-8 with other versions of numpy and scipy, and without numba."""
+
 HULL = hull_named('swath-roll').model
 TRACES_OF_FILES = ('trials',)
 """Tables that hold hashes: a simulated record may differ in its last digit from one machine to the next."""
@@ -129,7 +132,7 @@ def test_a_campaign_gives_the_stored_tables(stored, tmp_path):
 def comparable(cell):
     """A number as equal to its like, any other cell as it is."""
     try:
-        return pytest.approx(float(cell), rel=1e-9, abs=1e-12, nan_ok=True)
+        return pytest.approx(float(cell), rel=SAME_FIT, abs=1e-12, nan_ok=True)
     except ValueError:
         return cell
 
