@@ -33,9 +33,6 @@ EVERY = 150
 CLOSE = 1e-7
 """Relative, and in rad: where a fit ends depends on rounding, with and without numba by 8e-9."""
 
-SAME_FIT = 1e-6
-"""Relative: a fit by one step ends elsewhere by 4.5e-8 with other versions of numpy and scipy, and without numba."""
-
 HULL = hull_named('swath-roll').model
 TRACES_OF_FILES = ('trials',)
 """Tables that hold hashes: a simulated record may differ in its last digit from one machine to the next."""
@@ -122,6 +119,7 @@ def test_a_record_played_through_gives_the_stored_messages(stored, tmp_path):
 
 
 def test_a_campaign_gives_the_stored_tables(stored, tmp_path):
+    pytest.importorskip('numba', reason='a fit without it ends elsewhere by 5e-8, which the scatter magnifies')
     found = tables_of_a_campaign(tmp_path)
     assert list(found) == list(stored['tables'])
     for name, rows in stored['tables'].items():
@@ -132,7 +130,7 @@ def test_a_campaign_gives_the_stored_tables(stored, tmp_path):
 def comparable(cell):
     """A number as equal to its like, any other cell as it is."""
     try:
-        return pytest.approx(float(cell), rel=SAME_FIT, abs=1e-12, nan_ok=True)
+        return pytest.approx(float(cell), rel=1e-9, abs=1e-12, nan_ok=True)
     except ValueError:
         return cell
 
