@@ -29,6 +29,7 @@ setup(
     maintainer=MAINTAINER.text,
     maintainer_email=MAINTAINER.get('email'),
     license=MANIFEST.findtext('license'),
+    project_urls={url.get('type'): url.text for url in MANIFEST.findall('url')},
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed', 'campaign/papers/*.yaml']},
