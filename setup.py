@@ -39,6 +39,7 @@ setup(
         *installed('config', SHARE / 'config'),
         *installed('launch', SHARE / 'launch'),
         *installed('environment', SHARE / 'environment'),
+        *installed('records', SHARE / 'records'),
         # `ros2 run` and launch look in lib/<package>, where only colcon puts the console script; names such as
         # identifier are too general for the user's PATH
         *installed('scripts', Path('lib', NAME)),
