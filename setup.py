@@ -59,6 +59,8 @@ setup(
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fast': ['numba>=0.59'],
         'cluster': ['distributed'],
+        'benchmark': ['scikit-learn'],
+        'docs': ['myst-parser>=2.0', 'sphinx>=7.0'],
         'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
     },
     entry_points={
