@@ -324,7 +324,7 @@ def test_everything_shared_is_installed(setup_arguments):
     installed = {source: target for target, sources in setup_arguments['data_files'] for source in sources}
     assert installed[f'resource/{PACKAGE.name}'] == 'share/ament_index/resource_index/packages'
     assert installed['package.xml'] == f'share/{PACKAGE.name}'
-    for folder in ('config', 'launch', 'environment'):
+    for folder in ('config', 'launch', 'environment', 'records'):
         for path in (ROOT / folder).rglob('*'):
             if path.is_file() and '__pycache__' not in path.parts:
                 source = path.relative_to(ROOT)

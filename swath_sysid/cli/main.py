@@ -29,7 +29,7 @@ VERBS = {
     'run': 'imu_buffer, identifier and predictor in one process',
     'replay': 'publish the topics of a bag over ROS',
     'record': 'write our topics from ROS to a bag',
-    'demo': 'a simulated craft, the nodes, and forecasts that sharpen: all of it in a minute',
+    'demo': 'a measured sea forecast, then a simulated craft, the nodes, and forecasts that sharpen',
 }
 EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130

@@ -223,6 +223,34 @@ def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
     )  # fmt: skip
 
 
+def score_forecasts(record, name, stamps, leads, forecasts, stand_in, seed=0):
+    """Score anyone's forecasts of one channel, as `score` does those of a run.
+
+    Parameters
+    ----------
+    record : Record
+    name : str
+        The channel.
+    stamps : ndarray, shape (N,)
+        s, increasing, when they were issued.
+    leads : ndarray, shape (L,)
+        s.
+    forecasts, stand_in : ndarray, shape (N, L)
+        NaN where there is no forecast, and the other counts in its place: ``persistence``.
+    seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    QuantitySkill
+        Of these forecasts alone, beside ``persistence``.
+    """
+    span = float(stamps[0]), float(stamps[-1] + leads[-1])
+    at = _Occasions(stamps, leads, span, record.after_gap(name, stamps, AFTER_GAP), seed)
+    none = np.full((*forecasts.shape, LEVELS.size), np.nan)
+    return _score(record, name, at, {FORECAST: forecasts, 'persistence': stand_in}, none, 'persistence')
+
+
 def _issued(steps, axis, leads):
     """Angles, shape (N, L), and half widths, shape (N, L, 3), as issued; NaN where the axis was not forecast."""
     places = _places(steps, leads)
