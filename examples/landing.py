@@ -75,7 +75,7 @@ def draw(shares):
     return figure
 
 
-def tell(voyage):
+def demonstrate(voyage):
     """Print the table; returns the figure."""
     shares = land(voyage)
     print(f'{"touchdowns inside, %":22}' + ''.join(f'{f"after {lead:g} s":>18}' for lead in DESCENTS))
@@ -85,4 +85,4 @@ def tell(voyage):
 
 
 if __name__ == '__main__':
-    sys.exit(carry_out('Landing on deck by the forecast of touchdown.', tell))
+    sys.exit(carry_out('Landing on deck by the forecast of touchdown.', demonstrate))

@@ -153,7 +153,7 @@ RAMP = [(k / 100, 1.0) for k in range(2000)]
 
 
 def bad_files(folder):
-    """Name to file of everything that is no trial."""
+    """Name to file of everything that is not a trial."""
     wave = [(k / 10, 5 * np.sin(k / 10) + 4 * np.sin(0.83 * k / 10 + 1)) for k in range(6000)]
     (folder / 'folder').mkdir()
     (folder / 'empty.csv').touch()

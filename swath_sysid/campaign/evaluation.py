@@ -351,7 +351,7 @@ def fit_together(problem, settings, equation, starts):
 
 
 def _refit(problem, settings, equation, ratios, states, summary):
-    """Refinement from given ratios and states, as a summary; it tells the search of ``summary``."""
+    """Refinement from given ratios and states, as a summary; it keeps the search of ``summary``."""
     chosen = replace(settings, equation=equation)
     tried = (0, 0) if summary is None else (summary.generations, summary.evaluations)
     search = SearchResult(np.empty(0), float('nan'), *tried, 'refined')
@@ -428,7 +428,7 @@ def _on_other(summary, other):
 def best_repeats(records, fits):
     """The best repeat of each condition.
 
-    The papers keep the best of three without saying how it is told. Here: the one whose motion
+    The papers keep the best of three without saying how it is chosen. Here: the one whose motion
     the equations explain best, by the median over the equations of R^2 of the simulated motion.
 
     Parameters
@@ -486,7 +486,7 @@ def beyond_noise(summaries):
 
 @dataclass(frozen=True)
 class RankedEquation:
-    """How one equation stands in the whole campaign.
+    """How one equation does in the whole campaign.
 
     Attributes
     ----------
@@ -740,7 +740,7 @@ def noise_statement(records, fits, best):
     if between:
         words.append(f'between repeats of one condition by {100 * np.median(between):.2g} % (standard deviation)')
     verdict = (
-        'no difference exceeds the noise: these values do not tell the equations apart'
+        'no difference exceeds the noise: these values do not distinguish the equations'
         if beyond == 0
         else f'{beyond} of {total} differences from the best exceed the noise (95 %); they are marked'
     )

@@ -262,7 +262,7 @@ def _shown(craft: _Craft):
 
 
 class _Stage:
-    """The demonstration as it goes on: spins the listener, shows what it heard, waits for things.
+    """The demonstration as it goes on: spins the monitor, shows what it received, waits for conditions.
 
     Parameters
     ----------
@@ -337,7 +337,7 @@ def _demonstrate(craft: _Craft, stage: _Stage):
     stage.title = f'{craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
     stage.scale, stage.drawn_lead = 1.3 * math.radians(craft.angle_deg), craft.lead
     if not stage.wait('starting', stage.listener.is_ready, START_TIMEOUT_S):
-        raise InputError(f'the nodes were not heard within {START_TIMEOUT_S:g} s: see demo.log')
+        raise InputError(f'nothing came from the nodes within {START_TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', STILL_S)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')

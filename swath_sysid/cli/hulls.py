@@ -82,7 +82,7 @@ def _ratio(text: str):
     try:
         return name.strip(), float(value)
     except ValueError as error:
-        raise InputError(f"'{text}' is no ratio: write NAME=VALUE, for example r1=10.1") from error
+        raise InputError(f"'{text}' is not a ratio: write NAME=VALUE, for example r1=10.1") from error
 
 
 def _model_of_axis(path: str | Path, axis: str):

@@ -184,8 +184,8 @@ def _identify(arguments: Namespace):
 
 
 def _for_file(found: Any, data: dict, paths: Sequence[str]):
-    told = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
-    metrics = {key: data[key] for key in told}
+    kept = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
+    metrics = {key: data[key] for key in kept}
     provenance = {**provenance_of(paths), 'runs': data['runs']}
     identified = IdentifiedManoeuvringModel(
         found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance,
@@ -198,7 +198,7 @@ def _assignment(text: str):
     try:
         return name.strip(), finite(value)
     except ValueError as error:
-        raise InputError(f"'{text}' is no NAME=VALUE: write, as an example, Xu_dot=-18") from error
+        raise InputError(f"'{text}' is not NAME=VALUE: write, for example, Xu_dot=-18") from error
 
 
 def _target(text: str):
@@ -207,7 +207,7 @@ def _target(text: str):
     try:
         target = finite(value), finite(spread)
     except ValueError as error:
-        raise InputError(f"'{text}' is no NAME=VALUE:STD: write, as an example, Yv_dot=-90:30") from error
+        raise InputError(f"'{text}' is not NAME=VALUE:STD: write, for example, Yv_dot=-90:30") from error
     if not target[1] > 0.0:
         raise InputError(f"'{text}': the standard deviation must be positive")
     return name.strip(), target
@@ -275,7 +275,7 @@ def _leads(text: str):
     try:
         leads = tuple(finite(part) for part in text.split(','))
     except ValueError as error:
-        raise InputError(f"'{text}' is no list of leads: write, as an example, 1,5,10") from error
+        raise InputError(f"'{text}' is not a list of leads: write, for example, 1,5,10") from error
     if not leads or leads[0] <= 0.0 or any(b <= a for a, b in zip(leads, leads[1:], strict=False)):
         raise InputError(f'the leads must be positive and rising, not {text}')
     return leads

@@ -15,7 +15,7 @@ MODEL_PARAMETERS = {
 }
 
 OPEN_TO_THE_SUBNET = (
-    'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
+    'these nodes can be used from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
     'this machine'
 )
 
@@ -65,7 +65,7 @@ def ros_arguments(arguments: Namespace) -> list[str]:
             raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
         path = Path(arguments.model).expanduser()
         if path.exists():
-            # a node would go on without it, which whoever types a command does not see
+            # a node would go on without it, and the user at the command line would not notice
             _read_model(node, path)
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']

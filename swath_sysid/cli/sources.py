@@ -61,7 +61,7 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
 
 
 def read_trials(paths: Sequence[str], arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...]]:
-    """Read the trials of the command line and show what is to be told of them; of identical files the first counts.
+    """Read the trials of the command line and show the advice on them; of identical files the first counts.
 
     Returns
     -------

@@ -29,7 +29,7 @@ def weighting_noise(channels: Sequence[np.ndarray]) -> float:
 
 
 def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
-    """Tapered autocovariance of a residual, cut where it is no more than chance.
+    """Tapered autocovariance of a residual, cut where it is within chance.
 
     The cut is the empirical rule of Politis (2003): the first lag after which
     ``shortest_memory`` autocorrelations stay below ``2 sqrt(log10 N / N)``. The triangular taper

@@ -15,7 +15,7 @@ class SerialExecutor(Executor):
         future = Future()
         try:
             future.set_result(function(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 - handed to whoever asks for the result
+        except Exception as error:  # noqa: BLE001 - raised again by the result
             future.set_exception(error)
         return future
 
@@ -42,7 +42,7 @@ def results_in_order(function, tasks, count):
     with _pool(min(count, len(tasks)) - 1) as executor:
         futures = [executor.submit(function, task) for task in reversed(tasks)]
         for task, future in zip(tasks, reversed(futures), strict=True):
-            # whatever nobody has begun can be taken back
+            # a task that has not begun can be cancelled
             yield function(task) if future.cancel() else future.result()
 
 

@@ -153,8 +153,8 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
     start = _first_finite(values[columns.index(times[0])]) * times[0].scale
     moved = trial.time + (start - trial.time[0]) if times[0].unit == 's' else trial.time
-    told = check_time_base(moved, swinging, path, times[0].name, times[0].unit)
-    return replace(trial, advice=(*trial.advice, *told))
+    found = check_time_base(moved, swinging, path, times[0].name, times[0].unit)
+    return replace(trial, advice=(*trial.advice, *found))
 
 
 def write_csv(path, trial):
@@ -298,7 +298,7 @@ def check_units(path, columns, values):
 
 
 def small_angle_advice(columns, values):
-    """What to tell where all angles are called degrees and move as little as angles in rad do.
+    """Advice where all angles are declared in degrees but move as little as angles in rad do.
 
     Parameters
     ----------
@@ -377,13 +377,13 @@ def _first_finite(values):
 
 
 def _installation(path, remarks, frame, mounting):
-    """How the sensor sits: as given, else as the file says of itself."""
+    """The mounting of the sensor: as given, else as the file states."""
     if remarks.get('mounting_deg') and not any(mounting):
         parts = re.split(r'[,;\s]+', remarks['mounting_deg'].strip('[]() '))
         try:
             mounting = tuple(float(part) * ANGLE_UNITS['deg'] for part in parts)
         except ValueError as error:
-            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which are no three "
+            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which is not three "
                              f'angles: write it as 180, 0, 0') from error
     return Installation(frame or remarks.get('frame', 'flu').lower(), mounting)
 

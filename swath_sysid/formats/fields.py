@@ -91,9 +91,9 @@ def text(longest=LONGEST_TEXT, as_written=False):
         if as_written:
             value = getattr(where, 'written', None) or value
         if not isinstance(value, str):
-            raise FieldError(where, f": '{shown(value)}' is no text")
+            raise FieldError(where, f": '{shown(value)}' is not text")
         if len(value) > longest or not value.isprintable() or as_written and not value:
-            raise FieldError(where, f": '{shown(value)}' is no name: at most {longest} characters on one line")
+            raise FieldError(where, f": '{shown(value)}' is not a name: at most {longest} characters on one line")
         return value
 
     return check
@@ -296,7 +296,7 @@ class ModelFormat:
         """
         content = plain_content(text, source)
         if not isinstance(content, dict) or content.get('format') != self.format:
-            raise InputError(f"{source} is no {self.kind}: its field 'format' is not '{self.format}'; {self.remedy}")
+            raise InputError(f"{source} is not a {self.kind}: its field 'format' is not '{self.format}'; {self.remedy}")
         version = content.get('version')
         # to Python True is 1
         if version != self.version or not isinstance(version, int) or isinstance(version, bool):
@@ -371,20 +371,20 @@ def _check_positive(matrix, names, where):
     limits = np.outer(std, std) * (1.0 + PSD_ROUNDING)
     # first each alone, so that the division below cannot overflow
     if (np.abs(matrix) > limits).any():
-        raise InputError(f'{where}: a correlation is larger than one: it is no covariance')
+        raise InputError(f'{where}: a correlation is larger than one: this is not a covariance matrix')
     correlation = np.divide(matrix, limits, out=np.zeros_like(matrix), where=limits > 0.0)
     if np.abs(correlation - correlation.T).max(initial=0.0) > PSD_ROUNDING:
-        raise InputError(f'{where}: it is not symmetric: it is no covariance')
+        raise InputError(f'{where}: it is not symmetric, so it is not a covariance matrix')
     if matrix.size and np.linalg.eigvalsh(0.5 * (correlation + correlation.T))[0] < -PSD_ROUNDING * len(names):
-        raise InputError(f'{where}: some combination has a negative variance: it is no covariance')
+        raise InputError(f'{where}: some combination has a negative variance: this is not a covariance matrix')
 
 
-def check_std(told, variances, where):
+def check_std(stated, variances, where):
     """Refuse standard deviations that contradict their covariance.
 
     Parameters
     ----------
-    told : dict of str to float
+    stated : dict of str to float
         NaN where not known.
     variances : ndarray, shape (n,)
     where : str
@@ -393,7 +393,7 @@ def check_std(told, variances, where):
     ------
     InputError
     """
-    for (name, std), variance in zip(told.items(), variances.tolist(), strict=True):
+    for (name, std), variance in zip(stated.items(), variances.tolist(), strict=True):
         expected = math.sqrt(variance) if variance == variance else math.nan
         if not (math.isclose(std, expected, rel_tol=STD_ROUNDING) or std != std and expected != expected):
             raise InputError(f'{where}, {name}: its std {std:g} is not that of the covariance, {expected:g}')

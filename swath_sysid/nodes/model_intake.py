@@ -72,6 +72,6 @@ class ModelIntake:
             return self._read(text), None
         except InputError as error:
             refusal = str(error)
-        except Exception as error:  # whatever a text does, the node tells it and lives
+        except Exception as error:  # whatever a text causes, the node reports it and goes on
             refusal = f'{type(error).__name__}: {error}'
         return None, refusal[:LONGEST_SENTENCE]

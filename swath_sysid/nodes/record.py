@@ -153,7 +153,7 @@ def is_ours(topic: str, kinds: Sequence[str]) -> bool:
     ----------
     topic : str
     kinds : sequence of str
-        Its message types; a topic of several is nobody's.
+        Its message types; a topic of several does not count.
     """
     if len(kinds) != 1:
         return False

@@ -130,10 +130,9 @@ class Replay(Node):
         return [connection for reader in self._readers for connection in reader.connections]
 
     def wait_for_listeners(self, should_stop: Callable[[], bool]) -> int:
-        """Wait until all who are to hear the bag are connected, at most as long as was set.
+        """Wait until the subscribers are connected, at most as long as was set.
 
-        Those are as many as were set; else all that are found, once nobody else has come for as long as discovery
-        takes.
+        These are as many as were set; else all that are found, once no more have come for as long as discovery takes.
 
         Parameters
         ----------
@@ -142,7 +141,7 @@ class Replay(Node):
         Returns
         -------
         int
-            How many are, on the IMU topic, or on the most heard one in a bag without an IMU.
+            How many are, on the IMU topic, or on the one with the most in a bag without an IMU.
         """
         deadline = time.monotonic() + self._replaying.wait
         settling = SETTLING if self._replaying.listeners else DISCOVERY
@@ -241,7 +240,7 @@ def _qos(connection: Any):
     """Reliable, so that it connects with every subscription; latched where it was."""
     offered = connection.ext.offered_qos_profiles
     latched = any(qos.durability == QosDurability.TRANSIENT_LOCAL for qos in offered)
-    # a bag written without ROS may not say so
+    # a bag written without ROS may not record it
     latched = latched or connection.topic.endswith(LATCHED_TOPICS)
     return QoSProfile(
         depth=LATCHED_DEPTH if latched else DEPTH, reliability=ReliabilityPolicy.RELIABLE,

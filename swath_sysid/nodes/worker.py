@@ -153,7 +153,7 @@ class Worker:
                 job.on_end(result, error)
 
     def _look_after(self) -> None:
-        """Amid no work: hear that the process is ready; start another if it died after that.
+        """Between jobs: note that the process is ready; start another if it died after that.
 
         One that never got ready is started again with the next work only, not for ever.
         """
@@ -174,7 +174,7 @@ class Worker:
         self._ready = True
 
     def _revive(self):
-        """Start another process in place of one that died; the error that tells so."""
+        """Start another process in place of one that died; the error that reports it."""
         code = self._process.poll()
         how = f'with code {code}' if code is not None else 'unexpectedly'
         try:
@@ -267,7 +267,7 @@ def _carried_out(connection: Any, function: Callable, arguments: tuple, reports:
         return CANCELLED, None
     except (EOFError, OSError):
         raise
-    except Exception as error:  # whatever it is, the node tells it and the worker lives
+    except Exception as error:  # whatever it is, the node reports it and the worker goes on
         return FAILED, f'{type(error).__name__}: {error}'
 
 

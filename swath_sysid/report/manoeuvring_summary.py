@@ -168,8 +168,8 @@ def test_in_words(report):
     lines = [report.name.replace('-', ' ')]
     for name, value in report.numbers.items():
         label, unit = _label_and_unit(name)
-        told = f'{round(value, 3) + 0.0:>10.3f} {unit}' if value == value else '  not reached'
-        lines.append(f'  {label:<34}{told}')
+        shown = f'{round(value, 3) + 0.0:>10.3f} {unit}' if value == value else '  not reached'
+        lines.append(f'  {label:<34}{shown}')
     return lines
 
 

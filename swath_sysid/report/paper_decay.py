@@ -274,7 +274,7 @@ def _coefficients(study):
     note = (
         f"{study.publication.chosen}, {printed.angle_deg:g} deg, {printed.draft_factor:g} T ({printed.table}), over I' "
         f"= {inertia:g}{' (assumed)' if _inertia_is_assumed(study) else ''}. Searches with four seeds stop at I' = "
-        f'{stopped}, with the same objective value: the motion tells only the ratios.'
+        f'{stopped}, with the same objective value: the motion determines only the ratios.'
     )
     return Table('coefficients', 'Coefficients of the chosen equation', note, columns, tuple(rows))
 
@@ -407,9 +407,9 @@ def _limits(study):
         draft, angle, big, small = p.out_of_order[0]
         values = p.printed_objective[draft, angle]
         lines.append(
-            f'Printed values that are no optima: for example at {angle:g} deg and {draft:g} T, {big} with '
+            f'Printed values that are not optima: for example at {angle:g} deg and {draft:g} T, {big} with '
             f'{values[big]:.9g} rad/s although it contains {small} with {values[small]:.9g}. Such '
-            f'pairs: {len(p.out_of_order)}. Those digits are of the search, not of the hull.'
+            f'pairs: {len(p.out_of_order)}. Those digits come from the search, not from the hull.'
         )
     spread = [max(v.values()) / min(v.values()) - 1.0 for v in p.printed_objective.values()]
     uncertain = [1.0 / math.sqrt(2.0 * r.problem.motions[0].size) for r in study.records]
@@ -427,7 +427,7 @@ def _limits(study):
     if weak:
         lines.append(
             f'{", ".join(weak)}: known to worse than half of its value on at least one record; a printed trend of such '
-            'a coefficient is no finding.'
+            'a coefficient is not a finding.'
         )
     return lines
 
@@ -440,9 +440,9 @@ def _limits_of_the_check(study):
     _, measured, _, errors = np.array(study.publication.next_step.rows).T
     steps = 100.0 * np.abs(np.diff(measured) / measured[1:])
     lines = [
-        f"The check one step ahead tells no model from another: the study's method errs by {found[0]:.3g} % there, the "
+        f"The check one step ahead does not distinguish models: the study's method errs by {found[0]:.3g} % there, the "
         f'simulated motion by {found[1]:.3g} %, no change at all by {found[2]:.3g} % (medians). The noise of two '
-        'readings decides. What tells a model is its simulated motion.'
+        'readings decides. What distinguishes models is their simulated motion.'
     ]
     if steps.max() > 3.0 * errors.max():
         lines.append(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.motion.trial import AxisMotion
 
 MOST_POINTS = 20000
-"""More samples are drawn as the smallest and largest of each stretch: no eye sees more."""
+"""More samples are drawn as the smallest and largest of each stretch: more cannot be seen."""
 
 SPECTRUM_PERIODS = 16.0
 """Each stretch of the averaged spectrum is so many mean periods long: narrow enough to place a peak."""

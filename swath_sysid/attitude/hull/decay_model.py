@@ -120,7 +120,7 @@ class DecayModel:
         Raises
         ------
         InputError
-            A name that is no term, or what the model refuses.
+            A name is not a term, or the model refuses a value.
         """
         ratios = np.zeros(len(TERM_NAMES))
         for name, value in values.items():

@@ -1,4 +1,4 @@
-"""Whether a sensor sits in the craft as it was said to, judged from its own data.
+"""Whether a sensor is mounted as stated, judged from its own data.
 
 Gravity is held against the attitude, and the rates against the derivative of the angles. A sensor whose orientation,
 rates and accelerations are all turned alike about the vertical agrees with itself: no such check can see it.
@@ -159,7 +159,7 @@ def contradictions_in(
 ) -> tuple[Contradiction, ...]:
     """What contradicts itself in a whole record.
 
-    The record is judged in stretches. What stands is found in most of those that can tell; a sensor that froze, in any.
+    The record is judged in stretches. A contradiction must show in most that can show it; a frozen sensor, in any.
 
     Parameters
     ----------

@@ -34,10 +34,10 @@ MIN_SHARE = 0.3
 """Of the derivative's standard deviation that a rate must have to hold it."""
 
 MIN_FREEDOM = 6.0
-"""Degrees of freedom below which a poor correlation is no proof: one noisy swing."""
+"""Degrees of freedom below which a poor correlation proves nothing: one noisy swing."""
 
 SIGNIFICANT = 4.0
-"""Standard deviations beyond which a delay or a gain is no chance."""
+"""Standard deviations beyond which a delay or a gain is not chance."""
 
 MAX_OFFSET = np.radians(2.0)
 """rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets."""

@@ -1,4 +1,4 @@
-"""How an IMU sits in the craft: its frame and mounting, and what its readings are in the axes of the craft."""
+"""The frame and mounting of an IMU, and its readings in the axes of the craft."""
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
@@ -13,7 +13,7 @@ FRAMES = ('flu', 'frd')
 
 @dataclass(frozen=True)
 class Installation:
-    """How a sensor sits in the craft.
+    """The frame and mounting of a sensor.
 
     Its readings are first brought from its frame to FLU in ENU, then turned by the mounting.
 

@@ -25,7 +25,7 @@ def cleaned(trial, advice):
 
 
 def without_constant(trials, advice):
-    """Trials without the speeds and yaw rates that change in none of them: their senders had nothing to tell."""
+    """Trials without the speeds and yaw rates that are constant in all of them: their senders did not measure them."""
     for name in CHANNELS:
         holding = [k for k, trial in enumerate(trials) if getattr(trial, name) is not None]
         values = [getattr(trials[k], name) for k in holding]

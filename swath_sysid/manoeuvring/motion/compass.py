@@ -29,13 +29,13 @@ def aligned(trials, advice):
     So the sway is regressed on all of these.
     """
     rows = [_sway_by_cause(t) for t in trials]
-    told = [r for r in rows if r is not None]
-    if not told:
+    usable = [r for r in rows if r is not None]
+    if not usable:
         return trials
-    count = sum(len(sway) for sway, _, _ in told)
-    sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(told)))
+    count = sum(len(sway) for sway, _, _ in usable)
+    sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(usable)))
     begin = 0
-    for k, (values, causes, course) in enumerate(told):
+    for k, (values, causes, course) in enumerate(usable):
         span = slice(begin, begin + len(values))
         sway[span], shared[span], currents[span, 2 * k : 2 * k + 2] = values, causes, course
         begin = span.stop
@@ -60,7 +60,7 @@ def aligned(trials, advice):
 
 
 def _sway_by_cause(trial):
-    """Sway every half second under way ahead, and what may cause it; None where a trial does not tell.
+    """Sway every half second under way ahead, and what may cause it; None where a trial does not show it.
 
     Returns
     -------

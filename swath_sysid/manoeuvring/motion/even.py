@@ -10,7 +10,7 @@ USUAL_STEP = 0.1
 """s; also used for runs whose own interval is far from it."""
 
 MOVING = 0.3
-"""m/s; above this a course tells a heading."""
+"""m/s; above this the course gives the heading."""
 
 
 def even(trial, *names):

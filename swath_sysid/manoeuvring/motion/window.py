@@ -109,7 +109,7 @@ class ManoeuvringWindow:
             missing = ' and '.join(side for side in ('port', 'starboard') if side not in self._thrust)
             raise InputError(
                 f'nothing has come from the {missing} thruster: check its topic' if missing else
-                'no odometry has come since the thrusters spoke: check its topic')  # fmt: skip
+                'no odometry has come since the first thruster command: check its topic')  # fmt: skip
         order = np.arange(self._next - self._count, self._next) % len(self._rows)
         rows = self._rows[order]
         rows = rows[rows[:, 0] > rows[-1, 0] - self._duration]

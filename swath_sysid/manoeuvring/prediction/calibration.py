@@ -11,7 +11,7 @@ SETTLING = 5.0
 """s of a run before the first forecast."""
 
 FORECASTS = 250
-"""More tell hardly more of a 90 % interval."""
+"""More hardly improve the estimate of a 90 % interval."""
 
 LEAST_FORECASTS = 30
 HELD = 0.9
@@ -39,7 +39,7 @@ def calibrated(identified, runs):
     for c in range(len(MEASURABLE)):
         for k in range(len(LEADS)):
             known = np.isfinite(errors[:, k, c])
-            # where the sensor's own noise is larger, the errors tell nothing of the forecast
+            # where the sensor's own noise is larger, the errors say nothing about the forecast
             if known.sum() >= LEAST_FORECASTS and np.median(variances[known, k, c]) > noise[c] ** 2:
                 scale[c, k] = _scale(errors[known, k, c], variances[known, k, c], noise[c])
     return replace(identified, forecast=replace(identified.forecast, leads=LEADS, scale=scale))
