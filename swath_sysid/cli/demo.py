@@ -28,6 +28,7 @@ from swath_sysid.attitude.hull.simulated_craft import returns
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
@@ -76,15 +77,11 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the demonstration; 0 if its forecasts are as good as promised."""
-    try:
+    with ros_needed():
         import rclpy
         from rclpy.signals import SignalHandlerOptions
 
         from swath_sysid.nodes.demo_monitor import Listener
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
-        ) from error
     craft = _Craft(arguments.hull, arguments.axis)
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')

@@ -1,0 +1,22 @@
+"""Where a verb needs ROS: one sentence if it is not installed."""
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from swath_sysid.common.errors import InputError
+
+
+@contextmanager
+def ros_needed() -> Iterator[None]:
+    """Around imports of rclpy and the nodes.
+
+    Raises
+    ------
+    InputError
+        They cannot be imported.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise InputError(
+            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
+        ) from error
