@@ -255,12 +255,14 @@ def _told_there(held, amplitude):
     return f'which there has period {period:.3f} s and damping ratio {damping:.3f}'
 
 
-def window_provenance(table, software):
-    """What is known of where a window came from.
+def window_provenance(table, source, software):
+    """Where a window came from.
 
     Parameters
     ----------
     table : MotionTable
+    source : dict
+        What names its source: on a bus ``{'topic': ...}``.
     software : str
         Name and version.
 
@@ -271,7 +273,7 @@ def window_provenance(table, software):
     return {
         'software': software,
         'sources': [{
-            'topic': 'motion/window',
+            **source,
             'first_stamp_s': float(table.rows[0, 0]) if len(table.rows) else None,
             'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
         }],
