@@ -237,7 +237,7 @@ def test_numbers_must_be_finite(trial_file, capsys):
         (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--duration', '1e9'], 'cannot be simulated'),
         (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--rate-noise', '-1'], 'noise cannot be negative'),
         (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--ratio', 'b1=2'], '--ratio goes with --equation'),
-        (['--equation', 'linear', '--initial-angle-deg', '3', '--ratio', 'b1:2'], 'write NAME=VALUE'),
+        (['--equation', 'linear', '--initial-angle-deg', '3', '--ratio', 'b1:2'], 'is not NAME=VALUE'),
         (['--model', 'absent.yaml', '--initial-angle-deg', '3'], 'cannot read the model file'),
     ],
 )

@@ -21,6 +21,7 @@ from swath_sysid.attitude.hull.terms import TERM_INDEX
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
 from swath_sysid.attitude.identification.identify import (
     IdentificationSettings,
+    fit_metrics,
     identify_problem,
     motion_fit,
     refit_from,
@@ -222,18 +223,10 @@ class FitSummary(_Plain):
 
     def identified_model(self, provenance):
         """The content of a model file."""
-        metrics = {
-            'r2': self.r2,
-            'rmse_rad': self.rmse,
-            'rate_rmse_rad_s': self.rate_rmse,
-            'objective': self.objective,
-            'objective_value': self.objective_value,
-            'samples': self.samples,
-            'effective_samples': self.effective_samples,
-        }
         how = {'search_stop': self.stop, 'seed': self.seed, 'advice': [code for code, _ in self.advice]}
         return IdentifiedModel(
-            self.model, np.array(self.covariance), self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
+            self.model, np.array(self.covariance), self.trim_std, self.amplitude_range, fit_metrics(self),
+            {**provenance, **how},
         )
 
 

@@ -5,7 +5,7 @@ from math import isfinite
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Quaternion, Value
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 
 FRAMES = ('flu', 'frd')
 """Sensor axes forward-left-up in an ENU world, or forward-right-down in a NED world."""
@@ -34,8 +34,7 @@ class Installation:
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if self.frame not in FRAMES:
-            raise InputError(f"there is no frame '{self.frame}': choose one of {', '.join(FRAMES)}")
+        check_choice(self.frame, FRAMES, 'frame')
         if len(self.mounting) != 3 or not all(isfinite(angle) for angle in self.mounting):
             raise InputError(f'a mounting is three finite angles (roll, pitch, yaw in rad), not {self.mounting}')
 
