@@ -77,7 +77,7 @@ def recorded_topics(readers):
     -------
     dict of str to RecordedTopic
     """
-    found = {}
+    found: dict[str, RecordedTopic] = {}
     for connection in (connection for reader in readers for connection in reader.connections):
         offered = connection.ext.offered_qos_profiles
         latched = any(qos.durability == QosDurability.TRANSIENT_LOCAL for qos in offered)

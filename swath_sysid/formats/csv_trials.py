@@ -60,10 +60,10 @@ LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}
 BROKEN_PACKETS, BROKEN_SHARE = 3, 0.002
 """So many values beyond all limits, or this part of them, may be broken packets."""
 
-LEAST_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7
+MIN_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7
 """Half the range of angles in rad of a craft that moves by 2 to 40 deg."""
 
-LEAST_SAMPLES_A_CYCLE = 8
+MIN_SAMPLES_A_CYCLE = 8
 """Noise of a sensor at rest turns faster."""
 
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3
@@ -314,11 +314,11 @@ def small_angle_advice(columns, values):
     angles = {column.name: row[np.isfinite(row)] for column, row in zip(columns, values, strict=True)
               if column.reading in LARGEST_ANGLES and column.unit == 'deg'}
     swings = {name: float(np.subtract(*np.percentile(row, [99, 1]))) / 2 for name, row in angles.items() if row.size}
-    if not swings or not LEAST_SWING_RAD < max(swings.values()) < LARGEST_SWING_RAD:
+    if not swings or not MIN_SWING_RAD < max(swings.values()) < LARGEST_SWING_RAD:
         return ()
     name = max(swings, key=swings.get)
     samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
-    if samples_a_cycle is None or samples_a_cycle < LEAST_SAMPLES_A_CYCLE:
+    if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()
     return (Advice('hardly-moves', (
         f"'{shown(name)}' swings by {swings[name]:.2g} deg only: if it is in rad, call it "

@@ -2,6 +2,7 @@
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -65,7 +66,7 @@ class Recording:
 
     def save(self):
         """Bring what has come to the disk, as a whole chunk."""
-        storage = self._writer.storage
+        storage: Any = self._writer.storage
         if storage.chunk.bio.tell():
             storage.close_chunk()
             storage.bio.flush()

@@ -22,7 +22,7 @@ LARGEST_TEXT = 256 * 1024
 DEEPEST = 20
 """Lists and mappings inside each other; the deepest that is written here has nine."""
 
-MOST_VALUES = 8_000
+MAX_VALUES = 8_000
 """A model of both axes scheduled on five drafts has about 2,200; so many are read within 25 ms."""
 
 LONGEST_NUMBER = 40
@@ -249,8 +249,8 @@ def _check_event(event, values, depth, source):
         wrong = 'anchors (&) and aliases (*) are not understood: write the values out'
     elif event.tag is not None:
         wrong = f'the tag {shown(event.tag)} is not understood: leave it out'
-    elif values > MOST_VALUES:
-        wrong = f'more than {MOST_VALUES} values: this is not a file of this software'
+    elif values > MAX_VALUES:
+        wrong = f'more than {MAX_VALUES} values: this is not a file of this software'
     elif depth >= DEEPEST and isinstance(event, _BRANCHES):
         wrong = f'lists and mappings lie more than {DEEPEST} deep: this is not a file of this software'
     if wrong is not None:

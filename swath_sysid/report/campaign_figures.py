@@ -15,7 +15,7 @@ from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_fi
 
 WIDTH, HEIGHT = 4.6, 3.1
 LINE_STYLES = ('-', '--', ':', '-.')
-MOST_POINTS = 500
+MAX_POINTS = 500
 TWO_STD = 2.0
 STYLE = {
     'text.color': MEASURED,
@@ -77,7 +77,7 @@ def _shown(motion):
 
 
 def _thinned(*arrays):
-    step = max(1, arrays[0].size // MOST_POINTS)
+    step = max(1, arrays[0].size // MAX_POINTS)
     return [a[::step] for a in arrays]
 
 

@@ -72,7 +72,7 @@ RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)
 CREEP_PERIODS = 0.6
 """Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping, 0.55 with 0.77 of it."""
 
-MOST_CREEP = 1.3
+MAX_CREEP = 1.3
 """A swing that turns so much later than a cosine that arrives with it has crept to rest."""
 
 ODD_PERIOD = 0.25
@@ -184,7 +184,7 @@ class Fall:
         if periods.size:
             usual = np.abs(periods / weighted_median(periods, swings) - 1.0) < ODD_PERIOD
             return float(np.average(periods[usual], weights=swings[usual]))
-        crept = self.is_single and self._turned > MOST_CREEP * self._arrived
+        crept = self.is_single and self._turned > MAX_CREEP * self._arrived
         return (self.end - self.release) / CREEP_PERIODS if crept else 2.0 * self.first_half
 
     @cached_property

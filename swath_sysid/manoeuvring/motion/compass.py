@@ -7,7 +7,7 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
 
-LEAST_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
+MIN_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
 SURE = 4.0
 """Standard deviations by which a compass must be askew to be turned."""
 
@@ -49,7 +49,7 @@ def aligned(trials, advice):
         found = covariance @ (matrix.T @ sway) / (variance * REMEMBERED)
         variance = max(float(np.mean((sway - matrix @ found) ** 2)), 1e-6)
     offset, std = float(np.arctan(found[0])), float(np.sqrt(covariance[0, 0]))
-    if not LEAST_MISALIGNMENT < abs(offset) < LARGEST_MISALIGNMENT or abs(offset) < SURE * std:
+    if not MIN_MISALIGNMENT < abs(offset) < LARGEST_MISALIGNMENT or abs(offset) < SURE * std:
         return trials
     for item, trial in zip(advice, trials, strict=True):
         item.append(Advice('compass-misaligned', (
