@@ -26,7 +26,9 @@ def check_choice(name: str, choices: Collection[str], kind: str) -> None:
     Parameters
     ----------
     name : str
+        As given.
     choices : collection of str
+        All there are.
     kind : str
         What the names name: ``'hull'``.
 

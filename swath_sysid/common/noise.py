@@ -38,6 +38,7 @@ def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
     Parameters
     ----------
     residual : ndarray, shape (N,)
+        At an even rate.
     shortest_memory : int
         Lags that must be small; longer than a quarter period, at which an oscillating residual
         passes through zero.

@@ -28,9 +28,11 @@ def results_in_order(function, tasks, count):
     Parameters
     ----------
     function : callable
+        Of one argument; importable by another process.
     tasks : sequence
         Arguments of the function.
     count : int
+        Of processes, this one among them.
 
     Yields
     ------
@@ -53,6 +55,7 @@ def processes(count):
     Parameters
     ----------
     count : int
+        Of processes.
 
     Yields
     ------

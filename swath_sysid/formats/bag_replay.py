@@ -96,6 +96,7 @@ def merged_messages(readers, topics):
     readers : list
         Of `opened_bag`.
     topics : collection of str
+        Those to read.
 
     Yields
     ------

@@ -204,9 +204,11 @@ def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id=
     path : str or Path
         ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
     trial : Trial
+        In the axes of the craft.
     start_stamp_ns : int
         Stamp of the first sample.
     topic, frame_id : str
+        Of the messages.
 
     Raises
     ------
@@ -229,6 +231,7 @@ def imu_values(trial):
     Parameters
     ----------
     trial : Trial
+        In the axes of the craft.
 
     Returns
     -------

@@ -112,6 +112,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     Parameters
     ----------
     path : str or Path
+        Of the file.
     frame : str, optional
         ``flu`` or ``frd``; by default what the file says of itself, else ``flu``.
     mounting : tuple of 3 floats
@@ -163,7 +164,9 @@ def write_csv(path, trial):
     Parameters
     ----------
     path : str or Path
+        Replaced whole or not at all.
     trial : Trial
+        Each of its channels becomes a column.
 
     Raises
     ------
@@ -223,6 +226,7 @@ def refuse_doubled(path, names):
     Parameters
     ----------
     path : Path
+        Named in the error.
     names : sequence of str
         Of the columns that are read, as written.
 
@@ -277,7 +281,9 @@ def check_units(path, columns, values):
     Parameters
     ----------
     path : Path
+        Named in the error.
     columns : sequence of Column
+        Those that are read.
     values : sequence of ndarray, shape (N,)
         As written.
 
@@ -303,6 +309,7 @@ def small_angle_advice(columns, values):
     Parameters
     ----------
     columns : sequence of Column
+        Those that are read.
     values : sequence of ndarray, shape (N,)
         As written.
 

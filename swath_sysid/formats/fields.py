@@ -170,6 +170,7 @@ def record(required, optional=None):
     Parameters
     ----------
     required, optional : dict of str to callable
+        Descriptions by the name of the field.
     """
     optional = optional or {}
     known = {**required, **optional}
@@ -204,6 +205,7 @@ def table_of(names, kind, description):
     Parameters
     ----------
     names : collection of str
+        Those that may occur.
     kind : str
         What a name stands for, in the errors.
     description : callable, or dict of str to callable
@@ -337,7 +339,9 @@ def covariance(rows, names, where):
         As the file has it. A quantity whose variance is not known has nothing but null in its row
         and column.
     names : sequence of str
+        Of the quantities.
     where : str
+        Named in the errors.
 
     Returns
     -------
@@ -387,7 +391,9 @@ def check_std(stated, variances, where):
     stated : dict of str to float
         NaN where not known.
     variances : ndarray, shape (n,)
+        The diagonal of the covariance, in the same order.
     where : str
+        Named in the errors.
 
     Raises
     ------

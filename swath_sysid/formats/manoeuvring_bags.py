@@ -145,7 +145,9 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
     path : str or Path
         ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
     manoeuvre : Manoeuvre
+        Its inputs become the thrust commands.
     namespace : str
+        Before all topics.
     start_stamp_ns : int
         Stamp of the first sample.
     """

@@ -64,6 +64,7 @@ def manoeuvring_to_yaml(identified):
     Parameters
     ----------
     identified : IdentifiedManoeuvringModel
+        Written whole, with uncertainty and provenance.
 
     Returns
     -------
@@ -95,6 +96,7 @@ def manoeuvring_from_yaml(text, source='the model'):
     Parameters
     ----------
     text : str
+        Any text.
     source : str
         Named in the errors.
 

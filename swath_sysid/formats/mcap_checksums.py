@@ -99,6 +99,7 @@ def copy_whole_records(path, target):
     Parameters
     ----------
     path, target : Path
+        Read and written.
     """
     size = path.stat().st_size
     with open(path, 'rb') as source, open(target, 'wb') as copy:

@@ -83,6 +83,7 @@ def refuse_inputs_among(paths, inputs):
     paths : iterable of Path
         Files and folders that will be written.
     inputs : iterable of str or Path
+        Files and folders that are read.
 
     Raises
     ------

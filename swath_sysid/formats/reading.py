@@ -28,6 +28,7 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
     Parameters
     ----------
     path : str or Path
+        Of a file or a bag folder.
     topic : str, optional
         The IMU topic, for bags that hold several.
     frame : str, optional
@@ -72,6 +73,7 @@ def source_hash(path):
     Parameters
     ----------
     path : str or Path
+        Of a file or a bag folder.
 
     Returns
     -------

@@ -86,6 +86,7 @@ def is_ours(topic, kinds):
     Parameters
     ----------
     topic : str
+        Full name.
     kinds : sequence of str
         Its message types; a topic of several does not count.
     """

@@ -84,6 +84,7 @@ def read_head(path):
     Parameters
     ----------
     path : Path
+        Of the table.
 
     Returns
     -------
@@ -136,7 +137,9 @@ def read_columns(path, head, indices):
     Parameters
     ----------
     path : Path
+        Of the table.
     head : TableHead
+        Of `read_head`.
     indices : sequence of int
         Which columns, from 0.
 

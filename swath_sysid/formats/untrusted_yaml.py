@@ -55,6 +55,7 @@ def text_of(path, what='model file'):
     Parameters
     ----------
     path : str or Path
+        Of the file.
     what : str
         What it should be, for the errors.
 
@@ -95,6 +96,7 @@ def plain_content(text, source):
     Parameters
     ----------
     text : str
+        Any text.
     source : str
         Named in the errors.
 
@@ -118,6 +120,7 @@ def parsed(text, source):
     Parameters
     ----------
     text : str
+        Any text.
     source : str
         Named in the errors.
 
@@ -168,6 +171,7 @@ def scalar_value(node):
     Parameters
     ----------
     node : yaml.ScalarNode
+        Of `parsed`.
 
     Raises
     ------
@@ -273,6 +277,8 @@ def located(node, source, name=None):
         Of `parsed`.
     source : str
         Named in the errors.
+    name : str, optional
+        The field it belongs to.
 
     Returns
     -------

@@ -88,6 +88,7 @@ class Replay(Node):
         Parameters
         ----------
         should_stop : callable
+            Asked often.
 
         Returns
         -------
