@@ -101,14 +101,14 @@ def run(arguments: Namespace) -> int:
             _Interrupts(rclpy.spin_once) as interrupts,
             _processes(craft, arguments.seed, output / 'demo.log') as processes,
         ):
-            with _shown(craft) as show:
+            with _shown() as show:
                 stage = _Stage(listener, processes, show, interrupts.spin_once)
                 print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
                 demonstration = _demonstrate(craft, stage)
             passed = _conclude(demonstration, output, began)
             if arguments.keep_running:
                 # Ctrl-C is the way to end it, not a failure
-                with suppress(KeyboardInterrupt), _shown(craft) as show:
+                with suppress(KeyboardInterrupt), _shown() as show:
                     stage.show = show
                     _keep_running(stage)
     finally:
@@ -238,7 +238,7 @@ def _stop(processes: Any) -> None:
 
 
 @contextmanager
-def _shown(craft: _Craft):
+def _shown():
     """A function that shows a `ViewState`: live on a terminal, else a line now and then."""
     console = Console()
     live = Live(console=console, refresh_per_second=8, transient=True) if console.is_terminal else None

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -17,7 +18,7 @@ WIDTH, HEIGHT = 4.6, 3.1
 LINE_STYLES = ('-', '--', ':', '-.')
 MAX_POINTS = 500
 TWO_STD = 2.0
-STYLE = {
+STYLE: Any = {
     'text.color': MEASURED,
     'axes.labelcolor': MEASURED,
     'axes.edgecolor': MEASURED,
@@ -58,7 +59,7 @@ def campaign_drawings(outcome, axis):
             'decays': decay_drawings(outcome, axis),
             'against_angle': against_angle(outcome, axis),
             'against_draft': against_draft(outcome, axis),
-            'amplitude': amplitude_drawings(outcome, axis),
+            'amplitude': amplitude_drawings(axis),
             'records': record_drawings(outcome, axis),
             'correlations': correlation_drawings(outcome, axis),
         }
@@ -193,7 +194,7 @@ def against_draft(outcome, axis):
     return found
 
 
-def amplitude_drawings(outcome, axis):
+def amplitude_drawings(axis):
     """Natural period and equivalent damping against amplitude, all conditions on one axis."""
     found = []
     loadings = sorted({c.loading for c in axis.together})

@@ -69,7 +69,8 @@ def _plain(value):
 def objective_values(study):
     """The least objective values, printed and obtained."""
     p = study.publication
-    rows, marks = [], {}
+    rows: list[tuple] = []
+    marks: dict[tuple[int, int], str] = {}
     for record in study.records:
         printed = p.printed_objective[record.draft_factor, record.angle_deg]
         kinds = {
@@ -164,7 +165,8 @@ def next_step_table(study):
 
 def claims(study):
     """What the study concludes, and whether it holds here."""
-    rows, marks = [], {}
+    rows: list[tuple] = []
+    marks: dict[tuple[int, int], str] = {}
     for claim in study.publication.claims:
         answers = CLAIMS[claim['kind']](study, claim)
         marks[len(rows), len(answers)] = 'best' if answers[-1] == 'yes' else 'beyond'

@@ -22,7 +22,7 @@ def manoeuvring_page(study, wall_s):
         ('motion', 'Trajectories and turns', [figures(tracks)]),
         ('iterations', 'Parameters against iteration', [figures(iterations)]),
         ('conclusions', 'Conclusions', [table_as_html(_claims(study))]),
-        ('limits', 'What cannot come out, and why', [bullets(_limits(study))]),
+        ('limits', 'What cannot come out, and why', [bullets(_limits())]),
     ]
     body = [section(*parts) for parts in sections]
     links = [(anchor, name) for anchor, name, _ in sections]
@@ -197,7 +197,7 @@ def _claims(study):
     return Table('claims', 'Conclusions of the study, and whether they hold here', '', columns, rows, marks)
 
 
-def _limits(study):
+def _limits():
     return [
         'A turn under constant thrusts is soon steady. Its three velocities give three equations, whatever the number '
         'of derivatives; only the first seconds separate inertia from damping. Many sets of derivatives make the same '
