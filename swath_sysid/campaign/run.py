@@ -294,7 +294,8 @@ def _rounded_angle(trial, problem):
 
 def _without_copies(trials):
     """Leave out trials with the content, axis and bounds of an earlier one: a copy is not a repeat."""
-    found, first = [], {}
+    found = []
+    first: dict[tuple, TrialOutcome] = {}
     for t in trials:
         if t.record is not None:
             what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic
@@ -308,7 +309,7 @@ def _without_copies(trials):
 
 def _numbered(trials):
     """Give repeats without a number the next free one of their condition; refuse those taken twice."""
-    taken = {}
+    taken: dict[Condition, Counter] = {}
     for t in trials:
         if t.record is not None and t.record.repeat:
             taken.setdefault(t.record.condition, Counter())[t.record.repeat] += 1
@@ -476,13 +477,13 @@ class _AxisPlan:
         return settings_for(equation, objective, self._manifest.search)
 
     def _conditions(self):
-        groups = {}
+        groups: dict[Condition, list] = {}
         for record in self._records:
             groups.setdefault(record.condition, []).append(record)
         return groups
 
     def _drafts(self):
-        groups = {}
+        groups: dict[float, list] = {}
         for record in self._records:
             groups.setdefault(record.condition.loading, []).append(record)
         return dict(sorted(groups.items()))
@@ -546,7 +547,7 @@ class _AxisPlan:
                 key = key_of('settle', [k for k, _ in kept])
                 arguments = (record.problem, self._settings(objective), tuple(s for _, s in kept))
                 tasks[objective, str(record)] = Task(key, f'{record}, nested equations, {objective}', settle, arguments)
-        found = {}
+        found: dict[str, dict] = {}
         for (objective, record), settled in self._in_order(tasks).items():
             found.setdefault(objective, {})[record] = settled
         return found

@@ -12,7 +12,7 @@ class SerialExecutor(Executor):
 
     def submit(self, function, /, *args, **kwargs):
         """Call the function; the future that is returned is done."""
-        future = Future()
+        future: Future = Future()
         try:
             future.set_result(function(*args, **kwargs))
         except Exception as error:  # noqa: BLE001 - raised again by the result
@@ -21,7 +21,7 @@ class SerialExecutor(Executor):
 
 
 def results_in_order(function, tasks, count):
-    """The result of each task, in order, by so many processes.
+    """The result of each task, in order, by this many processes.
 
     This process begins at the front, the others, which take seconds to start, at the end.
 
@@ -50,7 +50,7 @@ def results_in_order(function, tasks, count):
 
 @contextlib.contextmanager
 def processes(count):
-    """An executor on so many processes; one is this process.
+    """An executor on this many processes; one is this process.
 
     Parameters
     ----------

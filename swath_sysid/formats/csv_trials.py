@@ -323,7 +323,7 @@ def small_angle_advice(columns, values):
     swings = {name: float(np.subtract(*np.percentile(row, [99, 1]))) / 2 for name, row in angles.items() if row.size}
     if not swings or not MIN_SWING_RAD < max(swings.values()) < LARGEST_SWING_RAD:
         return ()
-    name = max(swings, key=swings.get)
+    name = max(swings, key=lambda angle: swings[angle])
     samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
     if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()

@@ -6,6 +6,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib import rcsetup
 
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
@@ -29,7 +30,7 @@ STYLE: Any = {
     'axes.titlesize': 'medium',
     'legend.fontsize': 10.0,
     'svg.fonttype': 'none',
-    'axes.prop_cycle': matplotlib.cycler(color=SERIES),
+    'axes.prop_cycle': rcsetup.cycler(color=SERIES),
 }
 
 
@@ -86,7 +87,7 @@ def decay_drawings(outcome, axis):
     """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
     loadings = sorted({c.loading for c in axis.best})
     several = len(loadings) > 1
-    groups = {}
+    groups: dict[float | None, list] = {}
     for condition, index in axis.best.items():
         groups.setdefault(condition.initial_angle_deg if several else None, []).append((condition, index))
     found = []

@@ -57,7 +57,7 @@ class Table:
 
 
 def digits(count):
-    """A function that shows numbers with so many significant digits."""
+    """A function that shows numbers with this many significant digits."""
 
     def show(value):
         if value is None or (isinstance(value, float) and math.isnan(value)):

@@ -23,7 +23,8 @@ def condensed(advice):
     tuple of Advice
     """
     advice = tuple(dict.fromkeys(advice))
-    shown, counts = [], {}
+    shown: list[Advice] = []
+    counts: dict[str, int] = {}
     per_run = {a.code for a in advice} - {'not-separable', 'uncertain', 'at-bound'}
     for item in advice:
         counts[item.code] = counts.get(item.code, 0) + 1

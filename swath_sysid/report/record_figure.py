@@ -20,10 +20,10 @@ MAX_POINTS = 20000
 """More samples are drawn as the smallest and largest of each stretch: more cannot be seen."""
 
 SPECTRUM_PERIODS = 16.0
-"""Each stretch of the averaged spectrum is so many mean periods long: narrow enough to place a peak."""
+"""Each stretch of the averaged spectrum is this many mean periods long: narrow enough to place a peak."""
 
 SPECTRUM_REACH = 4.0
-"""The spectrum is drawn to so many times the frequency of the mean period."""
+"""The spectrum is drawn to this many times the frequency of the mean period."""
 
 
 def record_figure(motions: Sequence[AxisMotion]) -> Figure:
