@@ -63,7 +63,7 @@ class Sea:
     seen: np.ndarray
 
     def readings(self, rate):
-        """Angle and rate as read so many times a second, shape (N, 2)."""
+        """Angle and rate as read this many times a second, shape (N, 2)."""
         return self.seen[::_every(rate)]
 
     def angle_at(self, stamps):

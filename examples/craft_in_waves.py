@@ -88,7 +88,7 @@ class Voyage:
     truth: object
 
     def at_lead(self, lead):
-        """Mean, shape (N, 7), and covariance, shape (N, 7, 7), so many seconds ahead."""
+        """Mean, shape (N, 7), and covariance, shape (N, 7, 7), this many seconds ahead."""
         place = int(np.abs(self.leads - lead).argmin())
         return self.mean[:, place], self.covariance[:, place]
 

@@ -60,7 +60,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='the same of the rates (default: any)'
     )
-    parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for so long (default: 5)')
+    parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for this long (default: 5)')
     parser.add_argument(
         '--point', type=_point, action='append', default=[], metavar='NAME:x,y,z', dest='points',
         help='forecast and score vertical motion at a point of the craft, m forward, to port and up from the sensor, '

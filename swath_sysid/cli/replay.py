@@ -23,12 +23,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--clock', action='store_true', help='publish /clock, for nodes with use_sim_time')
     parser.add_argument(
         '--wait-for', type=int, default=0, metavar='N',
-        help='begin when so many subscribe to the IMU, 2 for imu_buffer and predictor (default: when all that are '
+        help='begin when this many subscribe to the IMU, 2 for imu_buffer and predictor (default: when all that are '
         'found are connected and discovery has had its 3.5 s)',
     )
     parser.add_argument(
         '--wait', type=finite, default=15.0, metavar='S',
-        help='so long the start waits for them at most (default: %(default)s)',
+        help='the longest wait for them (default: %(default)s)',
     )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ class ReplaySettings:
     clock : bool
         Publish /clock too.
     wait : float
-        s; so long subscriptions are waited for before the start.
+        s; the longest wait for subscriptions before the start.
     listeners : int
         Subscriptions to the IMU to wait for, or to any topic in a bag without one; 0: those that are found.
     """

@@ -23,7 +23,7 @@ DEEPEST = 20
 """Lists and mappings inside each other; the deepest that is written here has nine."""
 
 MAX_VALUES = 8_000
-"""A model of both axes scheduled on five drafts has about 2,200; so many are read within 25 ms."""
+"""A model of both axes scheduled on five drafts has about 2,200; that many are read within 25 ms."""
 
 LONGEST_NUMBER = 40
 """Characters; a float has at most 24, and nothing that is counted here has 39 digits."""

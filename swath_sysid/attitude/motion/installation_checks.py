@@ -29,7 +29,7 @@ from swath_sysid.attitude.motion.rate_comparison import MIN_RATE, RateComparison
 from swath_sysid.attitude.motion.sensor_mount import Installation
 
 WINDOW = 30.0
-"""s; over so long the accelerations of waves average out."""
+"""s over which the accelerations of waves average out."""
 
 BIN = 0.05
 """s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more."""
@@ -196,12 +196,12 @@ def contradictions_in(
 
 
 def samples_a_bin(interval: float) -> int:
-    """So many samples of an interval (s) are averaged to a bin."""
+    """This many samples of an interval (s) are averaged to a bin."""
     return max(int(BIN / interval + 0.5), 1)
 
 
 def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tuple[np.ndarray, ...]:
-    """Samples averaged by so many that a bin is `BIN` long; a value that is missing leaves its bin unknown.
+    """Samples averaged over bins of `BIN` s; a value that is missing leaves its bin unknown.
 
     Parameters
     ----------

@@ -21,10 +21,10 @@ MIN_PER_PERIOD_UNSMOOTHED = 5
 """On the finest grid nothing is smoothed, and slow sampling is all there is."""
 
 PROMINENCE = 5.0
-"""A turning point stands out by so many standard deviations of the noise left on its grid."""
+"""A turning point stands out by this many standard deviations of the noise left on its grid."""
 
 RESOLVED_STEPS = 1.5
-"""... by so many steps of rounded values: where the motion is slow, averaging does not help,"""
+"""... by this many steps of rounded values: where the motion is slow, averaging does not help,"""
 
 SMALLEST_PROMINENCE = 0.002
 """... and by this part of the record's range, so that no trifle is taken for motion."""

@@ -18,7 +18,7 @@ USUAL_DEVIATION = 0.15
 """rad; a deviation by the course is not taken for a compass askew, and is left to the identification."""
 
 REMEMBERED = 10.0
-"""Half seconds over which wind and manoeuvres leave the same sway: so many samples count as one."""
+"""Half seconds over which wind and manoeuvres leave the same sway: this many samples count as one."""
 
 
 def aligned(trials, advice):

@@ -8,7 +8,7 @@ from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTria
 
 COLUMNS = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
 FASTEST = 20.0
-"""Hz; of faster odometry only so many messages a second are kept."""
+"""Hz; of faster odometry only this many messages a second are kept."""
 
 LARGEST_COMMAND = 1.0 + 1e-6
 AUTO = 'auto'
