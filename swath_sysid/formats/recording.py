@@ -10,7 +10,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.output_bag import offered_qos
-from swath_sysid.formats.topics import IMU, LEADS, PATH_TOPIC, QUIESCENCE_TOPIC, TYPES
+from swath_sysid.formats.topics import PATH_TOPIC, QUIESCENCE_TOPIC, TYPES, type_of
 
 OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PATH_TOPIC} | {
     'identifier/progress': TYPES[QUIESCENCE_TOPIC]}
@@ -93,7 +93,7 @@ def is_ours(topic, kinds):
     if len(kinds) != 1:
         return False
     name = f'/{topic.strip("/")}'
-    _, found, _ = name.rpartition(f'/{LEADS}')
-    if found:
-        return kinds[0] == IMU
+    _, is_forecast, rest = name.rpartition('/forecast/')
+    if is_forecast:
+        return kinds[0] == type_of(f'forecast/{rest}')
     return any(name.endswith(f'/{ours}') and kinds[0] == kind for ours, kind in OURS.items())
