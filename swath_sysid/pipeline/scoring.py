@@ -28,7 +28,7 @@ CONFIDENCE = 0.95
 """Of the intervals of the scores."""
 
 _BLOCK = 30.0
-"""s: several wave groups, so that the errors of one block tell little of the next."""
+"""s: several wave groups, so that the errors of one block say little about the next."""
 
 _FEWEST_BLOCKS = 8
 _REPLICATES = 2000
@@ -329,7 +329,7 @@ def resampled(sums, seed):
     Returns
     -------
     ndarray, shape (K, R, L)
-        NaN where there are too few blocks to tell.
+        NaN where there are too few blocks.
     """
     count = sums.shape[1]
     if count < _FEWEST_BLOCKS:

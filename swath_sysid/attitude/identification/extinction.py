@@ -122,7 +122,7 @@ class Extinction:
     ----------
     peaks : tuple of Peaks
     coefficients : ndarray, shape (3,)
-        p1, p2 (1/rad), p3 (1/rad^2); terms that so few half cycles cannot tell are zero.
+        p1, p2 (1/rad), p3 (1/rad^2); terms that so few half cycles cannot determine are zero.
     covariance : ndarray, shape (3, 3)
         From the scatter of the decrements about the curve (type A).
     bertin, bertin_std : float
@@ -168,7 +168,7 @@ def extinction_of(peaks):
     Parameters
     ----------
     peaks : sequence of Peaks
-        Of one condition; those with fewer than three turning points tell nothing.
+        Of one condition; those with fewer than three turning points are ignored.
 
     Returns
     -------

@@ -72,7 +72,7 @@ def _poor(quantity, pairs, identification):
         ))]
     if r2 < LEAST_R2_OF_COHERENT_RESIDUALS and _coherence(pairs, identification) > COHERENT:
         return [Advice('poor-fit', (
-            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is no noise: '
+            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is not noise: '
             f'check units, signs and times of the columns, choose the decay by its start and end, or compare other '
             f'equations'
         ))]

@@ -1,4 +1,4 @@
-"""From measured decays to a believed hull: search, refine, and say how well it is known."""
+"""From measured decays to a hull model: search, refine, and state the uncertainty."""
 
 from dataclasses import dataclass, field
 
@@ -178,7 +178,7 @@ class Identification:
         Parameters
         ----------
         provenance : dict
-            What the caller knows of the sources: files, hashes, software version.
+            The caller's record of the sources: files, hashes, software version.
         """
         search = self.settings.search
         how = {

@@ -88,7 +88,7 @@ class SegmentationSettings:
     plentiful_tail : float
         Part of the first swing at which that tail begins: an eighth holds 1/64 of the energy.
     smallest_of_several : float
-        Part of the largest first swing below which a further fall is no decay of its own.
+        Part of the largest first swing below which a further fall is not a decay of its own.
     """
 
     fall: FallSettings = field(default_factory=FallSettings)
@@ -335,7 +335,7 @@ def _free_falls(falls, settings):
     if certain or others:
         return certain + others
     singles = [single for single in (fall.first_swing() for fall in falls) if _is_single_release(single, settings)]
-    # Of inclining the craft and letting it go, the letting go comes last.
+    # The craft is inclined first and released last.
     return [max(singles, key=lambda single: single.release)] if singles else []
 
 
@@ -554,7 +554,7 @@ def _period_of_relaxation(signal, centre):
 
 
 def _vouched_for(motion, settings):
-    """Falls for whose freedom the user stands in by giving a bound, the large ones."""
+    """The large falls, taken for free decays because the user gave a bound."""
     falls = [
         fall for piece in split_at_pauses(motion) for fall in find_falls(piece, settings.fall)
         if fall.is_suited and fall.swings.size >= 2

@@ -31,8 +31,8 @@ class Blend:
         s between rows.
     axes : int
     prior : sequence of float, length E
-        The candidates' weights where errors do not tell them apart: at long leads 60 s hold few independent errors, and
-        the candidate that knows most should speak until another one is shown to be better.
+        The candidates' weights where errors do not distinguish them: at long leads 60 s hold few independent errors,
+        and the candidate with the most information is used until another one is shown to be better.
 
     Attributes
     ----------

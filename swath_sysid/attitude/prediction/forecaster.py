@@ -35,14 +35,14 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
-"""Of a sample, those that may tell of the waves; a record that lacks some is forecast from the others."""
+"""Of a sample, those that may show the waves; a record that lacks some is forecast from the others."""
 
 TARGETS = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
 AXIS_OF_TARGET = (0, 1, 0, 1)
 
 OSCILLATOR, HULL = 'oscillator', 'hull-filter'
 CANDIDATES = {OSCILLATOR: 0.3, HULL: 3.0, SHORT_MEMORY: 0.3, ALL_CHANNELS: 1.0, EACH_ALONE: 0.3}
-"""Each with its weight where errors do not tell them apart: the one that knows most, until another proves better."""
+"""Each with its weight where errors do not distinguish them: most for the one with the most information."""
 
 _PLACE = {name: place for place, name in enumerate(CANDIDATES)}
 
@@ -406,7 +406,7 @@ class Forecaster:
         self._restart_block()
 
     def _correct_step(self):
-        """The first intervals of a sensor that jitters are no measure of the others; the rows themselves stay."""
+        """The first intervals of a sensor that jitters say nothing about the others; the rows themselves stay."""
         self._step = self._samples_a_row * self._interval
         self._spaces = {}
         self._waiting = None
@@ -509,7 +509,7 @@ class Forecaster:
         s, age = self.settings, self._time - self._rows_begun
         if self._time < self._refit_due or age < s.first_refit:
             return None
-        # what a young fit knows grows quickly; one of a long past costs more and changes less
+        # the information in a young fit grows quickly; one of a long past costs more and changes less
         interval = max(s.refit_interval, min(_REFIT_SHARE * age, _LONGEST_REFIT_INTERVAL))
         self._refit_due = self._time + interval
         excitations = {axis: self._excitation_request(place, axis) for place, axis in enumerate(AXES)}

@@ -2,7 +2,7 @@
 
     d(angle)/dt = rate
     d(rate)/dt  = -exp(d) D(rate) - exp(k) R(angle - trim) + h z        D, R: the identified damping and restoring
-    d(trim)/dt, dk/dt, dd/dt = slow random walks, from what the identification knows of them
+    d(trim)/dt, dk/dt, dd/dt = slow random walks, from their identified uncertainty
     dz/dt       = A z + w                                               (`modal_moment`)
 
 Two of them follow every sample: one on which nothing acts, and one that is driven by the sum of two moments: one of
@@ -50,7 +50,7 @@ MOST_SCALE_STD = 1.0
 """Of the logarithms of the scales: no model is exact, and none is worth nothing."""
 
 USUAL_AMPLITUDE = 0.05
-"""rad; where the ratios' covariance is weighed, if the identification does not say which amplitudes it saw."""
+"""rad; where the ratios' covariance is weighed, if the identification does not state its amplitudes."""
 
 INITIAL_ANGLE_STD = 0.3
 INITIAL_RATE_STD = 0.3
@@ -126,7 +126,7 @@ class HullUncertainty(NamedTuple):
 
     @classmethod
     def of(cls, identified):
-        """Relative uncertainty of the restoring and damping moments at the amplitude that the identification saw.
+        """Relative uncertainty of the restoring and damping moments at the amplitude of the identification.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class ExcitationRequest:
     model : DecayModel
         The hull.
     hull_mean, hull_covariance : ndarray, shapes (3,) and (3, 3)
-        Trim, rad, and logarithms of the scales of stiffness and damping, as the filter knows them now.
+        Trim, rad, and logarithms of the scales of stiffness and damping, as now estimated.
     hull_is_learnt : bool
         Whether the filter has learnt them in this window already.
     step : float
@@ -728,7 +728,7 @@ class HullFilter:
     def advice(self):
         """What to say of the model: whether the sea, or the craft in still water, contradicts it.
 
-        The scales begin at one with what the identification knows of them. Innovations that draw one further than
+        The scales begin at one with their identified uncertainty. Innovations that draw one further than
         `CONTRADICTION` of its standard deviations were not made by this hull.
 
         Returns
@@ -748,7 +748,7 @@ class HullFilter:
             if is_unlikely or is_much:
                 found.append(Advice(
                     'model-contradicted',
-                    f'the motion asks for {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
+                    f'the motion shows {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
                     f'model has, and than its uncertainty allows ({log_scale / math.sqrt(before):+.1f} standard '
                     'deviations): identify again',
                 ))  # fmt: skip

@@ -24,7 +24,7 @@ _LEAST_SHARE = 0.5
 _WHOLE_ENOUGH = 0.5
 _LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
 _FLAT = 1e-9
-# third differences as many times their median size are no motion of a craft: a spike, or one record joined to another
+# third differences as many times their median size are not a craft's motion: a spike, or one record joined to another
 _BREAK = 60.0
 _LARGEST_RADIUS = 0.9999
 

@@ -71,7 +71,7 @@ def covariance_over_runs(shooting, values, matrix):
     """A covariance no smaller than what the runs scatter by.
 
     The jackknife over runs (a sandwich over clusters with its leverage taken out: Bell and McCaffrey 2002, CR3)
-    gives the variances where it is larger; few runs tell no correlations, which stay.
+    gives the variances where it is larger; few runs give no correlations, which stay.
 
     Parameters
     ----------

@@ -150,7 +150,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     Raises
     ------
     InputError
-        The runs cannot be used together, or tell nothing.
+        The runs cannot be used together, or excite nothing.
     Cancelled
         ``should_cancel`` said so.
     """
@@ -286,8 +286,8 @@ def _derivatives(problem, found, units):
         if name not in CURRENT and at_bound(problem, name, value):
             flags[name].append('at-bound')
             advice.append(Advice('at-bound', (
-                f'{name} ended at the limit of its range ({value:.3g}): the runs do not tell it; leave it out, or add '
-                f'{_separating(name)}')))  # fmt: skip
+                f'{name} ended at the limit of its range ({value:.3g}): the runs do not determine it; leave it out, or '
+                f'add {_separating(name)}')))  # fmt: skip
         size = max(abs(value), 0.1 * unknowns.units[k])
         if name not in CURRENT and not std[k] < UNCERTAIN * size:
             flags[name].append('uncertain')
@@ -339,7 +339,7 @@ def _white(runs):
 
 
 def _separating(*names):
-    """The manoeuvre that would tell terms apart."""
+    """The manoeuvre that would separate terms."""
     found = dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX)
     return ' and '.join(found) or 'runs in opposite directions'
 

@@ -1,4 +1,4 @@
-"""Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, believed, and the way back."""
+"""Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, accepted, and the way back."""
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -85,7 +85,7 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     Raises
     ------
     InputError
-        The window is too short, or tells nothing.
+        The window is too short, or without excitation.
     Cancelled
         ``should_cancel`` said so.
     """
@@ -104,7 +104,7 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     if held is not None and held.model.thrust_input != found.model.thrust_input:
         held = None
     if held is not None:
-        # in today's current: that is no merit of either
+        # in today's current, which favours neither
         same_water = replace(held.model, current=found.model.current)
         current_misfit = _misfit(score(same_water, held_out, request.settings.window), found.noise)
         if not misfit < (1.0 - request.least_improvement) * current_misfit:

@@ -120,11 +120,11 @@ def currents_of(problem, model, runs, window):
     That of the model where the problem has one current for all, or a run holds no heading.
     """
     currents = np.tile(model.current, (len(runs), 1))
-    told = [k for k, run in enumerate(runs) if run.heading is not None]
-    if not problem.drift_spread or not told:
+    with_heading = [k for k, run in enumerate(runs) if run.heading is not None]
+    if not problem.drift_spread or not with_heading:
         return currents
     base = model.values
-    for k in told:
+    for k in with_heading:
         try:
             windows = cut([runs[k]], window)
         except InputError:
@@ -378,7 +378,7 @@ def _without_weak(problem, now, rejected):
 
 
 def without_bounds(problem, found):
-    """The fit without terms that end at the limits of their ranges, which the runs do not tell; with the problem.
+    """The fit without terms that end at the limits of their ranges, which the runs do not determine; with the problem.
 
     Terms of choice go; linear damping stays at its limit, and is no longer searched.
     """

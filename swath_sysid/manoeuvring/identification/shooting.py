@@ -51,7 +51,7 @@ STABILITY_WEIGHT = 20.0
 """Of such a residual, 1/s beside the root of the number of samples."""
 
 LARGEST_INFORMATION = 1e14
-"""Beyond this a window has run away and tells nothing of its initial state."""
+"""Beyond this a window has diverged and says nothing about its initial state."""
 
 FEWEST_PARTS = 3
 """Into which runs are divided at least, to hold one out at a time."""
