@@ -32,7 +32,7 @@ from swath_sysid.attitude.identification.sea_motion import (
     BAND_RATIO,
     EDGE_PERIODS,
     GAUSSIAN_RATE,
-    LEAST_REACH,
+    MIN_REACH,
     SeaMotion,
     TermSpectra,
     heave_spectrum,
@@ -49,7 +49,7 @@ from swath_sysid.common.stopping import Cancelled
 AT_SEA = 'motion in waves'
 """Marks a model identified at sea, as ``provenance['identified_from']``."""
 
-FEWEST_WAVES = 50
+MIN_WAVES = 50
 """Peak periods that a record must hold."""
 
 PARAMETERS = (
@@ -77,7 +77,7 @@ _REFINED = 8
 _MODE_DEPTH = 8.0
 """Other optima count for the uncertainty unless their log-likelihood is so much worse."""
 
-LEAST_FADING = 6.0
+MIN_FADING = 6.0
 """Within the record a free decay of the hull must fade by exp of so much; what does not is a tone."""
 
 EDGE_SOFTNESS = 0.1
@@ -338,7 +338,7 @@ def _best_fit(motion, heave, progress, should_cancel):
     plain = _Fit(sea, spectra, _Jonswap(sea))
     others = plain.optima(lambda share: report(0.5 * share), should_cancel)
     end = _cliff(spectra.frequency, plain.parts(others[0].x)[0])
-    if end is not None and end > LEAST_REACH * sea.peak:
+    if end is not None and end > MIN_REACH * sea.peak:
         spectra = spectra.below(end)
         plain = _Fit(sea, spectra, _Jonswap(sea))
         others = plain.optima(None, should_cancel)
@@ -373,8 +373,8 @@ def _prepared(motion):
         )
     sea = sea_motion(motion)
     period = 2.0 * np.pi / sea.peak
-    needed = (FEWEST_WAVES + 2.0 * EDGE_PERIODS) * period
-    if sea.duration < FEWEST_WAVES * period:
+    needed = (MIN_WAVES + 2.0 * EDGE_PERIODS) * period
+    if sea.duration < MIN_WAVES * period:
         raise InputError(
             f'the {motion.axis} holds {sea.duration:.0f} s of motion in waves with a peak period of {period:.3g} s, '
             f'too few waves to separate hull and sea: record at least {np.ceil(needed):.0f} s, better three times as '
@@ -571,7 +571,7 @@ def _concluded(motion, fit, modes):
             f'{2.0 * np.pi / spectra.frequency[-1]:.3g} s), so the natural period is shorter and stays hidden: record '
             'in shorter waves, with a quieter sensor, or a free decay in still water'
         )
-    if damping * frequency * sea.duration < LEAST_FADING:
+    if damping * frequency * sea.duration < MIN_FADING:
         raise InputError(
             f'the {motion.axis} swings with a period of {period:.3g} s like a pure tone, as in regular waves, which '
             'say nothing about the damping: give motion in irregular waves, or record a free decay in still water'

@@ -24,7 +24,7 @@ PEAK_WINDOW = 0.1
 """Periods to each side of a turning point through which a parabola is laid: it averages the noise, and lowers every
 amplitude alike by 0.05 %."""
 
-LEAST_ROWS = (1, 4, 6)
+MIN_ROWS = (1, 4, 6)
 """Decrements that a curve of one, two, three terms needs: one to spare for each."""
 
 RESIDUAL_MEMORY = 4
@@ -185,7 +185,7 @@ def extinction_of(peaks):
             'an extinction curve needs three turning points: the damping is too strong, or the record too short'
         )
     amplitude, period = (np.concatenate([getattr(p, name) for p in peaks]) for name in ('mean_amplitude', 'period'))
-    terms = sum(amplitude.size >= least for least in LEAST_ROWS)
+    terms = sum(amplitude.size >= least for least in MIN_ROWS)
     coefficients, covariance = np.zeros(3), np.zeros((3, 3))
     coefficients[:terms], covariance[:terms, :terms] = _fitted(peaks, range(1, terms + 1))
     (bertin,), ((bertin_variance,),) = _fitted(peaks, [2])

@@ -24,7 +24,7 @@ DYNAMIC_RANGE = 1e-5
 LOWEST_BAND, HIGHEST_BAND = 0.25, 8.0
 """... between these multiples of the peak frequency."""
 
-LEAST_REACH = 1.3
+MIN_REACH = 1.3
 """Multiple of the peak frequency up to which the motion must be known."""
 
 FASTEST = 0.8
@@ -280,7 +280,7 @@ def _reach(even, angle, rate, noise, frequency):
     lost = np.flatnonzero(~known[at:])
     last = frequency[at + lost[0] - 1] if lost.size else frequency[-1]
     highest = min(float(last), HIGHEST_BAND * peak, FASTEST * float(frequency[-1]))
-    if highest < LEAST_REACH * peak:
+    if highest < MIN_REACH * peak:
         raise InputError(
             f'the motion is known only up to {highest / (2 * np.pi):.3g} Hz, its peak is at '
             f'{peak / (2 * np.pi):.3g} Hz: record at ten samples a wave or more, with a quieter sensor'

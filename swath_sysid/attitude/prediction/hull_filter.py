@@ -44,9 +44,9 @@ UNKNOWN_TRIM_STD = 0.02
 IDENTIFIED_TRIM_STD = 5e-4
 """rad; identification reports 3e-5 to 7e-4."""
 
-LEAST_STIFFNESS_STD = 0.001
-LEAST_DAMPING_STD = 0.005
-MOST_SCALE_STD = 1.0
+MIN_STIFFNESS_STD = 0.001
+MIN_DAMPING_STD = 0.005
+MAX_SCALE_STD = 1.0
 """Of the logarithms of the scales: no model is exact, and none is worth nothing."""
 
 USUAL_AMPLITUDE = 0.05
@@ -62,7 +62,7 @@ MARKOV_TIME = 0.5
 MARKOV_STD = 0.3
 """rad/s^2; its size at the start."""
 
-LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e4
+MIN_LEVEL, MAX_LEVEL = 1e-10, 1e4
 """Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft."""
 
 CHALLENGING_LEVEL = 0.01
@@ -84,7 +84,7 @@ UNFORESEEN = 1e-8
 """Of a learnt sea's variance: that of the unknown moment beside it, at first."""
 
 STRAIN_GAIN = 0.2
-MOST_STRAIN = 3.5
+MAX_STRAIN = 3.5
 """Running mean of the innovations squared over their expectation, and from where on something new must be acting."""
 
 NEWCOMER = 0.5
@@ -511,8 +511,8 @@ class HullFilter:
         trim_std = uncertainty.trim_std if uncertainty.trim_std == uncertainty.trim_std else UNKNOWN_TRIM_STD
         return np.square([
             trim_std,
-            min(max(uncertainty.stiffness_std, LEAST_STIFFNESS_STD), MOST_SCALE_STD),
-            min(max(uncertainty.damping_std, LEAST_DAMPING_STD), MOST_SCALE_STD),
+            min(max(uncertainty.stiffness_std, MIN_STIFFNESS_STD), MAX_SCALE_STD),
+            min(max(uncertainty.damping_std, MIN_DAMPING_STD), MAX_SCALE_STD),
         ])
 
     def set_excitation(self, fit, age=0.0):
@@ -582,7 +582,7 @@ class HullFilter:
 
     def _set_level(self, place, level):
         """Give a moment another size: the covariance that it tends to."""
-        self.levels[place] = level = min(max(level, LEAST_LEVEL), MOST_LEVEL)
+        self.levels[place] = level = min(max(level, MIN_LEVEL), MAX_LEVEL)
         moment, part = self.moments[place], self._parts[place]
         part = slice(part.start - HULL_STATES, part.stop - HULL_STATES)
         self.driven.moment[2][part, part] = level * moment.stationary
@@ -643,7 +643,7 @@ class HullFilter:
         if gate_nis > self._gates[measured]:
             return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
         self.rejections = 0
-        surprised = self.driven.strain > MOST_STRAIN
+        surprised = self.driven.strain > MAX_STRAIN
         if surprised:
             self._something_new(angle, rate, elapsed)
         for track in tracks:

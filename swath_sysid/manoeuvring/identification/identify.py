@@ -43,7 +43,7 @@ STRANGE_MASS = 0.6
 MORE_THAN_NOISE = 2.0
 """A simulation within so many times the sensor's own noise is not called poor."""
 
-LEAST_DIFFERENCE = 0.02
+MIN_DIFFERENCE = 0.02
 """m/s; runs whose currents differ by less have one current."""
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
@@ -313,7 +313,7 @@ def _derivatives(problem, found, units):
 
 def _worth_telling(model, currents):
     """The currents of the runs, or the model's for all where they hardly differ."""
-    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > LEAST_DIFFERENCE:
+    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > MIN_DIFFERENCE:
         return currents
     return np.tile(model.current, (len(currents), 1))
 

@@ -14,7 +14,7 @@ from swath_sysid.manoeuvring.motion.intake import prepare
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial
 
 LONGEST_HISTORY = 20
-LEAST_DURATION = 60.0
+MIN_DURATION = 60.0
 """s of motion, below which nothing is identified."""
 
 PIECE = 60.0
@@ -126,10 +126,10 @@ def pieces(run):
     Raises
     ------
     InputError
-        It is shorter than `LEAST_DURATION`.
+        It is shorter than `MIN_DURATION`.
     """
-    if run.duration < LEAST_DURATION:
-        raise InputError(f'{run.duration:.0f} s of motion are too short: drive for {LEAST_DURATION:.0f} s or more, '
+    if run.duration < MIN_DURATION:
+        raise InputError(f'{run.duration:.0f} s of motion are too short: drive for {MIN_DURATION:.0f} s or more, '
                          f'straight, in turns and zig-zags')  # fmt: skip
     known = np.isfinite(run.channels).any(axis=0)
     places = np.flatnonzero(known)

@@ -17,14 +17,14 @@ from swath_sysid.manoeuvring.identification.windows import cut
 MEMORY = 10
 """Lags that must be small before a residual counts as forgotten (see noise.autocovariance)."""
 
-MOST_TERMS = 14
+MAX_TERMS = 14
 MARGIN = 4.0
 """On top of the information criterion's ln(N), so that chance seldom adds a term among twenty."""
 
 NOISE_FLOOR = 0.003
 """No model is trusted closer than this share of the motion."""
 
-LEAST_DRIFT_SPREAD = 0.005
+MIN_DRIFT_SPREAD = 0.005
 """m/s; no two runs have the same current more closely."""
 
 LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
@@ -193,7 +193,7 @@ def with_drift_spread(problem, found):
     inflation = _inflation(found)
     variance = inflation * found.shooting.drift_variance(found.values)
     spread = np.sqrt(np.mean(found.shooting.drift**2 + variance))
-    return replace(problem, drift_spread=float(max(spread, LEAST_DRIFT_SPREAD) / np.sqrt(inflation)))
+    return replace(problem, drift_spread=float(max(spread, MIN_DRIFT_SPREAD) / np.sqrt(inflation)))
 
 
 def renewed(problem, found):
@@ -226,7 +226,7 @@ def select(problem, first, note=None):
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
     rejected = {}
     held_out = held_out_costs(now.shooting, now.values)
-    for _ in range(MOST_TERMS):
+    for _ in range(MAX_TERMS):
         ranked = _ranked(problem, now, remaining)
         best = next(((group, gain) for group, gain in ranked if gain > 0.0), None)
         if best is None:
