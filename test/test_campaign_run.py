@@ -310,7 +310,7 @@ def test_the_command_line_refuses_what_makes_no_sense(trials, tmp_path, capsys):
         ([], 'give either a manifest, or --new'),
         ([manifest, '--output', str(tmp_path), '--jobs', '0'], '--jobs must be at least 1'),
         ([str(tmp_path / 'absent.yaml'), '--output', str(tmp_path)], 'cannot read the manifest'),
-        (['--new', str(tmp_path / 'absent')], 'is not a folder'),
+        (['--new', str(tmp_path / 'absent')], 'there is no folder'),
     ):
         assert main(['campaign', *arguments]) == 2
         assert words in capsys.readouterr().err
