@@ -51,7 +51,7 @@ setup(
         'PyYAML>=6.0',
         'rich>=13.0',
         # bags that were cut off, and recordings on their way to the disk, need parts of it that may change with a
-        # minor version: see formats/bags.py, formats/mcap_checksums.py and nodes/record.py
+        # minor version: see formats/bags.py, formats/mcap_checksums.py and formats/recording.py
         'rosbags>=0.11,<0.12',
         'scipy>=1.11',
     ],

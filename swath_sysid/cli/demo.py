@@ -30,6 +30,7 @@ from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.cli import forecast
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
@@ -94,13 +95,8 @@ def run(arguments: Namespace) -> int:
     if arguments.only == SEA:
         _forecast_sea(output)
         return 0
-    try:
+    with ros_needed(f'the forecast of a measured sea needs none: --only {SEA}'):
         import rclpy
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation; '
-            f'the forecast of a measured sea needs none: --only {SEA}'
-        ) from error
     craft = _Craft(arguments.hull, arguments.axis)
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
@@ -139,14 +135,14 @@ def _release(rclpy: Any, craft: _Craft, arguments: Namespace, domain: int, outpu
             _Interrupts(rclpy.spin_once) as interrupts,
             _processes(craft, arguments.seed, output / 'demo.log') as processes,
         ):
-            with _shown(craft) as show:
+            with _shown() as show:
                 stage = _Stage(listener, processes, show, interrupts.spin_once)
                 print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
                 demonstration = _demonstrate(craft, stage)
             passed = _conclude(demonstration, output, began)
             if arguments.keep_running:
                 # Ctrl-C is the way to end it, not a failure
-                with suppress(KeyboardInterrupt), _shown(craft) as show:
+                with suppress(KeyboardInterrupt), _shown() as show:
                     stage.show = show
                     _keep_running(stage)
     finally:
@@ -276,7 +272,7 @@ def _stop(processes: Any) -> None:
 
 
 @contextmanager
-def _shown(craft: _Craft):
+def _shown():
     """A function that shows a `ViewState`: live on a terminal, else a line now and then."""
     console = Console()
     live = Live(console=console, refresh_per_second=8, transient=True) if console.is_terminal else None
@@ -297,7 +293,7 @@ def _shown(craft: _Craft):
 
 
 class _Stage:
-    """The demonstration as it goes on: spins the listener, shows what it heard, waits for things.
+    """The demonstration as it goes on: spins the monitor, shows what it received, waits for conditions.
 
     Parameters
     ----------
@@ -372,7 +368,7 @@ def _demonstrate(craft: _Craft, stage: _Stage):
     stage.title = f'{craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
     stage.scale, stage.drawn_lead = 1.3 * math.radians(craft.angle_deg), craft.lead
     if not stage.wait('starting', stage.listener.is_ready, START_TIMEOUT_S):
-        raise InputError(f'the nodes were not heard within {START_TIMEOUT_S:g} s: see demo.log')
+        raise InputError(f'nothing came from the nodes within {START_TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', STILL_S)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')

@@ -18,7 +18,7 @@ VERBS = {
     'identify': 'from decay records to a hull model',
     'compare': 'fit many equations and choose the simplest adequate one',
     'simulate': 'a trial with known truth, as an IMU would have recorded it',
-    'campaign': 'a whole trial matrix: tables, figures and a model that knows its draft',
+    'campaign': 'a whole trial matrix: tables, figures and a model that depends on the draft',
     'paper': 'a published study carried out again, printed and obtained values side by side',
     'scale': "a model at another scale, by Froude's law",
     'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',

@@ -19,7 +19,7 @@ from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_foreca
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.formats.topics import IMU_TOPIC
+from swath_sysid.formats.topics import IMU_TOPIC, WINDOW_TOPIC
 from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
@@ -59,7 +59,7 @@ def run(arguments: Namespace) -> int:
     buffer, identifier, predictor = (values_from_file(arguments.params, name) for name in ATTITUDE_NODES)
     settings = PlayThroughSettings(
         window_settings(buffer), refit_settings(identifier), pipeline_settings(predictor),
-        identifier['auto_identify'], arguments.refit_delay,
+        identifier['auto_identify'], arguments.refit_delay, {'topic': WINDOW_TOPIC},
     )  # fmt: skip
     installation = settings.forecasts.installation
     readings = read_readings(

@@ -6,6 +6,7 @@ from argparse import ArgumentParser, Namespace
 from importlib import import_module
 from pathlib import Path
 
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
 
 NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
@@ -15,7 +16,7 @@ MODEL_PARAMETERS = {
 }
 
 OPEN_TO_THE_SUBNET = (
-    'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
+    'these nodes can be used from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
     'this machine'
 )
 
@@ -35,12 +36,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the nodes until a signal comes; returns the exit code."""
-    try:
+    with ros_needed():
         import rclpy  # noqa: F401 - only to say what to do where it is missing
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
-        ) from error
     given = ros_arguments(arguments)
     program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
@@ -65,7 +62,7 @@ def ros_arguments(arguments: Namespace) -> list[str]:
             raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
         path = Path(arguments.model).expanduser()
         if path.exists():
-            # a node would go on without it, which whoever types a command does not see
+            # a node would go on without it, and the user at the command line would not notice
             _read_model(node, path)
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']

@@ -14,7 +14,7 @@ from swath_sysid.report.sea_summary import REMARKS, sea_as_data, sea_in_words
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    """The record, and how to tell."""
+    """The record, and the form of the output."""
     parser.epilog = ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     add_reading_arguments(parser)

@@ -181,6 +181,7 @@ class PointMessages:
         Parameters
         ----------
         step : PipelineStep
+            Of one sample.
 
         Yields
         ------
@@ -317,9 +318,11 @@ def diagnostics_message(stamp_ns, statuses, hardware_id=''):
     Parameters
     ----------
     stamp_ns : int
+        Of the header.
     statuses : sequence of (int, str, str, dict of str to str)
         Level, name, message and values of each.
     hardware_id : str
+        Of every status.
     """
     return serialised(make('diagnostic_msgs/msg/DiagnosticArray', header(stamp_ns, ''), [
         make('diagnostic_msgs/msg/DiagnosticStatus', level, name, message, hardware_id,

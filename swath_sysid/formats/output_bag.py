@@ -139,6 +139,7 @@ class OutputBag:
         Parameters
         ----------
         played : Played
+            In the order of publishing.
         """
         time_ns, step = played.stamp_ns, played.step
         if played.models is not None:
@@ -178,6 +179,7 @@ def offered_qos(latched, reliable):
     latched : bool
         Transient local.
     reliable : bool
+        Else best effort.
 
     Returns
     -------

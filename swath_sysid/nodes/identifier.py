@@ -6,6 +6,7 @@ from rclpy.executors import SingleThreadedExecutor
 from swath_sysid import __version__
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit, warm_up, window_provenance
 from swath_sysid.attitude.motion.window import MotionTable
+from swath_sysid.formats.topics import WINDOW_TOPIC
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.model_publisher import ModelPublisher
@@ -66,7 +67,8 @@ class Identifier(IdentificationNode):
             self.when_free()
 
     async def _refit(self, table: MotionTable) -> Answer:
-        request = self.refitter.request(table, window_provenance(table, f'swath_sysid {__version__}'))
+        provenance = window_provenance(table, {'topic': WINDOW_TOPIC}, f'swath_sysid {__version__}')
+        request = self.refitter.request(table, provenance)
         outcome, problem = await self.carried_out(refit, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message

@@ -33,6 +33,8 @@ class PlayThroughSettings:
     refit_delay : float
         s from a window to the models found in it; at the next sample if it is 0. Live, a refit takes
         0.1 to 3 s.
+    window_source : dict
+        What names the windows' source in the provenance of models.
     """
 
     window: WindowSettings = field(default_factory=WindowSettings)
@@ -40,6 +42,7 @@ class PlayThroughSettings:
     forecasts: PipelineSettings = field(default_factory=PipelineSettings)
     auto_identify: bool = True
     refit_delay: float = 0.0
+    window_source: dict = field(default_factory=dict)
 
 
 class Played(NamedTuple):
@@ -136,7 +139,8 @@ class PlayThrough:
     def _start_refit(self, stamp_ns):
         """Fit the newest window, unless a fit is still under way by the stamps."""
         if self._running is None and self._waiting is not None:
-            provenance = window_provenance(self._waiting, f'swath_sysid {__version__}')
+            software = f'swath_sysid {__version__}'
+            provenance = window_provenance(self._waiting, self.settings.window_source, software)
             outcome = self._fit(self.refitter.request(self._waiting, provenance))
             self._running, self._waiting = (stamp_ns, outcome), None
             self.refits += 1

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 REMARKS = (
     f'this is the heave at the sensor, between {BAND_HZ[0]:g} and {BAND_HZ[1]:g} Hz',
     'under way the periods are those of encounter, not of the sea',
-    'a craft is no wave buoy for waves shorter than a few of its lengths: of these it shows less than there is',
+    'a craft is not a wave buoy: waves shorter than a few of its lengths are underestimated',
 )
 """What a sea state from own motion is, and what it is not."""
 

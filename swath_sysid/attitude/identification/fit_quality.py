@@ -3,10 +3,10 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 
-LEAST_R2 = 0.9
+MIN_R2 = 0.9
 """Below this share of the variance of the angle (or of the rate, where no angle was measured) a model is of no use."""
 
-LEAST_R2_OF_COHERENT_RESIDUALS = 0.95
+MIN_R2_OF_COHERENT_RESIDUALS = 0.95
 """Residuals, of angle or rate, that swing as the motion does are not noise; those of measured decays are within 1 %."""
 
 COHERENT = 0.5
@@ -64,15 +64,15 @@ def explained_share(pairs):
 def _poor(quantity, pairs, identification):
     fitted = 'rate' if identification.records[0].motion.angle is None else 'angle'
     r2 = explained_share(pairs)
-    if not r2 >= LEAST_R2 and quantity == fitted:
+    if not r2 >= MIN_R2 and quantity == fitted:
         return [Advice('poor-fit', (
-            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and {LEAST_R2:.0%} is the least '
+            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and {MIN_R2:.0%} is the least '
             f'that a model is of use with: check units, signs and times of the columns, choose the decay by its start '
             f'and end, or compare other equations'
         ))]
-    if r2 < LEAST_R2_OF_COHERENT_RESIDUALS and _coherence(pairs, identification) > COHERENT:
+    if r2 < MIN_R2_OF_COHERENT_RESIDUALS and _coherence(pairs, identification) > COHERENT:
         return [Advice('poor-fit', (
-            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is no noise: '
+            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is not noise: '
             f'check units, signs and times of the columns, choose the decay by its start and end, or compare other '
             f'equations'
         ))]

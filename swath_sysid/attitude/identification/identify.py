@@ -1,4 +1,4 @@
-"""From measured decays to a believed hull: search, refine, and say how well it is known."""
+"""From measured decays to a hull model: search, refine, and state the uncertainty."""
 
 from dataclasses import dataclass, field
 
@@ -178,18 +178,9 @@ class Identification:
         Parameters
         ----------
         provenance : dict
-            What the caller knows of the sources: files, hashes, software version.
+            The caller's record of the sources: files, hashes, software version.
         """
         search = self.settings.search
-        metrics = {
-            'r2': self.r2,
-            'rmse_rad': self.rmse,
-            'rate_rmse_rad_s': self.rate_rmse,
-            'objective': self.objective,
-            'objective_value': self.objective_value,
-            'samples': self.samples,
-            'effective_samples': self.effective_samples,
-        }
         how = {
             'segments_s': [[float(r.segment.start), float(r.segment.end)] for r in self.records],
             'search': search.algorithm,
@@ -201,8 +192,31 @@ class Identification:
             'advice': [a.code for a in self.advice],
         }
         return IdentifiedModel(
-            self.model, self.covariance, self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
+            self.model, self.covariance, self.trim_std, self.amplitude_range, fit_metrics(self), {**provenance, **how}
         )
+
+
+def fit_metrics(fit):
+    """How well a fit explains the motion, as model files hold it.
+
+    Parameters
+    ----------
+    fit : Identification
+        Or what has its attributes.
+
+    Returns
+    -------
+    dict of str to float or str
+    """
+    return {
+        'r2': fit.r2,
+        'rmse_rad': fit.rmse,
+        'rate_rmse_rad_s': fit.rate_rmse,
+        'objective': fit.objective,
+        'objective_value': fit.objective_value,
+        'samples': fit.samples,
+        'effective_samples': fit.effective_samples,
+    }
 
 
 def identify(motions, settings=IdentificationSettings(), *, progress=None, should_cancel=None):  # noqa: B008 - frozen

@@ -1,7 +1,7 @@
-"""Refitting a craft's model on a new window: what is fitted, what is believed, and the way back.
+"""Refitting a craft's model on a new window: what is fitted, what is accepted, and the way back.
 
 A window that holds motion in waves instead of a free decay is identified at sea. The linear equivalent that
-this gives never replaces the model of a free decay, which knows other amplitudes too; a decay replaces either.
+this gives never replaces the model of a free decay, which covers other amplitudes too; a decay replaces either.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ BY_CHANCE = 0.01
 
 @dataclass(frozen=True)
 class RefitSettings:
-    """What a refit fits, and when it is believed.
+    """What a refit fits, and when it is accepted.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class RefitRequest:
     current : dict of str to IdentifiedModel
     settings : RefitSettings
     provenance : dict
-        What the caller knows of the source.
+        The caller's record of the source.
     """
 
     table: MotionTable
@@ -142,7 +142,7 @@ def refit(request, *, progress=None, should_cancel=None):
     Returns
     -------
     RefitOutcome
-        What cannot be fitted is told in its verdict.
+        What cannot be fitted is reported in its verdict.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
         f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
     )
     if not found.is_usable:
-        message = f'not published, this sea tells too little of the hull ({summary})'
+        message = f'not published, this sea does not determine the hull ({summary})'
         return AxisVerdict(axis, None, message, found.misfit)
     held, better = request.current.get(axis), ''
     if held is not None and not is_at_sea(held):
@@ -255,12 +255,14 @@ def _told_there(held, amplitude):
     return f'which there has period {period:.3f} s and damping ratio {damping:.3f}'
 
 
-def window_provenance(table, software):
-    """What is known of where a window came from.
+def window_provenance(table, source, software):
+    """Where a window came from.
 
     Parameters
     ----------
     table : MotionTable
+    source : dict
+        What names its source: on a bus ``{'topic': ...}``.
     software : str
         Name and version.
 
@@ -271,7 +273,7 @@ def window_provenance(table, software):
     return {
         'software': software,
         'sources': [{
-            'topic': 'motion/window',
+            **source,
             'first_stamp_s': float(table.rows[0, 0]) if len(table.rows) else None,
             'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
         }],
@@ -352,7 +354,7 @@ class Refitter:
         return True
 
     def rollback(self):
-        """Return to the models before the last refit that was believed.
+        """Return to the models before the last refit that was accepted.
 
         Returns
         -------

@@ -35,14 +35,14 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
-"""Of a sample, those that may tell of the waves; a record that lacks some is forecast from the others."""
+"""Of a sample, those that may show the waves; a record that lacks some is forecast from the others."""
 
 TARGETS = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
 AXIS_OF_TARGET = (0, 1, 0, 1)
 
 OSCILLATOR, HULL = 'oscillator', 'hull-filter'
 CANDIDATES = {OSCILLATOR: 0.3, HULL: 3.0, SHORT_MEMORY: 0.3, ALL_CHANNELS: 1.0, EACH_ALONE: 0.3}
-"""Each with its weight where errors do not tell them apart: the one that knows most, until another proves better."""
+"""Each with its weight where errors do not distinguish them: most for the one with the most information."""
 
 _PLACE = {name: place for place, name in enumerate(CANDIDATES)}
 
@@ -88,9 +88,9 @@ _YOUNG_INTERVAL, _OLD_INTERVAL = 1.0, 20.0
 HEALTHY_STRAIN = 4.0
 """Innovations squared over their expectation, lately: a model of the motion at hand stays below."""
 
-_LEAST_VARIANCE = 1e-10
+_MIN_VARIANCE = 1e-10
 _ACTIVITY_TIME = 5.0
-_LEAST_ACTIVITY = 1e-4
+_MIN_ACTIVITY = 1e-4
 
 
 @dataclass(frozen=True)
@@ -406,7 +406,7 @@ class Forecaster:
         self._restart_block()
 
     def _correct_step(self):
-        """The first intervals of a sensor that jitters are no measure of the others; the rows themselves stay."""
+        """The first intervals of a sensor that jitters say nothing about the others; the rows themselves stay."""
         self._step = self._samples_a_row * self._interval
         self._spaces = {}
         self._waiting = None
@@ -509,7 +509,7 @@ class Forecaster:
         s, age = self.settings, self._time - self._rows_begun
         if self._time < self._refit_due or age < s.first_refit:
             return None
-        # what a young fit knows grows quickly; one of a long past costs more and changes less
+        # the information in a young fit grows quickly; one of a long past costs more and changes less
         interval = max(s.refit_interval, min(_REFIT_SHARE * age, _LONGEST_REFIT_INTERVAL))
         self._refit_due = self._time + interval
         excitations = {axis: self._excitation_request(place, axis) for place, axis in enumerate(AXES)}
@@ -649,7 +649,7 @@ class Forecaster:
         newest, time = self._history.newest, self._time - self._since_row
         self._quiescence.learn(self._time, lambda times: self._what_came(newest + (times - time) / self._step))
         activity = [self._sizes[axis].activity for axis in AXIS_OF_TARGET]
-        activity += [max(abs(value), _LEAST_ACTIVITY) for value in motion[0, len(TARGETS):].tolist()]
+        activity += [max(abs(value), _MIN_ACTIVITY) for value in motion[0, len(TARGETS):].tolist()]
         trim = np.array([*self._trim, *[0.0] * (motion.shape[1] - len(AXES))])
         return self._quiescence.assess(self._time, motion, np.sqrt(variance), np.array(activity), trim)
 
@@ -688,7 +688,7 @@ class Forecaster:
         nrmse, coverage = np.full((2, *shape[1:]), math.nan)
         if self._blend is not None:
             places = self._blend.place_of_lead[self._asked]
-            size = np.array([max(size.deviation, _LEAST_ACTIVITY) for size in self._sizes])
+            size = np.array([max(size.deviation, _MIN_ACTIVITY) for size in self._sizes])
             candidate = np.sqrt(self._blend.mean_square[:, places]).transpose(0, 2, 1) / size[:, None]
             weights = self._blend.weights[:, places].transpose(0, 2, 1)
             nrmse = np.sqrt(self._blend.blended_square[places]).T / size[:, None]
@@ -712,11 +712,11 @@ class MotionSize:
         self._memory = memory
         self._elapsed = 0.0
         self.mean = math.nan
-        self._square = self._rate_square = self._recent = _LEAST_VARIANCE
+        self._square = self._rate_square = self._recent = _MIN_VARIANCE
 
     def restart(self):
         """Begin the recent size anew."""
-        self._recent = _LEAST_VARIANCE
+        self._recent = _MIN_VARIANCE
 
     def follow(self, angle, rate, elapsed):
         """Take the filtered motion, rad and rad/s, so many seconds later."""
@@ -730,7 +730,7 @@ class MotionSize:
         self._square += slow * (square - self._square)
         self._rate_square += slow * (rate * rate - self._rate_square)
         # both halves of the oscillation's energy, so that the size does not swing with the phase
-        share = self._square / max(self._rate_square, _LEAST_VARIANCE)
+        share = self._square / max(self._rate_square, _MIN_VARIANCE)
         self._recent += quick * (0.5 * (square + share * rate * rate) - self._recent)
 
     @property
@@ -741,4 +741,4 @@ class MotionSize:
     @property
     def activity(self):
         """Over the last seconds, rad."""
-        return max(math.sqrt(self._recent), _LEAST_ACTIVITY)
+        return max(math.sqrt(self._recent), _MIN_ACTIVITY)

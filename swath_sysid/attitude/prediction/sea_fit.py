@@ -18,7 +18,7 @@ SHORT = 60.0
 """s; a sea that has just changed is forecast from so short a past until the long one has learnt it."""
 
 LONGEST_FILLED = 2.0
-"""s; across a longer gap the motion before does not tell the phase after."""
+"""s; across a longer gap the motion before does not give the phase after."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.common.errors import InputError
 
-LEAST_DURATION = 300.0
+MIN_DURATION = 300.0
 """s; a shorter record holds too few waves."""
 
 _SEGMENT = 200.0
@@ -82,9 +82,9 @@ def sea_state(acceleration, roll, pitch, step, seed=0):
         Where the record is too short or the craft does not move.
     """
     duration = acceleration.size * step
-    if not duration >= LEAST_DURATION:
+    if not duration >= MIN_DURATION:
         raise InputError(
-            f'{duration:.0f} s of motion hold too few waves: a sea state needs {LEAST_DURATION / 60:.0f} min, better 20'
+            f'{duration:.0f} s of motion hold too few waves: a sea state needs {MIN_DURATION / 60:.0f} min, better 20'
         )
     from scipy.signal import welch
 

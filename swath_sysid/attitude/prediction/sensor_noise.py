@@ -1,4 +1,4 @@
-"""White noise of a sensor that does not tell it, from the roughness of its samples."""
+"""White noise of a sensor that does not report it, from the roughness of its samples."""
 import math
 
 _FIRST, _MEMORY = 20, 1000

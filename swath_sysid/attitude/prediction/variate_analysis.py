@@ -15,16 +15,16 @@ from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_b
 # of the Gram matrix's unit diagonal: more costs .1 s ahead (1e-6: 5 to 20 %)
 _RIDGE = 1e-8
 # lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
-_MOST_LAGS, _LONGEST_REACH, _LEAST_LAGS = 40, 20.0, 2
-_MOST_STATES, _MOST_STATES_A_CHANNEL = 50, 10
+_MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 20.0, 2
+_MAX_STATES, _MAX_STATES_A_CHANNEL = 50, 10
 _ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
-_LEAST_SHARE = 0.5
+_MIN_SHARE = 0.5
 # where losses break up more of the lags than this, gaps of few rows are filled from both sides
 _WHOLE_ENOUGH = 0.5
 _LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
 _FLAT = 1e-9
-# third differences as many times their median size are no motion of a craft: a spike, or one record joined to another
+# third differences as many times their median size are not a craft's motion: a spike, or one record joined to another
 _BREAK = 60.0
 _LARGEST_RADIUS = 0.9999
 
@@ -60,7 +60,7 @@ def identify(values, names, step):
         return None
     gram, count = lag_gram(rows, 2 * half)
     width = len(places)
-    states = min(_MOST_STATES, _MOST_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
+    states = min(_MAX_STATES, _MAX_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
     space = canonical_state_space(gram / count, width, states)
     if space is None:
         return None
@@ -104,7 +104,7 @@ def useful_channels(values):
     finite = np.isfinite(values)
     return [
         place for place in range(values.shape[1])
-        if finite[:, place].sum() > _LEAST_SHARE * values.shape[0] and np.nanstd(values[:, place]) > _FLAT
+        if finite[:, place].sum() > _MIN_SHARE * values.shape[0] and np.nanstd(values[:, place]) > _FLAT
     ]  # fmt: skip
 
 
@@ -133,15 +133,15 @@ def lags_for(rows, step):
         s.
     """
     complete = np.isfinite(rows).all(axis=1)
-    for half in range(most_lags(step), _LEAST_LAGS - 1, -1):
+    for half in range(max_lags(step), _MIN_LAGS - 1, -1):
         if whole_lags(complete, 2 * half).sum() >= _ROWS_A_COEFFICIENT * half * rows.shape[1]:
             return half
     return None
 
 
-def most_lags(step):
+def max_lags(step):
     """Lags on either side, however much data there is."""
-    return min(_MOST_LAGS, round(_LONGEST_REACH / step))
+    return min(_MAX_LAGS, round(_LONGEST_REACH / step))
 
 
 def broken(rows, step):
@@ -154,7 +154,7 @@ def broken(rows, step):
         s.
     """
     complete = np.isfinite(rows).all(axis=1)
-    count = 2 * most_lags(step)
+    count = 2 * max_lags(step)
     return not complete.all() and whole_lags(complete, count).sum() < _WHOLE_ENOUGH * (complete.size - count + 1)
 
 

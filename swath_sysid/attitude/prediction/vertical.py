@@ -258,7 +258,7 @@ class VerticalForecaster:
     def forecast(self, leads, age, attitude, attitude_covariance):
         """Vertical motion at leads, given the attitude forecast.
 
-        The regression forecasts the attitude, too: where the forecast that is issued knows better, so does the vertical
+        The regression forecasts the attitude, too: where the forecast that is issued is better, so is the vertical
         motion, by the correlation of their errors; and both together have a covariance.
 
         Parameters

@@ -87,7 +87,7 @@ TABLE = (
     ),
     NodeParameter(
         'gate_patience', HullFilterSettings().gate_patience,
-        'After so many rejected samples in a row the sensor is accepted again', 'samples', 1, 1000, read_only=True,
+        'After this many rejected samples in a row the sensor is accepted again', 'samples', 1, 1000, read_only=True,
     ),
     *DIAGNOSTICS,
 )
