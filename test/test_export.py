@@ -29,7 +29,7 @@ CROSSED = DIAGONAL.with_values(
     Nuv=-35.0, deduction=0.1, moment_factor=0.2, balance=0.03)  # fmt: skip
 CUBIC = CROSSED.with_values(Nrrr=-900.0, Nuur=-60.0, Xuuu=-10.0, lag=0.4, delay=0.2, advance=0.05, exponent=1.3,
                             full_input=250.0, reverse_ratio=0.7)  # fmt: skip
-STEADY = 60.0
+TRANSIENT, STEADY = 2.0, 60.0
 
 
 def written(path, model):
@@ -47,14 +47,14 @@ def numbers_of(plugin):
     return {e.tag: float(e.text) for e in plugin if e.tag not in ('link_name', 'disable_coriolis', 'default_current')}
 
 
-def stepped(force, mass, inertia, port, starboard, arm, step=0.01):
+def stepped(force, mass, inertia, port, starboard, arm, duration, step=0.01):
     """Final u, v, r of a rigid body under plugin forces that see the acceleration of the step before.
 
     ``force(nu, before)`` is what the plugin pushes with; the semi-implicit rule of the physics engines.
     """
     body, nu, before = np.array([mass, mass, inertia]), np.zeros(3), np.zeros(3)
     drive = np.array([port + starboard, 0.0, arm * (starboard - port)])
-    for _ in range(round(STEADY / step)):
+    for _ in range(round(duration / step)):
         u, v, r = nu
         before = (force(nu, before) + drive + mass * np.array([v * r, -u * r, 0.0])) / body
         nu = nu + step * before
@@ -78,17 +78,20 @@ def vrx_force(values):
     return lambda nu, before: -added * before - (linear + quadratic * np.abs(nu)) * nu
 
 
-def last_of(model, port, starboard):
-    steps = round(STEADY / 0.1)
+def last_of(model, port, starboard, duration=STEADY):
+    steps = round(duration / 0.1)
     run = simulate(model, np.full(steps, port), np.full(steps, starboard), 0.1)
     return np.array([run.u[-1], run.v[-1], run.yaw_rate[-1]])
 
 
 INPUTS = pytest.mark.parametrize('port, starboard', [(150.0, 150.0), (220.0, 90.0), (60.0, 200.0)])
+DURATIONS = pytest.mark.parametrize('duration', [TRANSIENT, STEADY])
+"""s; inertia and added mass show in the first, damping in the second."""
 
 
+@DURATIONS
 @INPUTS
-def test_gazebos_own_equations_come_back_to_the_craft(port, starboard):
+def test_gazebos_own_equations_come_back_to_the_craft(port, starboard, duration):
     tree = ElementTree.fromstring(gazebo(CROSSED).text)
     plugins = tree.findall('model/plugin')
     assert [(p.get('filename'), p.get('name')) for p in plugins] == [
@@ -101,32 +104,34 @@ def test_gazebos_own_equations_come_back_to_the_craft(port, starboard):
     assert float(plugins[1].findtext('max_thrust_cmd')) == pytest.approx(0.9 * 0.97 * 250.0)
     inertial = tree.find('model/link/inertial')
     found = stepped(gazebo_force(numbers_of(plugins[0])), float(inertial.findtext('mass')),
-                    float(inertial.findtext('inertia/izz')), left, right, 1.2 * 1.027135 / 0.9)
-    assert found == pytest.approx(last_of(CROSSED, port, starboard), rel=0.01, abs=2e-3)
+                    float(inertial.findtext('inertia/izz')), left, right, 1.2 * 1.027135 / 0.9, duration)
+    assert found == pytest.approx(last_of(CROSSED, port, starboard, duration), rel=0.01, abs=2e-3)
 
 
+@DURATIONS
 @INPUTS
-def test_vrxs_own_equations_come_back_to_the_craft(port, starboard):
+def test_vrxs_own_equations_come_back_to_the_craft(port, starboard, duration):
     plugin = ElementTree.fromstring(vrx(DIAGONAL).text)
     assert (plugin.get('filename'), plugin.get('name')) == ('libSimpleHydrodynamics.so', 'vrx::SimpleHydrodynamics')
     values = numbers_of(plugin)
     assert min(values.values()) >= 0.0
-    found = stepped(vrx_force(values), 180.0, 446.0, port, starboard, 1.027135)
-    assert found == pytest.approx(last_of(DIAGONAL, port, starboard), rel=0.01, abs=2e-3)
+    found = stepped(vrx_force(values), 180.0, 446.0, port, starboard, 1.027135, duration)
+    assert found == pytest.approx(last_of(DIAGONAL, port, starboard, duration), rel=0.01, abs=2e-3)
 
 
+@DURATIONS
 @INPUTS
-def test_fossens_matrices_come_back_to_the_craft_cubic_terms_and_all(port, starboard, tmp_path, capsys):
+def test_fossens_matrices_come_back_to_the_craft_cubic_terms_and_all(port, starboard, duration, tmp_path, capsys):
     model = CUBIC.with_values(lag=0.0, delay=0.0, N0=3.0, X0=-2.0)
     said = exported(capsys, written(tmp_path / 'm.yaml', model), '--to', 'fossen')
     assert said.err == ''
     text = {}
     exec(said.out, text)  # noqa: S102
     nu, step = np.zeros(3), 0.05
-    for _ in range(round(STEADY / step)):
+    for _ in range(round(duration / step)):
         slope = text['acceleration'](nu, port, starboard)
         nu = nu + step * text['acceleration'](nu + 0.5 * step * slope, port, starboard)
-    assert nu == pytest.approx(last_of(model, port, starboard), rel=0.005, abs=1e-3)
+    assert nu == pytest.approx(last_of(model, port, starboard, duration), rel=0.005, abs=1e-3)
     assert text['thrust'](-100.0) == pytest.approx(-0.7 * 250.0 * 0.4**1.3)
 
 
@@ -144,6 +149,7 @@ def test_what_a_target_drops_is_said_in_the_file_and_on_the_terminal(tmp_path, c
     assert 'zigzag' in said.err
     assert ElementTree.fromstring(text).tag == 'sdf'
     assert 'Yuv = ' in exported(capsys, source, '--to', 'vrx').err
+    assert [a.code for a in vrx(replace(DIAGONAL, current=(0.2, 0.0))).advice] == ['current-not-exported']
 
 
 def test_nothing_is_warned_of_where_nothing_is_dropped():
@@ -155,7 +161,7 @@ def test_added_mass_beyond_mass_is_warned_of():
     assert 'added-mass-diverges' in [a.code for a in vrx(heavy).advice]
     plugin = ElementTree.fromstring(vrx(heavy).text)
     with np.errstate(all='ignore'):
-        assert not np.all(np.isfinite(stepped(vrx_force(numbers_of(plugin)), 180.0, 446.0, 220.0, 90.0, 1.0)))
+        assert not np.all(np.isfinite(stepped(vrx_force(numbers_of(plugin)), 180.0, 446.0, 220.0, 90.0, 1.0, STEADY)))
 
 
 def test_nav2_limits_are_within_what_the_craft_does():

@@ -67,10 +67,10 @@ def nav2(model):
 
 def _simplified(rows):
     fastest = rows[-1]
-    lost = 1.0 - fastest['turning_speed_m_s'] / fastest['speed_m_s']
+    change = fastest['turning_speed_m_s'] / fastest['speed_m_s'] - 1.0
     return (Advice('motion-simplified', 'Nav2 moves a craft along its heading at the speed asked for: this one drifts '
-                   f'by up to {math.degrees(max(row["drift_angle_rad"] for row in rows)):.3g} deg and loses {lost:.0%} '
-                   'of its speed in a full turn at the highest speed'),)  # fmt: skip
+                   f'by up to {math.degrees(max(row["drift_angle_rad"] for row in rows)):.3g} deg and its '
+                   f'speed changes by {change:+.0%} in the hardest turn at the highest speed'),)  # fmt: skip
 
 
 def _held(model, port, starboard, speed=0.0, before=0.0):

@@ -2,6 +2,7 @@
 
 The plugin's forces are ``-xDotU dU/dt - (xU + xUU |u|) u``; it computes Coriolis forces but does not apply them.
 """
+from swath_sysid.common.advice import Advice
 from swath_sysid.formats.export.expressible import (
     Export,
     added_mass_advice,
@@ -21,6 +22,9 @@ ELEMENTS = {
 def vrx(model):
     """The plugin's SDF for a manoeuvring model, as an `Export`."""
     advice = (*losses(model, ELEMENTS, "VRX's SimpleHydrodynamics"), *added_mass_advice(model))
+    if any(model.current):
+        advice += (Advice('current-not-exported', "VRX's SimpleHydrodynamics knows no current: that of the model, "
+                          f'{model.current[0]:.3g} m/s east and {model.current[1]:.3g} m/s north, is left out'),)
     lever = effective_lever(model)
     notes = [
         f'Surge, sway and yaw of an identified craft for VRX. Set mass {model["m"]:.10g} kg and izz {model["Iz"]:.10g}',
