@@ -6,7 +6,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
-from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, SENSOR, THRUST
+from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR, THRUST
 
 INERTIAL = ('m', 'Iz')
 SENDERS = ('gain', 'reverse_ratio', 'dead_band', 'exponent', 'balance', 'deduction', 'lever', 'moment_factor',
@@ -27,44 +27,49 @@ class Export:
     advice: tuple[Advice, ...]
 
 
-def expressed(model, expressible):
-    """The model without the terms that a target does not know, and the names of these terms.
+def expressed(model, expressible, **implied):
+    """The model as a target has it, and the names of the terms that differ there.
 
     Parameters
     ----------
     model : ManoeuvringModel
     expressible : collection of str
         Hull terms of the target; inertia and what the sender of forces applies are always kept.
+    **implied : float
+        Terms that the target does not take as numbers but has from its own equations.
 
     Returns
     -------
     ManoeuvringModel, tuple of str
     """
     kept = {*expressible, *INERTIAL, *SENDERS}
-    dropped = tuple(p.name for p in PARAMETERS if p.name in model.terms and p.kind != SENSOR and p.name not in kept)
-    return model.with_values(**{name: NEUTRAL[INDEX[name]] for name in dropped}), dropped
+    neutral = {p.name: p.neutral for p in PARAMETERS if p.kind != SENSOR and p.name not in kept}
+    reduced = model.with_values(**neutral | implied)
+    return reduced, tuple(name for name in NAMES if reduced[name] != model[name])
 
 
-def losses(model, expressible, target):
-    """Advice on the terms that a target drops, with the standard tests of the craft with and without them.
+def losses(model, expressible, target, **implied):
+    """Advice on the terms that a target changes, with the standard tests of the craft with and without them.
 
     Returns
     -------
     tuple of Advice
     """
-    reduced, dropped = expressed(model, expressible)
-    if not dropped:
+    reduced, changed = expressed(model, expressible, **implied)
+    if not changed:
         return ()
-    named = ', '.join(f'{name} = {model[name]:.4g}' for name in dropped)
-    found = [Advice('terms-dropped', f'{target} cannot express {named}: left out; see how far the tests differ')]
+    named = ', '.join(f'{name} = {model[name]:.4g}' + (f' (there {reduced[name]:.4g})' if name in implied else '')
+                      for name in changed)  # fmt: skip
+    found = [Advice('terms-dropped', f'{target} cannot express {named}: see how far the tests differ')]
     for test, names in COMPARED.items():
         whole, part = run_test(test, model).numbers, run_test(test, reduced).numbers
-        changes = '; '.join(_change(name, whole[name], part[name]) for name in names)
+        changes = '; '.join(change(name, whole[name], part[name]) for name in names)
         found.append(Advice('tests-differ', f'{test} of the model and as exported: {changes}'))
     return tuple(found)
 
 
-def _change(name, whole, part):
+def change(name, whole, part):
+    """Words for a number of the model and as exported."""
     if not (np.isfinite(whole) and np.isfinite(part)):
         return f'{name} {whole:.4g} and {part:.4g}, not reached by both'
     share = f' ({(part - whole) / abs(whole):+.1%})' if whole else ''
@@ -87,7 +92,7 @@ def added_mass_advice(model):
     if not added_mass_diverges(model):
         return ()
     return (Advice('added-mass-diverges', 'added mass exceeds mass: the plugin applies it by the acceleration of the '
-                   'step before and diverges; identify again with more mass and less added mass'),)  # fmt: skip
+                   'step before and diverges; identify again with the mass as weighed, --fix m=KG'),)  # fmt: skip
 
 
 def force_lines(model):
@@ -113,8 +118,11 @@ def xml_comment(lines):
 
 
 def elements(values, indent):
-    """``<name>value</name>`` a line."""
-    return '\n'.join(f'{" " * indent}<{name}>{escape(_plain(value))}</{name}>' for name, value in values.items())
+    """``<name>value</name>`` a line; mappings within as elements within."""
+    margin = ' ' * indent
+    return '\n'.join(
+        f'{margin}<{name}>\n{elements(value, indent + 2)}\n{margin}</{name}>' if isinstance(value, dict)
+        else f'{margin}<{name}>{escape(_plain(value))}</{name}>' for name, value in values.items())  # fmt: skip
 
 
 def _plain(value):

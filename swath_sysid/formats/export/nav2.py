@@ -60,7 +60,8 @@ def nav2(model):
     head = ['# Limits of an identified craft in still water; merge into the parameters of Nav2.',
             f'# The mean input of both thrusters is at most {SHARES[-1]:.0%} of the largest: the rest steers;',
             '# wz_max is reached at every speed of the table craft. model_delay_* are delay and lag of the thrusters;',
-            '# Nav2 of Jazzy has no such parameters and leaves them unread.',
+            '# Nav2 has these parameters from Lyrical on and leaves them unread in Jazzy and Kilted. From Lyrical on',
+            '# motion_model names a plugin: write diff_drive, and diff_drive: {plugin: "mppi::DiffDriveMotionModel"}.',
             *(f'# WARNING {a.message}' for a in advice)]  # fmt: skip
     return Export('\n'.join(head) + '\n' + yaml.safe_dump(content, sort_keys=False), advice)
 
