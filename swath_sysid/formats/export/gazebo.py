@@ -120,8 +120,9 @@ def _plugin(file, name, values):
 
 def _sdf(name, notes, inertial, moments, plugins):
     """SDF of one link; moments of inertia that are not known are the largest known one, which SDF accepts."""
-    placeholder = dict.fromkeys(('ixx', 'iyy', 'izz'), max(moments.values()))
-    link = elements({**inertial, 'inertia': placeholder | moments}, 8)
+    all_moments = dict.fromkeys(('ixx', 'iyy', 'izz'), max(moments.values())) | moments
+    products = dict.fromkeys(('ixy', 'ixz', 'iyz'), 0.0)
+    link = elements({**inertial, 'inertia': all_moments | products}, 8)
     body = '\n'.join(plugins)
     return (f'<?xml version="1.0"?>\n{xml_comment(notes)}\n<sdf version="1.10">\n  <model name={quoteattr(name)}>\n'
             f'    <link name="base_link">\n      <inertial>\n{link}\n      </inertial>\n    </link>\n{body}\n'
@@ -146,7 +147,8 @@ def gazebo_attitude(models, inertias):
     InputError
         An axis has no inertia.
     """
-    derivatives, moments, notes, advice = {}, {}, [], []
+    derivatives: dict[str, float] = {}
+    moments, notes, advice = {}, [], []
     for axis, identified in models.items():
         model, inertia = identified.model, inertia_of(axis, inertias)
         moment, rate, diagonal = AXES[axis]
@@ -184,8 +186,8 @@ def _attitude_losses(axis, identified, inertia):
         return [Advice('restoring-not-exported', f'{axis}: this hull is not stable at its trim; gz-sim takes restoring '
                        'from the shape of the hull, and only its damping is exported')]  # fmt: skip
     found = [Advice('restoring-not-exported', f'{axis}: gz-sim takes restoring from the Buoyancy plugin and the '
-                    f'shape of the hull: see that it gives {inertia * model.natural_frequency**2:.4g} N m/rad, for a natural '
-                    f'period of {model.natural_period:.4g} s')]  # fmt: skip
+                    f'shape of the hull: see that it gives {inertia * model.natural_frequency**2:.4g} N m/rad, for a '
+                    f'natural period of {model.natural_period:.4g} s')]  # fmt: skip
     dropped = {name: value for name, value in model.terms.items() if value and name not in EXPRESSED_TERMS}
     if dropped:
         largest = identified.amplitude_range[1]

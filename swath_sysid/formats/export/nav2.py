@@ -77,8 +77,8 @@ def _simplified(rows):
 def _held(model, port, starboard, speed=0.0, before=0.0):
     """Run in still water under inputs that follow on one step, `STEP`, of ``before``, which has acted for long."""
     steps = round(DURATION / STEP)
-    inputs = (np.append(before, np.full(steps, value)) for value in (port, starboard))
-    return simulate(model, *inputs, STEP, (speed, 0.0, 0.0), current=(0.0, 0.0))
+    left, right = (np.append(before, np.full(steps, value)) for value in (port, starboard))
+    return simulate(model, left, right, STEP, (speed, 0.0, 0.0), current=(0.0, 0.0))
 
 
 def _row(model, share):

@@ -20,8 +20,8 @@ def ssv(identified):
     rows += [(f'current_{name}', value, std.get(f'current_{name}'), 'm/s')
              for name, value in zip(('east', 'north'), model.current, strict=True)]  # fmt: skip
     rows += [('largest_input', model.largest_input, None, '-' if model.thrust_input == 'command' else 'N')]
-    return _parameter_set(model.name or 'craft', 'Surge, sway and yaw of an identified craft in SI units; body x forward'
-                          f', y port, z up, world x east, y north; inputs: {model.thrust_input}', rows)  # fmt: skip
+    return _parameter_set(model.name or 'craft', 'Surge, sway and yaw of an identified craft in SI units; body x '
+                          f'forward, y port, z up, world x east, y north; inputs: {model.thrust_input}', rows)
 
 
 def ssv_attitude(models):
@@ -44,7 +44,7 @@ def _parameter_set(name, description, rows):
         known = std is not None and np.isfinite(std)
         deviation = f'identified, standard deviation {std:.4g}' if known else 'not identified, or without a deviation'
         parameters.append(f'    <ssv:Parameter name={quoteattr(parameter)} description="{deviation}">'
-                          f'<ssv:Real value="{float(value) + 0.0!r}" unit={quoteattr(unit)}/></ssv:Parameter>')  # fmt: skip
+                          f'<ssv:Real value="{float(value)!r}" unit={quoteattr(unit)}/></ssv:Parameter>')  # fmt: skip
     bases = [f'    <ssc:Unit name={quoteattr(unit)}><ssc:BaseUnit'
              + ''.join(f' {base}="{power}"' for base, power in _base_units(unit).items())
              + '/></ssc:Unit>' for unit in units]  # fmt: skip
