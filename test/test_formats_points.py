@@ -7,7 +7,8 @@ from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.point import point_motion
 from swath_sysid.attitude.prediction.quiescence import CalmWindow
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import PointMessages, typestore
+from swath_sysid.formats.forecast_output import ForecastMessages
+from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.topics import type_of
 from swath_sysid.nodes.parameters.files import values_from_file
 from swath_sysid.nodes.parameters.predictor import pipeline_settings
@@ -32,8 +33,8 @@ def messages():
     points = {'bow': point_motion(PLACE, (0.0, 0.0), motion, covariance)}
     forecast = Forecast(0.0, LEADS, axes, quiescence=0.8, calm=CalmWindow(0.5, 2.25, 0.93), points=points)
     step = PipelineStep(used=True, forecast=forecast, horizon=forecast, stamp_ns=STAMP_NS)
-    found = {topic: typestore().deserialize_cdr(raw, type_of(topic)) for topic, raw in PointMessages('craft').of(step)}
-    return found, points['bow']
+    sent = dict(ForecastMessages('craft').of(step))
+    return {topic: typestore().deserialize_cdr(raw, type_of(topic)) for topic, raw in sent.items()}, points['bow']
 
 
 def test_a_point_is_where_its_lever_arm_puts_it(messages):

@@ -13,6 +13,7 @@ NEXT_TOPIC = 'forecast/next'
 HORIZON_TOPIC = 'forecast/horizon'
 QUIESCENCE_TOPIC = 'forecast/quiescence'
 CALM_TOPIC = 'forecast/calm'
+SEA_TOPIC = 'sea/state'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 PATH_TOPIC = 'manoeuvring/forecast'
 
@@ -28,11 +29,12 @@ TYPES = {
     HORIZON_TOPIC: TRAJECTORY,
     QUIESCENCE_TOPIC: 'std_msgs/msg/Float32',
     CALM_TOPIC: TRAJECTORY,
+    SEA_TOPIC: STRING,
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
     PATH_TOPIC: PATH,
 }
 
-LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPIC)
+LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPIC, SEA_TOPIC)
 """Transient local: a late subscriber gets the last one."""
 
 
