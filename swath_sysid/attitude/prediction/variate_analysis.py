@@ -27,6 +27,8 @@ _FLAT = 1e-9
 # third differences as many times their median size are no motion of a craft: a spike, or one record joined to another
 _BREAK = 60.0
 _LARGEST_RADIUS = 0.9999
+# a swell of nearly one line is all but undamped, and by chance not damped at all: it is let die out as slowly as any
+_UNDAMPED_RADIUS = 1.001
 
 
 def identify(values, names, step):
@@ -118,8 +120,10 @@ def without_breaks(rows):
     if rows.shape[0] < 4:
         return rows
     size = np.abs(np.diff(rows, 3, axis=0))
+    usual = np.nanmedian(size, axis=0)
     result = rows.copy()
-    result[2:-1][(size > _BREAK * np.nanmedian(size, axis=0)).any(axis=1)] = np.nan
+    # where a coarse sensor mostly repeats itself, its next step is no break
+    result[2:-1][((size > _BREAK * usual) & (usual > 0.0)).any(axis=1)] = np.nan
     return result
 
 
@@ -294,7 +298,15 @@ def canonical_state_space(gram, width, states):
     except np.linalg.LinAlgError:
         return None
     a, k = ak[:, :states], ak[:, states:]
-    radius = max(np.abs(np.linalg.eigvals(m)).max() for m in (a, a - k @ c))
-    if not radius < _LARGEST_RADIUS:
+    radius = _radius(a)
+    if _LARGEST_RADIUS < radius < _UNDAMPED_RADIUS:
+        a = a * (_LARGEST_RADIUS / radius)
+    elif not radius <= _LARGEST_RADIUS:
+        return None
+    if not _radius(a - k @ c) < _LARGEST_RADIUS:
         return None
     return a, k, c, 0.5 * (s + s.T), 0.5 * (prior + prior.T), from_lags
+
+
+def _radius(matrix):
+    return np.abs(np.linalg.eigvals(matrix)).max()
