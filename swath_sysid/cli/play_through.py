@@ -59,7 +59,7 @@ def run(arguments: Namespace) -> int:
     buffer, identifier, predictor = (values_from_file(arguments.params, name) for name in ATTITUDE_NODES)
     settings = PlayThroughSettings(
         window_settings(buffer), refit_settings(identifier), pipeline_settings(predictor),
-        identifier['auto_identify'], arguments.refit_delay,
+        identifier['auto_identify'], arguments.refit_delay, identifier['identify_interval_s'],
     )  # fmt: skip
     installation = settings.forecasts.installation
     readings = read_readings(
@@ -99,6 +99,9 @@ def run(arguments: Namespace) -> int:
     show_advice((*readings.advice, *([beside] if manoeuvres else ())))
     for stamp_ns, verdict in verdicts:
         print(f'{(stamp_ns - int(readings.stamps[0])) / 1e9:.2f} s: {verdict}')
+    stability = pipeline.refitter.stability.newest
+    if stability is not None and stability.warning:
+        show_advice([Advice('stability-changed', stability.warning)])
     _report_counts(pipeline)
     published = ', '.join(f'{topic} {count}' for topic, count in bag.counts.items()) or 'nothing'
     print(f'{arguments.output}: from {len(readings)} messages {published}')
