@@ -23,7 +23,7 @@ from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.played_health import PlayedHealth
@@ -75,9 +75,10 @@ def run(arguments: Namespace) -> int:
     periods = [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)]
     health = PlayedHealth(ADVICE, pipeline, IMU_TOPIC, periods)
     verdicts = []
+    frames = frames_at(predictor['frames_at_s'])
     with (
         progress_of('play-through') as progress,
-        writing_output_bag(arguments.output, frame_id=predictor['frame_id']) as bag,
+        writing_output_bag(arguments.output, frame_id=predictor['frame_id'], frames_at=frames) as bag,
     ):
         for index, reading in enumerate(readings):
             if arguments.with_imu:

@@ -1,6 +1,7 @@
 """What the predictor publishes, as messages, live and in a bag."""
 import numpy as np
 
+from swath_sysid.attitude.motion.attitude import multiply, quaternion
 from swath_sysid.formats.messages import (
     SECOND_NS,
     ImuMessage,
@@ -16,6 +17,7 @@ from swath_sysid.formats.sea_state import sea_as_yaml
 from swath_sysid.formats.topics import (
     ACCELERATION,
     CALM_TOPIC,
+    FRAMES_TOPIC,
     HORIZON_TOPIC,
     NEXT_TOPIC,
     ODOMETRY,
@@ -23,6 +25,7 @@ from swath_sysid.formats.topics import (
     SEA_TOPIC,
     TRAJECTORY,
     TYPES,
+    frame_at,
     lead_topic,
     point_acceleration_topic,
     point_horizon_topic,
@@ -31,7 +34,7 @@ from swath_sysid.formats.topics import (
 from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE, UNKNOWN_RATE_VARIANCE
 
 
-def forecast_topics(leads, points):
+def forecast_topics(leads, points, frames_at=()):
     """Every topic that is published.
 
     Parameters
@@ -40,6 +43,8 @@ def forecast_topics(leads, points):
         s.
     points : sequence of str
         Names.
+    frames_at : sequence of float
+        See `ForecastMessages`.
 
     Returns
     -------
@@ -53,7 +58,7 @@ def forecast_topics(leads, points):
     ]  # fmt: skip
     return [
         NEXT_TOPIC, *(lead_topic(lead) for lead in leads), HORIZON_TOPIC, QUIESCENCE_TOPIC, CALM_TOPIC, SEA_TOPIC,
-        *of_points,
+        *of_points, *([FRAMES_TOPIC] if frames_at else []),
     ]
 
 
@@ -64,10 +69,13 @@ class ForecastMessages:
     ----------
     frame_id : str
         Of the craft; the level frame that moves with its mean is ``FRAME_level``.
+    frames_at : sequence of float
+        Leads, s, whose predicted frames go to ``/tf``, beside ``FRAME_now``.
     """
 
-    def __init__(self, frame_id):
+    def __init__(self, frame_id, frames_at=()):
         self._frame_id = frame_id
+        self._frames_at = frames_at
         self._level = f'{frame_id}_level'
         self._imu = ImuMessage(frame_id)
         self._templates = {}
@@ -97,6 +105,29 @@ class ForecastMessages:
         yield from self._at_points(step)
         if step.sea is not None:
             yield SEA_TOPIC, text_message(sea_as_yaml(step.sea, step.stamp_ns))
+        if self._frames_at and step.forecast is not None and step.next is not None:
+            yield FRAMES_TOPIC, serialised(make(TYPES[FRAMES_TOPIC], list(self._transforms(step))))
+
+    def _transforms(self, step):
+        """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""
+        forecast, yaw = step.forecast, step.heading[0]
+        without_heading = multiply(quaternion(0.0, 0.0, -yaw), step.next.orientation)
+        yield self._transform(f'{self._frame_id}_now', step.stamp_ns, 0.0, without_heading)
+        heaving = [motion for motion in forecast.points.values() if not any(motion.place)]
+        for lead in self._frames_at:
+            place = int(np.abs(forecast.leads - lead).argmin())
+            roll, pitch = (
+                float(forecast.axes[axis].angle[place]) if axis in forecast.axes else 0.0 for axis in ('roll', 'pitch')
+            )
+            heave = float(heaving[0].mean[place, 0]) if heaving else 0.0
+            yield self._transform(frame_at(self._frame_id, lead), step.stamp_ns, heave, quaternion(roll, pitch, 0.0))
+
+    def _transform(self, child, stamp_ns, heave, orientation):
+        return make(
+            'geometry_msgs/msg/TransformStamped', header(stamp_ns, self._level), child,
+            make('geometry_msgs/msg/Transform', make('geometry_msgs/msg/Vector3', 0.0, 0.0, heave),
+                 make('geometry_msgs/msg/Quaternion', *orientation)),
+        )  # fmt: skip
 
     def _at_points(self, step):
         for point in step.points():

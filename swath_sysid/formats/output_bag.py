@@ -74,7 +74,7 @@ def writing_bag(path):
 
 
 @contextmanager
-def writing_output_bag(path, *, frame_id='base_link', namespace=''):
+def writing_output_bag(path, *, frame_id='base_link', namespace='', frames_at=()):
     """An `OutputBag` that takes its final name at the end; see `writing_bag`.
 
     Parameters
@@ -85,6 +85,8 @@ def writing_output_bag(path, *, frame_id='base_link', namespace=''):
         Of all messages of attitude with a header.
     namespace : str
         Of the topics.
+    frames_at : sequence of float
+        See `ForecastMessages`.
 
     Yields
     ------
@@ -98,7 +100,7 @@ def writing_output_bag(path, *, frame_id='base_link', namespace=''):
     if not str(path).endswith('.mcap'):
         raise InputError(f"the messages are written as mcap: give an output name that ends in .mcap, not '{path}'")
     with writing_bag(path) as add:
-        yield OutputBag(add, frame_id, namespace)
+        yield OutputBag(add, frame_id, namespace, frames_at)
 
 
 class OutputBag:
@@ -110,14 +112,16 @@ class OutputBag:
         See `writing_bag`.
     frame_id : str
     namespace : str
+    frames_at : sequence of float
+        See `ForecastMessages`.
     """
 
-    def __init__(self, add, frame_id='base_link', namespace=''):
+    def __init__(self, add, frame_id='base_link', namespace='', frames_at=()):
         self._add = add
         self._frame_id = frame_id
         self._prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
         self._imu = ImuMessage(frame_id)
-        self._forecasts = ForecastMessages(frame_id)
+        self._forecasts = ForecastMessages(frame_id, frames_at)
         self.counts = {}
 
     def add(self, topic, time_ns, raw):

@@ -17,7 +17,7 @@ from swath_sysid.nodes.forecast_publishers import ForecastPublishers
 from swath_sysid.nodes.messages import imu_reading
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import TABLE, further, pipeline_settings
+from swath_sysid.nodes.parameters.predictor import TABLE, frames_at, further, pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.sea_fitting import SeaFitting
@@ -39,7 +39,8 @@ class Predictor(Node):
         self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger())
         self._forecasts = ForecastPublishers(
-            self, self.parameters.settings.forecaster, self.parameters['frame_id'], self.health
+            self, self.parameters.settings.forecaster, self.parameters['frame_id'], self.health,
+            frames_at(self.parameters['frames_at_s']),
         )
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
