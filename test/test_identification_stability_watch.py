@@ -3,9 +3,14 @@ import math
 
 import numpy as np
 import pytest
+from imu_stream import EPOCH_NS, reading
 
+from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
+from swath_sysid.attitude.motion.window import WindowSettings
+from swath_sysid.attitude.prediction.sea_fit import SeaFit
 from swath_sysid.pipeline.health import OK, WARN, stability_report
+from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 
 WINDOW, PERIOD = 600.0, 4.0
 
@@ -106,3 +111,19 @@ def test_it_is_a_diagnostic():
     watch, _ = watched([4.0, 4.0, 4.4, 4.4], std=0.01)
     report = stability_report(watch)
     assert report.level == WARN and 'went from 4 to 4.4 s' in report.message and report.values['gm_m'] == 'not known'
+
+
+def test_play_through_identifies_at_its_interval():
+    """What a refit tells of the period reaches the watch, whether or not it publishes a model."""
+
+    def fit(request):
+        begin, end = request.table.rows[[0, -1], 0].tolist()
+        found = PeriodEstimate(begin, end, PERIOD, 0.01, 0.05)
+        return RefitOutcome((AxisVerdict('roll', None, 'not published', estimate=found),))
+
+    settings = PlayThroughSettings(window=WindowSettings(window=5.0), identify_interval=5.0)
+    played = PlayThrough(settings, fit=fit, fit_sea=lambda request: SeaFit(request.time, {}, {}))
+    for k in range(230):
+        played.add(reading(EPOCH_NS + 100_000_000 * k, 0.1 * math.sin(0.1 * k), roll_rate=0.1 * math.cos(0.1 * k)))
+    assert played.refits == played.refitter.stability.count == 4
+    assert played.refitter.stability.newest.relative == pytest.approx(1.0)
