@@ -33,6 +33,8 @@ from swath_sysid.formats.topics import (
 )
 from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE, UNKNOWN_RATE_VARIANCE
 
+_NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [UNKNOWN_RATE_VARIANCE] * 3)
+
 
 def forecast_topics(leads, points, frames_at=()):
     """Every topic that is published.
@@ -135,9 +137,8 @@ class ForecastMessages:
                 *point.position, *point.orientation, *point.pose_covariance.ravel().tolist(),
                 *point.linear, *point.angular, *point.twist_covariance.ravel().tolist(),
             ))  # fmt: skip
-            covariance = np.diag([
-                *2 * (UNKNOWN_PLACE_VARIANCE,), point.acceleration_variance, *3 * (UNKNOWN_RATE_VARIANCE,)
-            ])  # fmt: skip
+            covariance = _NOTHING_KNOWN.copy()
+            covariance[2, 2] = point.acceleration_variance
             yield point_acceleration_topic(point.name, point.lead), self._filled(
                 _acceleration, point.name, point.stamp_ns, (0.0, 0.0, point.acceleration, *covariance.ravel().tolist())
             )

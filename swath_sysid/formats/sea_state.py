@@ -1,5 +1,5 @@
 """A sea state as plain data: what ``sea --json`` prints and ``sea/state`` says."""
-from dataclasses import asdict
+import math
 
 import numpy as np
 import yaml
@@ -29,10 +29,16 @@ def sea_as_data(state):
     ----------
     state : SeaState
     """
-    numbers = {name: np.asarray(value, dtype=float) for name, value in asdict(state).items()}
     return {
-        f'{name}_{_UNITS[name]}': np.where(np.isfinite(value), value, None).tolist() for name, value in numbers.items()
+        f'{name}_{unit}': _known(np.asarray(getattr(state, name), dtype=float).tolist())
+        for name, unit in _UNITS.items()
     }
+
+
+def _known(value):
+    if isinstance(value, list):
+        return [_known(element) for element in value]
+    return value if math.isfinite(value) else None
 
 
 def sea_as_yaml(report, stamp_ns):
