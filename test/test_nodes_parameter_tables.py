@@ -93,6 +93,7 @@ def test_every_parameter_matters():
         'thrust_input': 'force',
         'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0], 'axes': ['roll'], 'equation': 'swath-pitch-1',
         'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7], 'quiet_for_s': 3.0,
+        'frames_at_s': [1.0],
     }
     at_bow = {'points': ['bow'], 'points.bow': [1.0, 0.0, 0.0]}
     beside = {

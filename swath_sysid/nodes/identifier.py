@@ -12,7 +12,7 @@ from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNo
 from swath_sysid.nodes.model_publisher import ModelPublisher
 from swath_sysid.nodes.parameters.identifier import TABLE, refit_settings
 from swath_sysid.nodes.window_client import WindowClient
-from swath_sysid.pipeline.health import Report
+from swath_sysid.pipeline.health import Report, stability_report
 
 
 class Identifier(IdentificationNode):
@@ -27,6 +27,12 @@ class Identifier(IdentificationNode):
         self.serve(warm_up)
         if self.refitter.models:
             self._models.publish(self.refitter.models)
+        if self.parameters['identify_interval_s']:
+            self.create_timer(self.parameters['identify_interval_s'], self._identify_unasked)
+
+    def _identify_unasked(self) -> None:
+        if not self.busy:
+            self.begin(self.identify)
 
     def change(self, settings: RefitSettings) -> None:
         """Refit as set from now on."""
@@ -48,7 +54,10 @@ class Identifier(IdentificationNode):
 
     def reports(self) -> list[Report]:
         """The status of now."""
-        return [self.health.report(self.refitter.described, self.refitter.steps_back, self.busy)]
+        return [
+            self.health.report(self.refitter.described, self.refitter.steps_back, self.busy),
+            stability_report(self.refitter.stability),
+        ]
 
     def when_free(self) -> None:
         """Refit on a window that came meanwhile."""

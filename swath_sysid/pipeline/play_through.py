@@ -35,6 +35,8 @@ class PlayThroughSettings:
         0.1 to 3 s.
     window_source : dict
         What names the windows' source in the provenance of models.
+    identify_interval : float
+        s after which the window is identified by itself; 0: never.
     """
 
     window: WindowSettings = field(default_factory=WindowSettings)
@@ -43,6 +45,7 @@ class PlayThroughSettings:
     auto_identify: bool = True
     refit_delay: float = 0.0
     window_source: dict = field(default_factory=dict)
+    identify_interval: float = 0.0
 
 
 class Played(NamedTuple):
@@ -103,6 +106,7 @@ class PlayThrough:
         self.refits = 0
         self._running = None
         self._waiting = None
+        self._due_ns = None
         self._unpublished = bool(models)
 
     @property
@@ -129,12 +133,28 @@ class PlayThrough:
             # it comes into use a while after its stamp, so that live, too, it is there by then
             self.forecasts.install(self._fit_sea(step.sea_request))
         finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
+        if self._is_due(stamp_ns):
+            self._waiting = self.window.table()
+            self._start_refit(stamp_ns)
         if finished is None:
             return Played(stamp_ns, models, None, step, verdict)
         if self.settings.auto_identify:
             self._waiting = finished.table
             self._start_refit(stamp_ns)
         return Played(stamp_ns, models, finished.table, step, verdict)
+
+    def _is_due(self, stamp_ns):
+        """Whether the window is to be identified by itself now."""
+        interval_ns = round(self.settings.identify_interval / NANOSECOND)
+        if not interval_ns:
+            return False
+        # a clock that was set back begins anew
+        if self._due_ns is None or self._due_ns - stamp_ns > interval_ns:
+            self._due_ns = stamp_ns + interval_ns
+        if stamp_ns < self._due_ns or not self.window.size:
+            return False
+        self._due_ns = stamp_ns + interval_ns
+        return True
 
     def _start_refit(self, stamp_ns):
         """Fit the newest window, unless a fit is still under way by the stamps."""

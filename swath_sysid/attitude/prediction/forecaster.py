@@ -27,6 +27,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
     SeaRequest,
     newest_stretch,
 )
+from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
@@ -83,6 +84,8 @@ _SEEDED_FROM, _SEEDED_ROWS = 10.0, 80
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 20.0
 _YOUNG = 60.0
 """s; so long the oscillator is fitted anew each second."""
+_SEA_STATE_PERIOD = 60.0
+"""s between two reports of the sea state."""
 _OSCILLATOR_WINDOW = 600.0
 _YOUNG_INTERVAL, _OLD_INTERVAL = 1.0, 20.0
 HEALTHY_STRAIN = 4.0
@@ -158,12 +161,15 @@ class Observed(NamedTuple):
         At the leads and over the horizon, when due.
     sea_request : SeaRequest or None
         A past to learn from: give it to `fit_sea` and the result to `Forecaster.install`.
+    sea : SeaReport or None
+        Of the sea state, once a minute.
     """
 
     reasons: tuple[str, ...] = ()
     forecast: Forecast | None = None
     horizon: Forecast | None = None
     sea_request: SeaRequest | None = None
+    sea: SeaReport | None = None
 
 
 @dataclass(frozen=True)
@@ -317,13 +323,17 @@ class Forecaster:
                 size.follow(hull.x.item(0), hull.x.item(1), elapsed)
         if self._step != self._step:
             return Observed(reasons)
+        sea = None
         if self._waiting is not None and self._time >= self._waiting.time + self.settings.refit_delay - 1e-9:
+            sea = self._waiting.sea
+            if sea is not None:
+                self._sea_state_due += _SEA_STATE_PERIOD
             self._take_over()
         self._follow_rows(sample, elapsed)
         if self._time < self._due:
-            return Observed(reasons)
+            return Observed(reasons, sea=sea)
         self._schedule()
-        return Observed(reasons, *self._issue(stamp), self._sea_request())
+        return Observed(reasons, *self._issue(stamp), self._sea_request(), sea)
 
     def _break_off(self):
         """Nothing links the motion before to that to come; what is known of hull and sea stays."""
@@ -401,6 +411,7 @@ class Forecaster:
         self._score_anew()
         self._rows_begun = self._time
         self._refit_due = -math.inf
+        self._sea_state_due = self._time + _SEA_STATE_PERIOD
         # the next sample is a row
         self._since_row = self._step
         self._restart_block()
@@ -516,7 +527,7 @@ class Forecaster:
         return SeaRequest(
             self._time, self._step, CHANNELS, self._past(s.window).copy(),
             {axis: request for axis, request in excitations.items() if request is not None},
-            self._vertical_request(),
+            self._vertical_request(), self._time >= self._sea_state_due,
         )  # fmt: skip
 
     def _vertical_request(self):
