@@ -41,6 +41,8 @@ class Blend:
     mean_square : ndarray, shape (E, S, A)
         Of the candidates' errors; of what they would be taken to err where they had no forecast.
     weights : ndarray, shape (E, S, A)
+    scale : ndarray, shape (S, A)
+        Variance over the candidates' own, by the errors' mean square and the intervals' coverage.
     blended_square, coverage : ndarray, shape (S, A)
         Mean square error of the blend, and the share of its 90 % intervals that held.
     """
@@ -53,22 +55,22 @@ class Blend:
         self._shape = self._prior.shape[0], self.steps.size, axes
         self._places = np.arange(self.steps.size)
         memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, _LONGEST_MEMORY)
-        self._keep = (1.0 - step / memory)[:, None]
+        self._keep = np.repeat(1.0 - step / memory, axes).reshape(-1, axes)
         self.restart()
 
     def restart(self):
         """Forget everything."""
-        depth = int(self.steps[-1]) + 1
         self._row = 0
-        self._issued = np.full((depth, *self._shape), np.nan)
-        self._blended = np.full((depth, *self._shape[1:]), np.nan)
-        self._variance = np.full((depth, *self._shape[1:]), np.nan)
+        self._depth = int(self.steps[-1]) + 1
+        # the candidates' forecasts, then the blend's, its variance, and the square of half its 90 % interval; each by
+        # row of issue, step and axis
+        self._issued = np.full((self._shape[0] + 3, self._depth, *self._shape[1:]), np.nan)
         self.mean_square = np.zeros(self._shape)
         self._time = np.zeros(self._shape[1:])
         self._time_variance = np.zeros(self._shape[1:])
-        self._interval = np.full((depth, *self._shape[1:]), np.nan)
         self._tail = np.zeros(self._shape[1:])
         self._ratio = np.ones(self._shape[1:])
+        self.scale = self._scale()
         self.blended_square = np.zeros(self._shape[1:])
         self.coverage = np.full(self._shape[1:], 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
@@ -88,31 +90,31 @@ class Blend:
             Rows since something acted on the craft that nothing foretold: the errors of forecasts issued before say
             nothing of who forecasts best.
         """
-        depth = self._issued.shape[0]
-        then = (self._row - self.steps) % depth
-        reading = np.broadcast_to(reading, self._shape[1:])
-        self._judge(reading - self._blended[then, self._places], self._interval[then, self._places])
-        if foreseeable is not None:
-            reading = np.where(self.steps[:, None] > foreseeable, np.nan, reading)
-        self._learn(
-            reading - self._issued[then, :, self._places].swapaxes(0, 1), reading - self._blended[then, self._places],
-            self._variance[then, self._places], self._interval[then, self._places], noise_variance,
-        )  # fmt: skip
-        now = self._row % depth
-        self._issued[now] = mean
-        weights = present_weights(self.weights, np.isfinite(mean))
-        self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
-        true = np.maximum(self._variance[now] - noise_variance, _LEAST_SHARE * self._variance[now])
-        self._interval[now] = _QUANTILE**2 * (self.scale * true + noise_variance)
+        # contiguous: numpy's inner loops would be as short as the axes are few
+        mean, variance = np.ascontiguousarray(mean), np.ascontiguousarray(variance)
+        issued = self._issued[:, (self._row - self.steps) % self._depth, self._places]
+        square = np.square(reading - issued[:-2])
+        known = np.isfinite(square[-1]) & np.isfinite(issued[-1])
+        if known.any():
+            self._judge(known, square[-1], issued[-1])
+            if foreseeable is not None:
+                known &= self.steps[:, None] <= foreseeable
+            if known.any():
+                self._learn(known, square, *issued[-2:], noise_variance)
+        now = self._issued[:, self._row % self._depth]
+        present = np.isfinite(mean)
+        weights = present_weights(self.weights, present)
+        blended = _weighted(weights, present, variance)
+        true = np.maximum(blended - noise_variance, _LEAST_SHARE * blended)
+        now[:-3], now[-3], now[-2] = mean, _weighted(weights, present, mean), blended
+        now[-1] = _QUANTILE**2 * (self.scale * true + noise_variance)
         self._row += 1
 
-    def _judge(self, blended, interval):
+    def _judge(self, known, square, interval):
         """How large the errors are and how many intervals hold, of all forecasts."""
-        known = np.isfinite(blended) & np.isfinite(interval)
-        gain = np.where(known, self._step / (_MEMORY_VARIANCE + self._step), 0.0)
-        square = np.where(known, blended, 0.0) ** 2
-        self.blended_square += gain * (square - self.blended_square)
-        self.coverage += gain * ((square <= interval) - self.coverage)
+        gain = self._step / (_MEMORY_VARIANCE + self._step)
+        self.blended_square += np.where(known, gain * (square - self.blended_square), 0.0)
+        self.coverage += np.where(known, gain * ((square <= interval) - self.coverage), 0.0)
 
     def renew(self, candidate, axis=slice(None)):
         """A candidate has a new model: what its last one did wrong is held against it no more than against a new one.
@@ -133,29 +135,26 @@ class Blend:
         ----------
         count : int
         """
-        for _ in range(min(count, self._issued.shape[0])):
-            now = self._row % self._issued.shape[0]
-            for issued in (self._issued, self._blended, self._variance, self._interval):
-                issued[now] = np.nan
-            self._row += 1
-        self._row += max(count - self._issued.shape[0], 0)
+        rows = self._row + np.arange(min(count, self._depth))
+        self._issued[:, rows % self._depth] = np.nan
+        self._row += count
 
-    def _learn(self, errors, blended, variance, interval, noise_variance):
-        known = np.isfinite(blended)
-        if not known.any():
-            return
-        square = blended**2
+    def _learn(self, known, square, variance, interval, noise_variance):
+        """From the squared errors of the candidates and then of the blend, where they are known."""
+        blended = np.where(known, square[-1], 0.0)
         self._time, gain = self._aged(self._time, known, self._keep)
-        squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
-        self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
+        squares = np.where(np.isnan(square[:-1]), _UNPROVEN * blended, square[:-1])
+        self.mean_square += gain * (squares - self.mean_square)
         self._time_variance, gain = self._aged(self._time_variance, known, 1.0 - self._step / _MEMORY_VARIANCE)
         true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
         # ratio by ratio: a mean of variances would remember the largest for minutes
-        ratio = (np.minimum(square, _CREDIBLE * variance) - noise_variance) / true
-        self._ratio += gain * np.where(known, ratio - self._ratio, 0.0)
+        ratio = (np.minimum(blended, _CREDIBLE * variance) - noise_variance) / true
+        self._ratio += np.where(known, gain * (ratio - self._ratio), 0.0)
         # wide tails make the mean square say more than the 90 % interval wants
-        missed = np.where(known, (square > interval) - _MISSES, 0.0)
-        self._tail = np.clip(self._tail + _TAIL_GAIN * self._step * missed, -_LARGEST_TAIL, _LARGEST_TAIL)
+        missed = np.where(known, (blended > interval) - _MISSES, 0.0)
+        tail = self._tail + _TAIL_GAIN * self._step * missed
+        self._tail = np.minimum(np.maximum(tail, -_LARGEST_TAIL), _LARGEST_TAIL)
+        self.scale = self._scale()
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
     def _aged(self, time, known, keep):
@@ -163,9 +162,7 @@ class Blend:
         time = np.where(known, keep * time + self._step, time)
         return time, np.where(known, self._step / np.maximum(time, self._step), 0.0)
 
-    @property
-    def scale(self):
-        """Variance over the candidates' own, shape (S, A), by the errors' mean square and the intervals' coverage."""
+    def _scale(self):
         time, trust = self._time_variance, _TRUST_VARIANCE
         return np.exp(self._tail) * (trust + time * np.maximum(self._ratio, _LEAST_SHARE)) / (trust + time)
 
@@ -175,7 +172,7 @@ class Blend:
         Parameters
         ----------
         mean, covariance : ndarray, shapes (E, L, M) and (E, L, M, M)
-            The candidates', of readings; NaN where a candidate has none.
+            The candidates', of readings; where one has none the mean is NaN and the covariance any number.
         axis_of : sequence of int, length M
             The axis whose weights and scale a target has.
         noise_variance : float or ndarray, shape (M,)
@@ -187,13 +184,14 @@ class Blend:
             Of the true motion.
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
-        weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
+        present = np.isfinite(mean)
+        weights = present_weights(self.weights[:, places[0], places[1]], present)
         root = np.sqrt(weights)
-        blended = _weighted(root[..., :, None] * root[..., None, :], covariance)
-        variance = np.diagonal(blended, axis1=1, axis2=2)
+        blended = np.einsum('elm,eln,elmn->lmn', root, root, covariance)
+        variance = np.where(present.any(axis=0), np.diagonal(blended, axis1=1, axis2=2), np.nan)
         true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
         factor = np.sqrt(self.scale[places] * true / variance)
-        return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :]
+        return _weighted(weights, present, mean), blended * factor[:, :, None] * factor[:, None, :]
 
 
 def error_weights(mean_square, time, prior):
@@ -211,10 +209,10 @@ def error_weights(mean_square, time, prior):
     -------
     ndarray, shape (E, S, A)
     """
-    level = np.log(np.maximum(mean_square, 1e-300))
-    common = level.mean(axis=0)
-    drawn = np.log((time * np.exp(level - common) + _TRUST) / (time + _TRUST))
-    weights = prior * np.exp(-_POWER * (drawn - drawn.min(axis=0)))
+    square = np.maximum(mean_square, 1e-300)
+    common = np.exp(np.log(square).mean(axis=0))
+    drawn = time * (square / common) + _TRUST
+    weights = prior * (drawn.min(axis=0) / drawn) ** _POWER
     return weights / weights.sum(axis=0)
 
 
@@ -229,7 +227,7 @@ def present_weights(weights, present):
     return weights / np.maximum(weights.sum(axis=0), 1e-12)
 
 
-def _weighted(weights, values):
-    """Weighted sum over the first dimension; NaN where no weight is."""
-    total = np.where(weights > 0.0, weights * values, 0.0).sum(axis=0)
-    return np.where((weights > 0.0).any(axis=0), total, np.nan)
+def _weighted(weights, present, values):
+    """Weighted sum over the first dimension of those that are present; NaN where none is."""
+    total = (weights * np.where(present, values, 0.0)).sum(axis=0)
+    return np.where(present.any(axis=0), total, np.nan)
