@@ -92,6 +92,7 @@ class ForecastMessages:
         Parameters
         ----------
         step : PipelineStep
+            Of one sample.
 
         Yields
         ------

@@ -28,6 +28,7 @@ def sea_as_data(state):
     Parameters
     ----------
     state : SeaState
+        Of a record, or of the rows so far.
     """
     return {
         f'{name}_{unit}': _known(np.asarray(getattr(state, name), dtype=float).tolist())
@@ -47,7 +48,9 @@ def sea_as_yaml(report, stamp_ns):
     Parameters
     ----------
     report : SeaReport
+        With a sea state, or why there is none.
     stamp_ns : int
+        Of the newest sample.
 
     Returns
     -------

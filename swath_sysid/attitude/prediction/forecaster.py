@@ -46,7 +46,6 @@ CANDIDATES = {OSCILLATOR: 0.3, HULL: 3.0, SHORT_MEMORY: 0.3, ALL_CHANNELS: 1.0, 
 """Each with its weight where errors do not distinguish them: most for the one with the most information."""
 
 _PLACE = {name: place for place, name in enumerate(CANDIDATES)}
-_OF_SPACES = [place for name, place in _PLACE.items() if name != HULL]
 
 REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
 RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
@@ -569,32 +568,26 @@ class Forecaster:
         self._due = following if self._time - slack < following <= self._time + period else self._time + period - slack
 
     def _candidates(self, leads, age):
-        """Forecasts of every candidate, (K, L, 4), NaN where there is none, and their covariances, (K, L, 4, 4).
+        """Forecasts of every candidate, (K, L, 4), and their covariances, (K, L, 4, 4); NaN where there is none.
 
         ``age`` is the time since the newest row, s; None: the leads are whole steps from it.
         """
         mean = np.full((len(CANDIDATES), leads.size, len(TARGETS)), math.nan)
         covariance = np.zeros((*mean.shape, len(TARGETS)))
+        hull_place = _PLACE[HULL]
         for place, (axis, hull) in enumerate(self._hulls.items()):
             # without a hull it carries on the rate, which an oscillator does better
             if hull.is_started and (self._models[axis] is not None or OSCILLATOR not in self._spaces):
-                own = mean[_PLACE[HULL]], covariance[_PLACE[HULL], :, place::2, place::2]
-                own[0][:, place], own[0][:, place + 2], own[1][:] = hull.forecast(leads)
+                mean[hull_place, :, place], mean[hull_place, :, place + 2], spread = hull.forecast(leads)
                 # of the readings to come, as the state spaces'
-                own[1][:, 0, 0] += self._noise[axis][0]
-                own[1][:, 1, 1] += self._noise[axis][1]
+                covariance[hull_place, :, place::2, place::2] = spread + np.diag(self._noise[axis])
         for name, space in self._spaces.items():
             k = _PLACE[name]
             mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
-            lacking = np.isnan(mean[k, 0])
-            if lacking.any():
-                covariance[k][:, lacking] = covariance[k][..., lacking] = 0.0
             if space.strain > HEALTHY_STRAIN:
                 mean[k][:, self._hull_vouches()] = math.nan
-        for place, hull in enumerate(self._hulls.values()):
-            if hull.is_free:
-                # nothing acts: there is nothing else to know
-                mean[_OF_SPACES, :, place::2] = math.nan
+            # nothing acts: there is nothing else to know
+            mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
         angles = mean[..., :2]
         # a third of what np.clip takes
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)

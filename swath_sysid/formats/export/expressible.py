@@ -33,6 +33,7 @@ def expressed(model, expressible, **implied):
     Parameters
     ----------
     model : ManoeuvringModel
+        As identified.
     expressible : collection of str
         Hull terms of the target; inertia and what the sender of forces applies are always kept.
     **implied : float

@@ -104,6 +104,7 @@ def fossen(model, language=PYTHON, function='craft'):
     Parameters
     ----------
     model : ManoeuvringModel
+        As identified.
     language : str
         Of `LANGUAGES`.
     function : str

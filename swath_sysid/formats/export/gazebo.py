@@ -55,6 +55,7 @@ def gazebo(model):
     Parameters
     ----------
     model : ManoeuvringModel
+        As identified.
 
     Returns
     -------
@@ -135,6 +136,7 @@ def gazebo_attitude(models, inertias):
     Parameters
     ----------
     models : mapping of str to IdentifiedModel
+        By axis.
     inertias : mapping of str to float
         Axis to inertia with added inertia, kg m^2.
 
