@@ -43,7 +43,7 @@ OPTIONAL = {'numba': 'fast', 'dask': 'cluster', 'distributed': 'cluster'}
 ROS_PACKAGES = {
     'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'launch', 'launch_ros', 'nav_msgs',
     'rcl_interfaces', 'rclpy', 'rosgraph_msgs', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'std_srvs',
-    'trajectory_msgs',
+    'tf2_msgs', 'trajectory_msgs',
 }
 
 NODE_VERBS = {'demo', 'record', 'replay', 'run'}

@@ -2,14 +2,19 @@
 
 Time is what the caller says. What to do about a reason is the caller's too: a mapping of reason to advice.
 """
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isnan
+from typing import TYPE_CHECKING
 
-from swath_sysid.attitude.identification.stability_watch import StabilityWatch
 from swath_sysid.attitude.motion.intake import NO_ORIENTATION, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
+
+if TYPE_CHECKING:
+    from swath_sysid.attitude.identification.stability_watch import StabilityWatch
 
 OK, WARN, ERROR = range(3)
 """Levels of diagnostic_msgs/DiagnosticStatus."""
