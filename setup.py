@@ -57,6 +57,7 @@ setup(
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fast': ['numba>=0.59'],
         'cluster': ['distributed'],
+        'page': ['nicegui>=3.0,<4'],
         'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
     },
     entry_points={
