@@ -61,6 +61,7 @@ setup(
         'cluster': ['distributed'],
         'benchmark': ['scikit-learn'],
         'docs': ['myst-parser>=2.0', 'sphinx>=7.0'],
+        'page': ['nicegui>=3.0,<4'],
         'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
     },
     entry_points={

@@ -28,6 +28,7 @@ VERBS = {
     'inspect': 'what is in a record: rates, gaps, decays, quality',
     'play-through': 'what the nodes would have published on a record, as fast as the machine can',
     'run': 'imu_buffer, identifier and predictor in one process',
+    'page': 'the nodes in a browser: health, forecasts, a guided bring-up',
     'replay': 'publish the topics of a bag over ROS',
     'record': 'write our topics from ROS to a bag',
     'demo': 'a measured sea forecast, then a simulated craft, the nodes, and forecasts that sharpen',

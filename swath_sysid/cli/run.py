@@ -1,8 +1,11 @@
 """The verb ``run``: imu_buffer, identifier and predictor in one process, or one node alone."""
 import argparse
 import os
+import subprocess
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 
@@ -14,6 +17,8 @@ NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'man
 MODEL_PARAMETERS = {
     'identifier': 'model_path', 'manoeuvring_identifier': 'model_path', 'manoeuvring_predictor': 'model_file',
 }
+
+PAGE_END_S = 15.0
 
 OPEN_TO_THE_SUBNET = (
     'these nodes can be used from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
@@ -29,6 +34,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--namespace', metavar='NAME', help='namespace of nodes and topics')
     parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
     parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
+    parser.add_argument('--page', action='store_true', help='show them in a browser too: see `swath-sysid page`')
     parser.add_argument(
         '--ros-args', nargs=argparse.REMAINDER, default=[], metavar='...', help='anything else, as ROS 2 nodes take it'
     )
@@ -42,7 +48,33 @@ def run(arguments: Namespace) -> int:
     program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
-    return program.main(['swath-sysid', '--ros-args', *given])
+    with beside(page_command(arguments)) if arguments.page else nullcontext():
+        return program.main(['swath-sysid', '--ros-args', *given])
+
+
+def page_command(arguments: Namespace) -> list[str]:
+    """The page as a process of its own, which can cost the nodes no sample."""
+    from swath_sysid.page.server import check_installed
+
+    check_installed()
+    named = [('--namespace', arguments.namespace), ('--imu-topic', arguments.imu_topic)]
+    options = [word for option, value in named if value for word in (option, value)]
+    return [sys.executable, '-c', 'import sys; from swath_sysid.start import command_line; sys.exit(command_line())',
+            'page', *options]
+
+
+@contextmanager
+def beside(command: list[str]) -> Iterator[None]:
+    """Run a command while the block runs; Ctrl-C is for the block, which ends it."""
+    process = subprocess.Popen(command, start_new_session=True)
+    try:
+        yield
+    finally:
+        process.terminate()
+        try:
+            process.wait(PAGE_END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
 
 
 def ros_arguments(arguments: Namespace) -> list[str]:

@@ -128,6 +128,12 @@ def stamp_ns(stamp):
     return stamp.sec * SECOND_NS + stamp.nanosec
 
 
+def raw_stamp_ns(raw):
+    """The stamp, in nanoseconds, of a serialised message that begins with a header, without reading the rest."""
+    seconds, rest = _STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
+    return seconds * SECOND_NS + rest
+
+
 def horizon_message(horizon, frame_id):
     """The trajectory_msgs/JointTrajectory of a `HorizonForecast`."""
     values = np.concatenate([horizon.positions, horizon.velocities], axis=1).ravel()
@@ -147,6 +153,14 @@ def _horizon_template(columns, leads_ns, frame_id):
         return make('trajectory_msgs/msg/JointTrajectory', header(0, frame_id), list(columns), points)
 
     return Template(message_of, 2 * len(columns) * len(leads_ns))
+
+
+def trajectory_values(message):
+    """Stamp and times from it, ns, columns, and the positions of each time in turn, of a JointTrajectory."""
+    return (
+        stamp_ns(message.header.stamp), [stamp_ns(point.time_from_start) for point in message.points],
+        list(message.joint_names), [value for point in message.points for value in point.positions],
+    )
 
 
 def window_message(table, frame_id):
