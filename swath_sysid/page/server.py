@@ -113,7 +113,9 @@ def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
     Parameters
     ----------
     desk : Desk
+        What the page shows and does.
     host : str
+        Address to listen on.
     port : int
         0: one that is free.
     token : str
