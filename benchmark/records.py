@@ -270,7 +270,7 @@ INTRODUCTION = '''# Forecasts of measured records
 
 Root mean square error of the forecast angle over the standard deviation of the motion, with its 95 % interval from a
 bootstrap of blocks of 30 s where the record is long enough; 1 is as good as the mean. Every row begins with the
-record and knows, at each sample, the samples up to and with it. Every forecast issued after the warm-up counts, but
+record and has, at each sample, the samples up to and including it. Every forecast issued after the warm-up counts, but
 for those for a time at which nothing was measured; where a row has none, persistence stands in. Regressions learn
 from the last ten minutes. The hull of the last row is identified from the samples before the end of the warm-up;
 where they show none, there is no such row. The records and their licences are named in `records/NOTICE` or by their

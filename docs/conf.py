@@ -1,4 +1,4 @@
-"""The site: `sphinx-build -W docs out/site`, or rosdoc2. What the code knows it writes itself, into docs/generated."""
+"""The site: `sphinx-build -W docs out/site`, or rosdoc2. The reference of parameters, commands and counts is generated from the code, into docs/generated."""
 import importlib
 import os
 import pkgutil
@@ -39,7 +39,7 @@ API = {
     'attitude.motion': 'what was measured', 'attitude.hull': 'decay models, the catalogue, simulation',
     'attitude.identification': 'from measured motion to a model', 'attitude.prediction': 'from a model to a forecast',
     'manoeuvring': 'surge, sway and yaw', 'pipeline': 'messages in, forecasts out; scores',
-    'formats': 'files and messages', 'common': 'what knows no craft',
+    'formats': 'files and messages', 'common': 'what is independent of any craft',
 }  # fmt: skip
 
 
