@@ -1,4 +1,4 @@
-"""The site: `sphinx-build -W docs out/site`, or rosdoc2. The reference is generated from the code, into docs/generated."""
+"""The site: `sphinx-build -W docs out/site`, or rosdoc2. Its reference is generated from the code (docs/generated)."""
 import importlib
 import os
 import pkgutil
