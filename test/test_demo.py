@@ -34,6 +34,7 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import CHART_ROWS, ViewState, chart, line, render
+from swath_sysid.share import share_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 600.0
@@ -234,7 +235,7 @@ def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr('swath_sysid.cli.demo.forecast.run', lambda arguments: words.append(vars(arguments)))
     assert main(['demo', '--only', 'sea', '--output', str(tmp_path / 'out')]) == 0
     (given,) = words
-    assert Path(given['record']) == ROOT / 'records' / 'morro_buoy.csv'
+    assert Path(given['record']) == share_folder() / 'records' / 'morro_buoy.csv'
     assert given['plot'] == str(tmp_path / 'out' / 'sea.png')
     assert f"swath-sysid forecast {given['record']} --leads 0.5,1,2,3 --warmup 180" in capsys.readouterr().out
     assert main(['demo', '--output', str(tmp_path)]) == 2
