@@ -28,7 +28,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
     newest_stretch,
 )
 from swath_sysid.attitude.prediction.sea_state import SeaReport
-from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter
+from swath_sysid.attitude.prediction.sensor_noise import AgreementMeter, NoiseMeter
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
 from swath_sysid.common.advice import Advice
@@ -90,6 +90,9 @@ _OSCILLATOR_WINDOW = 600.0
 _YOUNG_INTERVAL, _OLD_INTERVAL = 1.0, 20.0
 HEALTHY_STRAIN = 4.0
 """Innovations squared over their expectation, lately: a model of the motion at hand stays below."""
+
+_ALIKE = 1.5
+"""Mean square errors, over all leads: a wide filter explains any sample, but may forecast badly."""
 
 _MIN_VARIANCE = 1e-10
 _ACTIVITY_TIME = 5.0
@@ -219,7 +222,9 @@ class Forecaster:
         self._hulls = {axis: HullFilter(s.hull) for axis in AXES}
         self._models = dict.fromkeys(AXES)
         self._meters = {axis: (NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)) for axis in AXES}
+        self._agreements = {axis: AgreementMeter() for axis in AXES}
         self._noise = dict.fromkeys(AXES, (math.nan, math.nan))
+        self._noise_to_hull = dict(self._noise)
         self._reported_noise = [0.0] * len(TARGETS)
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
@@ -375,9 +380,13 @@ class Forecaster:
                 continue
             variances = self._noise[axis] = self._variances(place, axis, angle, rate, sample, even)
             if not (linked and hull.is_started):
+                self._agreements[axis].restart()
                 hull.start(angle, rate, *variances)
                 continue
-            observed = hull.observe(elapsed, angle, rate, *variances)
+            of_angle, of_rate = variances
+            of_rate += self._agreements[axis].take(elapsed, angle, rate, of_angle, of_rate)
+            self._noise_to_hull[axis] = of_angle, of_rate
+            observed = hull.observe(elapsed, angle, rate, of_angle, of_rate)
             if self._models[axis] is not None and (observed.surprised or observed.restarted):
                 self._rows_since_surprise[place] = 0
             if observed.rejected:
@@ -545,7 +554,7 @@ class Forecaster:
         rows = self._history.last(int(min(EXCITATION_WINDOW, self.settings.window) / self._step) + 1)
         angle, rate = newest_stretch(rows[:, _BLOCK][:, [place, place + 2]].T, self._step)
         samples = self._samples_a_row
-        noise = [variance / samples for variance in self._noise[axis]]
+        noise = [variance / samples for variance in self._noise_to_hull[axis]]
         return hull.excitation_request(self._step, angle, rate, *noise, samples)
 
     def _take_over(self):
@@ -585,7 +594,7 @@ class Forecaster:
             k = _PLACE[name]
             mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
             if space.strain > HEALTHY_STRAIN:
-                mean[k][:, self._hull_vouches()] = math.nan
+                mean[k][:, self._hull_vouches(k)] = math.nan
             # nothing acts: there is nothing else to know
             mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
         angles = mean[..., :2]
@@ -593,11 +602,13 @@ class Forecaster:
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
         return mean, covariance
 
-    def _hull_vouches(self):
-        """The targets of which an identified hull explains the newest samples."""
+    def _hull_vouches(self, candidate):
+        """The targets of which an identified hull explains the newest samples, and has forecast them nearly as well."""
+        level = np.log(np.maximum(self._blend.mean_square, 1e-300)).mean(axis=1)
+        errs_alike = level[_PLACE[HULL]] < level[candidate] + math.log(_ALIKE)
         vouches = [
-            model is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
-            for model, hull in zip(self._models.values(), self._hulls.values(), strict=True)
+            errs_alike[place] and model is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
+            for place, (model, hull) in enumerate(zip(self._models.values(), self._hulls.values(), strict=True))
         ]
         return [vouches[axis] for axis in AXIS_OF_TARGET]
 
