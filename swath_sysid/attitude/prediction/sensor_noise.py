@@ -77,7 +77,7 @@ class AgreementMeter:
 
     def restart(self):
         """Forget the neighbours (after a gap or a missing value), not what was learnt."""
-        self._past = deque()
+        self._past: deque[tuple[float, float]] = deque()
         self._rate = math.nan
         self._time = self._integral = 0.0
 
