@@ -45,7 +45,7 @@ ASK_PERIOD = 0.1
 INSTALLATION_PERIOD = 3.0
 """s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew."""
 
-MOST_REQUESTS = 10
+MAX_REQUESTS = 10
 
 
 class PageNode(Node):
@@ -63,7 +63,7 @@ class PageNode(Node):
         self.record = LiveRecord()
         self.description = ''
         self._report = report
-        self._requests: deque[Callable[[], None]] = deque(maxlen=MOST_REQUESTS)
+        self._requests: deque[Callable[[], None]] = deque(maxlen=MAX_REQUESTS)
         self._prefix = self.get_namespace().strip('/')
         self._points: set[str] = set()
         self._asked: dict[str, Any] = {}
