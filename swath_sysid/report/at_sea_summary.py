@@ -5,7 +5,8 @@ import math
 from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
+from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.report.fit_summary import warnings_as_data
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.at_sea import AtSeaIdentification

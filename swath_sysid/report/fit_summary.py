@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.common.covariance import correlation
+from swath_sysid.formats.plain_data import finite_or_none
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -70,17 +71,6 @@ def warnings_as_data(advice: Iterable[Advice]) -> dict[str, list[dict[str, str]]
     advice : iterable of Advice
     """
     return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
-
-
-def finite_or_none(value: Any) -> Any:
-    """The same data with None for numbers that JSON does not know."""
-    if isinstance(value, dict):
-        return {key: finite_or_none(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite_or_none(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return float(value) if isinstance(value, float) else value
 
 
 def fit_in_words(identification: Identification, inertia: float | None = None) -> list[str]:

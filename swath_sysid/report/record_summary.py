@@ -7,7 +7,8 @@ import numpy as np
 
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
 from swath_sysid.attitude.motion.segmentation import find_decays
-from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
+from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.report.fit_summary import warnings_as_data
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
