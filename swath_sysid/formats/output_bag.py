@@ -11,7 +11,6 @@ from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.forecast_output import ForecastMessages
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.messages import (
-    ImuMessage,
     coefficients_message,
     diagnostics_message,
     text_message,
@@ -118,9 +117,7 @@ class OutputBag:
 
     def __init__(self, add, frame_id='base_link', namespace='', frames_at=()):
         self._add = add
-        self._frame_id = frame_id
         self._prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
-        self._imu = ImuMessage(frame_id)
         self._forecasts = ForecastMessages(frame_id, frames_at)
         self.counts = {}
 
@@ -147,11 +144,11 @@ class OutputBag:
         for topic, raw in self._forecasts.of(step):
             self.add(topic, time_ns, raw)
         if played.window is not None:
-            self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._frame_id))
+            self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._forecasts.frame_id))
 
     def add_imu(self, time_ns, values):
         """The IMU message itself, of 37 numbers in the order of the message definition."""
-        self.add(IMU_TOPIC, time_ns, self._imu.of_values(time_ns, values))
+        self.add(IMU_TOPIC, time_ns, self._forecasts.imu.of_values(time_ns, values))
 
     def add_models(self, time_ns, models):
         """Models by axis, as ``model/description`` and ``model/coefficients``."""

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import raw_stamp_ns, trajectory_values
+from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
 from swath_sysid.formats.topics import (
     CALM_TOPIC,
@@ -29,7 +29,6 @@ from swath_sysid.formats.topics import (
     QUIESCENCE_TOPIC,
     point_horizon_topic,
 )
-from swath_sysid.nodes.messages import imu_reading
 from swath_sysid.nodes.parameters.parameter import installation
 from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.pipeline.health import Report
