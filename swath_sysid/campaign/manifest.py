@@ -263,7 +263,8 @@ def read_manifest(path):
     root = parsed(text_of(path, 'manifest'), str(path))
     if not isinstance(root, yaml.MappingNode):
         raise InputError(
-            f"{path} is not a manifest: it must hold 'trials:' (start one with swath-sysid campaign --new FOLDER)"
+            f"{path} is not a manifest: it must hold 'trials:'; begin with one that is made for a folder of trials",
+            'not-a-manifest',
         )
     try:
         return _manifest_of(root, path)
@@ -598,7 +599,7 @@ def write_new_manifest(folder, path, axis='pitch'):
     """
     path = Path(path)
     if path.exists():
-        raise InputError(f'{path} exists already: remove it first, or name another file with --output')
+        raise InputError(f'{path} exists already: remove it first, or name another file', 'manifest-exists')
     text = new_manifest(folder, axis, path.name, path.parent)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding='utf-8')

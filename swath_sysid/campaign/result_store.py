@@ -67,7 +67,8 @@ class ResultStore:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 raise InputError(
-                    f'another campaign is writing to {self._folder.parent}: wait for it, or choose another --output'
+                    f'another campaign is writing to {self._folder.parent}: wait for it, or choose another folder',
+                    'store-in-use',
                 ) from error
             for leftover in self._folder.rglob(LEFTOVERS):
                 shutil.rmtree(leftover, ignore_errors=True)

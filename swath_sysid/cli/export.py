@@ -3,7 +3,9 @@
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.export.expressible import Export
@@ -106,11 +108,7 @@ def _is_attitude(path: str) -> bool:
 
 
 def _inertia(text: str) -> tuple[str, float]:
-    axis, _, number = text.partition('=')
-    try:
-        value = float(number)
-    except ValueError:
-        value = float('nan')
-    if axis not in ('roll', 'pitch') or not 0.0 < value < float('inf'):
+    axis, value = assignment(text, '--inertia roll=0.08')
+    if axis not in AXES or value <= 0.0:
         raise InputError(f"--inertia '{text}' is not understood: give roll=KG_M2 or pitch=KG_M2, greater than zero")
     return axis, value

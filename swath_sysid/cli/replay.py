@@ -67,7 +67,8 @@ def _play(node: 'Replay', expected: int, should_stop: Callable[[], bool]) -> Non
         if listening < expected and not should_stop():
             show(f'{listening} of {expected} listen yet: publishing all the same')
         node.play(should_stop)
-        node.wait_until_received()
+        if not should_stop():
+            node.wait_until_received()
         show(f'{node.sent} messages published')
     finally:
         node.destroy_node()

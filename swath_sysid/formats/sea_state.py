@@ -1,4 +1,4 @@
-"""A sea state as plain data: what ``sea --json`` prints and ``sea/state`` says."""
+"""A sea state as plain data: what the verb ``sea`` prints and the topic ``sea/state`` holds."""
 import yaml
 
 from swath_sysid.attitude.motion.vertical import BAND_HZ
@@ -32,7 +32,7 @@ def sea_as_data(state):
 
 
 def sea_as_yaml(report, stamp_ns):
-    """The text on ``sea/state``: as ``sea --json``, but for the spectrum.
+    """The text on ``sea/state``: `sea_as_data` without the spectrum.
 
     Parameters
     ----------
