@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 
 LEFTOVERS = '.writing-*'
 LOCK = '.lock'
@@ -87,8 +87,7 @@ class ResultStore:
         """Keep a result: plain data, which comes back bit by bit the same."""
         path = self._path(key)
         path.parent.mkdir(exist_ok=True)
-        with replacing(path) as temporary:
-            temporary.write_text(json.dumps(result, allow_nan=True), encoding='utf-8')
+        write_text(path, json.dumps(result, allow_nan=True))
 
     def _path(self, key):
         return self._folder / key[:2] / f'{key}.json'

@@ -7,7 +7,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.export.expressible import Export
 from swath_sysid.formats.export.fossen import LANGUAGES, MATLAB, PYTHON, fossen, fossen_attitude
 from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
@@ -62,8 +62,7 @@ def run(arguments: Namespace) -> int:
     if arguments.output is None:
         print(found.text, end='')
         return 0
-    with replacing(arguments.output) as temporary:
-        temporary.write_text(found.text, encoding='utf-8')
+    write_text(arguments.output, found.text)
     print(f'{arguments.output} written')
     return 0
 
