@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.common.covariance import correlation
+from swath_sysid.formats.model_file import ratios_as_data
 from swath_sysid.formats.plain_data import finite_or_none
 
 if TYPE_CHECKING:
@@ -33,10 +34,7 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
     data = {
         'equation': model.equation.name,
         'axis': model.axis,
-        'ratios': {
-            name: {'value': value, 'std': identification.std[name], 'unit': RATIO_UNITS[name]}
-            for name, value in model.terms.items()
-        },
+        'ratios': ratios_as_data(identification),
         'correlation': correlation(identification.covariance).tolist(),
         'trim_rad': model.trim,
         'trim_std_rad': identification.trim_std,
@@ -83,14 +81,11 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
     model = identification.model
     lines = [f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)']
     lines += [
-        f'  {_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '
+        f'  {short_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '
         f'{record.segment.cycles:.1f} cycles'
         for record in identification.records
     ]
-    lines += [
-        f'  {name:<3}{value:>14.6g}  +- {identification.std[name]:<10.3g} {RATIO_UNITS[name]}'
-        for name, value in model.terms.items()
-    ]
+    lines += ratio_lines(identification)
     low, high = (math.degrees(a) for a in identification.amplitude_range)
     lines += [
         f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(identification.trim_std):.2g}',
@@ -105,6 +100,14 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
         form = to_published(model, inertia)
         lines.append('  published form: ' + ', '.join(f'{name} {value:.6g}' for name, value in vars(form).items()))
     return lines
+
+
+def ratio_lines(identified: Any) -> list[str]:
+    """A line for each ratio with its standard deviation and unit, of whatever has a model and its deviations."""
+    return [
+        f'  {name:<3}{value:>14.6g}  +- {identified.std[name]:<10.3g} {RATIO_UNITS[name]}'
+        for name, value in identified.model.terms.items()
+    ]
 
 
 def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:
@@ -127,5 +130,6 @@ def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> d
     )
 
 
-def _name(source):
-    return source.replace('\\', '/').rsplit('/', 1)[-1]
+def short_name(source: str) -> str:
+    """The last part of a path, of whichever system."""
+    return source.replace('\\', '/').rpartition('/')[2]
