@@ -228,7 +228,7 @@ def test_flags_that_advice_is_given_exist(capsys):
 class StoppedReplay:
     """A node that notes what is asked of it."""
 
-    advice, unknown_types, topics, sent = (), (), ('/imu/data',), 0
+    advice, unknown_types, outlets, sent = (), (), {'/imu/data': None}, 0
 
     def __init__(self):
         self.asked = []
