@@ -119,14 +119,19 @@ class OutputBag:
         self._add = add
         self._prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
         self._forecasts = ForecastMessages(frame_id, frames_at)
+        self._described = {}
         self.counts = {}
 
     def add(self, topic, time_ns, raw):
         """A serialised message on a topic of the nodes."""
-        name = topic if topic.startswith('/') else f'{self._prefix}/{topic}'
-        qos = offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)
-        self._add(name, type_of(topic), time_ns, raw, [qos])
-        self.counts[topic] = self.counts.get(topic, 0) + 1
+        if topic not in self.counts:
+            name = topic if topic.startswith('/') else f'{self._prefix}/{topic}'
+            qos = offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)
+            self._described[topic] = name, type_of(topic), [qos]
+            self.counts[topic] = 0
+        name, msgtype, qos = self._described[topic]
+        self._add(name, msgtype, time_ns, raw, qos)
+        self.counts[topic] += 1
 
     def add_played(self, played):
         """Everything that one step of a play-through published.
