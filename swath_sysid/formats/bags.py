@@ -12,6 +12,7 @@ from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemb
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
@@ -85,7 +86,7 @@ def is_bag(path):
     return _storage_kind(path) is not None
 
 
-def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
+def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     """Read a trial from an IMU topic of a rosbag2 bag.
 
     Time is that of the header stamps, from the first message. Angles come from the orientation
@@ -101,10 +102,6 @@ def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
         ``flu`` (default) or ``frd``: what the sensor's axes mean.
     mounting : tuple of 3 floats
         Roll, pitch, yaw of the sensor in the craft, rad.
-
-    Returns
-    -------
-    Trial
 
     Raises
     ------
@@ -135,7 +132,7 @@ def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
         (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice)
 
 
-def read_imu(path, topic=None):
+def read_imu(path, topic=None) -> ImuRecord:
     """Read the messages of an IMU topic of a rosbag2 bag, as they are.
 
     The whole part of a truncated bag is read, and advice says so.
@@ -146,10 +143,6 @@ def read_imu(path, topic=None):
         A bag folder, or a single .mcap or .db3 file.
     topic : str, optional
         Needed only if the bag holds several of type sensor_msgs/msg/Imu.
-
-    Returns
-    -------
-    ImuRecord
 
     Raises
     ------

@@ -10,6 +10,7 @@ from swath_sysid.attitude.motion.assembly import ACCEL, QUATERNION, assemble_tri
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, euler_angles
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
@@ -83,7 +84,7 @@ WRITTEN_UNITS = {'roll': 'rad', 'pitch': 'rad', 'roll_rate': 'rad_s', 'pitch_rat
 LINES_AT_ONCE = 100_000
 
 
-def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
+def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     """Read a trial from a CSV file.
 
     Columns are found by name, in any order; capitals, spaces, brackets and slashes do not matter:
@@ -117,10 +118,6 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
         ``flu`` or ``frd``; by default what the file says of itself, else ``flu``.
     mounting : tuple of 3 floats
         Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, what the file says of itself.
-
-    Returns
-    -------
-    Trial
 
     Raises
     ------

@@ -36,7 +36,7 @@ from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE, UNKNO
 _NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [UNKNOWN_RATE_VARIANCE] * 3)
 
 
-def forecast_topics(leads, points, frames_at=()):
+def forecast_topics(leads, points, frames_at=()) -> list[str]:
     """Every topic that is published.
 
     Parameters
@@ -47,10 +47,6 @@ def forecast_topics(leads, points, frames_at=()):
         Names.
     frames_at : sequence of float
         See `ForecastMessages`.
-
-    Returns
-    -------
-    list of str
     """
     of_points = [
         topic for point in points for topic in (

@@ -7,7 +7,7 @@ from swath_sysid.formats.bags import ImuRecord, imu_values, is_bag, read_imu
 from swath_sysid.formats.reading import read_trial
 
 
-def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
+def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)) -> ImuRecord:
     """Read the messages of an IMU.
 
     Parameters
@@ -18,10 +18,6 @@ def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
         Needed only if a bag holds several of type sensor_msgs/msg/Imu.
     frame, mounting : str and tuple of 3 floats
         As for `read_trial`; not applied to bags, whose messages stay as they are.
-
-    Returns
-    -------
-    ImuRecord
 
     Raises
     ------

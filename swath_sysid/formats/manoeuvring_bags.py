@@ -44,7 +44,9 @@ LONGEST_HOLD = 1.0
 """s for which one thruster's last message still counts beside the other's."""
 
 
-def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=None, thrust_input=None):
+def read_manoeuvring_bag(
+    path, odometry=None, imu=None, port=None, starboard=None, thrust_input=None
+) -> ManoeuvringTrial:
     """Read a record of a manoeuvre from a bag.
 
     Pose and twist come from nav_msgs/Odometry (pose in ENU, twist in body axes x forward, y to port), yaw rate from
@@ -59,10 +61,6 @@ def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=Non
         Topics, where several could be meant.
     thrust_input : str, optional
         ``force`` or ``command``; by default commands if all values are within -1 and 1.
-
-    Returns
-    -------
-    ManoeuvringTrial
 
     Raises
     ------

@@ -49,7 +49,7 @@ LARGEST_COMMAND = 1.5
 """A command beyond is not normalised."""
 
 
-def read_manoeuvring_csv(path, frame=None):
+def read_manoeuvring_csv(path, frame=None) -> ManoeuvringTrial:
     """Read a record of a manoeuvre.
 
     Columns, in any order: ``time_s``; ``port_thrust_n`` and ``starboard_thrust_n``, or ``port_command`` and
@@ -65,10 +65,6 @@ def read_manoeuvring_csv(path, frame=None):
         Of the file.
     frame : str, optional
         ``enu`` or ``ned``; by default what the file states, else not stated.
-
-    Returns
-    -------
-    ManoeuvringTrial
 
     Raises
     ------

@@ -58,17 +58,13 @@ FORMAT = ModelFormat(
 """What a model file holds; null stands for what is not known."""
 
 
-def manoeuvring_to_yaml(identified):
+def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:
     """Text of a model file.
 
     Parameters
     ----------
     identified : IdentifiedManoeuvringModel
         Written whole, with uncertainty and provenance.
-
-    Returns
-    -------
-    str
     """
     model = identified.model
     std = dict(zip(identified.names, np.sqrt(np.diag(identified.covariance)).tolist(), strict=True))
@@ -90,7 +86,7 @@ def manoeuvring_to_yaml(identified):
     )  # fmt: skip
 
 
-def manoeuvring_from_yaml(text, source='the model'):
+def manoeuvring_from_yaml(text, source='the model') -> IdentifiedManoeuvringModel:
     """The model of a model file's text.
 
     Parameters
@@ -99,10 +95,6 @@ def manoeuvring_from_yaml(text, source='the model'):
         Any text.
     source : str
         Named in the errors.
-
-    Returns
-    -------
-    IdentifiedManoeuvringModel
 
     Raises
     ------

@@ -55,32 +55,24 @@ FORMAT = ModelFormat(
 """What a model file holds; null stands for what is not known."""
 
 
-def model_to_yaml(models):
+def model_to_yaml(models) -> str:
     """Text of a model file.
 
     Parameters
     ----------
     models : mapping of str to IdentifiedModel
         Axis to model.
-
-    Returns
-    -------
-    str
     """
     return _dumped(models)
 
 
-def scheduled_to_yaml(schedules):
+def scheduled_to_yaml(schedules) -> str:
     """Text of a model file with a schedule.
 
     Parameters
     ----------
     schedules : mapping of str to ScheduledModel
         Axis to schedule.
-
-    Returns
-    -------
-    str
     """
     plain = {
         axis: {

@@ -165,7 +165,7 @@ class OutputBag:
         self.add(DIAGNOSTICS_TOPIC, time_ns, diagnostics_message(time_ns, statuses))
 
 
-def offered_qos(latched, reliable):
+def offered_qos(latched, reliable) -> Qos:
     """What a bag says of the publisher of a topic.
 
     Parameters
@@ -174,10 +174,6 @@ def offered_qos(latched, reliable):
         Transient local.
     reliable : bool
         Else best effort.
-
-    Returns
-    -------
-    rosbags.interfaces.Qos
     """
     return Qos(
         QosHistory.KEEP_LAST, 1 if latched else 10,

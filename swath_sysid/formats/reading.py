@@ -2,6 +2,7 @@
 import hashlib
 from pathlib import Path
 
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.mti import is_mti, read_mti
@@ -20,7 +21,7 @@ FOREIGN = {
 HASH_BYTES = 1 << 20
 
 
-def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
+def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
 
     What it is shows from its content, not from its name.
@@ -36,10 +37,6 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
         ``flu``.
     mounting : tuple of 3 floats
         Roll, pitch, yaw of the sensor in the craft, rad.
-
-    Returns
-    -------
-    Trial
 
     Raises
     ------
@@ -67,7 +64,7 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
     return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
 
 
-def source_hash(path):
+def source_hash(path) -> str:
     """The SHA-256 of a file, or of the names and contents of the files in a bag folder.
 
     Parameters

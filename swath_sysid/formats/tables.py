@@ -75,7 +75,7 @@ class TableHead:
     offset: int
 
 
-def read_head(path):
+def read_head(path) -> TableHead:
     """What stands above the numbers of a table.
 
     The names are on the first line that is not a comment; if that line is numbers already, on the
@@ -85,10 +85,6 @@ def read_head(path):
     ----------
     path : Path
         Of the table.
-
-    Returns
-    -------
-    TableHead
 
     Raises
     ------

@@ -50,7 +50,7 @@ def shown(value):
     return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
 
 
-def text_of(path, what='model file'):
+def text_of(path, what='model file') -> str:
     """Text of a file.
 
     Parameters
@@ -59,10 +59,6 @@ def text_of(path, what='model file'):
         Of the file.
     what : str
         What it should be, for the errors.
-
-    Returns
-    -------
-    str
 
     Raises
     ------

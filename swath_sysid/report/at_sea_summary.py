@@ -63,16 +63,7 @@ def _correlation(covariance):
 
 
 def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
-    """Lines for a reader.
-
-    Parameters
-    ----------
-    found : AtSeaIdentification
-
-    Returns
-    -------
-    list of str
-    """
+    """Lines for a reader."""
     model, motion = found.model, found.motion
     return [
         f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '

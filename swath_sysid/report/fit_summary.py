@@ -62,22 +62,12 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
 
 
 def warnings_as_data(advice: Iterable[Advice]) -> dict[str, list[dict[str, str]]]:
-    """The field ``warnings`` of what ``--json`` prints, each warning once.
-
-    Parameters
-    ----------
-    advice : iterable of Advice
-    """
+    """The field ``warnings`` of what ``--json`` prints, each warning once."""
     return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
 
 
 def fit_in_words(identification: Identification, inertia: float | None = None) -> list[str]:
-    """Lines for a reader.
-
-    Returns
-    -------
-    list of str
-    """
+    """Lines for a reader."""
     model = identification.model
     lines = [f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)']
     lines += [

@@ -79,10 +79,6 @@ def record_in_words(
     motions : sequence of AxisMotion
     worded : callable
         Of the code and the message of an advice; returns the message as the reader is to see it.
-
-    Returns
-    -------
-    list of str
     """
     data = record_as_data(trial, motions)
     lines = [

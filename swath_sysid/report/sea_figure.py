@@ -12,16 +12,7 @@ if TYPE_CHECKING:
 
 
 def sea_figure(found: SeaState) -> Figure:
-    """Draw a `SeaState`.
-
-    Parameters
-    ----------
-    found : SeaState
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw a `SeaState`."""
     figure, axes = new_panel(8.0, 4.2)
     axes.plot(found.frequency, found.spectrum, color=RESIDUAL, linewidth=1.4)
     low, high = found.peak_period_interval

@@ -180,10 +180,6 @@ def markdown_table(node_name: str) -> str:
     ----------
     node_name : str
         As in the parameter file.
-
-    Returns
-    -------
-    str
     """
     lines = ['| Parameter | Default | Range | Unit | Meaning |', '|---|---|---|---|---|']
     for p in table_of(node_name):
