@@ -19,10 +19,10 @@ from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import opened_bag, read_bag, read_imu, write_imu_bag
 from swath_sysid.formats.csv_trials import write_csv
-from swath_sysid.formats.imu_readings import read_readings
 from swath_sysid.formats.messages import ImuMessage, diagnostics_message, horizon_message
 from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model
 from swath_sysid.formats.output_bag import OutputBag, writing_output_bag
+from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast

@@ -90,24 +90,8 @@ def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     """Read a trial from an IMU topic of a rosbag2 bag.
 
     Time is that of the header stamps, from the first message. Angles come from the orientation
-    (none if its covariance begins with -1), Euler rates from it and the angular velocity.
-
-    Parameters
-    ----------
-    path : str or Path
-        A bag folder, or a single .mcap or .db3 file.
-    topic : str, optional
-        Which topic, needed only if the bag holds several of type sensor_msgs/msg/Imu.
-    frame : str, optional
-        ``flu`` (default) or ``frd``: what the sensor's axes mean.
-    mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad.
-
-    Raises
-    ------
-    InputError
-        There is no such bag or topic, the choice of the topic is open, the bag is damaged beyond
-        reading, or holds too few usable messages.
+    (none if its covariance begins with -1), Euler rates from it and the angular velocity. Parameters and errors are
+    those of `swath_sysid.formats.reading.read_trial`.
     """
     installation = Installation(frame or 'flu', mounting)
     record = read_imu(path, topic)

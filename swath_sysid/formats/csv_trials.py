@@ -108,23 +108,8 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     ``initial_angle_rad``, ``frame``, ``mounting_deg`` (roll, pitch, yaw of the sensor, as in ``180, 0, 0``), and
     ``sample_rate_hz``, which goes with ``time_samples``.
 
-    A quantity that stands in two columns is read where both agree.
-
-    Parameters
-    ----------
-    path : str or Path
-        Of the file.
-    frame : str, optional
-        ``flu`` or ``frd``; by default what the file says of itself, else ``flu``.
-    mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, what the file says of itself.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, lacks a time column or any roll or pitch motion, names a column
-        without its unit, holds columns that contradict each other or values that their unit cannot
-        have, or holds too few usable rows.
+    A quantity that stands in two columns is read where both agree. Frame and mounting, where they are not given, are
+    those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
     path = Path(path)
     try:

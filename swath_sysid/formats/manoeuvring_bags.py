@@ -70,11 +70,7 @@ def read_manoeuvring_bag(
     path = Path(path)
     with opened_bag(path) as (readers, advice):
         advice = list(advice)
-        connections = [(reader, c) for reader in readers for c in reader.connections]
-        topics = {}
-        for _, connection in connections:
-            topics.setdefault(connection.msgtype, set()).add(connection.topic)
-        chosen = _choose(path, topics, odometry, imu, port, starboard)
+        chosen = _choose(path, _topics_by_type(readers), odometry, imu, port, starboard)
         tables = _read(path, readers, set(chosen.values()), advice)
     pose = tables[chosen['odometry']]
     offset = _clock_offset(pose, path, advice)
@@ -123,10 +119,7 @@ def holds_manoeuvres(path):
     """
     path = Path(path)
     with opened_bag(path) as (readers, _):
-        topics = {}
-        for reader in readers:
-            for connection in reader.connections:
-                topics.setdefault(connection.msgtype, set()).add(connection.topic)
+        topics = _topics_by_type(readers)
     numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
     sides = all(any(p.search(t) and THRUSTER.search(t) for t in numbers) for p in SIDES.values())
     return bool(topics.get(ODOMETRY) and (sides or topics.get(JOINTS))), bool(topics.get(IMU))
@@ -168,6 +161,13 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
             values[RATES] = 0.0, 0.0, state.yaw_rate
             values[FORCE_COVARIANCE.start] = NOT_MEASURED
             add(f'/{namespace}/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
+
+
+def _topics_by_type(readers):
+    topics = {}
+    for connection in (connection for reader in readers for connection in reader.connections):
+        topics.setdefault(connection.msgtype, set()).add(connection.topic)
+    return topics
 
 
 def _choose(path, topics, odometry, imu, port, starboard):

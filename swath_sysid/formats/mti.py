@@ -44,21 +44,8 @@ def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
 
     Time comes from SampleTimeFine (0.1 ms), or else from PacketCounter and the update rate that
     the comment lines give; both are unwrapped, and lost packets show as gaps. It counts from the
-    first sample.
-
-    Parameters
-    ----------
-    path : str or Path
-        Of the file.
-    frame : str, optional
-        ``flu`` (default: what an MTi sends as delivered, in ENU) or ``frd``.
-    mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, holds no time or no roll or pitch motion, or too few usable rows.
+    first sample. Without a frame it is taken as delivered, in ENU. Parameters and errors are those of
+    `swath_sysid.formats.reading.read_trial`.
     """
     path = Path(path)
     try:

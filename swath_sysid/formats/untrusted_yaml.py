@@ -88,7 +88,7 @@ def text_of(path, what='model file') -> str:
 
 
 def plain_content(text, source):
-    """Plain data of a YAML text.
+    """Plain data of a YAML text; names are texts, numbers finite.
 
     Parameters
     ----------
@@ -96,11 +96,6 @@ def plain_content(text, source):
         Any text.
     source : str
         Named in the errors.
-
-    Returns
-    -------
-    dict, list, str, int, float, bool or None
-        Names are texts, numbers finite.
 
     Raises
     ------
@@ -112,24 +107,10 @@ def plain_content(text, source):
 
 
 def parsed(text, source):
-    """The nodes of a YAML text, each with its line, for messages that name lines.
+    """The nodes of a YAML text, each with its line, for messages that name lines; None for a text without content.
 
-    Parameters
-    ----------
-    text : str
-        Any text.
-    source : str
-        Named in the errors.
-
-    Returns
-    -------
-    yaml.Node or None
-        None for a text without content. Tags are not set: `scalar_value` says what a scalar is.
-
-    Raises
-    ------
-    InputError
-        As `plain_content`, but for what concerns names and numbers.
+    Tags are not set: `scalar_value` says what a scalar is. Parameters and errors are those of `plain_content`, but for
+    what concerns names and numbers.
     """
     _check_text(text, source)
     root, open_nodes, values = None, [], 0
