@@ -13,7 +13,6 @@ from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.tables import (
     ANGLE_UNITS,
     EPOCH_SECONDS,
@@ -28,6 +27,7 @@ from swath_sysid.formats.tables import (
     read_head,
     remark_number,
     shown,
+    write_table,
 )
 
 SAMPLES = 'samples'
@@ -80,8 +80,6 @@ LOOKED_FOR = ('roll_rad', 'pitch_rad', 'roll_deg', 'pitch_deg', 'roll_rate_rad_s
 
 WRITTEN_UNITS = {'roll': 'rad', 'pitch': 'rad', 'roll_rate': 'rad_s', 'pitch_rate': 'rad_s',
                  'accel_x': 'm_s2', 'accel_y': 'm_s2', 'accel_z': 'm_s2', 'yaw_rate': 'rad_s', 'heave': 'm'}
-
-LINES_AT_ONCE = 100_000
 
 
 def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
@@ -155,17 +153,9 @@ def write_csv(path, trial):
     InputError
         The file cannot be written.
     """
-    names = ['time_s', *(f'{name}_{WRITTEN_UNITS[name]}' for name in trial.channels)]
-    columns = [np.asarray(values, dtype=float) for values in (trial.time, *trial.channels.values())]
     remarks = {'frame': 'flu', 'draft_m': trial.draft, 'initial_angle_rad': trial.initial_angle}
-    with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
-        for key, value in remarks.items():
-            if value is not None:
-                file.write(f'# {key}: {value}\n')
-        file.write(','.join(names) + '\n')
-        for start in range(0, trial.time.size, LINES_AT_ONCE):
-            rows = zip(*(column[start:start + LINES_AT_ONCE].tolist() for column in columns), strict=True)
-            file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
+    channels = {f'{name}_{WRITTEN_UNITS[name]}': values for name, values in trial.channels.items()}
+    write_table(path, remarks, {'time_s': trial.time, **channels})
 
 
 @dataclass(frozen=True)

@@ -125,11 +125,11 @@ def holds_manoeuvres(path):
     return bool(topics.get(ODOMETRY) and (sides or topics.get(JOINTS))), bool(topics.get(IMU))
 
 
-def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0):
+def write_manoeuvring_bag(path, manoeuvre, *, start_stamp_ns=0):
     """Write a simulated manoeuvre as VRX would have recorded it.
 
-    Topics ``/NAMESPACE/thrusters/left/thrust`` and ``right/thrust`` (std_msgs/Float64), ``/NAMESPACE/odometry``
-    (nav_msgs/Odometry) and ``/NAMESPACE/sensors/imu/imu/data`` (sensor_msgs/Imu).
+    Topics ``/wamv/thrusters/left/thrust`` and ``right/thrust`` (std_msgs/Float64), ``/wamv/odometry``
+    (nav_msgs/Odometry) and ``/wamv/sensors/imu/imu/data`` (sensor_msgs/Imu).
 
     Parameters
     ----------
@@ -137,15 +137,13 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
         ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
     manoeuvre : Manoeuvre
         Its inputs become the thrust commands.
-    namespace : str
-        Before all topics.
     start_stamp_ns : int
         Stamp of the first sample.
     """
     m = manoeuvre
-    imu = ImuMessage(f'{namespace}/imu_link')
+    imu = ImuMessage('wamv/imu_link')
     unknown = np.zeros((3, 3))
-    sides = [(f'/{namespace}/thrusters/{side}/thrust', thrust) for side, thrust in
+    sides = [(f'/wamv/thrusters/{side}/thrust', thrust) for side, thrust in
              (('left', m.port), ('right', m.starboard))]  # fmt: skip
     with writing_bag(path) as add:
         rows = np.stack([m.x, m.y, m.heading, m.surge, m.sway, m.yaw_rate], axis=1).tolist()
@@ -154,13 +152,13 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
             state = ManoeuvreState(t, *motion, unknown, unknown)
             for topic, thrust in sides:
                 add(topic, NUMBERS[0], stamp, number_message(thrust[k]))
-            odometry = odometry_message(state, 'odom', f'{namespace}/base_link', stamp)
-            add(f'/{namespace}/odometry', ODOMETRY, stamp, odometry)
+            odometry = odometry_message(state, 'odom', 'wamv/base_link', stamp)
+            add('/wamv/odometry', ODOMETRY, stamp, odometry)
             values = np.zeros(IMU_VALUES)
             values[ORIENTATION] = quaternion(0.0, 0.0, state.heading)
             values[RATES] = 0.0, 0.0, state.yaw_rate
             values[FORCE_COVARIANCE.start] = NOT_MEASURED
-            add(f'/{namespace}/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
+            add('/wamv/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
 
 
 def _topics_by_type(readers):

@@ -57,7 +57,7 @@ def play_manoeuvres(trial, settings, identified=None):
                 yield stamp, step
 
 
-def write_forecasts(path, forecasts, leads, namespace=''):
+def write_forecasts(path, forecasts, leads):
     """Write forecasts as mcap on the topics of manoeuvring_predictor.
 
     Parameters
@@ -68,8 +68,6 @@ def write_forecasts(path, forecasts, leads, namespace=''):
         Stamp, s, and what was forecast then.
     leads : sequence of float
         s.
-    namespace : str
-        Before all topics.
 
     Returns
     -------
@@ -82,7 +80,7 @@ def write_forecasts(path, forecasts, leads, namespace=''):
         The name does not end in .mcap, or the file cannot be written.
     """
     count = 0
-    with writing_output_bag(path, namespace=namespace) as bag:
+    with writing_output_bag(path) as bag:
         for stamp, step in forecasts:
             count += 1
             time_ns = round(stamp * SECOND_NS)

@@ -7,6 +7,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
 
 TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
@@ -39,6 +40,9 @@ TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))
 """Bytes that a text may hold."""
 
 QUOTED = re.compile(r'"([^"\n]*)"')
+
+LINES_AT_ONCE = 100_000
+"""Rows written at once."""
 
 EXTRA_ROWS = 20
 """Rows looked at to find whether they hold more cells than there are names."""
@@ -155,6 +159,27 @@ def read_columns(path, head, indices):
                                  f'sample')
             parser.parse(block + rest)
     return parser.columns(), parser.advice()
+
+
+def write_table(path, remarks, columns):
+    """Write a table that `read_columns` reads back exactly, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the CSV file.
+    remarks : dict of str to object
+        Comment lines above; those of which the value is None are left out.
+    columns : dict of str to ndarray, shape (N,)
+        By name.
+    """
+    values = [np.asarray(column, dtype=float) for column in columns.values()]
+    with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
+        file.writelines(f'# {key}: {value}\n' for key, value in remarks.items() if value is not None)
+        file.write(','.join(columns) + '\n')
+        for start in range(0, values[0].size, LINES_AT_ONCE):
+            rows = zip(*(column[start:start + LINES_AT_ONCE].tolist() for column in values), strict=True)
+            file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
 
 
 def plain_name(name):
