@@ -96,13 +96,13 @@ def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     installation = Installation(frame or 'flu', mounting)
     record = read_imu(path, topic)
     stamps, advice = record.stamps, list(record.advice)
-    if np.all(stamps == stamps[0]) and stamps.size > 1:
+    if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
         advice.append(Advice('no-header-stamps', (
             f'{record.topic} carries no header stamps, so the times of arrival are used: let the driver stamp its '
             f'messages'
         )))
-    readings = {}
+    readings: dict[str, np.ndarray] = {}
     for names, columns, covariance in (
         (QUATERNION, ORIENTATION, ORIENTATION_COVARIANCE),
         (GYRO, RATES, RATES_COVARIANCE),
@@ -220,10 +220,12 @@ def imu_values(trial):
     def known(channel):
         return np.zeros(count) if channel is None else channel
 
-    roll, pitch = known(trial.roll), known(trial.pitch)
+    roll, pitch, roll_rate, pitch_rate, yaw_rate = map(
+        known, (trial.roll, trial.pitch, trial.roll_rate, trial.pitch_rate, trial.yaw_rate)
+    )
     turns, angles = (trial.roll_rate, trial.pitch_rate), (trial.roll, trial.pitch)
     forces = trial.accel_x, trial.accel_y, trial.accel_z
-    rates = body_rates(roll, pitch, *map(known, turns), known(trial.yaw_rate))
+    rates = body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
     for columns, covariance, parts, channels in (
         (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, np.zeros(count)), angles),
         (RATES, RATES_COVARIANCE, rates, turns),

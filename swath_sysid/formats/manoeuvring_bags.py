@@ -30,6 +30,8 @@ NUMBERS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
 SIDES = {'port': re.compile(r'left|port', re.I), 'starboard': re.compile(r'right|starboard|stbd', re.I)}
 THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
 
+MOTION = ('x', 'y', 'heading', 'surge', 'sway', 'yaw_rate')
+
 LARGEST_COMMAND = 1.0 + 1e-6
 CLOCKS_APART = 1.0
 """s by which header stamps and times of arrival may wander against each other."""
@@ -146,10 +148,10 @@ def write_manoeuvring_bag(path, manoeuvre, *, start_stamp_ns=0):
     sides = [(f'/wamv/thrusters/{side}/thrust', thrust) for side, thrust in
              (('left', m.port), ('right', m.starboard))]  # fmt: skip
     with writing_bag(path) as add:
-        rows = np.stack([m.x, m.y, m.heading, m.surge, m.sway, m.yaw_rate], axis=1).tolist()
-        for k, (t, motion) in enumerate(zip((m.time - m.time[0]).tolist(), rows, strict=True)):
+        for k, t in enumerate((m.time - m.time[0]).tolist()):
             stamp = int(start_stamp_ns) + round(t * 1e9)
-            state = ManoeuvreState(t, *motion, unknown, unknown)
+            motion = {name: float(getattr(m, name)[k]) for name in MOTION}
+            state = ManoeuvreState(t, **motion, pose_covariance=unknown, twist_covariance=unknown)
             for topic, thrust in sides:
                 add(topic, NUMBERS[0], stamp, number_message(thrust[k]))
             odometry = odometry_message(state, 'odom', 'wamv/base_link', stamp)
@@ -162,7 +164,7 @@ def write_manoeuvring_bag(path, manoeuvre, *, start_stamp_ns=0):
 
 
 def _topics_by_type(readers):
-    topics = {}
+    topics: dict[str, set[str]] = {}
     for connection in (connection for reader in readers for connection in reader.connections):
         topics.setdefault(connection.msgtype, set()).add(connection.topic)
     return topics
@@ -218,8 +220,8 @@ def _listed(topics):
 def _read(path, readers, topics, advice):
     """Stamps (NaN without a header), times of arrival, s, and numbers of the messages of some topics."""
     store = typestore()
-    rows = {topic: [] for topic in topics}
-    names = {}
+    rows: dict[str, list[tuple]] = {topic: [] for topic in topics}
+    names: dict[str, list[int]] = {}
     damaged = 0
     for reader in readers:
         connections = [c for c in reader.connections if c.topic in topics]
@@ -252,7 +254,7 @@ def _read(path, readers, topics, advice):
 def _numbers(message, msgtype, names):
     if msgtype == ODOMETRY:
         reading = odometry_reading(message)
-        return reading.x, reading.y, reading.heading, reading.surge, reading.sway, reading.yaw_rate
+        return tuple(getattr(reading, name) for name in MOTION)
     if msgtype == IMU:
         return (message.angular_velocity.z,)
     if msgtype == JOINTS:

@@ -90,10 +90,11 @@ def read_manoeuvring_csv(path, frame=None) -> ManoeuvringTrial:
     finite = time[np.isfinite(time)]
     if not finite.size:
         raise InputError(f'{path} has no readable time: check its time column')
+    motion = {name: found.get(name) for name in ('surge', 'sway', 'yaw_rate', 'heading')}
     return ManoeuvringTrial(
-        time - finite[0] if abs(finite[0]) > EPOCH_SECONDS else time, port, starboard, thrust_input,
-        *(found.get(name) for name in ('surge', 'sway', 'yaw_rate', 'heading')), x, y, frame,
-        *(remark_number(path, head.remarks, key) for key in ('lever_m', 'length_m')), str(path), tuple(advice),
+        time - finite[0] if abs(finite[0]) > EPOCH_SECONDS else time, port, starboard, thrust_input, **motion, x=x, y=y,
+        frame=frame, lever=remark_number(path, head.remarks, 'lever_m'),
+        length=remark_number(path, head.remarks, 'length_m'), source=str(path), advice=advice,
     )  # fmt: skip
 
 
@@ -120,7 +121,7 @@ def write_manoeuvring_csv(path, manoeuvre, model):
 
 
 def _find_columns(path, names):
-    known, columns = known_columns(QUANTITIES), {}
+    known, columns = known_columns(QUANTITIES), dict[str, tuple[int, float]]()
     for index, name in enumerate(map(plain_name, names)):
         if name in known:
             reading, _, scale = known[name]

@@ -50,9 +50,9 @@ def play_manoeuvres(trial, settings, identified=None):
         if np.isfinite(trial.yaw_rate[k]):
             rate = float(trial.yaw_rate[k])
             outlook.add_yaw_rate(stamp, rate)
-        values = [float(getattr(trial, name)[k]) for name in names]
-        if np.all(np.isfinite(values)) and np.isfinite(rate):
-            step = outlook.add_odometry(OdometryReading(stamp, *values, rate, {}))
+        motion = {name: float(getattr(trial, name)[k]) for name in names}
+        if np.all(np.isfinite([*motion.values(), rate])):
+            step = outlook.add_odometry(OdometryReading(stamp, **motion, yaw_rate=rate, std={}))
             if step.path:
                 yield stamp, step
 

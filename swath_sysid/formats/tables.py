@@ -233,9 +233,9 @@ class _BlockParser:
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
         self.text_cells = 0
-        self.first_text = None
+        self.first_text: tuple[int, str, str] | None = None
         self.short_rows = 0
-        self.first_short = None
+        self.first_short: int | None = None
 
     def parse(self, block):
         text = self._plain(block)
@@ -256,7 +256,7 @@ class _BlockParser:
 
     def advice(self):
         advice = []
-        if self.text_cells:
+        if self.first_text is not None:
             line, column, cell = self.first_text
             advice.append(Advice('text-in-numbers', (
                 f"{self.text_cells} cells that are not numbers taken as missing, the first '{shown(cell)}' in line "
@@ -333,7 +333,7 @@ def _opened(path):
         raise InputError(f'{path} is a long text in UTF-16: save it in UTF-8')
     try:
         return io.BytesIO(raw.decode(encoding).removeprefix('\ufeff').encode('utf-8'))
-    except UnicodeError as error:
+    except (UnicodeDecodeError, UnicodeEncodeError) as error:
         raise InputError(f'{path} looks like a text in UTF-16 and is damaged ({error.reason}): save it again, in '
                          f'UTF-8') from error
 

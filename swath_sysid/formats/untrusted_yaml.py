@@ -113,7 +113,7 @@ def parsed(text, source):
     what concerns names and numbers.
     """
     _check_text(text, source)
-    root, open_nodes, values = None, [], 0
+    root, open_nodes, values = None, list[yaml.Node](), 0
     try:
         for event in yaml.parse(text, Loader=_PARSER):
             if isinstance(event, yaml.NodeEvent):
@@ -263,9 +263,9 @@ def located(node, source, name=None):
         except InputError as error:
             raise LocatedError(source, name, line_of(node), str(error)) from error
     if isinstance(node, yaml.SequenceNode):
-        found = LocatedList(located(item, source, name) for item in node.value)
-        found.lines = [line_of(item) for item in node.value]
-        return found
+        items = LocatedList(located(item, source, name) for item in node.value)
+        items.lines = [line_of(item) for item in node.value]
+        return items
     found = LocatedDict()
     for name_node, value_node in node.value:
         inner = located(name_node, source, name) if isinstance(name_node, yaml.ScalarNode) else None
@@ -288,6 +288,8 @@ class LocatedDict(dict):
 
 class LocatedList(list):
     """A list with the line of each item."""
+
+    lines: list[int]
 
 
 class LocatedError(InputError):

@@ -24,6 +24,7 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
     Parameters
     ----------
     identification : Identification
+        Of one or several records.
     wall_s : float, optional
         How long it took.
     inertia : float, optional

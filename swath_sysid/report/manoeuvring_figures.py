@@ -15,13 +15,7 @@ MAX_PARAMETERS = 30
 
 
 def run_figures(found, window=20.0):
-    """Trajectory and time histories, measured and freely simulated, of every run.
-
-    Parameters
-    ----------
-    found : ManoeuvringIdentification
-    window : float
-        s.
+    """Trajectory and time histories, measured and freely simulated in windows, s, of every run.
 
     Returns
     -------

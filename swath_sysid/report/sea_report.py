@@ -14,14 +14,7 @@ if TYPE_CHECKING:
 
 
 def sea_in_words(found: SeaState, name: str) -> list[str]:
-    """Lines for a reader.
-
-    Parameters
-    ----------
-    found : SeaState
-    name : str
-        Of the record.
-    """
+    """Lines for a reader, with the name of the record."""
     low, high = found.peak_period_interval
     if math.isfinite(found.axis):
         side = 'to port' if found.axis > 0.0 else 'to starboard'
