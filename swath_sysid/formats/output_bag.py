@@ -152,15 +152,7 @@ class OutputBag:
 
 
 def offered_qos(latched, reliable) -> Qos:
-    """What a bag says of the publisher of a topic.
-
-    Parameters
-    ----------
-    latched : bool
-        Transient local.
-    reliable : bool
-        Else best effort.
-    """
+    """What a bag says of the publisher of a topic: transient local if latched, best effort if not reliable."""
     return Qos(
         QosHistory.KEEP_LAST, 1 if latched else 10,
         QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
