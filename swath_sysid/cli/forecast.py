@@ -180,7 +180,7 @@ def _print_quiescence(console: Any, skill: Any) -> None:
     )  # fmt: skip
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
-        f'(always telling its share: {found.brier_of_climate:.3f})'
+        f'(always stating its share: {found.brier_of_climate:.3f})'
     )
 
 

@@ -116,7 +116,7 @@ def _is_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str):
     """Whether the record is to be taken for motion in waves."""
     if arguments.at_sea or arguments.decay:
         return arguments.at_sea
-    # who gives bounds or an equation means a decay
+    # bounds or an equation imply a decay
     given = (arguments.start, arguments.end, arguments.equation)
     return given == (None, None, None) and all(is_forced(trial.axis(axis)) for trial in trials)
 

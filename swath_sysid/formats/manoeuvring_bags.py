@@ -133,14 +133,7 @@ def write_manoeuvring_bag(path, manoeuvre, *, start_stamp_ns=0):
     Topics ``/wamv/thrusters/left/thrust`` and ``right/thrust`` (std_msgs/Float64), ``/wamv/odometry``
     (nav_msgs/Odometry) and ``/wamv/sensors/imu/imu/data`` (sensor_msgs/Imu).
 
-    Parameters
-    ----------
-    path : str or Path
-        ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
-    manoeuvre : Manoeuvre
-        Its inputs become the thrust commands.
-    start_stamp_ns : int
-        Stamp of the first sample.
+    Its inputs become the thrust commands. Path and stamp are as for `swath_sysid.formats.bags.write_imu_bag`.
     """
     m = manoeuvre
     imu = ImuMessage('wamv/imu_link')

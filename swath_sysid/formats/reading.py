@@ -36,10 +36,9 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Tri
     topic : str, optional
         The IMU topic, for bags that hold several.
     frame : str, optional
-        ``flu`` or ``frd``: the sensor's axes; by default what a CSV file says of itself, else
-        ``flu``.
+        ``flu`` or ``frd``: the sensor's axes; by default that stated in a CSV file, else ``flu``.
     mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, what a CSV file says of itself.
+        Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
 
     Raises
     ------

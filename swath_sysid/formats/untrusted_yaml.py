@@ -236,7 +236,7 @@ def _node_of(event):
 
 
 def located(node, source, name=None):
-    """Plain data of a node, whose mappings and lists know the lines of what they hold.
+    """Plain data of a node, whose mappings and lists carry the lines of what they hold.
 
     Parameters
     ----------

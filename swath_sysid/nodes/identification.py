@@ -94,7 +94,7 @@ class IdentificationNode(Node):
         return self._ended is not None
 
     def alone(self, work: Callable[[], Awaitable[Answer]]) -> Awaitable[Answer]:
-        """What a work ends in, which runs once for all who ask meanwhile."""
+        """The answer of some work, which runs once for all callers meanwhile."""
         return self._begun(work) if self._ended is None else self._ended
 
     def begin(self, work: Callable[[], Awaitable[Answer]]) -> None:

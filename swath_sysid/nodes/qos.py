@@ -11,10 +11,10 @@ from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.pipeline.health import QOS_MISMATCH, Reasons
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Reliable, transient local, depth 1: who comes late gets the last one."""
+"""Reliable, transient local, depth 1: a late subscriber gets the last one."""
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-"""Reliable, depth 1: who is slow gets the newest forecast only."""
+"""Reliable, depth 1: a slow subscriber gets the newest forecast only."""
 
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty."""

@@ -39,7 +39,7 @@ def _has_moved(node_name: str, name: str) -> bool:
 
 
 def moved_parameters(path: str | Path | None, node_name: str) -> dict[str, Values]:
-    """What a parameter file says of a node under the names of an earlier version.
+    """What a parameter file sets of a node under the names of an earlier version.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def moved_parameters(path: str | Path | None, node_name: str) -> dict[str, Value
 
 
 def with_moved_parameters(arguments: Sequence[str], node_name: str) -> tuple[list[str], list[str]]:
-    """Arguments of a node, with what its parameter files say of it under earlier names put before all else.
+    """Arguments of a node, with what its parameter files set under earlier names put before all else.
 
     Parameters
     ----------
