@@ -116,7 +116,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
         values, advice = read_columns(path, head, [column.index for column in columns])
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from error
-    check_units(path, columns, values)
+    _check_units(path, columns, values)
     readings = _agreeing(path, columns, values)
     if unitless:
         advice += (Advice('unit-missing', (
@@ -129,7 +129,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     trial = assemble_trial(
         time, readings, _installation(path, head.remarks, frame, mounting), source=str(path),
         draft=remark_number(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks),
-        advice=(*advice, *small_angle_advice(columns, values)),
+        advice=(*advice, *_small_angle_advice(columns, values)),
     )
     swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
     start = _first_finite(values[columns.index(times[0])]) * times[0].scale
@@ -188,24 +188,12 @@ def _find_columns(path, names):
             raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}")
         raise InputError(f'{path} has no roll or pitch motion: looked for {", ".join(LOOKED_FOR)}, '
                          f'found {listed_names(names)}; name the columns so')
-    refuse_doubled(path, [column.name for column in columns])
+    _refuse_doubled(path, [column.name for column in columns])
     return columns, unitless
 
 
-def refuse_doubled(path, names):
-    """Refuse a table in which a column that is read stands twice.
-
-    Parameters
-    ----------
-    path : Path
-        Named in the error.
-    names : sequence of str
-        Of the columns that are read, as written.
-
-    Raises
-    ------
-    InputError
-    """
+def _refuse_doubled(path, names):
+    """Refuse a table in which a column that is read stands twice."""
     plain = [plain_name(name) for name in names]
     twice = next((name for place, name in enumerate(names) if plain[place] in plain[:place]), None)
     if twice is not None:
@@ -247,22 +235,8 @@ def _refuse_contradicting_orientation(path, readings):
                              f'wrong')
 
 
-def check_units(path, columns, values):
-    """Refuse angles that are called rad and can only be degrees.
-
-    Parameters
-    ----------
-    path : Path
-        Named in the error.
-    columns : sequence of Column
-        Those that are read.
-    values : sequence of ndarray, shape (N,)
-        As written.
-
-    Raises
-    ------
-    InputError
-    """
+def _check_units(path, columns, values):
+    """Refuse angles that are called rad and can only be degrees."""
     for column, row in zip(columns, values, strict=True):
         limit = LARGEST_ANGLES.get(column.reading)
         known = row[np.isfinite(row)]
@@ -275,21 +249,8 @@ def check_units(path, columns, values):
                              f"than an angle in rad can be: if it is in degrees, call it '{shown(name)}'")
 
 
-def small_angle_advice(columns, values):
-    """Advice where all angles are declared in degrees but move as little as angles in rad do.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-        Those that are read.
-    values : sequence of ndarray, shape (N,)
-        As written.
-
-    Returns
-    -------
-    tuple of Advice
-        Code ``hardly-moves``.
-    """
+def _small_angle_advice(columns, values):
+    """Advice (``hardly-moves``) where all angles are declared in degrees but move as little as angles in rad do."""
     angles = {column.name: row[np.isfinite(row)] for column, row in zip(columns, values, strict=True)
               if column.reading in LARGEST_ANGLES and column.unit == 'deg'}
     swings = {name: float(np.subtract(*np.percentile(row, [99, 1]))) / 2 for name, row in angles.items() if row.size}

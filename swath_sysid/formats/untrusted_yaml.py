@@ -109,7 +109,7 @@ def plain_content(text, source):
 def parsed(text, source):
     """The nodes of a YAML text, each with its line, for messages that name lines; None for a text without content.
 
-    Tags are not set: `scalar_value` says what a scalar is. Parameters and errors are those of `plain_content`, but for
+    Tags are not set: `_scalar_value` says what a scalar is. Parameters and errors are those of `plain_content`, but for
     what concerns names and numbers.
     """
     _check_text(text, source)
@@ -143,19 +143,8 @@ def parsed(text, source):
     return root
 
 
-def scalar_value(node):
-    """The value of a scalar node: text, finite number, bool, or None.
-
-    Parameters
-    ----------
-    node : yaml.ScalarNode
-        Of `parsed`.
-
-    Raises
-    ------
-    InputError
-        A number that is not finite, or too long; the sentence does not say where.
-    """
+def _scalar_value(node):
+    """The value of a scalar node: text, finite number, bool, or None; the error does not say where it stands."""
     text = node.value
     if node.style not in (None, ''):
         return text
@@ -259,7 +248,7 @@ def located(node, source, name=None):
     # recursion is safe here: the depth is limited
     if isinstance(node, yaml.ScalarNode):
         try:
-            return scalar_value(node)
+            return _scalar_value(node)
         except InputError as error:
             raise LocatedError(source, name, line_of(node), str(error)) from error
     if isinstance(node, yaml.SequenceNode):

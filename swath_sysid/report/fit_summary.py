@@ -103,21 +103,12 @@ def ratio_lines(identified: Any) -> list[str]:
 
 def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:
     """What ``compare --json`` prints."""
+    ranked = [
+        {**fit_as_data(r.identification), 'terms': r.term_count, 'criterion': r.criterion, 'held_out_nrmse': r.held_out}
+        for r in comparison.ranked
+    ]
     return finite_or_none(
-        {
-            'ranked': [
-                {
-                    **fit_as_data(ranked.identification),
-                    'terms': ranked.term_count,
-                    'criterion': ranked.criterion,
-                    'held_out_nrmse': ranked.held_out,
-                }
-                for ranked in comparison.ranked
-            ],
-            'choice': comparison.choice.name,
-            'reason': comparison.reason,
-            'wall_s': wall_s,
-        }
+        {'ranked': ranked, 'choice': comparison.choice.name, 'reason': comparison.reason, 'wall_s': wall_s}
     )
 
 
