@@ -33,9 +33,5 @@ def worded(code: str, message: str) -> str:
         Of an `Advice` or `InputError`.
     message : str
         The neutral sentence.
-
-    Returns
-    -------
-    str
     """
     return f'{message} ({FLAGS[code]})' if code in FLAGS else message

@@ -11,19 +11,9 @@ from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.fit_quality import poor_fit
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.cli.identify import add_force_argument, add_search_arguments, conclude_fit, settings_of
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import (
-    add_source_arguments,
-    check_model_and_plot,
-    chosen_axis,
-    motions_of,
-    provenance_of,
-    read_trials,
-)
-from swath_sysid.formats.model_file import write_model
-from swath_sysid.report.figures import save_figure
+from swath_sysid.cli.sources import add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 
@@ -51,11 +41,7 @@ def run(arguments: Namespace) -> int:
     """Compare, print the ranking, and write what was asked for."""
     began = time.perf_counter()
     settings = settings_of(arguments)
-    check_model_and_plot(arguments, arguments.trials)
-    trials, read_advice = read_trials(arguments.trials, arguments)
-    axis = chosen_axis(trials, arguments.axis)
-    for trial in trials:
-        refuse_contradictions(trial, axis)
+    trials, read_advice, axis = trials_of(arguments)
     equations = equations_asked(arguments.equations, axis)
     problem = prepare(motions_of(trials, axis), settings.start, settings.end)
     with progress_of('compare') as progress:
@@ -65,10 +51,7 @@ def run(arguments: Namespace) -> int:
         )  # fmt: skip
     choice = found.choice.identification
     faults = poor_fit(choice)
-    if arguments.output and (arguments.force or not faults):
-        write_model(arguments.output, {axis: choice.identified_model(provenance_of(arguments.trials))})
-    if arguments.plot:
-        save_figure(fit_figure(choice), arguments.plot)
+    write_fit(arguments, choice, fit_figure, arguments.force or not faults)
     show_advice((*choice.advice, *faults))
     if arguments.json:
         data = comparison_as_data(found, time.perf_counter() - began)

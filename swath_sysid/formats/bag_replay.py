@@ -64,17 +64,13 @@ class RecordedTopic:
         return self.kind == IMU_TYPE
 
 
-def recorded_topics(readers):
+def recorded_topics(readers) -> dict[str, RecordedTopic]:
     """The topics of a bag by name, but /clock.
 
     Parameters
     ----------
     readers : list
         Of `opened_bag`.
-
-    Returns
-    -------
-    dict of str to RecordedTopic
     """
     found: dict[str, RecordedTopic] = {}
     for connection in (connection for reader in readers for connection in reader.connections):

@@ -31,7 +31,7 @@ def sea_as_data(state):
     return finite_or_none({f'{name}_{unit}': getattr(state, name) for name, unit in _UNITS.items()})
 
 
-def sea_as_yaml(report, stamp_ns):
+def sea_as_yaml(report, stamp_ns) -> str:
     """The text on ``sea/state``: `sea_as_data` without the spectrum.
 
     Parameters
@@ -40,10 +40,6 @@ def sea_as_yaml(report, stamp_ns):
         With a sea state, or why there is none.
     stamp_ns : int
         Of the newest sample.
-
-    Returns
-    -------
-    str
     """
     data = {} if report.state is None else sea_as_data(report.state)
     numbers = {name: _rounded(value) for name, value in data.items() if not name.startswith(_OF_THE_SPECTRUM)}

@@ -25,7 +25,7 @@ class SeaFitting:
         self._pipeline = pipeline
         self._health = health
         self._logger = logger
-        # a fit ends in the worker's thread: a deque hands it over to that of the samples
+        # a fit ends in the worker's thread: a deque takes it to that of the samples
         self._ended: deque[tuple[Any, Exception | None]] = deque()
         self._is_fitting = False
         self._due_ns = self._newest_ns = 0
