@@ -2,6 +2,7 @@
 import importlib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +12,13 @@ from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, manoeuvring_to_yaml
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.identification.assembly import assemble, seen_region
 from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.held_out import helps
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.selection import with_potential_flow
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.motion.intake import prepare_all
@@ -96,6 +99,23 @@ def test_the_true_measurement_is_needed_to_validate(runs, truth):
     assert blind.r2['sway'] < found.r2['sway'] - 0.1
 
 
+def test_sway_knows_its_terms_to_a_common_factor_only(runs, truth):
+    """So Yur follows Xu_dot, unless Yv_dot is given: then it can be searched."""
+    factor, mass = 1.3, truth['m']
+    inertial = {name: mass - factor * (mass - truth[name]) for name in ('Yur', 'Yv_dot')}
+    scaled = truth.with_values(**inertial, **{name: factor * truth[name] for name in ('Yv', 'Yvv')})
+    port, starboard = np.repeat([20.0, 5.0, 15.0], 50), np.repeat([5.0, 20.0, -10.0], 50)
+    whole, other = (simulate(model, port, starboard, 0.1) for model in (truth, scaled))
+    assert np.abs(whole.v).max() > 0.1
+    assert np.allclose(other.v, whole.v, atol=1e-9) and np.allclose(other.yaw_rate, whole.yaw_rate, atol=1e-9)
+    settings = ManoeuvringSettings(mass=26.0)
+    problem = assemble(runs, settings)
+    assert ('Yur',) not in problem.candidates
+    assert ('Yur',) in assemble(runs, replace(settings, fixed={'Yv_dot': -22.0})).candidates
+    tied = with_potential_flow(problem, SimpleNamespace(names=('Xu_dot',), values=np.array([-2.5])))
+    assert parameter_values({'Yur': -2.5}, problem.base).tolist() == tied.base.tolist()
+
+
 @pytest.fixture(scope='module')
 def found(runs, craft_and_trials):
     return identify_manoeuvring(
@@ -112,6 +132,7 @@ def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
     for name in ('reverse_ratio', 'exponent', 'deviation_B', 'deviation_C', 'sensor_y'):
         assert abs(found.model[name] - truth[name]) < 3.5 * found.derivatives[name].std, name
     assert np.allclose(found.model.current, truth.current, atol=0.05)
+    assert found.fixed['Yur'] == pytest.approx(found.model['Xu_dot'], abs=0.05 * truth['m'])
 
 
 @pytest.mark.slow

@@ -360,6 +360,9 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
 
 def _candidates(runs, thrust_input, rows, settings):
     found = [(name,) for row in rows for name in _CANDIDATES[row]]
+    if 'Y' in rows and not {'Yv_dot'} & {*settings.fixed, *settings.towards}:
+        # no runs tell them apart: see with_potential_flow
+        found.remove(('Yur',))
     if 'Y' in rows:
         # one number in potential flow, and in what a centre of gravity ahead of the origin adds
         found += [*((name,) for name in _CANDIDATES['N-sway']), ('Yr_dot', 'Nv_dot')]

@@ -26,6 +26,7 @@ from swath_sysid.manoeuvring.identification.selection import (
     shooting_of,
     with_drift_spread,
     with_noise,
+    with_potential_flow,
     without,
     without_bounds,
 )
@@ -176,12 +177,17 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
     names = (*problem.free, *problem.tentative)
     now = first_fit(problem, shooting, names, np.concatenate([start, problem.start(problem.tentative)]))
+    tied = settings.terms is None and 'Yur' not in settings.fixed and 'Yv_dot' in now.names
     problem = with_drift_spread(with_noise(problem, now), now)
+    if tied:
+        problem = with_potential_flow(problem, now)
     now = fit(problem, renewed(problem, now), now.names, now.values)
     note(0.5)
     found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
     dropped = tuple(n for n in now.names if n not in found.names)
     problem = with_drift_spread(with_noise(without(problem, dropped), found), found)
+    if tied:
+        problem = with_potential_flow(problem, found)
     evaluations = now.evaluations + found.evaluations
     found = replace(fit(problem, renewed(problem, found), found.names, found.values), rejected=found.rejected)
     if settings.terms is None:

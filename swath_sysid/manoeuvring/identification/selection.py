@@ -183,6 +183,20 @@ def with_noise(problem, found):
     return replace(problem, noise=np.array(noise))
 
 
+def with_potential_flow(problem, found):
+    """The problem with Yur as potential flow has it, Xu_dot, where it is not searched beside Yv_dot.
+
+    Nothing drives a craft sideways: its sway stays the same when m - Yur, m - Yv_dot and all other terms of Y are
+    multiplied by one number. One of them has to be known for the others; without it Yv_dot would be wrong by
+    (m - Xu_dot) / m, which no standard deviation shows.
+    """
+    if 'Xu_dot' not in found.names or ('Yur',) in problem.candidates:
+        return problem
+    base = problem.base.copy()
+    base[INDEX['Yur']] = found.values[found.names.index('Xu_dot')]
+    return replace(problem, base=base, assumed=tuple(dict.fromkeys((*problem.assumed, 'Yur'))))
+
+
 def with_drift_spread(problem, found):
     """The problem with the differences of the runs' currents as large as a fit found them (one step of EM).
 
