@@ -93,11 +93,12 @@ def row(truth, seed, currents=None):
             found.validation.r2['yaw_rate'], took), outside  # fmt: skip
 
 
-def vicious(kind, seed):
+def vicious(kind, seed, forecasts):
     """Print what identification and forecasts make of a craft of `simulated_craft`."""
     craft = {
         'catamaran': simulated_craft.catamaran, 'otter-force': simulated_craft.otter,
         'otter-command': lambda: simulated_craft.otter(logs='command'),
+        'otter-munk': lambda: simulated_craft.otter(munk=1.0),
         'unstable': lambda: simulated_craft.unstable_hull(np.random.default_rng(seed)),
     }[kind]()  # fmt: skip
     records = simulated_craft.simulate(craft, simulated_craft.drives(seed, kind == 'catamaran'), seed)
@@ -111,7 +112,7 @@ def vicious(kind, seed):
     print(f'{kind} {seed}: validation R2 of surge, sway, yaw rate {r2}; {reversed_runs} runs reversed; '
           f'{found.validation.diverged} windows diverged {flagged or ""}')  # fmt: skip
     print('    ' + ' '.join(f'{n} {d.value:.4g}+-{d.std:.2g}' for n, d in found.derivatives.items()), flush=True)
-    if kind != 'catamaran':
+    if not forecasts:
         return
     identified = IdentifiedManoeuvringModel(
         found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on),
@@ -130,12 +131,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--seeds', type=int, default=10)
     parser.add_argument('--first-seed', type=int, default=1)
-    parser.add_argument('--vices', choices=('catamaran', 'otter-force', 'otter-command', 'unstable'))
+    parser.add_argument('--forecasts', action='store_true', help='of craft with vices: score forecasts, too')
+    parser.add_argument('--vices', choices=('catamaran', 'otter-force', 'otter-command', 'otter-munk', 'unstable'))
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     if arguments.vices:
         for seed in seeds:
-            vicious(arguments.vices, seed)
+            vicious(arguments.vices, seed, arguments.forecasts)
         return
     days = [CURRENT, tuple(-0.8 * c for c in CURRENT)]
     cases = {

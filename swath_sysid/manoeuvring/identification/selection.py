@@ -9,7 +9,6 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
-from swath_sysid.manoeuvring.identification.assembly import model_values
 from swath_sysid.manoeuvring.identification.held_out import covariance_over_runs, held_out_costs, helps
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
 from swath_sysid.manoeuvring.identification.windows import cut
@@ -79,8 +78,9 @@ def model_of(problem, names, values, name=''):
     """The model that some values of the unknowns make."""
     found = dict(zip(names, values, strict=True))
     return ManoeuvringModel(
-        model_values(problem, names, values), thrust_input=problem.thrust_input, name=name, length=problem.length,
-        largest_input=float(problem.region.most_input), current=tuple(float(found.get(c, 0.0)) for c in CURRENT),
+        problem.unknowns(names).placed_in(problem.base, values), thrust_input=problem.thrust_input, name=name,
+        length=problem.length, largest_input=float(problem.region.most_input),
+        current=tuple(float(found.get(c, 0.0)) for c in CURRENT),
     )  # fmt: skip
 
 
@@ -181,20 +181,6 @@ def with_noise(problem, found):
         spread = np.sqrt(np.mean(np.minimum(np.abs(known), 4.0 * 1.4826 * np.median(np.abs(known)) + 1e-12) ** 2))
         noise.append(max(spread, NOISE_FLOOR * motion[c]))
     return replace(problem, noise=np.array(noise))
-
-
-def with_potential_flow(problem, found):
-    """The problem with Yur as potential flow has it, Xu_dot, where it is not searched beside Yv_dot.
-
-    Nothing drives a craft sideways: its sway stays the same when m - Yur, m - Yv_dot and all other terms of Y are
-    multiplied by one number. One of them has to be known for the others; without it Yv_dot would be wrong by
-    (m - Xu_dot) / m, which no standard deviation shows.
-    """
-    if 'Xu_dot' not in found.names or ('Yur',) in problem.candidates:
-        return problem
-    base = problem.base.copy()
-    base[INDEX['Yur']] = found.values[found.names.index('Xu_dot')]
-    return replace(problem, base=base, assumed=tuple(dict.fromkeys((*problem.assumed, 'Yur'))))
 
 
 def with_drift_spread(problem, found):
