@@ -32,10 +32,14 @@ SEED = 1
 
 
 @pytest.fixture(scope='module')
-def craft_and_trials():
+def simulated():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
-        simulated = importlib.import_module('simulated_craft')
+        return importlib.import_module('simulated_craft')
+
+
+@pytest.fixture(scope='module')
+def craft_and_trials(simulated):
     craft = simulated.catamaran()
     records = simulated.simulate(craft, simulated.drives(SEED), SEED)
     return craft, [ManoeuvringTrial(thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever,
