@@ -75,12 +75,18 @@ def draw(shares):
     return figure
 
 
+def share_in_percent(row):
+    """Of a table: the share, and its interval where the record is long enough for one."""
+    share, low, high = 100.0 * row
+    return f'{share:7.0f} ({low:3.0f} to {high:3.0f})' if np.isfinite(low) else f'{share:7.0f}{"":13}'
+
+
 def demonstrate(voyage):
     """Print the table; returns the figure."""
     shares = land(voyage)
     print(f'{"touchdowns inside, %":22}' + ''.join(f'{f"after {lead:g} s":>18}' for lead in DESCENTS))
     for method, rows in shares.items():
-        print(f'{method:22}' + ''.join('{:7.0f} ({:3.0f} to {:3.0f})'.format(*(100.0 * row)) for row in rows))
+        print(f'{method:22}' + ''.join(map(share_in_percent, rows)))
     return draw(shares)
 
 
