@@ -11,12 +11,12 @@ pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath
 webdriver = pytest.importorskip('selenium.webdriver', reason='driving a browser needs selenium: pip install selenium')
 
 from tank_side import TankSide  # noqa: E402
-from test_pipeline_bring_up import REST_S, turned_over, waves  # noqa: E402
+from test_page_bring_up import REST_S, turned_over, waves  # noqa: E402
 
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
 from swath_sysid.page.desk import Desk  # noqa: E402
+from swath_sysid.page.live_record import horizon_of  # noqa: E402
 from swath_sysid.page.server import is_allowed, served  # noqa: E402
-from swath_sysid.pipeline.live_record import horizon_of  # noqa: E402
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 needs_chromium = pytest.mark.skipif(
