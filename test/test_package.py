@@ -74,9 +74,9 @@ MAY_IMPORT = {
     'formats': CORE,
     'campaign': CORE | {'formats'},
     'report': CORE | {'formats', 'campaign'},
-    'page': CORE | {'formats', 'campaign', 'report'},
-    'nodes': CORE | {'formats'},
-    'cli': CORE | {'formats', 'campaign', 'report', 'page', 'nodes'},
+    'page': CORE | {'start', 'formats', 'campaign', 'report'},
+    'nodes': CORE | {'formats', 'page'},
+    'cli': CORE | {'start', 'formats', 'campaign', 'report', 'page', 'nodes'},
 }
 """Data flows down this list, imports go up it."""
 
