@@ -9,9 +9,10 @@ import yaml
 
 pytest.importorskip('rclpy')
 
+from swath_sysid.formats.imu_readings import read_readings  # noqa: E402
+
 from swath_sysid.formats.bags import write_imu_bag  # noqa: E402
 from swath_sysid.formats.forecast_output import ForecastMessages  # noqa: E402
-from swath_sysid.formats.imu_readings import read_readings  # noqa: E402
 from swath_sysid.formats.messages import typestore  # noqa: E402
 from swath_sysid.formats.reading import read_trial  # noqa: E402
 from swath_sysid.formats.topics import CALM_TOPIC, point_lead_topic, type_of  # noqa: E402

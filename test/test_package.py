@@ -25,6 +25,7 @@ MODULES = sorted(PACKAGE.rglob('*.py'))
 
 ROSDEP_KEYS = {
     'filterpy': 'python3-filterpy-pip',
+    'markdown_it': 'python3-rich',  # which needs it, on PyPI and on Ubuntu
     'matplotlib': 'python3-matplotlib',
     'numpy': 'python3-numpy',
     'rich': 'python3-rich',

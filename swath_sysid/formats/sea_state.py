@@ -1,4 +1,7 @@
 """A sea state as plain data: what the verb ``sea`` prints and the topic ``sea/state`` holds."""
+import math
+
+import numpy as np
 import yaml
 
 from swath_sysid.attitude.motion.vertical import BAND_HZ

@@ -103,7 +103,7 @@ class LiveRecord:
     def wants(self, stamp_ns: int, clock: float) -> bool:
         """Whether a sample of this stamp is due; a sample is heard of in any case."""
         self._arrival = clock
-        due = not 0 <= stamp_ns - self._newest_ns * NANOSECOND < 1.0 / RATE
+        due = not 0 <= (stamp_ns - self._newest_ns) * NANOSECOND < 1.0 / RATE
         return due and self._window is not None
 
     def add_reading(self, reading: ImuReading) -> None:

@@ -15,7 +15,7 @@ from swath_sysid.common.signals import noise_level
 from swath_sysid.page.bring_up import described
 from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.pipeline.health import OK, WARN, Report
-from swath_sysid.report.sea_summary import sea_in_words
+from swath_sysid.report.sea_report import sea_in_words
 
 SHOWN_S = 30.0
 SHOWN_POINTS = 300
