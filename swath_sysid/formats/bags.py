@@ -28,7 +28,7 @@ from swath_sysid.formats.messages import (
     ImuMessage,
 )
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
-from swath_sysid.formats.topics import IMU
+from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC
 
 IMU_TYPE = IMU
 METADATA_FILE = 'metadata.yaml'
@@ -413,6 +413,8 @@ def _choose_topic(path, readers, topic):
     types = {c.topic: c.msgtype for reader in readers for c in reader.connections}
     filled = {c.topic for reader in readers for c in reader.connections if c.msgcount and c.msgtype == IMU_TYPE}
     imus = sorted(filled or (name for name, kind in types.items() if kind == IMU_TYPE))
+    # our own recordings hold the forecasts beside the sensor
+    imus = [name for name in imus if f'/{LEADS}' not in name and not name.endswith(f'/{NEXT_TOPIC}')] or imus
     listed = ', '.join(imus) or 'none'
     if topic:
         name = topic if topic.startswith('/') else f'/{topic}'
