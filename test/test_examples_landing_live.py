@@ -9,12 +9,10 @@ import yaml
 
 pytest.importorskip('rclpy')
 
-from swath_sysid.formats.imu_readings import read_readings  # noqa: E402
-
 from swath_sysid.formats.bags import write_imu_bag  # noqa: E402
 from swath_sysid.formats.forecast_output import ForecastMessages  # noqa: E402
 from swath_sysid.formats.messages import typestore  # noqa: E402
-from swath_sysid.formats.reading import read_trial  # noqa: E402
+from swath_sysid.formats.reading import read_readings, read_trial  # noqa: E402
 from swath_sysid.formats.topics import CALM_TOPIC, point_lead_topic, type_of  # noqa: E402
 from swath_sysid.nodes.parameters.files import values_from_file  # noqa: E402
 from swath_sysid.nodes.parameters.predictor import pipeline_settings  # noqa: E402
