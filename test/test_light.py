@@ -19,6 +19,10 @@ def test_a_verb_begins_without_what_it_may_not_need(verb):
     assert loaded_by(f'swath_sysid.cli.{verb}') & HEAVY == set()
 
 
+def test_a_fit_loads_nothing_of_a_campaign():
+    assert {name for name in loaded_by('swath_sysid.cli.identify') if name.startswith('swath_sysid.campaign')} == set()
+
+
 def test_the_help_loads_no_library():
     assert loaded_by('swath_sysid.cli.main') & (HEAVY | {'numpy', 'scipy', 'yaml'}) == set()
 
