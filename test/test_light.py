@@ -42,6 +42,12 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
     assert strange == set()
 
 
+def test_the_nodes_load_only_what_small_computers_have_memory_for():
+    """scipy.stats, which filterpy imports, takes 30 MB in every process."""
+    pytest.importorskip('rclpy')
+    assert loaded_by('swath_sysid.nodes.all_in_one') & HEAVY <= {'numba'}
+
+
 def test_the_buffer_computes_without_the_large_libraries():
     pytest.importorskip('rclpy')
     # not scipy.linalg, which some versions of scipy.special load by themselves
