@@ -41,6 +41,8 @@ class Blend:
     mean_square : ndarray, shape (E, S, A)
         Of the candidates' errors; of what they would be taken to err where they had no forecast.
     weights : ndarray, shape (E, S, A)
+    scale : ndarray, shape (S, A)
+        Variance over the candidates' own, by the errors' mean square and the intervals' coverage.
     blended_square, coverage : ndarray, shape (S, A)
         Mean square error of the blend, and the share of its 90 % intervals that held.
     """
@@ -60,7 +62,7 @@ class Blend:
         """Forget everything."""
         depth = int(self.steps[-1]) + 1
         self._row = 0
-        self._issued = np.full((depth, *self._shape), np.nan)
+        self._issued = np.full((depth, self.steps.size, *self._shape[::2]), np.nan)
         self._blended = np.full((depth, *self._shape[1:]), np.nan)
         self._variance = np.full((depth, *self._shape[1:]), np.nan)
         self.mean_square = np.zeros(self._shape)
@@ -68,7 +70,7 @@ class Blend:
         self._time_variance = np.zeros(self._shape[1:])
         self._interval = np.full((depth, *self._shape[1:]), np.nan)
         self._tail = np.zeros(self._shape[1:])
-        self._ratio = np.ones(self._shape[1:])
+        self._ratio, self.scale = np.ones((2, *self._shape[1:]))
         self.blended_square = np.zeros(self._shape[1:])
         self.coverage = np.full(self._shape[1:], 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
@@ -89,17 +91,15 @@ class Blend:
             nothing of who forecasts best.
         """
         depth = self._issued.shape[0]
-        then = (self._row - self.steps) % depth
-        reading = np.broadcast_to(reading, self._shape[1:])
-        self._judge(reading - self._blended[then, self._places], self._interval[then, self._places])
+        then = (self._row - self.steps) % depth, self._places
+        blended, interval = reading - self._blended[then], self._interval[then]
+        self._judge(blended, interval)
         if foreseeable is not None:
-            reading = np.where(self.steps[:, None] > foreseeable, np.nan, reading)
-        self._learn(
-            reading - self._issued[then, :, self._places].swapaxes(0, 1), reading - self._blended[then, self._places],
-            self._variance[then, self._places], self._interval[then, self._places], noise_variance,
-        )  # fmt: skip
+            blended[self.steps[:, None] > foreseeable] = np.nan
+        errors = reading - self._issued[then].swapaxes(0, 1)
+        self._learn(errors, blended, self._variance[then], interval, noise_variance)
         now = self._row % depth
-        self._issued[now] = mean
+        self._issued[now] = mean.swapaxes(0, 1)
         weights = present_weights(self.weights, np.isfinite(mean))
         self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
         true = np.maximum(self._variance[now] - noise_variance, _MIN_SHARE * self._variance[now])
@@ -157,17 +157,13 @@ class Blend:
         missed = np.where(known, (square > interval) - _MISSES, 0.0)
         self._tail = np.clip(self._tail + _TAIL_GAIN * self._step * missed, -_LARGEST_TAIL, _LARGEST_TAIL)
         self.weights = error_weights(self.mean_square, self._time, self._prior)
+        time, trust = self._time_variance, _TRUST_VARIANCE
+        self.scale = np.exp(self._tail) * (trust + time * np.maximum(self._ratio, _MIN_SHARE)) / (trust + time)
 
     def _aged(self, time, known, keep):
         """The time that an average stands for after one more row, and the weight of that row in it."""
         time = np.where(known, keep * time + self._step, time)
         return time, np.where(known, self._step / np.maximum(time, self._step), 0.0)
-
-    @property
-    def scale(self):
-        """Variance over the candidates' own, shape (S, A), by the errors' mean square and the intervals' coverage."""
-        time, trust = self._time_variance, _TRUST_VARIANCE
-        return np.exp(self._tail) * (trust + time * np.maximum(self._ratio, _MIN_SHARE)) / (trust + time)
 
     def combine(self, mean, covariance, axis_of, noise_variance=0.0):
         """The blended forecast at the leads.
@@ -211,10 +207,10 @@ def error_weights(mean_square, time, prior):
     -------
     ndarray, shape (E, S, A)
     """
-    level = np.log(np.maximum(mean_square, 1e-300))
-    common = level.mean(axis=0)
-    drawn = np.log((time * np.exp(level - common) + _TRUST) / (time + _TRUST))
-    weights = prior * np.exp(-_POWER * (drawn - drawn.min(axis=0)))
+    square = np.maximum(mean_square, 1e-300)
+    common = np.exp(np.log(square).mean(axis=0))
+    drawn = (time * square / common + _TRUST) / (time + _TRUST)
+    weights = prior * (drawn.min(axis=0) / drawn) ** _POWER
     return weights / weights.sum(axis=0)
 
 

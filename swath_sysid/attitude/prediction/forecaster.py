@@ -595,8 +595,10 @@ class Forecaster:
             mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
             if space.strain > HEALTHY_STRAIN:
                 mean[k][:, self._hull_vouches(k)] = math.nan
-            # nothing acts: there is nothing else to know
-            mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
+        for place, hull in enumerate(self._hulls.values()):
+            if hull.is_free:
+                # nothing acts: there is nothing else to know
+                mean[:hull_place, :, place::2] = mean[hull_place + 1:, :, place::2] = math.nan
         angles = mean[..., :2]
         # a third of what np.clip takes
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)

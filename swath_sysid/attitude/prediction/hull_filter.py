@@ -302,13 +302,13 @@ class HullTrack(ExtendedKalmanFilter):
         if foreseen is not None and abs(foreseen[0] - duration) < 1e-6:
             _, self.x, self.P = foreseen
         elif duration > 0.0:
-            self._predict_to(np.array([duration]))
+            self._predict(duration)
 
     def ahead(self, lead):
         """Mean and covariance one lead after the present state, which stays as it is."""
         if self.foreseen is None or self.foreseen[0] != lead:
             now = self.x.copy(), self.P.copy()
-            self._predict_to(np.array([lead]))
+            self._predict(lead)
             self.foreseen = lead, self.x, self.P
             self.x, self.P = now
         return self.foreseen[1:]
@@ -317,25 +317,30 @@ class HullTrack(ExtendedKalmanFilter):
         """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
         now = self.x, self.P
         self.x, self.P = self.x.copy(), self.P.copy()
-        found = self._predict_to(np.diff(np.asarray(leads, dtype=float), prepend=0.0))
-        self.x, self.P = now
-        return found
-
-    def _predict_to(self, durations):
+        durations = np.diff(np.asarray(leads, dtype=float), prepend=0.0)
         means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
         if HAS_NUMBA:
             hull_step.predict_to(
                 self.x, self.P, self.moment, self.hull, self.drifts, durations, self.longest, means, spreads
             )
-            return means, spreads
-        for k, duration in enumerate(durations.tolist()):
-            count = max(1, math.ceil(duration / self.longest - 1e-6)) if duration > 0.0 else 0
-            for _ in range(count):
-                self.linearise(duration / count)
-                self.predict()
-                hull_step.limit(self.P)
-            means[k], spreads[k] = self.x[:2], self.P[:2, :2]
+        else:
+            for k, duration in enumerate(durations.tolist()):
+                if duration > 0.0:
+                    self._predict(duration)
+                means[k], spreads[k] = self.x[:2], self.P[:2, :2]
+        self.x, self.P = now
         return means, spreads
+
+    def _predict(self, duration):
+        """Move the state on by a duration, s, longer than zero."""
+        if HAS_NUMBA:
+            hull_step.predict(self.x, self.P, self.moment, self.hull, self.drifts, duration, self.longest)
+            return
+        count = max(1, math.ceil(duration / self.longest - 1e-6))
+        for _ in range(count):
+            self.linearise(duration / count)
+            self.predict()
+            hull_step.limit(self.P)
 
     def linearise(self, step):
         """Set F, Q and the end of the mean for filterpy's own ``predict``.
@@ -766,7 +771,7 @@ class HullFilter:
         """
         mean, covariance = self.speaking.ahead(lead)
         return (
-            float(mean[0]), float(mean[1]), float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+            mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1)
         )
 
     def forecast(self, leads):
