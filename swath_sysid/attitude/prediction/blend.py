@@ -18,6 +18,9 @@ _MIN_SHARE = 0.02
 # a squared error over its expected value counts as this much at the most: what nobody could foresee, such as a hand on
 # the craft, says little of the errors to come
 _CREDIBLE = 9.0
+# of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
+# candidate that is surprised all the time is judged by half of its errors
+_MOST_EXCUSED = 0.5
 
 
 class Blend:
@@ -69,7 +72,7 @@ class Blend:
         self._time = np.zeros(self._shape[1:])
         self._time_variance = np.zeros(self._shape[1:])
         self._interval = np.full((depth, *self._shape[1:]), np.nan)
-        self._tail = np.zeros(self._shape[1:])
+        self._tail, self._excused = np.zeros((2, *self._shape[1:]))
         self._ratio, self.scale = np.ones((2, *self._shape[1:]))
         self.blended_square = np.zeros(self._shape[1:])
         self.coverage = np.full(self._shape[1:], 1.0 - _MISSES)
@@ -88,14 +91,16 @@ class Blend:
             Of the sensor.
         foreseeable : ndarray of int, shape (A,), optional
             Rows since something acted on the craft that nothing foretold: the errors of forecasts issued before say
-            nothing of who forecasts best.
+            nothing of who forecasts best, unless that happens all the time.
         """
         depth = self._issued.shape[0]
         then = (self._row - self.steps) % depth, self._places
         blended, interval = reading - self._blended[then], self._interval[then]
         self._judge(blended, interval)
         if foreseeable is not None:
-            blended[self.steps[:, None] > foreseeable] = np.nan
+            excused = (self.steps[:, None] > foreseeable) & (self._excused < _MOST_EXCUSED)
+            self._excused += self._step / _MEMORY_VARIANCE * (excused - self._excused)
+            blended[excused] = np.nan
         errors = reading - self._issued[then].swapaxes(0, 1)
         self._learn(errors, blended, self._variance[then], interval, noise_variance)
         now = self._row % depth
