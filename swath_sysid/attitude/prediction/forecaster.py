@@ -490,7 +490,7 @@ class Forecaster:
         variance = np.diagonal(covariance, axis1=2, axis2=3)
         self._blend.take(
             row[_MEASURED][:2], mean[..., :2], variance[..., :2], np.array(self._reported_noise[:2]),
-            np.array(self._rows_since_surprise),
+            np.array(self._rows_since_surprise), np.array([hull.is_free for hull in self._hulls.values()], dtype=int),
         )  # fmt: skip
         self._rows_since_surprise = [rows + steps for rows in self._rows_since_surprise]
 
