@@ -26,13 +26,17 @@ class FilterpyTrack(HullTrack, ExtendedKalmanFilter):
     def _predict_to(self, durations):
         means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
         for k, duration in enumerate(durations.tolist()):
-            count = max(1, math.ceil(duration / self.longest - 1e-6)) if duration > 0.0 else 0
-            for _ in range(count):
-                self.linearise(duration / count)
-                self.predict()
-                hull_step.limit(self.P)
+            if duration > 0.0:
+                self._predict(duration)
             means[k], spreads[k] = self.x[:2], self.P[:2, :2]
         return means, spreads
+
+    def _predict(self, duration):
+        count = max(1, math.ceil(duration / self.longest - 1e-6))
+        for _ in range(count):
+            self.linearise(duration / count)
+            self.predict()
+            hull_step.limit(self.P)
 
     def linearise(self, step):
         """Set F, Q and the end of the mean for filterpy's own ``predict``.

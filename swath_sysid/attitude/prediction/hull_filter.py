@@ -295,13 +295,13 @@ class HullTrack:
         if foreseen is not None and abs(foreseen[0] - duration) < 1e-6:
             _, self.x, self.P = foreseen
         elif duration > 0.0:
-            self._predict_to(np.array([duration]))
+            self._predict(duration)
 
     def ahead(self, lead):
         """Mean and covariance one lead after the present state, which stays as it is."""
         if self.foreseen is None or self.foreseen[0] != lead:
             now = self.x.copy(), self.P.copy()
-            self._predict_to(np.array([lead]))
+            self._predict(lead)
             self.foreseen = lead, self.x, self.P
             self.x, self.P = now
         return self.foreseen[1:]
@@ -320,6 +320,10 @@ class HullTrack:
             self.x, self.P, self.moment, self.hull, self.drifts, durations, self.longest, means, spreads
         )
         return means, spreads
+
+    def _predict(self, duration):
+        """Move the state on by a duration, s, longer than zero."""
+        hull_step.predict(self.x, self.P, self.moment, self.hull, self.drifts, duration, self.longest)
 
     def innovation(self, elapsed, values, variances):
         """Number of values, their NIS and log likelihood, and the NIS had the moment jumped."""
@@ -718,7 +722,7 @@ class HullFilter:
         """
         mean, covariance = self.speaking.ahead(lead)
         return (
-            float(mean[0]), float(mean[1]), float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+            mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1)
         )
 
     def forecast(self, leads):
