@@ -50,8 +50,9 @@ class FilterpyTrack(HullTrack, ExtendedKalmanFilter):
         f = ModalMoment(blocks, h, at_rest).transition(step)
         now = self.x[HULL_STATES:]
         mean_output = 0.5 * (h + h @ f)
+        angle, rate, trim, stiffness, damping = self.x[:HULL_STATES].tolist()
         angle, rate, to_angle, to_rate = hull_step.hull_step(
-            *map(float, self.x[:HULL_STATES]), float(mean_output @ now), float(self.P[1, 1]), step, self.hull
+            angle, rate, trim, stiffness, damping, float(mean_output @ now), float(self.P[1, 1]), step, self.hull
         )
         self._then = np.concatenate([[angle, rate], self.x[OF_HULL], f @ now])
         slopes = np.array([to_angle, to_rate])
