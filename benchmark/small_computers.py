@@ -1,15 +1,15 @@
-"""What the forecasts cost a small computer: processor time a second of motion, memory, and time to start.
+"""What the nodes cost a small computer: memory, processor time a second of motion, and time to start.
 
-    OMP_NUM_THREADS=1 python benchmark/small_computers.py
+    python benchmark/small_computers.py --write docs/small_computers.md
 
-Each line is a process of its own that plays a simulated sea of the published roll hull through the cores of imu_buffer
-and predictor, with the defaults or with `config/small.yaml`; the second half of it counts. ROS comes on top: see
-`benchmark/latency.py`.
+Each line is `swath-sysid run` with its workers, which hears a replayed simulated sea of two axes over ROS, with the
+defaults or with `config/small.yaml`. Memory is the proportional set size of all its processes at the end; processor
+time is that of the second half; starting is the processor time until the sensor is heard. Memory hardly depends on
+what else the machine does; processor time rises on a busy one.
 """
 import argparse
-import json
-import os
-import resource
+import platform
+import signal
 import subprocess
 import sys
 import tempfile
@@ -17,33 +17,21 @@ import time
 from pathlib import Path
 
 import numpy as np
+from latency import ROOT, environment, processor_seconds
+from sea_forecasts import FINE_RATE, make_sea
 
-ROOT = Path(__file__).resolve().parents[1]
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.formats.bags import write_imu_bag
+
 RATES = (50, 100, 200)
-PARAMETERS = {'defaults': None, 'small.yaml': str(ROOT / 'config' / 'small.yaml')}
+PARAMETERS = {'small.yaml': ('--params-file', str(ROOT / 'config' / 'small.yaml')), 'defaults': ()}
+COLUMNS = ('parameters', 'numba', 'rate, Hz', 'memory, MB', 'of it nodes and workers, MB', 'processor, % of one core',
+           'to start, s of processor')
+PATIENCE = 120.0
 
 
-def started(parameters):
-    """The cores as `play-through` sets them up, imports included."""
-    from swath_sysid.nodes.parameters.files import values_from_file
-    from swath_sysid.nodes.parameters.imu_buffer import window_settings
-    from swath_sysid.nodes.parameters.predictor import pipeline_settings
-    from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
-
-    return PlayThrough(PlayThroughSettings(
-        window_settings(values_from_file(parameters, 'imu_buffer')),
-        forecasts=pipeline_settings(values_from_file(parameters, 'predictor')), auto_identify=False,
-    ))  # fmt: skip
-
-
-def readings_of(rate, duration):
-    """IMU readings of a sea, at any rate."""
-    from sea_forecasts import FINE_RATE, make_sea
-
-    from swath_sysid.attitude.motion.trial import Trial
-    from swath_sysid.formats.bags import write_imu_bag
-    from swath_sysid.formats.reading import read_readings
-
+def write_sea(path, rate, duration):
+    """A bag of a sea, at any rate."""
     fine, when = np.arange(round(duration * FINE_RATE)) / FINE_RATE, np.arange(round(duration * rate)) / rate
     roll, pitch = (make_sea(seed, duration).seen for seed in (0, 1))
     motion = {
@@ -53,53 +41,77 @@ def readings_of(rate, duration):
     force = np.random.default_rng(0).normal(0.0, 0.05, (3, when.size)) + 9.81 * np.array(
         [-np.sin(motion['pitch']), np.sin(motion['roll']), np.ones(when.size)]
     )
+    write_imu_bag(path, Trial(when, **motion, **dict(zip(('accel_x', 'accel_y', 'accel_z'), force, strict=True))))
+
+
+def tree(pid):
+    """A process and all that it started."""
+    tasks = Path(f'/proc/{pid}/task').iterdir()
+    children = [child for task in tasks for child in (task / 'children').read_text().split()]
+    return [pid, *(each for child in children for each in tree(int(child)))]
+
+
+def proportional_mb(pid):
+    lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()
+    return next(int(line.split()[1]) / 1024.0 for line in lines if line.startswith('Pss:'))
+
+
+def spent(pid):
+    return sum(processor_seconds(each) for each in tree(pid))
+
+
+def measured(rate, options, with_numba, duration):
+    """Memory of each process, MB, share of a core, and processor time to start, s."""
     with tempfile.TemporaryDirectory() as folder:
-        bag = Path(folder) / 'sea.mcap'
-        write_imu_bag(bag, Trial(when, **motion, **dict(zip(('accel_x', 'accel_y', 'accel_z'), force, strict=True))))
-        return list(read_readings(bag))
-
-
-def measured(rate, parameters, with_numba, duration):
-    """Figures of one setting, of this process: it must be a fresh one."""
-    if not with_numba:
-        sys.modules['numba'] = None
-    begun = time.process_time()
-    cores = started(parameters)
-    start = time.process_time() - begun
-    readings = readings_of(rate, duration)
-    for number, reading in enumerate(readings):
-        if number == len(readings) // 2:
-            begun = time.process_time()
-        cores.add(reading)
-    share = (time.process_time() - begun) / (0.5 * duration)
-    return {'start': start, 'share': share, 'memory': resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0}
+        write_sea(Path(folder, 'sea.mcap'), rate, duration)
+        env = environment()
+        if not with_numba:
+            env['NUMBA_DISABLE_JIT'] = '1'
+        verb = [sys.executable, '-m', 'swath_sysid.start']
+        run = subprocess.Popen([*verb, 'run', *options], env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                               text=True, cwd=ROOT)  # fmt: skip
+        sensor = subprocess.Popen([*verb, 'replay', f'{folder}/sea.mcap'], env=env, cwd=ROOT,
+                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+        try:
+            for line in run.stdout:
+                if 'receiving' in line or 'forecast:' in line:
+                    break
+            start = spent(run.pid)
+            time.sleep(0.5 * duration)
+            half, begun = spent(run.pid), time.monotonic()
+            time.sleep(0.4 * duration)
+            assert sensor.poll() is None, 'the sensor ended before the measurement'
+            share = (spent(run.pid) - half) / (time.monotonic() - begun)
+            return [proportional_mb(pid) for pid in tree(run.pid)], share, start
+        finally:
+            for process in (sensor, run):
+                process.send_signal(signal.SIGINT)
+                process.communicate(timeout=PATIENCE)
 
 
 def main():
-    """Print the table, each line from a process of its own."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=400.0, help='of simulated sea')
-    parser.add_argument('--one', help=argparse.SUPPRESS)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--seconds', type=float, default=600.0, help='of sea, in real time, a line of the table')
+    parser.add_argument('--rates', type=int, nargs='+', default=RATES)
+    parser.add_argument('--parameters', choices=PARAMETERS, nargs='+', default=list(PARAMETERS))
+    parser.add_argument('--write', metavar='FILE', help='the page with the table, written anew')
     arguments = parser.parse_args()
-    if arguments.one:
-        print(json.dumps(measured(*json.loads(arguments.one), arguments.seconds)))
-        return
-    print('| parameters | numba | rate, Hz | processor, % of one core | memory, MB | to start, s of processor |')
-    print('|---|---|---|---|---|---|')
-    for name, parameters in PARAMETERS.items():
+    lines = ['| ' + ' | '.join(COLUMNS) + ' |', '|' + '---|' * len(COLUMNS)]
+    print('\n'.join(lines), flush=True)
+    for name in arguments.parameters:
         for with_numba in (True, False):
-            for rate in RATES:
-                one = json.dumps([rate, parameters, with_numba])
-                words = [__file__, '--seconds', str(arguments.seconds), '--one', one]
-                told = subprocess.run(
-                    [sys.executable, *words], check=True, capture_output=True, text=True,
-                    env={**os.environ, 'OMP_NUM_THREADS': '1'},
-                ).stdout  # fmt: skip
-                figures = json.loads(told.splitlines()[-1])
-                print(
-                    f'| {name} | {"yes" if with_numba else "no"} | {rate} | {100 * figures["share"]:.1f} | '
-                    f'{figures["memory"]:.0f} | {figures["start"]:.1f} |', flush=True,
-                )  # fmt: skip
+            for rate in arguments.rates:
+                memory, share, start = measured(rate, PARAMETERS[name], with_numba, arguments.seconds)
+                cells = (name, 'yes' if with_numba else 'no', rate, f'{sum(memory):.0f}',
+                         ' + '.join(f'{each:.0f}' for each in memory), f'{100.0 * share:.1f}', f'{start:.1f}')
+                lines.append('| ' + ' | '.join(map(str, cells)) + ' |')
+                print(lines[-1], flush=True)
+    if arguments.write:
+        text = '\n'.join((
+            '# What the nodes cost', '', *__doc__.split('\n\n', 2)[2].strip().splitlines(), '',
+            f'{arguments.seconds:.0f} s of sea a line, {platform.machine()}, Python {platform.python_version()}, '
+            'written by `python benchmark/small_computers.py`.', '', *lines, ''))
+        Path(arguments.write).write_text(text, encoding='utf-8')
 
 
 if __name__ == '__main__':
