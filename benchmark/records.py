@@ -7,6 +7,7 @@
 A row is any function ``forecaster(trial, axes, stamps, leads)`` that returns, by axis, the angles that it forecasts
 for ``stamps[:, None] + leads``, rad, from the samples up to and with each stamp; NaN where it has none, and persistence
 stands in. A row that looks ahead is refused. Records are read from the folder that SWATH_SYSID_DATA names.
+All of it takes some six minutes of one core.
 """
 import argparse
 import importlib.util

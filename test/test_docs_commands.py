@@ -161,6 +161,7 @@ def folders_are_removed(tmp_path_factory, monkeypatch):
 
 @pytest.mark.dds
 @pytest.mark.slow
+@pytest.mark.timeout(3.0 * PATIENCE)
 @pytest.mark.parametrize('page', PAGES_RUN)
 def test_the_commands_of_a_page_run(page):
     if any(block.manner == 'stays' for block in blocks_run(page)):
