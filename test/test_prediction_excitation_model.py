@@ -90,6 +90,7 @@ def _run(attitude, true, seen, since):
     return math.sqrt(np.mean(np.square(errors))) / true[:, 0].std(), np.mean(held)
 
 
+@pytest.mark.slow
 def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(sea):
     true, seen = sea
     count = 30_000
@@ -155,7 +156,7 @@ def test_the_steady_covariance_solves_riccatis_equation():
     assert _filtered_covariance(a, q, noise) == pytest.approx(updated, abs=1e-9)
 
 
-@pytest.mark.parametrize('factor', [0.7, 1.3])
+@pytest.mark.parametrize('factor', [0.7, pytest.param(1.3, marks=pytest.mark.slow)])
 def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
     _, seen = sea
     wrong = HULL.from_terms(

@@ -11,6 +11,15 @@ HAS_NUMBA = find_spec('numba') is not None and os.environ.get('NUMBA_DISABLE_JIT
 """Whether `accelerated` compiles."""
 
 
+def compiler() -> Any:
+    """The module numba, loaded now; None where it is not installed, or not for this version of numpy."""
+    try:
+        import numba
+    except ImportError:
+        return None
+    return numba
+
+
 class _Compiled:
     """A function that numba compiles at its first call: loading numba alone takes as long as loading numpy."""
 
@@ -20,11 +29,8 @@ class _Compiled:
 
     @cached_property
     def _dispatcher(self) -> Any:
-        try:
-            import numba
-        except ImportError:  # it is there, but not for this version of numpy
-            return self._function
-        return numba.njit(cache=True)(self._function)
+        numba = compiler()
+        return self._function if numba is None else numba.njit(cache=True)(self._function)
 
     @property
     def _numba_type_(self) -> Any:

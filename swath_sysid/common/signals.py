@@ -10,6 +10,9 @@ NORMAL_MEDIAN = 0.6745
 SPIKE_NEIGHBOURS = 5
 """Samples, the one in question among them, whose median a spike differs from."""
 
+SPIKE_THRESHOLD = 10.0
+"""Standard deviations of the noise by which it does."""
+
 
 def white_noise(values: np.ndarray) -> float:
     """Standard deviation of the white noise on a smooth signal, by its third differences.
@@ -63,19 +66,17 @@ def quantum(values: np.ndarray) -> float:
     return float(steps.min()) if steps.size else 0.0
 
 
-def spikes(values: np.ndarray, threshold: float = 10.0) -> np.ndarray:
+def spikes(values: np.ndarray) -> np.ndarray:
     """Mask of the samples, alone or in pairs, that lie far outside their neighbourhood.
 
     A sample is a spike where it differs from the median of the five around it by more than
-    ``threshold`` standard deviations of the noise, and by more than twice the range of the
+    `SPIKE_THRESHOLD` standard deviations of the noise, and by more than twice the range of the
     three nearest to that median: the top of a sparsely sampled swing is none.
 
     Parameters
     ----------
     values : ndarray, shape (N,)
         At an even rate.
-    threshold : float
-        Standard deviations of the noise.
 
     Returns
     -------
@@ -85,7 +86,7 @@ def spikes(values: np.ndarray, threshold: float = 10.0) -> np.ndarray:
         return np.zeros(values.size, dtype=bool)
     middle = median_filter(values, SPIKE_NEIGHBOURS)
     difference = np.abs(values - middle)
-    suspects = np.flatnonzero(difference > max(threshold * noise_level(values), 1e-12 * np.ptp(values)))
+    suspects = np.flatnonzero(difference > max(SPIKE_THRESHOLD * noise_level(values), 1e-12 * np.ptp(values)))
     padded = np.pad(values, 2, mode='reflect')
     others = padded[suspects[:, None] + np.array([0, 1, 3, 4])]
     order = np.argsort(np.abs(others - middle[suspects, None]), axis=1)[:, :3]

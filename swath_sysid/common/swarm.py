@@ -1,7 +1,6 @@
 """Particle swarm optimisation with ask and tell: it never calls the objective.
 
-The constriction form of Clerc and Kennedy (2002): inertia weight 0.7298, acceleration
-coefficients 1.49618, whole-swarm neighbourhood.
+The constriction form of Clerc and Kennedy (2002), whole-swarm neighbourhood.
 """
 
 from dataclasses import dataclass
@@ -12,6 +11,9 @@ from numpy.typing import ArrayLike
 from swath_sysid.common.latin_hypercube import latin_hypercube
 from swath_sysid.common.stopping import Stagnation, stop_reason
 
+INERTIA_WEIGHT, ACCELERATION = 0.7298, 1.49618
+"""Share of its velocity that a particle keeps, and its pull to its own best place and to the swarm's, by that paper."""
+
 
 @dataclass(frozen=True)
 class SwarmSettings:
@@ -21,10 +23,6 @@ class SwarmSettings:
     ----------
     generations, population : int
         Iterations and particles.
-    inertia_weight : float
-        Share of its velocity that a particle keeps.
-    own_weight, swarm_weight : float
-        Pull of the particle's own best place and of the swarm's.
     fastest : float
         Greatest velocity as a share of the range.
     patience, tolerance, spread_tolerance
@@ -33,9 +31,6 @@ class SwarmSettings:
 
     generations: int = 300
     population: int = 80
-    inertia_weight: float = 0.7298
-    own_weight: float = 1.49618
-    swarm_weight: float = 1.49618
     fastest: float = 0.3
     patience: int = 25
     tolerance: float = 1e-4
@@ -101,9 +96,9 @@ class ParticleSwarm:
         s = self._settings
         own, swarm = self._rng.random((2, *self._place.shape))
         self._velocity = (
-            s.inertia_weight * self._velocity
-            + s.own_weight * own * (self._own_best - self._place)
-            + s.swarm_weight * swarm * (self.best - self._place)
+            INERTIA_WEIGHT * self._velocity
+            + ACCELERATION * own * (self._own_best - self._place)
+            + ACCELERATION * swarm * (self.best - self._place)
         )
         self._velocity = np.clip(self._velocity, -s.fastest * self._range, s.fastest * self._range)
         self._place = self._place + self._velocity

@@ -8,6 +8,7 @@ from std_msgs.msg import Float64, String
 
 from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
+from swath_sysid.common.accelerator import compiler
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
@@ -34,6 +35,7 @@ class Predictor(Node):
 
     def __init__(self) -> None:
         super().__init__('predictor')
+        compiler()  # loaded now, not amid the first samples
         self.parameters = NodeParameters(self, TABLE, pipeline_settings, self._on_parameters, further)
         self.pipeline = ForecastPipeline(self.parameters.settings)
         self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
