@@ -7,10 +7,12 @@ import pytest
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.motion.vertical import vertical_acceleration, zero_phase_integral
+from swath_sysid.attitude.motion.vertical import LeakyIntegrals, vertical_acceleration, zero_phase_integral
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
+from swath_sysid.attitude.prediction.variate_analysis import identify
+from swath_sysid.attitude.prediction.vertical import VerticalRequest, fit_vertical, states_from_lags
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 
@@ -70,6 +72,27 @@ def test_vertical_velocity_is_forecast_at_the_sensor_and_ahead_of_it(at_sea):
     for point, velocity in zip(POINTS, velocities, strict=True):
         errors, _ = errors_of(run, point.name, trial.time, velocity, 220.0, 290.0)
         assert (np.sqrt(np.mean(errors**2, axis=0)) / velocity.std())[:4] == pytest.approx([0.1] * 4, abs=0.1)
+
+
+def test_a_swell_of_few_waves_without_noise_is_not_weighed_by_what_rounding_left():
+    """Its state space has more states than the swell: in use they are not what they were in training."""
+    time, names = STEP * np.arange(2200), ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
+    w = 2.0 * math.pi * np.array([0.071, 0.093, 0.121, 0.152])
+    angle, size = np.outer(time, w) + np.array([0.3, 1.2, 2.2, 0.7]), np.array([0.8, 0.5, 0.4, 0.2])
+    heave, acceleration = np.cos(angle) @ size, np.cos(angle) @ (-(w**2) * size)
+    roll, pitch = (0.05 * np.cos(angle + turn) @ size for turn in (0.4, -1.0))
+    rates = [-0.05 * np.sin(angle + turn) @ (w * size) for turn in (0.4, -1.0)]
+    along = np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=1)
+    rows = np.column_stack([roll, pitch, *rates, along * (STANDARD_GRAVITY + acceleration)[:, None]])
+    model = identify(rows[:1900], names, STEP)
+    fit = fit_vertical(rows[:1900], names, STEP, model, VerticalRequest(20))
+    later = np.arange(1900, 2100)
+    # what the filter's state differs from that of the lags by is a small part of each channel
+    seen = rows + 1e-4 * rows.std(axis=0) * np.random.default_rng(1).normal(size=rows.shape)
+    integrals = LeakyIntegrals(STEP).of(vertical_acceleration(roll, pitch, rows[:, 4:]))
+    states = states_from_lags(model, seen[:, model.places], later)
+    mean = np.column_stack([states, integrals[later], np.ones(later.size)]) @ fit.weights[10, 0]
+    assert np.std(mean - heave[later + 10]) < 0.2 * heave.std()
 
 
 def test_vertical_motion_begins_when_it_is_learnt(at_sea):

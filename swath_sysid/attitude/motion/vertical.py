@@ -17,7 +17,7 @@ EDGE = 30.0
 HEAVE, VELOCITY, ACCELERATION = 2, 1, 0
 """How often the vertical acceleration is integrated."""
 
-_LEAKS = ((4.0,), (12.0,), (4.0, 6.0))
+_LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))
 """s; time constants of the leaky integrals, one after another."""
 
 
@@ -104,11 +104,11 @@ class LeakyIntegrals:
 
     @property
     def values(self) -> np.ndarray:
-        """Shape (3,): m/s, m/s and m."""
+        """Shape (COUNT,): m/s or, integrated twice, m."""
         return np.array([states[-1] for states in self._states])
 
     def of(self, acceleration: np.ndarray) -> np.ndarray:
-        """The integrals of a whole stretch from rest, shape (N, 3).
+        """The integrals of a whole stretch from rest, shape (N, COUNT).
 
         Parameters
         ----------
