@@ -122,7 +122,7 @@ def vicious(kind, seed, forecasts):
     reversed_runs = sum('reversed' in a.code or 'swapped' in a.code for run in runs for a in run.advice)
     found = identify_manoeuvring(runs[:8], ManoeuvringSettings(mass=craft.mass), runs[8:])
     r2 = ' '.join(f'{value:6.3f}' for value in found.validation.r2.values())
-    flagged = {a.code for a in found.advice} & {'unstable', 'diverged', 'lag-like-surge'}
+    flagged = {a.code for a in found.advice} & {'unstable', 'course-unstable', 'diverged', 'lag-like-surge'}
     print(f'{kind} {seed}: validation R2 of surge, sway, yaw rate {r2}; {reversed_runs} runs reversed; '
           f'{found.validation.diverged} windows diverged {flagged or ""}')  # fmt: skip
     print('    ' + ' '.join(f'{n} {d.value:.4g}+-{d.std:.2g}' for n, d in found.derivatives.items()), flush=True)

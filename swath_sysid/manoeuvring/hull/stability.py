@@ -46,6 +46,9 @@ class StabilityCheck:
     Attributes
     ----------
     stable : bool
+        Straight courses are kept, and held inputs drive nothing beyond bounds.
+    bounded : bool
+        The latter alone: a craft that does not keep its course turns, and its damping ends that.
     largest_growth : float
         Largest real part of the eigenvalues of small motions about straight courses, 1/s; negative decays.
     unstable_speed : float
@@ -53,6 +56,7 @@ class StabilityCheck:
     """
 
     stable: bool
+    bounded: bool
     largest_growth: float
     unstable_speed: float
 
@@ -72,10 +76,10 @@ def check_stability(model, region):
     speeds = straight_speeds(region)
     growth = growth_rates(model.values[:, None], model.active, speeds)[:, 0]
     worst = int(np.argmax(growth))
-    excess = _largest_excess(model, region)
+    bounded = _largest_excess(model, region) < EXCESS
     decays = growth[worst] < 0.0
     return StabilityCheck(
-        stable=bool(decays and excess < EXCESS), largest_growth=float(growth[worst]),
+        stable=bool(decays and bounded), bounded=bounded, largest_growth=float(growth[worst]),
         unstable_speed=float('nan') if decays else float(speeds[worst]),
     )  # fmt: skip
 

@@ -80,6 +80,8 @@ class Problem:
     advice : tuple of Advice
     ties : dict of str to str
         Parameters that are equal to another one, and to which.
+    keeps_course : bool
+        Straight courses must be stable.
     """
 
     runs: tuple
@@ -98,6 +100,7 @@ class Problem:
     drift_spread: float
     advice: tuple[Advice, ...]
     ties: dict[str, str]
+    keeps_course: bool = True
 
     def unknowns(self, names):
         """Units, bounds and regularisation of some unknowns."""

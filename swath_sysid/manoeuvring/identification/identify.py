@@ -20,6 +20,7 @@ from swath_sysid.manoeuvring.identification.selection import (
     first_fit,
     fit,
     model_of,
+    off_course,
     regularised_to_stable,
     renewed,
     select,
@@ -178,7 +179,9 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     shooting = shooting_of(problem, settings.window)
     start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
     names = (*problem.free, *problem.tentative)
-    now = first_fit(problem, shooting, names, np.concatenate([start, problem.start(problem.tentative)]))
+    values = np.concatenate([start, problem.start(problem.tentative)])
+    now = first_fit(problem, shooting, names, values)
+    problem, now = off_course(problem, settings.window, names, values, now)
     problem = with_drift_spread(with_noise(problem, now), now)
     now = fit(problem, renewed(problem, now), now.names, now.values)
     note(0.5)
@@ -203,7 +206,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
     advice += more + stability_advice + _drifts(model, currents) + _exchangeable(model, found, problem.region)
-    advice += _verdicts(stability, scores, validated, _white(runs))
+    advice += _verdicts(stability, problem.keeps_course, scores, validated, _white(runs))
     fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
     note(1.0)
@@ -362,10 +365,15 @@ def _separating(*names):
     return ' and '.join(found) or 'runs in opposite directions'
 
 
-def _verdicts(stability, scores, validated, white):
+def _verdicts(stability, keeps_course, scores, validated, white):
     """Advice on stability and on how well the runs are reproduced."""
     advice = []
-    if not stability.stable:
+    if not keeps_course and stability.bounded:
+        advice.append(Advice('course-unstable', (
+            f'the craft does not keep a straight course by itself: at {stability.unstable_speed:.2f} m/s small turns '
+            f'grow {stability.largest_growth:.2g} times a second, until damping ends that; steer it, and trust no '
+            f'forecast of its heading for longer than {3.0 / stability.largest_growth:.0f} s')))  # fmt: skip
+    elif not stability.stable:
         where = '' if np.isnan(stability.unstable_speed) else f' (at {stability.unstable_speed:.2f} m/s)'
         advice.append(Advice('unstable', (
             f'the model is unstable at speeds it was identified at{where}: do not use it; add turns at several '

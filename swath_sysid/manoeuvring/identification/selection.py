@@ -10,7 +10,7 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
 from swath_sysid.manoeuvring.identification.held_out import covariance_over_runs, held_out_costs, helps
-from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
+from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, MultipleShooting
 from swath_sysid.manoeuvring.identification.windows import cut
 
 MEMORY = 10
@@ -36,6 +36,13 @@ USUAL = (
 USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 SLOW_SWAY = 0.2
 """Of the first guess of sway damping: the start in the other basin."""
+
+PRESSED = 1.5
+"""A slowest decay within so many times the least that is demanded presses against the demand."""
+
+OFF_COURSE = 0.5
+"""Share of the misfit of runs held out to which a craft that does not keep its course must bring it: a stable model is
+worth something by itself."""
 
 DOUBTED = 6.0
 """Standard deviations below which a term must show on runs held out what it is worth."""
@@ -88,7 +95,7 @@ def shooting_of(problem, window):
     """Multiple shooting over the runs of a problem, with its always-free unknowns."""
     return MultipleShooting(
         cut(problem.runs, window), problem.base, problem.unknowns(problem.free), problem.noise, problem.scales.speed,
-        drift_spread=problem.drift_spread, speeds=straight_speeds(problem.region),
+        drift_spread=problem.drift_spread, speeds=_speeds(problem),
     )  # fmt: skip
 
 
@@ -157,6 +164,35 @@ def first_fit(problem, shooting, names, values):
     return min(stable, key=lambda f: np.sum(held_out_costs(f.shooting, f.values)))
 
 
+def off_course(problem, window, names, values, kept):
+    """The problem and fit of a craft that does not keep its course, where its runs say so; else those given.
+
+    A fit that presses against the demand of stable courses is compared with the best one free of it.
+
+    Parameters
+    ----------
+    problem : Problem
+    window : float
+        s.
+    names, values : tuple of str, ndarray of shape (n,)
+        Start of the free fits.
+    kept : Fit
+        Under the demand.
+
+    Returns
+    -------
+    problem : Problem
+    fit : Fit
+    """
+    growth = check_stability(model_of(problem, kept.names, kept.values), problem.region).largest_growth
+    if growth < -PRESSED * MIN_DECAY:
+        return problem, kept
+    free = replace(problem, keeps_course=False)
+    found = first_fit(free, shooting_of(free, window), names, values)
+    ahead, behind = (float(np.sum(held_out_costs(f.shooting, f.values))) for f in (found, kept))
+    return (free, found) if found.stable and ahead < OFF_COURSE * behind else (problem, kept)
+
+
 def covariance_of(shooting, values):
     """Covariance of the unknowns by residuals' autocorrelation and runs' scatter; regularisation not counted in."""
     residuals, jacobians = shooting.reports(values)
@@ -201,7 +237,7 @@ def renewed(problem, found):
     windows = found.shooting.windows
     shooting = MultipleShooting(
         windows, problem.base, problem.unknowns(found.names), problem.noise, problem.scales.speed,
-        found.shooting.states, found.shooting.drift, problem.drift_spread, straight_speeds(problem.region),
+        found.shooting.states, found.shooting.drift, problem.drift_spread, _speeds(problem),
     )  # fmt: skip
     shooting.weigh(found.values)
     return shooting
@@ -419,4 +455,10 @@ def _neutral(names):
 
 
 def _is_stable(problem, names, values):
-    return check_stability(model_of(problem, names, values), problem.region).stable
+    found = check_stability(model_of(problem, names, values), problem.region)
+    return found.stable if problem.keeps_course else found.bounded
+
+
+def _speeds(problem):
+    """Speeds at which straight courses must be stable, m/s."""
+    return straight_speeds(problem.region) if problem.keeps_course else ()
