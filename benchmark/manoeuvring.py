@@ -36,8 +36,8 @@ COMMANDED = replace(
     WAMV.with_values(gain=150.0, dead_band=0.08, lag=0.3, reverse_ratio=0.7), thrust_input=COMMAND, largest_input=1.0)
 CURRENT = (0.25, -0.166)
 NAMES = ('Xu', 'Xuu', 'Nr')
-UNSTABLE_RUN = 120.0
-"""s; sixteen such runs of twenty hulls are enough to wait for."""
+UNSTABLE_RUN = 60.0
+"""s; of twenty hulls longer runs would take long."""
 
 
 def drifting(manoeuvre, current):

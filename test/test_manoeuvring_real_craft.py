@@ -155,6 +155,26 @@ def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
         assert np.all((shares > 0.75) & (shares <= 1.0))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', [1, 2])
+def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, simulated):
+    """Twenty of them, with terms of choice: benchmark/manoeuvring.py --vices unstable."""
+    craft = simulated.unstable_hull(np.random.default_rng(seed))
+    inputs = [rows[:1200] for rows in simulated.drives(seed, spins=False)[:5]]
+    runs = prepare_all([
+        ManoeuvringTrial(thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length,
+                         **record) for k, record in enumerate(simulated.simulate(craft, inputs, seed))])  # fmt: skip
+    terms = ('Xu_dot', 'Xu', 'Xuu', 'Xvr', 'Yv_dot', 'Yv', 'Yvv', 'Iz', 'Nr', 'Nrr', 'Nuv', 'lag', 'delay')
+    settings = ManoeuvringSettings(mass=craft.mass, terms=terms, generations=0)
+    found = identify_manoeuvring(runs[:4], settings, runs[4:])
+    assert [a.code for a in found.advice if 'unstable' in a.code] == ['course-unstable']
+    assert found.stability.bounded
+    assert found.validation.diverged == 0
+    assert found.validation.r2['surge'] >= 0.9
+    # held to its course it would be 0.4 and less: over 20 s free runs of such a hull part even under the true model
+    assert found.validation.r2['yaw_rate'] >= 0.7
+
+
 def test_disturbances_and_sensors_are_those_simulated(craft_and_trials, truth, runs):
     craft, _ = craft_and_trials
     noise = forecast_noise(truth, runs[2:8])

@@ -12,7 +12,7 @@ from swath_sysid.manoeuvring.hull.terms import INDEX
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.scaling import Scales
 from swath_sysid.manoeuvring.identification.settings import AUTO, DEFAULT_LENGTH, DEFAULT_LEVER, SHARED
-from swath_sysid.manoeuvring.identification.shooting import CURRENT, Unknowns
+from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
 from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
 from swath_sysid.manoeuvring.motion.trial import COMMAND
 
@@ -80,8 +80,8 @@ class Problem:
     advice : tuple of Advice
     ties : dict of str to str
         Parameters that are equal to another one, and to which.
-    keeps_course : bool
-        Straight courses must be stable.
+    largest_growth : float
+        1/s, that small motions about straight courses may have; negative: they must decay.
     """
 
     runs: tuple
@@ -100,7 +100,7 @@ class Problem:
     drift_spread: float
     advice: tuple[Advice, ...]
     ties: dict[str, str]
-    keeps_course: bool = True
+    largest_growth: float = -MIN_DECAY
 
     def unknowns(self, names):
         """Units, bounds and regularisation of some unknowns."""

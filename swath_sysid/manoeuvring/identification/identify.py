@@ -206,7 +206,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
     advice += more + stability_advice + _drifts(model, currents) + _exchangeable(model, found, problem.region)
-    advice += _verdicts(stability, problem.keeps_course, scores, validated, _white(runs))
+    advice += _verdicts(stability, problem.largest_growth < 0.0, scores, validated, _white(runs))
     fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
     note(1.0)
@@ -368,7 +368,7 @@ def _separating(*names):
 def _verdicts(stability, keeps_course, scores, validated, white):
     """Advice on stability and on how well the runs are reproduced."""
     advice = []
-    if not keeps_course and stability.bounded:
+    if not (keeps_course or stability.stable) and stability.bounded:
         advice.append(Advice('course-unstable', (
             f'the craft does not keep a straight course by itself: at {stability.unstable_speed:.2f} m/s small turns '
             f'grow {stability.largest_growth:.2g} times a second, until damping ends that; steer it, and trust no '

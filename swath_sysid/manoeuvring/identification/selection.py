@@ -40,6 +40,9 @@ SLOW_SWAY = 0.2
 PRESSED = 1.5
 """A slowest decay within so many times the least that is demanded presses against the demand."""
 
+LARGEST_GROWTH = 1.5
+"""1/s; a craft whose turns grow faster by themselves cannot be steered."""
+
 OFF_COURSE = 0.5
 """Share of the misfit of runs held out to which a craft that does not keep its course must bring it: a stable model is
 worth something by itself."""
@@ -95,7 +98,8 @@ def shooting_of(problem, window):
     """Multiple shooting over the runs of a problem, with its always-free unknowns."""
     return MultipleShooting(
         cut(problem.runs, window), problem.base, problem.unknowns(problem.free), problem.noise, problem.scales.speed,
-        drift_spread=problem.drift_spread, speeds=_speeds(problem),
+        drift_spread=problem.drift_spread, speeds=straight_speeds(problem.region),
+        largest_growth=problem.largest_growth,
     )  # fmt: skip
 
 
@@ -167,7 +171,7 @@ def first_fit(problem, shooting, names, values):
 def off_course(problem, window, names, values, kept):
     """The problem and fit of a craft that does not keep its course, where its runs say so; else those given.
 
-    A fit that presses against the demand of stable courses is compared with the best one free of it.
+    A fit that presses against the demand of stable courses is compared with the best one that is all but free of it.
 
     Parameters
     ----------
@@ -187,7 +191,7 @@ def off_course(problem, window, names, values, kept):
     growth = check_stability(model_of(problem, kept.names, kept.values), problem.region).largest_growth
     if growth < -PRESSED * MIN_DECAY:
         return problem, kept
-    free = replace(problem, keeps_course=False)
+    free = replace(problem, largest_growth=LARGEST_GROWTH)
     found = first_fit(free, shooting_of(free, window), names, values)
     ahead, behind = (float(np.sum(held_out_costs(f.shooting, f.values))) for f in (found, kept))
     return (free, found) if found.stable and ahead < OFF_COURSE * behind else (problem, kept)
@@ -237,7 +241,8 @@ def renewed(problem, found):
     windows = found.shooting.windows
     shooting = MultipleShooting(
         windows, problem.base, problem.unknowns(found.names), problem.noise, problem.scales.speed,
-        found.shooting.states, found.shooting.drift, problem.drift_spread, _speeds(problem),
+        found.shooting.states, found.shooting.drift, problem.drift_spread, straight_speeds(problem.region),
+        problem.largest_growth,
     )  # fmt: skip
     shooting.weigh(found.values)
     return shooting
@@ -456,9 +461,4 @@ def _neutral(names):
 
 def _is_stable(problem, names, values):
     found = check_stability(model_of(problem, names, values), problem.region)
-    return found.stable if problem.keeps_course else found.bounded
-
-
-def _speeds(problem):
-    """Speeds at which straight courses must be stable, m/s."""
-    return straight_speeds(problem.region) if problem.keeps_course else ()
+    return found.bounded and found.largest_growth < max(problem.largest_growth, 0.0)

@@ -132,10 +132,13 @@ class MultipleShooting:
     drift_spread : float
         m/s, by how much the runs' currents are expected to differ; 0: they are the same.
     speeds : ndarray
-        Speeds at which straight courses must be stable, m/s; empty: none.
+        Speeds at which straight courses are examined, m/s; empty: none.
+    largest_growth : float
+        1/s, that small motions about them may have.
     """
 
-    def __init__(self, windows, base, unknowns, noise, speed, states=None, drift=None, drift_spread=0.0, speeds=()):
+    def __init__(self, windows, base, unknowns, noise, speed, states=None, drift=None, drift_spread=0.0, speeds=(),
+                 largest_growth=-MIN_DECAY):  # fmt: skip
         self.windows, self.unknowns = windows, unknowns
         self._base = np.array(base, dtype=float)
         self._noise = np.asarray(noise, dtype=float)
@@ -152,7 +155,7 @@ class MultipleShooting:
         self._state_units = np.maximum(self._noise, 1e-6)
         self.drift = np.zeros((2, len(windows.runs))) if drift is None else drift.copy()
         self._drift_spread = drift_spread
-        self._speeds = np.asarray(speeds, dtype=float)
+        self._speeds, self._largest_growth = np.asarray(speeds, dtype=float), largest_growth
         self._member = (windows.run_index == np.arange(len(windows.runs))[:, None]).astype(float)
         self._thrust_cache = {}
 
@@ -478,7 +481,7 @@ class MultipleShooting:
             return np.zeros((0, columns.shape[1]))
         growth = growth_rates(columns, active_terms(_union(columns)), self._speeds)
         weight = STABILITY_WEIGHT * np.sqrt(self._known.sum())
-        return weight * np.maximum(growth + MIN_DECAY, 0.0)
+        return weight * np.maximum(growth - self._largest_growth, 0.0)
 
     def instability_slopes(self, values):
         """Derivatives of `_instability` by the unknowns, shape (speeds, n)."""
