@@ -157,6 +157,9 @@ def first_fit(problem, shooting, names, values):
     not lead away from it. What they are worth on runs held out decides.
     """
     found = [fit(problem, shooting, names, values)]
+    exchanged = _exchanged(found[0], values)
+    if exchanged is not None:
+        found = [_best([*found, fit(problem, shooting, names, exchanged)])]
     for some, sway in ((USUAL_HULL, 1.0), (USUAL, 1.0), (USUAL, SLOW_SWAY)):
         usual = [n for group in problem.candidates for n in group if n in some and n not in names]
         if usual and (sway == 1.0 or 'Yv' in names):
@@ -164,6 +167,23 @@ def first_fit(problem, shooting, names, values):
             if 'Yv' in names:
                 start[names.index('Yv')] *= sway
             found.append(fit(problem, found[0].shooting, (*names, *usual), start))
+    return _best(found)
+
+
+def _exchanged(found, start):
+    """The start with what a fit took for the thrusters' lag as the hull's time constant of yaw, if that is shorter.
+
+    Yaw answers to the thrusters through both alike; None where the fit has them the usual way round.
+    """
+    value = dict(zip(found.names, found.values, strict=True))
+    if not {'lag', 'Iz', 'Nr'} <= set(value) or value['lag'] <= value['Iz'] / -value['Nr']:
+        return None
+    other = {'lag': value['Iz'] / -value['Nr'], 'Iz': value['lag'] * -value['Nr'], 'Nr': value['Nr']}
+    return np.array([other.get(name, first) for name, first in zip(found.names, start, strict=True)])
+
+
+def _best(found):
+    """Of some fits the stable one that explains runs held out best; of all, where none is stable."""
     stable = [f for f in found if f.stable] or found
     return min(stable, key=lambda f: np.sum(held_out_costs(f.shooting, f.values)))
 
