@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from swath_sysid.hull.terms import DAMPING_NAMES, TERM_NAMES
-from swath_sysid.identification.innovations import innovations
+from swath_sysid.identification.innovations import DAMPING, FREQUENCY, disturbance, innovations
 from swath_sysid.identification.noise import white_noise
 from swath_sysid.identification.scaling import LOWER, UPPER, Scales
 
@@ -58,14 +58,15 @@ class BlockedRecord:
     ----------
     step : float
         s.
-    attenuation : float
+    bend : float
+        See `innovations`, s^2.
     angle, rate : ndarray, shape (N,)
         rad and rad/s; zero where not measured.
     counts : ndarray, shape (N, 2)
     """
 
     step: float
-    attenuation: float
+    bend: float
     angle: np.ndarray
     rate: np.ndarray
     counts: np.ndarray
@@ -78,14 +79,12 @@ class BlockedRecord:
         step = samples * interval
         block = np.floor((motion.time - motion.time[0]) / step + 0.5 / samples).astype(int)
         count = np.bincount(block).astype(float)
-        phase = frequency * interval
-        attenuation = np.sin(0.5 * samples * phase) / (samples * np.sin(0.5 * phase))
         means = [
             np.zeros(count.size) if v is None else np.bincount(block, v) / np.maximum(count, 1.0)
             for v in (motion.angle, motion.rate)
         ]
         measured = [motion.angle is not None, motion.rate is not None]
-        return cls(step, float(attenuation), *means, count[:, None] * np.array(measured, dtype=float))
+        return cls(step, (samples**2 - 1) * interval**2 / 24.0, *means, count[:, None] * np.array(measured, dtype=float))
 
     @property
     def offset(self):
@@ -200,9 +199,10 @@ class BasinLikelihood:
     def _innovations_of(self, index, ratios, basin, state):
         record = self._records[index]
         found = np.empty((2, record.angle.size, 2))
+        transition, stationary = disturbance(basin[FREQUENCY], basin[DAMPING], record.step)
         innovations(
-            tuple(ratios.tolist()), self._active, self._friction_rate, basin, state, BIAS_PRIOR, record.step,
-            record.attenuation, record.angle, record.rate, record.counts, found[0], found[1],
+            tuple(ratios.tolist()), self._active, self._friction_rate, basin, transition, stationary, state, BIAS_PRIOR, record.step,
+            record.bend, record.angle, record.rate, record.counts, found[0], found[1],
         )  # fmt: skip
         return found.reshape(2, -1)
 
