@@ -107,7 +107,10 @@ class BasinFit:
         See `innovations`.
     states : ndarray, shape (M, 3)
         Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each record's first block.
+    trim_std : float
+        rad; root mean square over the records.
     log_likelihood : float
+        Less the prior's cost.
     normalised : tuple of ndarray, shape (N, 2)
         Innovations over their standard deviations, of each record; NaN where nothing was read.
     iterations : int
@@ -118,6 +121,7 @@ class BasinFit:
     intervals: np.ndarray
     basin: np.ndarray
     states: np.ndarray
+    trim_std: float
     log_likelihood: float
     normalised: tuple
     iterations: int
@@ -290,7 +294,7 @@ class BasinLikelihood:
         )
         return BasinFit(
             found_ratios, covariance[:n, :n] * np.outer(units, units), intervals * units[:, None], basin, states,
-            -cost, normalised, sum(t[-1] for t in tried),
+            float(np.sqrt(np.mean(np.diag(covariance)[self._shared + 2 :: 3]))) * self._state_units[2], -cost, normalised, sum(t[-1] for t in tried),
         )  # fmt: skip
 
 

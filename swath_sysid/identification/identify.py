@@ -10,6 +10,7 @@ from swath_sysid.hull.catalogue import equation_named
 from swath_sysid.hull.decay_model import DecayModel
 from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.terms import DAMPING_NAMES, TERM_INDEX
+from swath_sysid.identification.basin_likelihood import BasinFit, BasinLikelihood, interval
 from swath_sysid.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
 from swath_sysid.identification.one_step import OneStepObjective
 from swath_sysid.identification.problem import Problem, block_means, prepare
@@ -30,6 +31,7 @@ from swath_sysid.identification.uncertainty import (
     inseparable_terms,
     sandwich_covariance,
 )
+from swath_sysid.identification.verdict import Verdict, verdict_on
 from swath_sysid.motion.segmentation import DecaySegment
 from swath_sysid.motion.trial import AxisMotion
 
@@ -116,6 +118,8 @@ class Identification:
     model : DecayModel
     covariance : ndarray, shape (n, n)
         Of the ratios of the model's terms, in their order.
+    intervals : dict of str to tuple of float
+        95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up.
     trim_std : float
         rad; NaN where no angle was measured.
     objective : str
@@ -135,11 +139,16 @@ class Identification:
     search : SearchResult
     problem : Problem
     settings : IdentificationSettings
+    basin : BasinFit or None
+        None where the ratios are those of least squares: coefficients of the one-step objective, and those that are only
+        compared with others.
+    verdict : Verdict
     advice : tuple of Advice
     """
 
     model: DecayModel
     covariance: np.ndarray
+    intervals: dict
     trim_std: float
     objective: str
     objective_value: float
@@ -153,6 +162,8 @@ class Identification:
     search: SearchResult
     problem: Problem
     settings: IdentificationSettings
+    basin: BasinFit | None
+    verdict: Verdict
     advice: tuple[Advice, ...]
 
     @property
@@ -233,7 +244,28 @@ def identify(motions, settings=IdentificationSettings(), *, progress=None, shoul
     Cancelled
     """
     problem = prepare(motions, settings.start, settings.end)
-    return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
+    found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
+    return refined_in_basin(found) if settings.objective == 'simulation' else found
+
+
+def refined_in_basin(found):
+    """A least-squares identification refined and judged by the likelihood that knows of the basin's motion.
+
+    Parameters
+    ----------
+    found : Identification
+
+    Returns
+    -------
+    Identification
+    """
+    problem, equation = found.problem, found.model.equation
+    states = [record.state for record in found.records]
+    likelihood = BasinLikelihood(problem.observed, states, equation, problem.scales, problem.friction_rate)
+    basin = likelihood.fit(found.model.ratios)
+    fit = motion_fit(problem, equation)
+    parameters = fit.refine_states(fit.pack(basin.ratios, states))
+    return conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
 
 
 def identify_problem(problem, settings, *, progress=None, should_cancel=None):
@@ -348,7 +380,7 @@ def _refine_outwards(problem, equation, space, best, should_cancel):
         horizon *= HORIZON_GROWTH
 
 
-def conclude(problem, settings, equation, fit, parameters, search):
+def conclude(problem, settings, equation, fit, parameters, search, basin=None):
     """Everything a fit must say besides its coefficients."""
     ratios, states = fit.unpack(parameters)
     n = fit.term_count
@@ -358,6 +390,13 @@ def conclude(problem, settings, equation, fit, parameters, search):
     units = problem.scales.ratio_units[equation.indices]
     ratio_covariance = covariance.matrix[:n, :n] * np.outer(units, units)
     trim_std = float(np.sqrt(np.mean(np.diag(covariance.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
+    intervals = [
+        interval(ratios[index], std, name in DAMPING_NAMES)
+        for name, index, std in zip(equation.terms, equation.indices, np.sqrt(np.diag(ratio_covariance)), strict=True)
+    ]
+    if basin is not None:
+        ratio_covariance, intervals = basin.covariance, basin.intervals
+        trim_std = basin.trim_std if problem.motions[0].angle is not None else float('nan')
     objective_value = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
     if settings.objective == 'one-step':
         objective_value = float(_one_step(problem)(ratios[None])[0])
@@ -369,13 +408,15 @@ def conclude(problem, settings, equation, fit, parameters, search):
         )
     )
     amplitude = np.geomspace(*amplitudes_seen(problem), CURVE_POINTS)
+    r2 = _explained(records)
     return Identification(
         model=model,
         covariance=ratio_covariance,
+        intervals={name: (float(a), float(b)) for name, (a, b) in zip(equation.terms, intervals, strict=True)},
         trim_std=trim_std,
         objective=settings.objective,
         objective_value=objective_value,
-        r2=_explained(records),
+        r2=r2,
         rmse=_rms([r.motion.angle - r.angle for r in records if r.motion.angle is not None]),
         rate_rmse=_rms([r.motion.rate - r.rate for r in records if r.motion.rate is not None]),
         samples=sum(r.size for r in residuals),
@@ -385,6 +426,8 @@ def conclude(problem, settings, equation, fit, parameters, search):
         search=search,
         problem=problem,
         settings=settings,
+        basin=basin,
+        verdict=verdict_on(r2, records, model, np.sqrt(np.diag(ratio_covariance)), basin),
         advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance)),
     )
 

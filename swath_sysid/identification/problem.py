@@ -23,6 +23,11 @@ AVERAGED = 400
 """Samples a period: records denser than the first are averaged to the second, which costs the
 motion less than 1e-5 of its amplitude."""
 
+LONGEST_AFTERMATH = 10.0
+"""Periods after a decay that are looked at,"""
+LOUDEST_AFTERMATH = 0.35
+"""as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again."""
+
 FIRST_LOOK_PERIODS = 0.12
 """The initial state is estimated from this part of a period."""
 
@@ -37,6 +42,8 @@ class Problem:
     motions : tuple of AxisMotion
         Cut to their free decays.
     segments : tuple of DecaySegment
+    observed : tuple of AxisMotion
+        From the release on as far as the craft was left alone: what follows a decay shows how still the basin is.
     states : tuple of InitialState
         First estimates.
     scales : Scales
@@ -50,6 +57,7 @@ class Problem:
     axis: str
     motions: tuple[AxisMotion, ...]
     segments: tuple[DecaySegment, ...]
+    observed: tuple[AxisMotion, ...]
     states: tuple[InitialState, ...]
     scales: Scales
     noise: Noise
@@ -101,12 +109,27 @@ def prepare(motions, start=None, end=None):
         axis=motions[0].axis,
         motions=cut,
         segments=segments,
+        observed=tuple(m.between(s.start, _left_alone_until(m, s)) for m, s in zip(motions, segments, strict=True)),
         states=states,
         scales=scales,
         noise=noise,
         friction_rate=FRICTION_RATE_SHARE * scales.rate,
         advice=tuple(dict.fromkeys(advice)),
     )
+
+
+def _left_alone_until(motion, segment):
+    """End of the quiet that follows a decay, s; the decay's own end where it was given or cut short."""
+    if segment.ending not in ('noise-floor', 'faded') or motion.angle is None or segment.quantity != 'angle':
+        return segment.end
+    after = motion.between(segment.end, segment.end + LONGEST_AFTERMATH * segment.period)
+    if after.size < 8:
+        return segment.end
+    limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
+    loud = np.flatnonzero(np.abs(after.angle - segment.trim) > limit)
+    if not loud.size:
+        return float(after.time[-1])
+    return max(segment.end, float(after.time[loud[0]]) - segment.period)
 
 
 def _averaged(motion, period):

@@ -18,6 +18,7 @@ from swath_sysid.motion.cycles import (
     split_at_pauses,
 )
 from swath_sysid.motion.falls import FallSettings, find_falls
+from swath_sysid.motion.releases import find_releases
 
 
 @dataclass(frozen=True)
@@ -130,6 +131,13 @@ class SegmentationSettings:
 
 DEFAULTS = SegmentationSettings()
 
+RELEASED_PART = 0.6
+"""Natural periods after a release within which the decay that it began is recognised: the first half swing."""
+QUIET_PERIODS = 2.5
+"""A release alone shows a decay where so much of the record follows it."""
+LOUDEST_REST, MEAN_REST = 0.7, 0.3
+"""Largest and root mean square motion from a period after such a release on, over the angle released from."""
+
 
 @dataclass(frozen=True)
 class DecaySegment:
@@ -190,11 +198,12 @@ def find_decays(motion, settings=DEFAULTS):
     tuple of DecaySegment
         The one with the most motion first, none overlapping; empty where there is none.
     """
-    decays = []
+    decays, releases = [], []
     for piece in split_at_pauses(motion):
         falls = [fall for fall in find_falls(piece, settings.fall) if _is_large(fall, settings)]
         decays.extend(_free_falls(falls, settings))
-    return tuple(_segment_of(fall, settings) for fall in _apart(decays, settings))
+        releases.extend(find_releases(piece, settings.smallest_angle_swing))
+    return _begun_at_releases([_segment_of(fall, settings) for fall in _apart(decays, settings)], releases, motion)
 
 
 def find_decay(motion, start=None, end=None, settings=DEFAULTS):
@@ -317,6 +326,60 @@ def keeps_swinging(motion, part=0.2, fewest=10, longest_lull=0.25):
     at = points.time[1:][swings >= part * swings.max()]
     lulls = np.diff(np.concatenate([motion.time[:1], at, motion.time[-1:]]))
     return bool(at.size >= fewest and lulls.max() <= longest_lull * motion.duration)
+
+
+def _begun_at_releases(decays, releases, motion):
+    """The decays with each release's own beginning there, and those that only a release shows."""
+    for release in releases:
+        begun = release.time + RELEASED_PART * release.period
+        own = [d for d in decays if release.hold_start - release.period < d.start < begun]
+        followed = [d for d in own if d.end > begun]
+        if not followed and any(d.start < release.time < d.end for d in decays):
+            continue
+        # what ended before the release was the hand's
+        kept = [d for d in decays if all(d is not other for other in own)]
+        if followed:
+            decays = [_released(d, release) if d is followed[0] else d for d in decays if d in kept or d is followed[0]]
+        elif _comes_to_rest(release, motion):
+            alone = _alone(release, motion)
+            large = [d for d in kept if d.initial_amplitude > alone.initial_amplitude]
+            decays = [*large, alone, *(d for d in kept if d not in large)]
+    return tuple(decays)
+
+
+def _released(decay, release):
+    """A decay begun at its release."""
+    return replace(
+        decay, start=release.time, beginning='released', cycles=decay.cycles + (decay.start - release.time) / decay.period,
+        initial_amplitude=max(abs(release.angle - decay.trim), decay.final_amplitude),
+    )  # fmt: skip
+
+
+def _comes_to_rest(release, motion):
+    """Whether a craft that had been held for a period swings by far less from a period after its release on."""
+    held, follows = release.time - release.hold_start, motion.time[-1] - release.time
+    if held < release.period or follows < (1.0 + QUIET_PERIODS) * release.period:
+        return False
+    after = motion.between(release.time + release.period, None)
+    away = np.abs(after.angle - release.trim) / abs(release.angle - release.trim)
+    return bool(away.max() < LOUDEST_REST and np.sqrt(np.mean(away**2)) < MEAN_REST)
+
+
+def _alone(release, motion):
+    """The decay of a release whose swings the motion around them hides."""
+    end = min(float(motion.time[-1]), release.time + QUIET_PERIODS * release.period)
+    last = motion.between(end - 0.5 * release.period, end).angle
+    return DecaySegment(
+        start=release.time,
+        end=end,
+        period=release.period,
+        cycles=(end - release.time) / release.period,
+        initial_amplitude=abs(release.angle - release.trim),
+        final_amplitude=float(np.abs(last - release.trim).max()),
+        trim=release.trim,
+        beginning='released',
+        ending='noise-floor',
+    )
 
 
 def _is_large(fall, settings):
