@@ -2,7 +2,7 @@
 
     python benchmark/basin.py                                   every scene, 12 seeds, the true equation
     python benchmark/basin.py --scenes white,waves-0.3 --seeds 3
-    python benchmark/basin.py --choose                          without an equation: is the choice right, or does the verdict say so?
+    python benchmark/basin.py --choose                          without an equation: a wrong choice must be called one
 
 The trials are made by scipy's solve_ivp from coefficients copied out of the papers; nothing of the package makes them.
 """

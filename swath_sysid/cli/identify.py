@@ -8,7 +8,7 @@ from swath_sysid.cli.sources import add_source_arguments, chosen_axis, finite, m
 from swath_sysid.errors import InputError
 from swath_sysid.files.model_file import write_model
 from swath_sysid.identification.at_sea import identify_at_sea, is_forced
-from swath_sysid.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
+from swath_sysid.identification.identify import OBJECTIVES, IdentificationSettings, identify
 from swath_sysid.identification.sea_motion import heave_of
 from swath_sysid.identification.search import ALGORITHMS, PRESETS, SearchSettings
 from swath_sysid.report.at_sea_figure import at_sea_figure
@@ -30,7 +30,8 @@ def add_arguments(parser):
     kind.add_argument('--decay', action='store_true', help='the records are free decays, whatever they look like')
     parser.add_argument(
         '--equation', metavar='NAME',
-        help=f'published equation, composition like b1,b2|r1,r3, either with +friction (default: {DEFAULT_EQUATION})',
+        help='published equation, composition like b1,b2|r1,r3, either with +friction (default: the simplest '
+        'adequate one of a few)',
     )  # fmt: skip
     add_search_arguments(parser)
     parser.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form too")

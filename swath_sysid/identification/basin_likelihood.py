@@ -1,11 +1,12 @@
 """Coefficients and their intervals in a basin that still moves: the likelihood of a filter's innovations.
 
-Least squares takes what a residual wave does to the craft for the craft's own. Here the disturbance, a slow drift
-of trim, the gyro's bias and the colour of the sensors' noise are part of the model (see `innovations`), their levels and spectra fitted
-together with the hull's ratios (the filter-error method: Maine and Iliff 1981; Jategaonkar 2015, chapter 5). The optimum is found by scoring: with
-a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and variances s_k,
+Least squares takes what a residual wave does to the craft for the craft's own. Here the disturbance, a slow drift of trim,
+the gyro's bias and the colour of the sensors' noise are part of the model (see `innovations`), their levels and spectra
+fitted together with the hull's ratios (the filter-error method: Maine and Iliff 1981; Jategaonkar 2015, chapter 5). The
+optimum is found by scoring: with a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and their variances s_k,
 
-    gradient = sum(a_k e_k / s_k + b_k (1 - e_k^2 / s_k) / (2 s_k)),   information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
+    gradient    = sum(a_k e_k / s_k + b_k (1 - e_k^2 / s_k) / (2 s_k)),
+    information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
 """
 
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ BASIN_PRIORS = (
     ('drift', np.log(5e-4), 1.0),  # of the first amplitude, in the square root of a period
 )
 """Name, mean and standard deviation of the logarithm of each of the basin's and the sensors' parameters."""
+STARTING_LEVELS = 0.003, 0.05
 LOG_LIMITS = 7.0
 LARGEST_DAMPING = 0.9
 SMALLEST_NOISE = 1e-4
@@ -84,12 +86,8 @@ class BlockedRecord:
             for v in (motion.angle, motion.rate)
         ]
         measured = [motion.angle is not None, motion.rate is not None]
-        return cls(step, (samples**2 - 1) * interval**2 / 24.0, *means, count[:, None] * np.array(measured, dtype=float))
-
-    @property
-    def offset(self):
-        """Time from the first sample to the middle of the first block, s."""
-        return 0.5 * self.step
+        counts = count[:, None] * np.array(measured, dtype=float)
+        return cls(step, (samples**2 - 1) * interval**2 / 24.0, *means, counts)
 
 
 @dataclass(frozen=True)
@@ -98,6 +96,8 @@ class BasinFit:
 
     Attributes
     ----------
+    logarithms : ndarray, shape (10,)
+        Of the basin's parameters, where another equation's fit may start.
     ratios : ndarray, shape (9,)
     covariance : ndarray, shape (n, n)
         Of the ratios in use, about the optimum.
@@ -106,16 +106,16 @@ class BasinFit:
     basin : ndarray, shape (10,)
         See `innovations`.
     states : ndarray, shape (M, 3)
-        Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each record's first block.
+        Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each first block.
     trim_std : float
         rad; root mean square over the records.
     log_likelihood : float
         Less the prior's cost.
     normalised : tuple of ndarray, shape (N, 2)
         Innovations over their standard deviations, of each record; NaN where nothing was read.
-    iterations : int
     """
 
+    logarithms: np.ndarray
     ratios: np.ndarray
     covariance: np.ndarray
     intervals: np.ndarray
@@ -124,7 +124,6 @@ class BasinFit:
     trim_std: float
     log_likelihood: float
     normalised: tuple
-    iterations: int
 
 
 class BasinLikelihood:
@@ -177,12 +176,11 @@ class BasinLikelihood:
         """Number of ratios, n."""
         return self._terms.size
 
-    def start(self, ratios, level=None):
-        """Parameters (n + 10,) of given ratios (9,), the rest at its prior mean; ``level`` over its unit."""
+    def start(self, ratios, level):
+        """Parameters (n + 10 + 3 M,) of given ratios (9,), the rest at its prior mean; ``level`` over its unit."""
         z = self._prior_mean.copy()
         z[: self.term_count] = ratios[self._terms] / self._ratio_units
-        if level is not None:
-            z[self.term_count] = np.log(level)
+        z[self.term_count] = np.log(level)
         return z
 
     def unpack(self, z):
@@ -205,13 +203,13 @@ class BasinLikelihood:
         found = np.empty((2, record.angle.size, 2))
         transition, stationary = disturbance(basin[FREQUENCY], basin[DAMPING], record.step)
         innovations(
-            tuple(ratios.tolist()), self._active, self._friction_rate, basin, transition, stationary, state, BIAS_PRIOR, record.step,
-            record.bend, record.angle, record.rate, record.counts, found[0], found[1],
+            tuple(ratios.tolist()), self._active, self._friction_rate, basin, transition, stationary, state, BIAS_PRIOR,
+            record.step, record.bend, record.angle, record.rate, record.counts, found[0], found[1],
         )  # fmt: skip
         return found.reshape(2, -1)
 
     def _slopes(self, z, found):
-        """Parameters that move a record's innovations, and the derivatives by them, shape (p, 2, 2 N), of each record."""
+        """Of each record: the parameters that move its innovations, and the derivatives by them, shape (p, 2, 2 N)."""
         shared = np.arange(self._shared)
         for index, own in enumerate(found):
             places = np.concatenate([shared, self._shared + 3 * index + np.arange(3)])
@@ -248,7 +246,7 @@ class BasinLikelihood:
         z : ndarray
         cost : float
         gradient, information
-        iterations : int
+            Of `gradient_and_information` there.
         """
         n = self.term_count
         low, high = np.full(z.size, -np.inf), np.full(z.size, np.inf)
@@ -257,7 +255,7 @@ class BasinLikelihood:
         found = self.innovations(z)
         cost, damping = self.cost(z, found), 1e-3
         gradient, information = self.gradient_and_information(z, found)
-        for iteration in range(1, MOST_ITERATIONS + 1):
+        for _ in range(MOST_ITERATIONS):
             trial = clipped_step(z, gradient, information + damping * np.diag(np.diag(information)), low, high)
             expected = -float(gradient @ (trial - z))
             if expected < CONVERGED:
@@ -275,12 +273,28 @@ class BasinLikelihood:
                 damping = max(6.0 * damping, 1e-2)
                 if damping > 1e6:
                     break
-        return z, cost, gradient, information, iteration
+        return z, cost, gradient, information
 
-    def fit(self, ratios, levels=(0.003, 0.05)):
-        """The best optimum from given ratios (9,) with the basin quiet and with it moving."""
-        tried = [self.minimise(self.start(ratios, level)) for level in levels]
-        z, cost, gradient, information, _ = min(tried, key=lambda t: t[1])
+    def fit(self, ratios, logarithms=None):
+        """The best optimum from given ratios (9,).
+
+        Parameters
+        ----------
+        ratios : ndarray, shape (9,)
+        logarithms : ndarray, shape (10,), optional
+            Of the basin's parameters, as a fit of the same records found them; otherwise one start has it quiet
+            and one moving.
+
+        Returns
+        -------
+        BasinFit
+        """
+        starts = [self.start(ratios, level) for level in STARTING_LEVELS]
+        if logarithms is not None:
+            starts = starts[:1]
+            starts[0][self.term_count : self._shared] = logarithms
+        tried = [self.minimise(z) for z in starts]
+        z, cost, _, information = min(tried, key=lambda t: t[1])
         n, units = self.term_count, self._ratio_units
         covariance = np.linalg.inv(information)
         std = np.sqrt(np.diag(covariance)[:n])
@@ -292,10 +306,18 @@ class BasinLikelihood:
             np.where(r.counts > 0.0, (e / np.sqrt(s)).reshape(-1, 2), np.nan)
             for r, (e, s) in zip(self._records, self.innovations(z), strict=True)
         )
+        trim_variance = np.mean(np.diag(covariance)[self._shared + 2 :: 3])
         return BasinFit(
-            found_ratios, covariance[:n, :n] * np.outer(units, units), intervals * units[:, None], basin, states,
-            float(np.sqrt(np.mean(np.diag(covariance)[self._shared + 2 :: 3]))) * self._state_units[2], -cost, normalised, sum(t[-1] for t in tried),
-        )  # fmt: skip
+            logarithms=z[n : self._shared].copy(),
+            ratios=found_ratios,
+            covariance=covariance[:n, :n] * np.outer(units, units),
+            intervals=intervals * units[:, None],
+            basin=basin,
+            states=states,
+            trim_std=float(np.sqrt(trim_variance)) * self._state_units[2],
+            log_likelihood=-cost,
+            normalised=normalised,
+        )
 
 
 def clipped_step(z, gradient, information, low, high):

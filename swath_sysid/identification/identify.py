@@ -1,12 +1,12 @@
 """From measured decays to a believed hull: search, refine, and say how well it is known."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from swath_sysid.advice import Advice
 from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import equation_named
+from swath_sysid.hull.catalogue import equation_named, equations_of_axis
 from swath_sysid.hull.decay_model import DecayModel
 from swath_sysid.hull.identified_model import IdentifiedModel
 from swath_sysid.hull.terms import DAMPING_NAMES, TERM_INDEX
@@ -38,6 +38,19 @@ from swath_sysid.motion.trial import AxisMotion
 OBJECTIVES = ('simulation', 'one-step')
 DEFAULT_EQUATION = 'odd-cubic'
 
+CANDIDATES = (
+    ('b1', 'r1'),
+    ('b1', 'b2', 'r1', 'r3'),
+    ('b1', 'b2', 'r1', 'r2', 'r3'),
+    ('b1', 'b2', 'b3', 'r1', 'r3'),
+    ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'),
+    ('b1', 'b2', 'b3', 's1', 's2'),
+)
+"""Term sets that are tried where no equation is given: each published hull has one of them, or a part of one."""
+TERM_COST = 2.0
+"""What a term must add to the log likelihood: between Akaike's 1 and Schwarz' 3 (400 samples). Leaving out a term that
+is there spoils the intervals of the others; keeping one that is not widens them."""
+
 SEARCH_PERIODS = 6.0
 """The search looks at this many periods: its basin of attraction in frequency narrows with every
 cycle, and refinement then follows the rest of the record outwards from there."""
@@ -55,7 +68,7 @@ class IdentificationSettings:
     Attributes
     ----------
     equation : str or None
-        A name that `equation_named` takes; None: ``DEFAULT_EQUATION``.
+        A name that `equation_named` takes; None: `identify` chooses, anything else takes ``DEFAULT_EQUATION``.
     objective : str
         ``simulation`` or ``one-step``.
     search : SearchSettings
@@ -140,9 +153,11 @@ class Identification:
     problem : Problem
     settings : IdentificationSettings
     basin : BasinFit or None
-        None where the ratios are those of least squares: coefficients of the one-step objective, and those that are only
+        None where the ratios are those of least squares: those of the one-step objective, and those that are only
         compared with others.
     verdict : Verdict
+    choice : str
+        Why this equation, in one sentence; empty where it was given.
     advice : tuple of Advice
     """
 
@@ -164,6 +179,7 @@ class Identification:
     settings: IdentificationSettings
     basin: BasinFit | None
     verdict: Verdict
+    choice: str
     advice: tuple[Advice, ...]
 
     @property
@@ -204,6 +220,8 @@ class Identification:
             'objective_value': self.objective_value,
             'samples': self.samples,
             'effective_samples': self.effective_samples,
+            'verdict': self.verdict.level,
+            'verdict_code': self.verdict.code,
         }
         how = {
             'segments_s': [[float(r.segment.start), float(r.segment.end)] for r in self.records],
@@ -244,16 +262,53 @@ def identify(motions, settings=IdentificationSettings(), *, progress=None, shoul
     Cancelled
     """
     problem = prepare(motions, settings.start, settings.end)
+    if settings.objective == 'simulation' and settings.equation is None:
+        return _simplest_adequate(problem, settings, progress, should_cancel)
     found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
     return refined_in_basin(found) if settings.objective == 'simulation' else found
 
 
-def refined_in_basin(found):
+def _simplest_adequate(problem, settings, progress, should_cancel):
+    """The candidate equation of the largest likelihood, each term of it held against what it costs."""
+    report = progress or (lambda share: None)
+    tried = []
+    for count, terms in enumerate(CANDIDATES):
+        equation = _equation_of_terms(terms, problem.axis)
+        found = identify_problem(
+            problem, replace(settings, equation=equation.name), should_cancel=should_cancel,
+            progress=lambda share, done=count: report((done + share) / len(CANDIDATES)),
+        )  # fmt: skip
+        tried.append(refined_in_basin(found, tried[-1].basin.logarithms if tried else None))
+    best = max(tried, key=_support)
+    second = max((t for t in tried if t is not best), key=_support)
+    reason = (
+        f'{best.model.equation.name} was chosen of {len(tried)} equations: its log likelihood, less {TERM_COST:g} a '
+        f'term, is {_support(best) - _support(second):.1f} above that of {second.model.equation.name}'
+    )
+    return replace(best, settings=settings, choice=reason)
+
+
+def _support(found):
+    return found.basin.log_likelihood - TERM_COST * len(found.model.equation.terms)
+
+
+def _equation_of_terms(terms, axis):
+    """The equation of those terms that has a name, or their composition."""
+    for equation in equations_of_axis(axis):
+        if equation.terms == terms:
+            return equation
+    damping = ','.join(name for name in terms if name in DAMPING_NAMES)
+    return equation_named(f'{damping}|{",".join(name for name in terms if name not in DAMPING_NAMES)}')
+
+
+def refined_in_basin(found, logarithms=None):
     """A least-squares identification refined and judged by the likelihood that knows of the basin's motion.
 
     Parameters
     ----------
     found : Identification
+    logarithms : ndarray, shape (10,), optional
+        See `BasinLikelihood.fit`.
 
     Returns
     -------
@@ -262,7 +317,7 @@ def refined_in_basin(found):
     problem, equation = found.problem, found.model.equation
     states = [record.state for record in found.records]
     likelihood = BasinLikelihood(problem.observed, states, equation, problem.scales, problem.friction_rate)
-    basin = likelihood.fit(found.model.ratios)
+    basin = likelihood.fit(found.model.ratios, logarithms)
     fit = motion_fit(problem, equation)
     parameters = fit.refine_states(fit.pack(basin.ratios, states))
     return conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
@@ -428,6 +483,7 @@ def conclude(problem, settings, equation, fit, parameters, search, basin=None):
         settings=settings,
         basin=basin,
         verdict=verdict_on(r2, records, model, np.sqrt(np.diag(ratio_covariance)), basin),
+        choice='',
         advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance)),
     )
 

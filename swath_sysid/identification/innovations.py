@@ -1,8 +1,8 @@
 """Innovations of a free decay in a basin that is never quite still, by an extended Kalman filter.
 
-The state is the angle from trim x, its rate w, the residual motion of the basin as an exciting moment over
-inertia d of fourth order (a resonator driven by another, so that its spectrum falls off as steeply as waves' do and the hull
-need not), the trim, the gyro's bias, and first-order noise of the angle and of the rate:
+The state is the angle from trim x, its rate w, the residual motion of the basin as an exciting moment over inertia d
+of fourth order (a resonator driven by another: its spectrum falls off as steeply as that of waves, which a hull of less
+damping would have to imitate otherwise), the trim, the gyro's bias, and first-order noise of the angle and of the rate:
 
     dx = w dt,   dw = (d - damping(w) - restoring(x)) dt,   (D^2 + 2 zeta_d w_d D + w_d^2)^2 d = white noise,
     angle read = x + trim + n_a + white,   rate read = w + bias + n_r + white.
@@ -26,8 +26,8 @@ SUBSTEPS = 3
     LEVEL, FREQUENCY, DAMPING, ANGLE_WHITE, RATE_WHITE, ANGLE_COLOUR, ANGLE_MEMORY, RATE_COLOUR, RATE_MEMORY, DRIFT
 ) = range(10)  # fmt: skip
 """Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency,
-rad/s, and damping ratio; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the coloured noise of
-either; drift of the trim, rad in the square root of a second."""
+rad/s, and damping ratio; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the coloured
+noise of either; drift of the trim, rad in the square root of a second."""
 
 
 def disturbance(frequency, damping, step):

@@ -13,7 +13,7 @@ LEAST_R2 = 0.9
 """Below, the simulated motion is not the measured one."""
 DOUBTFUL_R2 = 0.97
 MOST_RATE_MISMATCH = 0.2
-"""Root mean square of what the rate and the angle's slope differ by, over that of the rate: a wrong unit, sign or delay."""
+"""What the rate and the angle's slope differ by, over the rate, root mean squares: a wrong unit, sign or delay."""
 MOST_PERIOD_STD = 0.05
 """Relative standard deviation of the natural period beyond which the coefficients are hardly known."""
 LARGEST_DISTURBANCE = 0.1
@@ -62,14 +62,14 @@ def verdict_on(r2, records, model, std, basin=None):
     if mismatch > MOST_RATE_MISMATCH:
         return Verdict(
             REFUSED, 'angle-against-rate',
-            f'refused: the measured rate differs from the slope of the measured angle by {mismatch:.0%} of itself: check '
-            'unit, sign and delay of both columns',
+            f'refused: the measured rate differs from the slope of the measured angle by {mismatch:.0%} of itself: '
+            'check unit, sign and delay of both columns',
         )  # fmt: skip
     if not r2 >= LEAST_R2:
         return Verdict(
             REFUSED, 'not-this-motion',
-            f'refused: the simulated motion explains {max(r2, 0.0):.0%} of the measured one only: choose an equation with '
-            'more terms, or give the bounds of the free decay',
+            f'refused: the simulated motion explains {max(r2, 0.0):.0%} of the measured one only: choose an equation '
+            'with more terms, or give the bounds of the free decay',
         )  # fmt: skip
     stiffness_std = float(max(s for name, s in zip(model.equation.terms, std, strict=True) if name in ('r1', 's1')))
     natural = model.natural_frequency
@@ -78,8 +78,8 @@ def verdict_on(r2, records, model, std, basin=None):
     if disturbance > LARGEST_DISTURBANCE:
         return Verdict(
             DOUBTFUL, 'disturbed',
-            f'doubtful: something moved the craft with {disturbance:.0%} of the moment it was released from, waves or an '
-            'equation that lacks a term: wait for still water, or compare equations',
+            f'doubtful: something moved the craft with {disturbance:.0%} of the moment it was released from, waves or '
+            'an equation that lacks a term: wait for still water, or compare equations',
         )  # fmt: skip
     correlation = 0.0 if basin is None else innovation_correlation(basin)
     if correlation > MOST_CORRELATION:
@@ -97,8 +97,8 @@ def verdict_on(r2, records, model, std, basin=None):
     if r2 < DOUBTFUL_R2:
         return Verdict(
             DOUBTFUL, 'noisy',
-            f'doubtful: the simulated motion explains {r2:.1%} of the measured one, the rest is the basin or the sensor: '
-            'release from a larger angle, or in stiller water',
+            f'doubtful: the simulated motion explains {r2:.1%} of the measured one, the rest is the basin or the '
+            'sensor: release from a larger angle, or in stiller water',
         )  # fmt: skip
     return Verdict(
         ADEQUATE, 'adequate',

@@ -115,8 +115,8 @@ def _release_of(motion, signal, away, trim, run):
 def kink_time(motion, earliest, latest, period, towards, level):
     """When the acceleration jumps, or None where it does not.
 
-    A parabola before and a quartic after, of one angle and rate where they meet, are fitted to angle and rate; first the time
-    at which the jump stands out most, then that of the least residual about it.
+    A parabola before and a quartic after, of one angle and rate where they meet, are fitted to angle and rate: first
+    where the jump stands out most, then, ever closer, where the residual is least.
 
     Parameters
     ----------

@@ -349,8 +349,9 @@ def _begun_at_releases(decays, releases, motion):
 
 def _released(decay, release):
     """A decay begun at its release."""
+    gained = (decay.start - release.time) / decay.period
     return replace(
-        decay, start=release.time, beginning='released', cycles=decay.cycles + (decay.start - release.time) / decay.period,
+        decay, start=release.time, beginning='released', cycles=decay.cycles + gained,
         initial_amplitude=max(abs(release.angle - decay.trim), decay.final_amplitude),
     )  # fmt: skip
 

@@ -24,9 +24,14 @@ def fit_as_data(identification, wall_s=None, inertia=None):
         'equation': model.equation.name,
         'axis': model.axis,
         'ratios': {
-            name: {'value': value, 'std': identification.std[name], 'unit': RATIO_UNITS[name]}
+            name: {
+                'value': value, 'std': identification.std[name], 'interval': list(identification.intervals[name]),
+                'unit': RATIO_UNITS[name],
+            }
             for name, value in model.terms.items()
         },
+        'verdict': vars(identification.verdict),
+        'choice': identification.choice,
         'correlation': correlation(identification.covariance).tolist(),
         'trim_rad': model.trim,
         'trim_std_rad': identification.trim_std,
@@ -79,14 +84,18 @@ def fit_in_words(identification, inertia=None):
     list of str
     """
     model = identification.model
-    lines = [f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)']
+    lines = [
+        f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)',
+        f'  {identification.verdict.sentence}',
+        *([f'  {identification.choice}'] if identification.choice else []),
+    ]
     lines += [
         f'  {_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '
         f'{record.segment.cycles:.1f} cycles'
         for record in identification.records
     ]
     lines += [
-        f'  {name:<3}{value:>14.6g}  +- {identification.std[name]:<10.3g} {RATIO_UNITS[name]}'
+        f'  {name:<3}{value:>14.6g}  {_spread(identification, name, value):<14} {RATIO_UNITS[name]}'
         for name, value in model.terms.items()
     ]
     low, high = (math.degrees(a) for a in identification.amplitude_range)
@@ -103,6 +112,13 @@ def fit_in_words(identification, inertia=None):
         form = to_published(model, inertia)
         lines.append('  published form: ' + ', '.join(f'{name} {value:.6g}' for name, value in vars(form).items()))
     return lines
+
+
+def _spread(identification, name, value):
+    """Standard deviation, or the upper end of an interval that begins at zero."""
+    low, high = identification.intervals[name]
+    std = identification.std[name]
+    return f'< {high:.3g} (95 %)' if low == 0.0 and value < std else f'+- {std:.3g}'
 
 
 def comparison_as_data(comparison, wall_s=None):
