@@ -1,6 +1,6 @@
 """Coefficients and their intervals in a basin that still moves: the likelihood of a filter's innovations.
 
-Least squares takes what a residual wave does to the craft for the craft's own. Here the disturbance, a slow drift of trim,
+Least squares takes what a residual wave does to the craft for the craft's own. Here the disturbance, a drift of trim,
 the gyro's bias and the colour of the sensors' noise are part of the model (see `innovations`), their levels and spectra
 fitted together with the hull's ratios (the filter-error method: Maine and Iliff 1981; Jategaonkar 2015, chapter 5). The
 optimum is found by scoring: with a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and their variances s_k,
