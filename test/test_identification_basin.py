@@ -1,4 +1,4 @@
-"""The likelihood that knows of the basin's motion: its filter, its derivatives, its intervals, and trials it must stand."""
+"""The likelihood that knows of the basin's motion: filter, derivatives, intervals, and trials that it must stand."""
 
 import importlib.util
 from pathlib import Path

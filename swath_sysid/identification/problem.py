@@ -26,7 +26,8 @@ motion less than 1e-5 of its amplitude."""
 LONGEST_AFTERMATH = 10.0
 """Periods after a decay that are looked at,"""
 LOUDEST_AFTERMATH = 0.35
-"""as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again."""
+"""as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again. A hand that
+stops the craft, too, disturbs a decay; waves that do so swing on by more than the decay's last amplitude."""
 
 FIRST_LOOK_PERIODS = 0.12
 """The initial state is estimated from this part of a period."""
@@ -119,11 +120,14 @@ def prepare(motions, start=None, end=None):
 
 
 def _left_alone_until(motion, segment):
-    """End of the quiet that follows a decay, s; the decay's own end where it was given or cut short."""
-    if segment.ending not in ('noise-floor', 'faded') or motion.angle is None or segment.quantity != 'angle':
+    """End of the quiet, or of the waves, that a decay fades into, s; its own end where it was given or stopped."""
+    if segment.ending not in ('noise-floor', 'faded', 'disturbed') or motion.angle is None:
         return segment.end
     after = motion.between(segment.end, segment.end + LONGEST_AFTERMATH * segment.period)
     if after.size < 8:
+        return segment.end
+    follows = after.between(None, segment.end + 2.0 * segment.period).angle
+    if segment.ending == 'disturbed' and np.ptp(follows) < segment.final_amplitude:
         return segment.end
     limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
     loud = np.flatnonzero(np.abs(after.angle - segment.trim) > limit)
