@@ -70,8 +70,8 @@ def run_filter(ratios, basin, step, counts, readings, kernel=filter_module.innov
     found = np.empty((2, counts.shape[0], 2))
     row = tuple(float(r) for r in ratios)
     kernel(
-        row, active, 0.01, basin, *disturbance(basin[1], basin[2], step), np.array([0.1, -0.05, 0.01]), 0.03, step,
-        0.0, *readings, counts, found[0], found[1],
+        row, active, 0.01, basin, *disturbance(basin[1], basin[2], step), np.array([0.1, -0.05, 0.01]), 0.03,
+        np.zeros(2), step, 0.0, *readings, counts, found[0], found[1],
     )  # fmt: skip
     return found
 

@@ -16,7 +16,7 @@ from scipy.special import ndtr, ndtri
 
 from swath_sysid.hull.terms import DAMPING_NAMES, TERM_NAMES
 from swath_sysid.identification.innovations import DAMPING, FREQUENCY, disturbance, innovations
-from swath_sysid.identification.noise import white_noise
+from swath_sysid.identification.noise import MODEL_FLOOR, white_noise
 from swath_sysid.identification.scaling import LOWER, UPPER, Scales
 
 STEPS_PER_PERIOD = 32
@@ -81,10 +81,15 @@ class BlockedRecord:
         step = samples * interval
         block = np.floor((motion.time - motion.time[0]) / step + 0.5 / samples).astype(int)
         count = np.bincount(block).astype(float)
-        means = [
-            np.zeros(count.size) if v is None else np.bincount(block, v) / np.maximum(count, 1.0)
-            for v in (motion.angle, motion.rate)
-        ]
+        filled = count > 0.0
+        middle = motion.time[0] + step * np.flatnonzero(filled) + 0.5 * (samples - 1) * interval
+        late = np.bincount(block, motion.time)[filled] / count[filled] - middle
+        means = [np.zeros(count.size), np.zeros(count.size)]
+        for mean, values in zip(means, (motion.angle, motion.rate), strict=True):
+            if values is not None:
+                mean[filled] = np.bincount(block, values)[filled] / count[filled]
+                # samples that come at uneven times are not centred on their block
+                mean[filled] -= late * np.gradient(mean[filled], middle + late)
         measured = [motion.angle is not None, motion.rate is not None]
         counts = count[:, None] * np.array(measured, dtype=float)
         return cls(step, (samples**2 - 1) * interval**2 / 24.0, *means, counts)
@@ -153,6 +158,10 @@ class BasinLikelihood:
         amplitude, rate = scales.amplitude, scales.rate
         angle_noise = _white([m.angle for m in motions], SMALLEST_NOISE * amplitude)
         rate_noise = _white([m.rate for m in motions], SMALLEST_NOISE * rate)
+        self._floor = MODEL_FLOOR * np.array([
+            max((float(np.std(v)) for v in channel if v is not None), default=0.0)
+            for channel in ([m.angle for m in motions], [m.rate for m in motions])
+        ])  # fmt: skip
         period = 2.0 * np.pi / scales.frequency
         self._basin_units = np.array([
             scales.frequency * rate, scales.frequency, 1.0, angle_noise, rate_noise, angle_noise, period, rate_noise,
@@ -204,7 +213,7 @@ class BasinLikelihood:
         transition, stationary = disturbance(basin[FREQUENCY], basin[DAMPING], record.step)
         innovations(
             tuple(ratios.tolist()), self._active, self._friction_rate, basin, transition, stationary, state, BIAS_PRIOR,
-            record.step, record.bend, record.angle, record.rate, record.counts, found[0], found[1],
+            self._floor, record.step, record.bend, record.angle, record.rate, record.counts, found[0], found[1],
         )  # fmt: skip
         return found.reshape(2, -1)
 

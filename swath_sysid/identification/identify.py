@@ -68,7 +68,8 @@ class IdentificationSettings:
     Attributes
     ----------
     equation : str or None
-        A name that `equation_named` takes; None: `identify` chooses, anything else takes ``DEFAULT_EQUATION``.
+        A name that `equation_named` takes; None: `identify` chooses where angle and rate were measured; otherwise,
+        and everywhere else, ``DEFAULT_EQUATION``.
     objective : str
         ``simulation`` or ``one-step``.
     search : SearchSettings
@@ -153,8 +154,8 @@ class Identification:
     problem : Problem
     settings : IdentificationSettings
     basin : BasinFit or None
-        None where the ratios are those of least squares: those of the one-step objective, and those that are only
-        compared with others.
+        None where the ratios are those of least squares: without angle and rate, with dry friction, of the one-step
+        objective, and where they are only compared with others.
     verdict : Verdict
     choice : str
         Why this equation, in one sentence; empty where it was given.
@@ -262,10 +263,25 @@ def identify(motions, settings=IdentificationSettings(), *, progress=None, shoul
     Cancelled
     """
     problem = prepare(motions, settings.start, settings.end)
-    if settings.objective == 'simulation' and settings.equation is None:
+    if settings.objective == 'simulation' and settings.equation is None and has_both_channels(problem):
         return _simplest_adequate(problem, settings, progress, should_cancel)
     found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
-    return refined_in_basin(found) if settings.objective == 'simulation' else found
+    return refined_in_basin(found) if is_for_likelihood(found) else found
+
+
+def has_both_channels(problem):
+    """Whether angle and rate were measured in each record.
+
+    The likelihood takes the two to differ by white and first-order noise and a bias. An angle alone mostly comes
+    filtered or rounded, from optical tracking, and the filter then trusts it far beyond what it is worth.
+    """
+    return all(m.angle is not None and m.rate is not None for m in problem.motions)
+
+
+def is_for_likelihood(found):
+    """Whether `refined_in_basin` suits a fit: not the one-step objective, nor dry friction, which is not smooth."""
+    smooth = 'b0' not in found.model.equation.terms
+    return found.settings.objective == 'simulation' and smooth and has_both_channels(found.problem)
 
 
 def _simplest_adequate(problem, settings, progress, should_cancel):

@@ -69,8 +69,8 @@ def hull_transition(stiffness, damping, step, found):
 
 @accelerated
 def innovations(
-    ratios, active, friction_rate, basin, transition, stationary, initial, bias_std, step, bend, angle, rate, counts,
-    innovation, variance,
+    ratios, active, friction_rate, basin, transition, stationary, initial, bias_std, floor, step, bend, angle, rate,
+    counts, innovation, variance,
 ):  # fmt: skip
     """Innovations and their variances, written into the last two arguments.
 
@@ -88,6 +88,8 @@ def innovations(
         Angle from trim, rad, rate, rad/s, and trim, rad, at the first reading.
     bias_std : float
         Of the gyro's bias before anything was read, rad/s.
+    floor : ndarray, shape (2,)
+        Standard deviation of what no model explains of a block's mean, rad and rad/s.
     step : float
         s.
     bend : float
@@ -142,7 +144,7 @@ def innovations(
                 by_w, curved = 1.0 + bend * (damping * damping - stiffness), -bend * (stiffness * w + damping * force)
             gain = by_x * c[:, 0] + by_w * c[:, 1] + c[:, TRIM + channel] + c[:, ANGLE_NOISE + channel]
             s = by_x * gain[0] + by_w * gain[1] + gain[TRIM + channel] + gain[ANGLE_NOISE + channel]
-            s += white * white / counts[k, channel]
+            s += white * white / counts[k, channel] + floor[channel] * floor[channel]
             # the second channel's mean moves with the first's reading
             expected = (x if channel == 0 else w) + curved + by_x * (m[0] - x) + by_w * (m[1] - w)
             e = reading - expected - m[TRIM + channel] - m[ANGLE_NOISE + channel]

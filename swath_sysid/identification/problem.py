@@ -27,7 +27,7 @@ LONGEST_AFTERMATH = 10.0
 """Periods after a decay that are looked at,"""
 LOUDEST_AFTERMATH = 0.35
 """as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again. A hand that
-stops the craft, too, disturbs a decay; waves that do so swing on by more than the decay's last amplitude."""
+stops the craft, too, disturbs a decay; waves that do so keep it swinging by more than the decay's last amplitude."""
 
 FIRST_LOOK_PERIODS = 0.12
 """The initial state is estimated from this part of a period."""
@@ -126,8 +126,8 @@ def _left_alone_until(motion, segment):
     after = motion.between(segment.end, segment.end + LONGEST_AFTERMATH * segment.period)
     if after.size < 8:
         return segment.end
-    follows = after.between(None, segment.end + 2.0 * segment.period).angle
-    if segment.ending == 'disturbed' and np.ptp(follows) < segment.final_amplitude:
+    later = after.angle[after.size // 2 :]
+    if segment.ending == 'disturbed' and np.ptp(later) < segment.final_amplitude:
         return segment.end
     limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
     loud = np.flatnonzero(np.abs(after.angle - segment.trim) > limit)

@@ -12,7 +12,7 @@ ADEQUATE, DOUBTFUL, REFUSED = 'adequate', 'doubtful', 'refused'
 LEAST_R2 = 0.9
 """Below, the simulated motion is not the measured one."""
 DOUBTFUL_R2 = 0.97
-MOST_RATE_MISMATCH = 0.2
+MOST_RATE_MISMATCH = 0.35
 """What the rate and the angle's slope differ by, over the rate, root mean squares: a wrong unit, sign or delay."""
 MOST_PERIOD_STD = 0.05
 """Relative standard deviation of the natural period beyond which the coefficients are hardly known."""
