@@ -47,8 +47,8 @@ CANDIDATES = (
 )
 """Term sets that are tried where no equation is given: each published hull has one of them, or a part of one."""
 TERM_COST = 1.0
-"""What a term must add to the log likelihood (Akaike 1974): leaving out a term that is there spoils the intervals of the
-others; keeping one that is not widens them."""
+"""What a term must add to the log likelihood (Akaike 1974): leaving out a term that is there spoils the intervals of
+the others; keeping one that is not widens them."""
 
 SEARCH_PERIODS = 6.0
 """The search looks at this many periods: its basin of attraction in frequency narrows with every
