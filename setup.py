@@ -37,7 +37,8 @@ setup(
         *installed('config', SHARE / 'config'),
         *installed('launch', SHARE / 'launch'),
         *installed('environment', SHARE / 'environment'),
-        # `ros2 run` looks in lib/<package>, where only colcon puts the console scripts
+        # `ros2 run` and launch look in lib/<package>, where only colcon puts the console script; names such as
+        # identifier are too general for the user's PATH
         *installed('scripts', Path('lib', NAME)),
     ],
     install_requires=[
@@ -56,12 +57,6 @@ setup(
         'test': ['hypothesis', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
     },
     entry_points={
-        'console_scripts': [
-            'swath-sysid = swath_sysid.start:command_line',
-            'imu_buffer = swath_sysid.start:imu_buffer',
-            'identifier = swath_sysid.start:identifier',
-            'predictor = swath_sysid.start:predictor',
-            'manoeuvre_predictor = swath_sysid.start:manoeuvre_predictor',
-        ],
+        'console_scripts': ['swath-sysid = swath_sysid.start:command_line'],
     },
 )

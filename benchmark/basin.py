@@ -179,9 +179,9 @@ def equation_of(truth):
 
 def fit_of(made, equation):
     """The package's fit of a trial made, or its refusal."""
-    from swath_sysid.errors import InputError
-    from swath_sysid.identification.identify import IdentificationSettings, identify
-    from swath_sysid.motion.trial import AxisMotion
+    from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
+    from swath_sysid.attitude.motion.trial import AxisMotion
+    from swath_sysid.common.errors import InputError
 
     motion = AxisMotion(made.axis, made.time, made.angle, made.rate)
     try:

@@ -159,7 +159,7 @@ def coverage(output):
     sys.path.insert(0, str(EXAMPLE.parent))
     from simulate_trials import WITH_DRAFT
 
-    from swath_sysid.hull.catalogue import hull_named
+    from swath_sysid.attitude.hull.catalogue import hull_named
 
     truth = hull_named('swath-pitch').model.terms
     hits, cases = Counter(), Counter()

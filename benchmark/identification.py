@@ -16,19 +16,19 @@ import time
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from swath_sysid.accelerator import HAS_NUMBA
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.identification.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.identification.identify import (
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.identification.identify import (
     IdentificationSettings,
     _search_objective,
     identify_problem,
 )
-from swath_sysid.identification.one_step import OneStepObjective
-from swath_sysid.identification.problem import prepare
-from swath_sysid.identification.scaling import LOWER, UPPER
-from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.attitude.identification.one_step import OneStepObjective
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.scaling import LOWER, UPPER
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
 LOWER_7, UPPER_7 = np.zeros(7), np.array([1.0, 50.0, 50.0, 50.0, 50.0, 200.0, 1000.0])

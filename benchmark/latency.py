@@ -68,7 +68,7 @@ def role(name, **options):
 
 
 def all_in_one():
-    return ['-c', 'import sys; from swath_sysid.nodes.together import run_together; sys.exit(run_together())']
+    return ['-m', 'swath_sysid.cli.main', 'run']
 
 
 def node(name):
@@ -144,8 +144,8 @@ def serve_relay():
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import Imu
 
-    from swath_sysid.nodes.connections import NEWEST
-    from swath_sysid.nodes.spinning import events_executor, run
+    from swath_sysid.nodes.executor_loop import events_executor, run
+    from swath_sysid.nodes.qos import NEWEST
 
     class Relay(Node):
         def __init__(self):
@@ -163,7 +163,7 @@ def serve_sink(topics, output):
     from rclpy.qos import QoSProfile
     from sensor_msgs.msg import Imu
 
-    from swath_sysid.nodes.spinning import events_executor, run
+    from swath_sysid.nodes.executor_loop import events_executor, run
 
     arrivals, statuses = {topic: [] for topic in topics}, {}
 

@@ -14,13 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from swath_sysid.hull.manoeuvring.model import COMMAND
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.standard_tests import run_test
-from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
-from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
-from swath_sysid.motion.manoeuvring_trial import ManoeuvringTrial, prepare_all
+from swath_sysid.manoeuvring.hull.model import COMMAND
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import run_test
+from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
 
 WAMV = preset('wamv-vrx-old')
 COMMANDED = replace(

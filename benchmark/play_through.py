@@ -3,8 +3,8 @@
     python benchmark/play_through.py                 an hour at 100 Hz, a release every five minutes
     python benchmark/play_through.py --minutes 5 --profile
 
-Beside the whole it tells the parts: forecasts at the leads and over the horizon, fits of the waves, refits of
-the model, and all the rest, which is what every sample costs: reading, intake, window, filters, the forecast
+Beside the whole it prints the parts: forecasts at the leads and over the horizon, fits of the sea, refits of
+the hull, and all the rest, which is what every sample costs: reading, intake, window, filters, the forecast
 one sample ahead, diagnostics, writing. ``NUMBA_DISABLE_JIT=1`` shows it without numba.
 """
 import argparse
@@ -23,13 +23,13 @@ for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS'):
 
 import numpy as np  # noqa: E402 - after the limits on threads
 
+from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft  # noqa: E402
+from swath_sysid.attitude.motion.trial import Trial  # noqa: E402
+from swath_sysid.attitude.prediction.forecaster import Forecaster  # noqa: E402
 from swath_sysid.cli.main import main  # noqa: E402
-from swath_sysid.files.bags import write_imu_bag  # noqa: E402
-from swath_sysid.hull.catalogue import hull_named  # noqa: E402
-from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft  # noqa: E402
-from swath_sysid.motion.trial import Trial  # noqa: E402
-from swath_sysid.prediction import play_through  # noqa: E402
-from swath_sysid.prediction.forecaster import Forecaster  # noqa: E402
+from swath_sysid.formats.bags import write_imu_bag  # noqa: E402
+from swath_sysid.pipeline import play_through  # noqa: E402
 
 LIMIT = 100.0
 
@@ -56,11 +56,11 @@ class Stopwatch:
 
     def watch(self):
         """Watch what a play-through spends the most on."""
-        Forecaster.issue = self.around('forecasts', Forecaster.issue)
+        Forecaster._issue = self.around('forecasts', Forecaster._issue)
         begin = play_through.PlayThrough.__init__
         fits = {
-            'fit': self.around('refits of the model', play_through.refit),
-            'fit_waves': self.around('fits of the waves', play_through.fit_waves),
+            'fit': self.around('refits of the hull', play_through.refit),
+            'fit_sea': self.around('fits of the sea', play_through.fit_sea),
         }
         play_through.PlayThrough.__init__ = lambda pipeline, *given: begin(pipeline, *given, **fits)
 
@@ -81,11 +81,11 @@ def record(path, minutes, rate, every):
 
 def played(bag, output):
     """Play the record through, silently."""
-    with contextlib.redirect_stdout(io.StringIO()) as told, contextlib.redirect_stderr(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()) as printed, contextlib.redirect_stderr(io.StringIO()):
         code = main(['play-through', str(bag), '--output', str(output)])
     if code:
         raise SystemExit(code)
-    return told.getvalue()
+    return printed.getvalue()
 
 
 def run():
@@ -104,10 +104,10 @@ def run():
         profile = cProfile.Profile() if arguments.profile else contextlib.nullcontext()
         wall, processor = time.perf_counter(), time.process_time()
         with profile:
-            told = played(bag, output)
+            printed = played(bag, output)
         wall, processor = time.perf_counter() - wall, time.process_time() - processor
         size = output.stat().st_size
-    print(told.strip().splitlines()[-1])
+    print(printed.strip().splitlines()[-1])
     speed = 60.0 * arguments.minutes / processor
     print(f'{arguments.minutes:g} min at {arguments.rate:g} Hz: {processor:.1f} s of processor time ({wall:.1f} s of '
           f'wall clock), {speed:.0f} times real time, {size / 1e6:.0f} MB written')

@@ -1,69 +1,75 @@
 """Processor time of the predictor on a 100 Hz sensor in a sea: a plain sample, one with forecasts, a refit.
 
-Run it with one thread for linear algebra, as the nodes' background does:
-``OMP_NUM_THREADS=1 python benchmark/prediction_cost.py``.
+Roll and pitch each swing as the hull of `benchmark/sea_forecasts.py` in a JONSWAP sea of their own. A plain sample is
+one with ``forecast/next``; one with forecasts gives the leads and the horizon as well, ten times a second. The first
+half only fills the filters and is not measured. Run it with one thread for linear algebra, as the nodes' background
+does:
+
+    OMP_NUM_THREADS=1 python benchmark/prediction_cost.py
+    OMP_NUM_THREADS=1 python benchmark/prediction_cost.py --seconds 1200
 """
+import argparse
+import math
 import time
 
 import numpy as np
+from sea_forecasts import ANGLE_NOISE, FINE_RATE, HULL, RATE_NOISE, make_sea
 
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.prediction.ekf import runge_kutta_step
-from swath_sysid.prediction.predictor import ImuSample, Predictor
-from swath_sysid.prediction.waves import fit_waves
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 
-HULLS = {'roll': hull_named('swath-roll').model, 'pitch': hull_named('swath-pitch').model}
+NOISE = (ANGLE_NOISE**2,) * 2 + (RATE_NOISE**2,) * 2
+GRAVITY = 9.81
 
 
-def sea(duration=60.0, dt=0.01, seed=0):
-    """Samples of a craft in irregular waves."""
-    rng = np.random.default_rng(seed)
-    frequency = np.sort(rng.uniform(1.2, 6.0, 300))
-    spectrum = frequency**-5 * np.exp(-1.25 * (2.5 / frequency) ** 4)
-    amplitude = 0.25 * np.sqrt(2.0 * spectrum / spectrum.sum())
-    phases = rng.uniform(0.0, 2.0 * np.pi, (2, frequency.size))
-    time_s, columns = np.arange(0.0, duration, dt), []
-    for hull, phase in zip(HULLS.values(), phases, strict=True):
-        state, rows = (0.0, 0.0), []
-        for now in time_s:
-            rows.append(state)
-            moment = float((amplitude * np.cos(frequency * (now + dt / 2.0) + phase)).sum())
-            state = tuple(map(float, runge_kutta_step(hull.acceleration, *state, moment, dt)))
-        columns.append(np.array(rows))
-    angles = [c[:, 0] + rng.normal(0.0, 0.001, time_s.size) for c in columns]
-    rates = [c[:, 1] + rng.normal(0.0, 0.004, time_s.size) for c in columns]
-    directions = -np.sin(angles[1]), np.sin(angles[0]), np.ones_like(time_s)
-    force = [9.81 * x + rng.normal(0.0, 0.05, time_s.size) for x in directions]
-    return [ImuSample(*row) for row in np.column_stack([time_s, *angles, *rates, *force]).tolist()]
+def samples_at_sea(duration, seed=0):
+    """Samples of a craft in irregular waves, at `FINE_RATE`, with the accelerations that its attitude alone gives."""
+    roll, pitch = (make_sea(seed + place, duration).seen for place in range(len(AXES)))
+    force = np.random.default_rng(seed).normal(0.0, 0.05, (roll.shape[0], 3)) + GRAVITY * np.column_stack(
+        [-np.sin(pitch[:, 0]), np.sin(roll[:, 0]), np.ones(roll.shape[0])]
+    )
+    motion = np.column_stack([roll[:, 0], pitch[:, 0], roll[:, 1], pitch[:, 1], force])
+    return [CraftSample(round(k / FINE_RATE * 1e9), *row, *NOISE) for k, row in enumerate(motion.tolist())]
 
 
 def measure(samples, models):
-    """Processor seconds: plain samples, samples with forecasts, refits."""
-    predictor, plain, issued, refits = Predictor(), [], [], []
-    for axis, model in models.items():
-        predictor.set_model(axis, model)
-    for sample in samples:
+    """Processor seconds after the first half: of plain samples, of samples with forecasts, of refits."""
+    pipeline, plain, issued, refits = ForecastPipeline(), [], [], []
+    pipeline.set_models(models)
+    for number, sample in enumerate(samples):
+        is_measured = number >= len(samples) // 2
         begun = time.process_time()
-        step = predictor.observe(sample)
-        (issued if step.forecast else plain).append(time.process_time() - begun)
-        if step.refit:
+        step = pipeline.add_sample(sample)
+        spent = time.process_time() - begun
+        if is_measured:
+            (plain if step.forecast is None else issued).append(spent)
+        if step.sea_request is not None:
             begun = time.process_time()
-            predictor.install(fit_waves(step.refit))
-            refits.append(time.process_time() - begun)
+            pipeline.install(fit_sea(step.sea_request))
+            if is_measured:
+                refits.append(time.process_time() - begun)
     return plain, issued, refits
 
 
 def main():
     """Print the table."""
-    samples = sea()
-    measure(samples[:1500], HULLS)
-    print('models   sample, us   with forecast, us   all samples: median, us   mean, us   refit at most, ms')
-    for models in ({}, HULLS):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--seconds', type=float, default=240.0, help='of simulated sea')
+    samples = samples_at_sea(parser.parse_args().seconds)
+    identified = {axis: IdentifiedModel.exactly(HULL) for axis in AXES}
+    measure(samples[:30 * FINE_RATE], identified)
+    print('medians       with next, us   and leads, us   all: median, us   mean, us   refit: median, ms   at most, ms')
+    for name, models in (('no hull', {}), ('both hulls', identified)):
         plain, issued, refits = measure(samples, models)
         both = plain + issued
         print(
-            f'{"both" if models else "none":6s} {1e6 * np.median(plain):12.0f} {1e6 * np.median(issued):19.0f} '
-            f'{1e6 * np.median(both):25.0f} {1e6 * np.mean(both):10.0f} {1e3 * max(refits):19.0f}'
+            f'{name:12s} {1e6 * np.median(plain):14.0f} {1e6 * np.median(issued):15.0f} {1e6 * np.median(both):17.0f} '
+            f'{1e6 * np.mean(both):10.0f} {1e3 * np.median(refits or math.nan):20.0f} '
+            f'{1e3 * max(refits, default=math.nan):13.0f}',
+            flush=True,
         )
 
 

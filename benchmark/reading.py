@@ -11,11 +11,11 @@ from timeit import timeit
 
 import numpy as np
 
-from swath_sysid.files.bags import write_imu_bag
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.reading import read_trial
-from swath_sysid.motion.sensing import Installation, imu_motion
-from swath_sysid.motion.trial import Trial
+from swath_sysid.attitude.motion.sensor_mount import Installation, imu_motion
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.formats.bags import write_imu_bag
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.reading import read_trial
 
 CALLS = 20_000
 

@@ -1,37 +1,59 @@
 """Forecasts of a published roll hull in JONSWAP seas beside the Kalman filter that knows everything.
 
 Each sea has four hundred incommensurate components and a peak period of its own. The sensor gives roll and roll
-rate at 10 Hz. The oracle knows the hull, the noise and the spectrum of the excitation: an extended Kalman filter
-on the hull and a long autoregression of the excitation, from the exact autocovariance (Yule and Walker).
+rate, the same readings at any rate. The oracle knows the hull, the noise and the spectrum of the excitation: at 10 Hz
+an extended Kalman filter on the hull and a long autoregression of the excitation, from the exact autocovariance (Yule
+and Walker). The baselines are those of `swath-sysid forecast`. Errors are of the true angle.
 
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20
+    OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --first 900 --rates 10,100
+    OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --stiffness 1.15 --quadratic-damping 1.5
 """
 import argparse
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.prediction.free_forecast import carry_on
-from swath_sysid.prediction.predictor import ImuSample, Predictor, PredictorSettings
-from swath_sysid.prediction.waves import fit_waves
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.compiled import motion_step
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.baselines import Record, baseline_forecasts
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 HULL = hull_named('swath-roll').model
 LEADS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
 STEP = 0.1
-FINE = 5
+"""s, of the oracle, of the baselines and of the scores."""
+
+FINE_RATE = 100
+"""Hz, of the simulation."""
+
 ANGLE_NOISE, RATE_NOISE = 5e-4, 3e-3
 PEAK_PERIODS = (2.0, 4.5)
 SIZE = math.radians(1.3)
 COMPONENTS = 400
-ORDER = 80
+ORDER = 200
+"""Of the oracle's autoregression: 80 leaves 3 to 5 % from .5 s on."""
+
+WINDOW = 600.0
+"""s of past that the baselines learn from."""
+
+_PARTS = 2
+"""Runge-Kutta steps in `STEP`."""
+
+_SMALL = 1e-5
 
 
 @dataclass(frozen=True)
 class Sea:
-    """A craft in a sea: components of the excitation, what happened and what the sensor saw."""
+    """A craft in a sea: components of the excitation, what happened and what the sensor saw, both at `FINE_RATE`."""
 
     frequency: np.ndarray
     amplitude: np.ndarray
@@ -39,6 +61,22 @@ class Sea:
     angle: np.ndarray
     rate: np.ndarray
     seen: np.ndarray
+
+    def readings(self, rate):
+        """Angle and rate as read so many times a second, shape (N, 2)."""
+        return self.seen[::_every(rate)]
+
+    def angle_at(self, stamps):
+        """The true angle, s from the start; NaN after the end."""
+        places = np.round(stamps * FINE_RATE).astype(int)
+        return np.where(places < self.angle.size, self.angle[np.minimum(places, self.angle.size - 1)], np.nan)
+
+
+def _every(rate):
+    every = round(FINE_RATE / rate)
+    if abs(every * rate - FINE_RATE) > 1e-6:
+        raise ValueError(f'the sea is simulated at {FINE_RATE} Hz, of which {rate:g} Hz is no whole part')
+    return every
 
 
 def jonswap(frequency, peak, peakedness=3.3):
@@ -58,19 +96,43 @@ def make_sea(seed, duration):
     density = jonswap(frequency, peak) * np.diff(edges)
     amplitude = 0.3 * np.sqrt(2.0 * density / density.sum())
     phase = rng.uniform(0.0, 2.0 * math.pi, COMPONENTS)
-    fine = STEP / FINE
-    middle = fine * (np.arange(round(duration / fine)) + 0.5)
+    middle = (np.arange(round(duration * FINE_RATE)) + 0.5) / FINE_RATE
     moments = sum(a * np.cos(w * middle + p) for a, w, p in zip(amplitude, frequency, phase, strict=True))
-    for _ in range(4):
+    scale = math.inf
+    while abs(scale - 1.0) > 1e-3:
         # the damping is not linear: the height that gives the size is found step by step
-        angle, rate = (v[::FINE] for v in carry_on(HULL, HULL.trim, 0.0, HULL.trim, moments, fine, 1))
+        angle, rate = _swing(moments).T
         scale = SIZE / angle.std()
         amplitude, moments = scale * amplitude, scale * moments
-    angle, rate = (v[::FINE] for v in carry_on(HULL, HULL.trim, 0.0, HULL.trim, moments, fine, 1))
-    seen = np.column_stack([
-        angle + rng.normal(0.0, ANGLE_NOISE, angle.size), rate + rng.normal(0.0, RATE_NOISE, rate.size)
-    ])  # fmt: skip
-    return Sea(frequency, amplitude, period, angle, rate, seen)
+    angle, rate = _swing(moments).T
+    noise = rng.normal(0.0, (ANGLE_NOISE, RATE_NOISE), (angle.size, 2))
+    return Sea(frequency, amplitude, period, angle, rate, np.column_stack([angle, rate]) + noise)
+
+
+def _swing(moments):
+    """Angle and rate of the craft, from rest, at the start of each interval in which a moment is held."""
+    ratios, active, friction_rate = tuple(HULL.ratios.tolist()), HULL.equation.active, HULL.friction_rate
+    states, x, rate = np.empty((moments.size, 2)), 0.0, 0.0
+    for k, moment in enumerate(moments.tolist()):
+        states[k] = x, rate
+        _, x, rate = motion_step(x, rate, moment, 1.0 / FINE_RATE, ratios, active, friction_rate)
+    return states + (HULL.trim, 0.0)
+
+
+def advance(angle, rate, moment):
+    """Angles and rates one `STEP` later under held moments, by the classical Runge-Kutta scheme."""
+    step = STEP / _PARTS
+    for _ in range(_PARTS):
+        a1 = HULL.acceleration(angle, rate, moment)
+        w2 = rate + 0.5 * step * a1
+        a2 = HULL.acceleration(angle + 0.5 * step * rate, w2, moment)
+        w3 = rate + 0.5 * step * a2
+        a3 = HULL.acceleration(angle + 0.5 * step * w2, w3, moment)
+        w4 = rate + step * a3
+        a4 = HULL.acceleration(angle + step * w3, w4, moment)
+        angle = angle + step / 6.0 * (rate + 2.0 * (w2 + w3) + w4)
+        rate = rate + step / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+    return angle, rate
 
 
 def shaping_filter(sea):
@@ -84,108 +146,181 @@ def shaping_filter(sea):
 
 
 def oracle(sea, leads):
-    """Forecasts of the filter that knows everything, shape (N, L)."""
+    """Forecasts of the filter that knows everything, shape (N, L).
+
+    Its state is the angle, the rate, and the excitation from now to the next sample and in the steps
+    before. Only the first three rows of its transition are more than a shift, so a step costs three rows of products.
+    """
     coefficients, noise, covariance = shaping_filter(sea)
-    size, steps = ORDER + 2, np.round(np.array(leads) / STEP).astype(int)
+    readings, steps = sea.readings(1.0 / STEP), np.round(np.array(leads) / STEP).astype(int)
+    size = coefficients.size + 2
     mean, spread = np.zeros(size), np.zeros((size, size))
     mean[0] = HULL.trim
     spread[:2, :2] = np.diag([1e-2, 1e-2])
-    lags = np.abs(np.subtract.outer(np.arange(ORDER), np.arange(ORDER)))
-    spread[2:, 2:] = covariance[lags]
-    measured = np.diag([ANGLE_NOISE**2, RATE_NOISE**2])
-    move = np.zeros((size, size))
-    move[2, 2:] = coefficients
-    move[np.arange(3, size), np.arange(2, size - 1)] = 1.0
-    told = np.empty((sea.seen.shape[0], steps.size))
-    for k, seen in enumerate(sea.seen):
+    spread[2:, 2:] = covariance[np.abs(np.subtract.outer(np.arange(size - 2), np.arange(size - 2)))]
+    measured, first = np.diag([ANGLE_NOISE**2, RATE_NOISE**2]), np.zeros((3, size))
+    first[2, 2:] = coefficients
+    ahead = moments_ahead(coefficients, steps[-1])
+    states, moments = np.empty((readings.shape[0], 2)), np.empty((readings.shape[0], steps[-1]))
+    for k, seen in enumerate(readings):
         gain = np.linalg.solve(spread[:2, :2] + measured, spread[:2]).T
         mean = mean + gain @ (seen - mean[:2])
-        spread = spread - gain @ spread[:2]
-        future, moments = mean[2:], np.empty(steps[-1])
-        for j in range(steps[-1]):
-            moments[j] = future[0]
-            future = np.concatenate([[coefficients @ future], future[:-1]])
-        told[k] = carry_on(HULL, mean[0], mean[1], HULL.trim, moments, STEP / FINE, FINE)[0][steps]
-        # the first of the excitations in the state acts from now to the next sample
-        move[:2, :3] = _slopes(mean)
-        angles, rates = carry_on(HULL, mean[0], mean[1], HULL.trim, mean[2:3], STEP / FINE, FINE)
-        mean = np.concatenate([[angles[1], rates[1], coefficients @ mean[2:]], mean[2:-1]])
-        spread = move @ spread @ move.T
+        spread -= gain @ spread[:2]
+        states[k], moments[k] = mean[:2], ahead @ mean[2:]
+        following, first[:2, :3] = _linearised(mean[:3])
+        mean = np.concatenate([following, [coefficients @ mean[2:]], mean[2:-1]])
+        spread = moved(spread, first)
         spread[2, 2] += noise
-        spread = 0.5 * (spread + spread.T)
+    told, (x, rate) = np.empty((readings.shape[0], steps.size)), states.T
+    for j in range(steps[-1]):
+        x, rate = advance(x, rate, moments[:, j])
+        told[:, steps == j + 1] = x[:, None]
     return told
 
 
-def _slopes(mean):
-    """Derivatives of the next angle and rate by angle, rate and excitation."""
-    slopes, small = np.empty((2, 3)), 1e-5
-    for j in range(3):
-        ends = []
-        for sign in (-1.0, 1.0):
-            state = mean[:3].copy()
-            state[j] += sign * small
-            angles, rates = carry_on(HULL, state[0], state[1], HULL.trim, state[2:], STEP / FINE, FINE)
-            ends.append((angles[1], rates[1]))
-        slopes[:, j] = (np.array(ends[1]) - np.array(ends[0])) / (2.0 * small)
-    return slopes
+def moments_ahead(coefficients, count):
+    """Matrix from the last excitations, newest first, to those expected from now on, shape (count, ORDER)."""
+    row, rows = np.eye(1, coefficients.size)[0], []
+    for _ in range(count):
+        rows.append(row)
+        row = row[0] * coefficients + np.append(row[1:], 0.0)
+    return np.array(rows)
 
 
-def forecasts(sea, leads, knows_hull=True):
-    """What the predictor tells at every sample: angles (N, L) and 90 % half widths (N, L)."""
-    predictor = Predictor(PredictorSettings(leads=leads, horizon=leads[-1]))
-    if knows_hull:
-        predictor.set_model('roll', HULL)
-    angles, widths = np.full((2, sea.angle.size, len(leads)), np.nan)
-    for k, (roll, rate) in enumerate(sea.seen.tolist()):
-        step = predictor.observe(ImuSample(
-            k * STEP, roll, roll_rate=rate, roll_variance=ANGLE_NOISE**2, roll_rate_variance=RATE_NOISE**2
+def moved(spread, first):
+    """A P A' for a transition A whose first three rows are given and whose others shift the excitations by one."""
+    result = np.empty_like(spread)
+    top = first @ spread
+    corner = top @ first.T
+    result[:3, :3] = 0.5 * (corner + corner.T)
+    result[:3, 3:] = top[:, 2:-1]
+    result[3:, :3] = result[:3, 3:].T
+    result[3:, 3:] = spread[2:-1, 2:-1]
+    return result
+
+
+def _linearised(state):
+    """The next angle and rate, and their derivatives by angle, rate and excitation."""
+    columns = state[:, None] + _SMALL * np.column_stack([np.zeros(3), np.eye(3), -np.eye(3)])
+    ends = np.array(advance(*columns))
+    return ends[:, 0], (ends[:, 1:4] - ends[:, 4:]) / (2.0 * _SMALL)
+
+
+def forecasts_of(sea, rate, hull, leads=LEADS):
+    """What the forecaster issues about `STEP` apart: stamps (N,), angles (N, L) and 90 % half widths (N, L).
+
+    Parameters
+    ----------
+    sea : Sea
+    rate : float
+        Of the sensor, Hz.
+    hull : DecayModel or None
+        What the forecaster takes for the hull.
+    leads : sequence of float
+        s.
+    """
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=ForecasterSettings(leads=tuple(leads), horizon=leads[-1])))
+    if hull is not None:
+        pipeline.set_models({'roll': IdentifiedModel.exactly(hull)})
+    issued, nan = [], math.nan
+    for k, (roll, roll_rate) in enumerate(sea.readings(rate).tolist()):
+        step = pipeline.add_sample(CraftSample(
+            round(k / rate * 1e9), roll, nan, roll_rate, nan, nan, nan, nan, ANGLE_NOISE**2, nan, RATE_NOISE**2, nan
         ))  # fmt: skip
-        if step.refit is not None:
-            predictor.install(fit_waves(step.refit))
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
         if step.forecast is not None:
             ahead = step.forecast.axes['roll']
-            angles[k], widths[k] = ahead.angle, ahead.half_width[:, 1]
-    return angles, widths
+            issued.append((k / rate, ahead.angle, ahead.half_width[:, 1]))
+    return tuple(np.array(part) for part in zip(*issued, strict=True))
 
 
-def compare(seed, warmup, scored, leads=LEADS, knows_hull=True):
-    """NRMSE of predictor and oracle, and coverage of the 90 % interval, each of shape (L,), on the same samples."""
+def hull_off_by(stiffness=1.0, damping=1.0, quadratic_damping=1.0):
+    """The hull with its restoring, its damping, and its quadratic damping beyond that, wrong by these factors."""
+    factors = {name: damping if name.startswith('b') else stiffness for name in TERM_NAMES}
+    factors['b2'] *= quadratic_damping
+    return replace(HULL, ratios=HULL.ratios * np.array([factors[name] for name in TERM_NAMES]))
+
+
+def compare(seed, warmup, scored, leads=LEADS, rates=(10.0,), hull=HULL):
+    """A sea, and the scores of everyone's forecasts in it.
+
+    Returns
+    -------
+    sea : Sea
+    nrmse : dict of str to ndarray, shape (L,)
+        Of ``oracle``, the baselines, and ``10 Hz`` and so on, the forecaster at these rates. Persistence stands in
+        where there is no forecast.
+    coverage : dict of str to ndarray, shape (L,)
+        Share of the forecaster's 90 % intervals that held the true angle.
+    """
     sea = make_sea(seed, warmup + scored)
-    ours, widths = forecasts(sea, leads, knows_hull)
-    best = oracle(sea, leads)
-    first, deviation, result = round(warmup / STEP), sea.angle[round(warmup / STEP):].std(), []
-    for i, lead in enumerate(leads):
-        ahead = round(lead / STEP)
-        issued = np.arange(first, sea.angle.size - ahead)
-        issued = issued[np.isfinite(ours[issued, i])]
-        truth = sea.angle[issued + ahead]
-        errors = ours[issued, i] - truth, best[issued, i] - truth
-        result.append((
-            *(np.sqrt(np.mean(e**2)) / deviation for e in errors), np.mean(np.abs(errors[0]) <= widths[issued, i])
-        ))  # fmt: skip
-    return sea, np.array(result).T
+    seen = sea.readings(1.0 / STEP)
+    time = STEP * np.arange(seen.shape[0])
+    record = Record.of(Trial(time, roll=seen[:, 0], roll_rate=seen[:, 1]))
+    baselines = baseline_forecasts(record, ['roll'], time, np.array(leads), WINDOW)['roll']
+    nrmse, coverage = {'oracle': _score(sea, warmup, time, oracle(sea, leads), leads)[0]}, {}
+    for name, angles in baselines.items():
+        nrmse[name] = _score(sea, warmup, time, np.where(np.isfinite(angles), angles, seen[:, :1]), leads)[0]
+    for rate in rates:
+        stamps, angles, widths = forecasts_of(sea, rate, hull, leads)
+        nrmse[f'{rate:g} Hz'], coverage[f'{rate:g} Hz'] = _score(sea, warmup, stamps, angles, leads, widths)
+    return sea, nrmse, coverage
+
+
+def _score(sea, warmup, stamps, angles, leads, widths=math.nan):
+    """NRMSE and share of the intervals that held, shape (L,), of what was issued after the warm-up."""
+    wanted = stamps[:, None] + np.array(leads)
+    counts = (stamps >= warmup - 1e-9)[:, None] & (wanted < sea.angle.size / FINE_RATE - 1e-9)
+    errors = np.where(counts, angles - sea.angle_at(wanted), 0.0)
+    deviation = sea.angle[round(warmup * FINE_RATE):].std()
+    held = ((np.abs(errors) <= widths) & counts).sum(axis=0) / counts.sum(axis=0)
+    return np.sqrt((errors**2).sum(axis=0) / counts.sum(axis=0)) / deviation, held
 
 
 def main():
-    """Print the table."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seeds', type=int, default=20)
-    parser.add_argument('--first', type=int, default=100, help='seed of the first sea')
+    parser.add_argument('--first', type=int, default=100, help='seed of the first sea: another one makes fresh seas')
     parser.add_argument('--warmup', type=float, default=300.0, help='s')
     parser.add_argument('--scored', type=float, default=300.0, help='s')
+    parser.add_argument('--rates', default='10', help='of the sensor, Hz, separated by commas')
     parser.add_argument('--without-hull', action='store_true')
+    parser.add_argument('--stiffness', type=float, default=1.0, help='factor by which the hull is wrong in restoring')
+    parser.add_argument('--damping', type=float, default=1.0, help='in all damping')
+    parser.add_argument('--quadratic-damping', type=float, default=1.0, help='in quadratic damping, beyond that')
     given = parser.parse_args()
-    rows = []
-    print('leads, s          ', *(f'{lead:17.1f}' for lead in LEADS))
+    hull = None if given.without_hull else hull_off_by(given.stiffness, given.damping, given.quadratic_damping)
+    rates = [float(rate) for rate in given.rates.split(',')]
+    every, held = [], []
+    print(f'{"":28}', *(f'{lead:6.1f} s' for lead in LEADS))
     for seed in range(given.first, given.first + given.seeds):
-        sea, scores = compare(seed, given.warmup, given.scored, knows_hull=not given.without_hull)
-        rows.append(scores)
-        cells = (f'{a:6.3f} / {b:5.3f} {c:.2f}' for a, b, c in scores.T)
-        print(f'Tp {sea.peak_period:4.1f} s, {math.degrees(np.abs(sea.angle).max()):3.1f} deg', *cells, flush=True)
-    ours, best, coverage = np.sqrt(np.mean(np.square(rows), axis=0))
-    print('all               ', *(f'{a:6.3f} / {b:5.3f} {c:.2f}' for a, b, c in zip(ours, best, coverage, strict=True)))
-    print('over the oracle   ', *(f'{ratio:17.3f}' for ratio in ours / best))
-    print('worst of all seas ', *(f'{worst:17.3f}' for worst in np.array(rows)[:, 0].max(axis=0)))
+        sea, nrmse, coverage = compare(seed, given.warmup, given.scored, LEADS, rates, hull)
+        every.append(nrmse)
+        held.append(coverage)
+        name = f'seed {seed}, Tp {sea.peak_period:3.1f} s, {math.degrees(np.abs(sea.angle).max()):3.1f} deg'
+        for rate in coverage:
+            _print(f'{name} {rate}', nrmse[rate] / nrmse['oracle'], 3)
+    every = {name: np.array([nrmse[name] for nrmse in every]) for name in every[0]}
+    total = {name: np.sqrt(np.mean(values**2, axis=0)) for name, values in every.items()}
+    print('\nRMSE / standard deviation')
+    for name, values in total.items():
+        _print(name, values, 4)
+    best = np.min([values for name, values in total.items() if name != 'oracle' and name not in coverage], axis=0)
+    slowest = min(coverage, key=lambda name: float(name.split()[0]))
+    for name in coverage:
+        print(f'\nsensor at {name}')
+        _print('over the oracle', total[name] / total['oracle'], 3)
+        _print('worst sea over the oracle', (every[name] / every['oracle']).max(axis=0), 3)
+        _print('over the best baseline', total[name] / best, 3)
+        if name != slowest:
+            _print(f'over that at {slowest}', total[name] / total[slowest], 3)
+        _print('90 % held', np.mean([coverage[name] for coverage in held], axis=0), 3)
+
+
+def _print(name, values, digits):
+    print(f'{name:40}'[:40 if len(name) > 28 else 28], *(f'{value:8.{digits}f}' for value in values), flush=True)
 
 
 if __name__ == '__main__':

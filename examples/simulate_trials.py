@@ -10,8 +10,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.cli.main import main
-from swath_sysid.hull.catalogue import hull_named
 
 HERE = Path(__file__).resolve().parent
 DRAFT_FACTORS = (0.9, 1.0, 1.1)

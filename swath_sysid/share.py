@@ -1,7 +1,7 @@
 """Where the package's own configuration, layouts and launch files are, however it was installed."""
 from pathlib import Path
 
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 
 PACKAGE = 'swath_sysid'
 

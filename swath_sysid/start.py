@@ -1,4 +1,4 @@
-"""The executables: from their first import on, Ctrl-C ends them without a traceback.
+"""The command line as an executable: from its first import on, Ctrl-C ends it without a traceback.
 
 Importing everything takes a second or two, in which an interrupt may come up anywhere, also in a library
 that swallows it. Nothing is under way by then, so the process just ends.
@@ -30,31 +30,6 @@ def command_line():
         return cli.main()
     finally:
         _end_on_signals(EXIT_INTERRUPTED)
-
-
-def imu_buffer():
-    """The node imu_buffer; returns the exit code."""
-    return _node('imu_buffer')
-
-
-def identifier():
-    """The node identifier; returns the exit code."""
-    return _node('identifier')
-
-
-def predictor():
-    """The node predictor; returns the exit code."""
-    return _node('predictor')
-
-
-def manoeuvre_predictor():
-    """The node manoeuvre_predictor; returns the exit code."""
-    return _node('manoeuvre_predictor')
-
-
-def _node(name):
-    _end_on_signals(0)
-    return import_module(f'swath_sysid.nodes.{name}').main()
 
 
 def _end_on_signals(code):

@@ -1,8 +1,8 @@
 """IMU messages of simulated craft, as plain readings, for the tests of the pipeline."""
 import numpy as np
 
-from swath_sysid.motion.attitude import body_rates, quaternion
-from swath_sysid.motion.intake import ImuReading
+from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.attitude.motion.intake import ImuReading
 
 EPOCH_NS = 1_700_000_000 * 10**9
 UNKNOWN = (0.0,) * 9

@@ -2,14 +2,14 @@
 
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.manifest import (
+from swath_sysid.campaign.manifest import (
     new_manifest,
     pattern_expression,
     pattern_of_name,
     read_manifest,
     write_new_manifest,
 )
+from swath_sysid.common.errors import InputError
 
 NAMES = [f'pitch_{angle}deg_repeat{repeat}.csv' for angle in ('3', '8.4') for repeat in (1, 2)]
 

@@ -14,18 +14,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.campaign.evaluation import out_of_order
+from swath_sysid.campaign.executors import SerialExecutor, executor_of
+from swath_sysid.campaign.manifest import read_manifest
+from swath_sysid.campaign.result_store import ResultStore
+from swath_sysid.campaign.run import run_campaign
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.files.campaign_run import run_campaign
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.executors import SerialExecutor, executor_of
-from swath_sysid.files.manifest import read_manifest
-from swath_sysid.files.model_file import read_model, read_schedules
-from swath_sysid.files.result_store import ResultStore
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.identification.campaign import out_of_order
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.model_file import read_model, read_schedules
 from swath_sysid.report.campaign_report import campaign_tables, write_report
 from swath_sysid.report.campaign_tables import table_as_csv
 
@@ -125,7 +125,7 @@ def test_two_processes_stopped_and_continued_give_the_same_tables(trials, done, 
     running = subprocess.Popen(
         command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 600
     while len(list(tmp_path.rglob('*.json'))) < 3 and time.monotonic() < deadline:
         time.sleep(0.02)
     if number == signal.SIGINT:
@@ -203,6 +203,18 @@ def test_nothing_usable_is_an_error(tmp_path):
     (tmp_path / 'campaign.yaml').write_text('axis: pitch\ntrials: [{file: bad.csv}]\n')
     with pytest.raises(InputError, match='no trial of the campaign can be used: bad.csv: line 2'):
         work_off(tmp_path, tmp_path / 'out')
+
+
+def test_a_record_that_contradicts_itself_is_left_out_with_its_cure(trials, tmp_path):
+    right, wrong, *_ = sorted(trials.glob('*0.9T*.csv'))
+    (tmp_path / 'wrong.csv').write_text(wrong.read_text().replace('pitch_rate_rad_s', 'pitch_rate_deg_s'))
+    (tmp_path / 'campaign.yaml').write_text(
+        'axis: pitch\nequations: [linear]\ntrials:\n'
+        f'  - {{file: {right}, draft_factor: 0.9}}\n  - {{file: wrong.csv, draft_factor: 0.9}}\n'
+    )
+    used, refused = work_off(tmp_path, tmp_path / 'out').trials
+    assert used.record is not None and refused.record is None
+    assert 'times the derivative of the pitch angle' in refused.reason
 
 
 def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
@@ -308,9 +320,19 @@ def test_the_command_line_writes_a_manifest(trials, tmp_path, capsys):
     assert 'look through it' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize('place', ['', 'below/deeper'])
+def test_a_manifest_that_stands_elsewhere_finds_the_trials(place, trials, tmp_path):
+    folder = tmp_path / place
+    folder.mkdir(parents=True, exist_ok=True)
+    assert main(['campaign', '--new', str(trials), '--output', str(folder / 'new.yaml')]) == 0
+    manifest = read_manifest(folder / 'new.yaml')
+    assert {entry.path.resolve() for entry in manifest.trials} == {path.resolve() for path in trials.glob('*.csv')}
+    assert not manifest.faults
+
+
 def test_a_cluster_that_does_not_answer(monkeypatch):
     pytest.importorskip('distributed')
-    monkeypatch.setattr('swath_sysid.files.executors.CONNECT_S', 1)
+    monkeypatch.setattr('swath_sysid.campaign.executors.CONNECT_S', 1)
     with pytest.raises(InputError, match='no Dask scheduler answers'), executor_of(1, 'tcp://127.0.0.1:9'):
         pass
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.result_store import ResultStore, key_of
+from swath_sysid.campaign.result_store import ResultStore, key_of
+from swath_sysid.common.errors import InputError
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_leftovers_of_a_killed_process_are_cleared(store, tmp_path):
 
 def test_one_process_at_a_time(store, tmp_path):
     code = (
-        'import sys\nfrom swath_sysid.errors import InputError\nfrom swath_sysid.files.result_store import '
+        'import sys\nfrom swath_sysid.common.errors import InputError\nfrom swath_sysid.campaign.result_store import '
         'ResultStore\n'
         'try:\n    with ResultStore(sys.argv[1]).alone(): print("alone")\nexcept InputError as error: print(error)\n'
     )

@@ -8,11 +8,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import equation_named, hull_named
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.identification.campaign import (
+from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.identification.forecast_check import (
+    forecast_errors,
+    measured_states,
+    next_step,
+    simulation_error,
+)
+from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.campaign.evaluation import (
     Condition,
     FitSummary,
     Judgement,
@@ -32,10 +40,7 @@ from swath_sysid.identification.campaign import (
     spread_of_repeats,
     tied_best,
 )
-from swath_sysid.identification.forecast_check import forecast_errors, measured_states, next_step, simulation_error
-from swath_sysid.identification.motion_fit import InitialState
-from swath_sysid.identification.problem import prepare
-from swath_sysid.identification.search import SearchSettings
+from swath_sysid.common.errors import InputError
 
 HULL = hull_named('swath-pitch').model
 NAMES = ('linear', 'swath-pitch-2', 'swath-pitch-1')

@@ -5,7 +5,7 @@ import builtins
 import pytest
 
 from swath_sysid.cli import run
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 
 
 def parsed(*words):
@@ -24,9 +24,20 @@ def test_everything_asked_for_is_handed_on():
         '--use-sim-time', '--ros-args', '-p', 'seed:=2', '--log-level', 'warn',
     )
     assert run.ros_arguments(arguments) == [
-        '--params-file', 'p.yaml', '-p', 'identifier:model_path:=m.yaml', '-r', '__ns:=/craft',
+        '--params-file', 'p.yaml', '-p', "model_path:='m.yaml'", '-r', '__ns:=/craft',
         '-r', 'imu/data:=/sensor/imu', '-p', 'use_sim_time:=true', '-p', 'seed:=2', '--log-level', 'warn',
     ]
+
+
+def test_a_path_stays_text_for_the_node_that_reads_it():
+    """ROS takes values for YAML: 12 would be a number, and what follows a # a comment."""
+    arguments = parsed('--only', 'manoeuvring_predictor', '--model', "o'brien's boat #2.yaml")
+    assert run.ros_arguments(arguments) == ['-p', "model_file:='o''brien''s boat #2.yaml'"]
+
+
+def test_a_model_for_a_node_that_reads_none_is_refused():
+    with pytest.raises(InputError, match='predictor reads no model file'):
+        run.ros_arguments(parsed('--only', 'predictor', '--model', 'm.yaml'))
 
 
 def test_without_ros_it_says_what_to_install(monkeypatch):
@@ -42,13 +53,39 @@ def test_without_ros_it_says_what_to_install(monkeypatch):
         run.run(parsed())
 
 
+@pytest.mark.parametrize(('environment', 'is_told'), [
+    ({}, True), ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, False), ({'ROS_LOCALHOST_ONLY': '1'}, False),
+    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, False),
+])
+def test_it_says_where_nobody_has_decided_how_far_the_nodes_are_heard(environment, is_told, monkeypatch, capsys):
+    pytest.importorskip('rclpy')
+    from swath_sysid.nodes import predictor
+
+    monkeypatch.setattr(predictor, 'main', lambda args: 0)
+    for name in ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY'):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert run.run(parsed('--only', 'predictor')) == 0
+    assert ('whole subnet' in capsys.readouterr().err) == is_told
+
+
 @pytest.mark.dds
 @pytest.mark.parametrize(('words', 'sentence'), [
     (['--params-file', '/nowhere/p.yaml'], 'params file'), (['--ros-args', '-p', 'seed'], 'parameter override'),
-    (['--ros-args', '-p', 'seed:=-1'], 'seed'), (['--model', '/dev/null'], 'no model file'),
+    (['--ros-args', '-p', 'seed:=-1'], 'seed'),
 ])
 def test_wrong_arguments_are_one_sentence_and_exit_code_2(words, sentence, capfd):
     pytest.importorskip('rclpy')
     assert run.run(parsed(*words)) == 2
     told = capfd.readouterr().err
     assert sentence in told and 'swath_sysid: ' in told and 'Traceback' not in told
+
+
+@pytest.mark.parametrize('node', [(), ('--only', 'manoeuvring_predictor')])
+def test_a_model_that_is_none_is_refused_before_anything_starts(node, tmp_path):
+    (tmp_path / 'none.yaml').write_text('roll: 1')
+    for name in (tmp_path / 'none.yaml', '/dev/null'):
+        with pytest.raises(InputError):
+            run.ros_arguments(parsed(*node, '--model', str(name)))
+    assert run.ros_arguments(parsed(*node, '--model', str(tmp_path / 'later.yaml')))

@@ -3,8 +3,8 @@ import os
 
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.atomic import replacing
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
 
 
 def test_file_takes_its_name_only_when_whole(tmp_path):

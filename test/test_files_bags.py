@@ -9,18 +9,18 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from swath_sysid.errors import InputError
-from swath_sysid.files import bags
-from swath_sysid.files.bags import IMU_TYPE, is_bag, read_bag, read_imu, write_imu_bag
-from swath_sysid.motion.attitude import euler_rates, quaternion
-from swath_sysid.motion.trial import CHANNELS, Trial
+from swath_sysid.attitude.motion.attitude import euler_rates, quaternion
+from swath_sysid.attitude.motion.trial import CHANNELS, Trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats import bags
+from swath_sysid.formats.bags import IMU_TYPE, is_bag, read_bag, read_imu, write_imu_bag
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 COUNT = 200
 RNG = np.random.default_rng(1)
 STAMPS = 1_700_000_000_123_456_789 + 10_000_000 * np.arange(COUNT)
 ROLL, PITCH, YAW = RNG.uniform(-0.5, 0.5, (3, COUNT))
-RATES, FORCE = RNG.normal(0, 1, (2, COUNT, 3))
+RATES, FORCE = RNG.normal(0, 1, (2, COUNT, 3)) + [[[0.0, 0.0, 0.0]], [[0.0, 0.0, 9.81]]]
 STORAGES = {'sqlite3': StoragePlugin.SQLITE3, 'mcap': StoragePlugin.MCAP}
 
 
@@ -139,13 +139,15 @@ def test_big_endian_messages_are_read():
 def test_blocks_and_mixed_frames_keep_the_order(tmp_path, monkeypatch):
     monkeypatch.setattr(bags, 'MESSAGES_AT_ONCE', 16)
     messages = [('/imu/data', STAMPS[at], imu(at, frame_id='imu' * (1 + at % 3))) for at in range(COUNT)]
-    assert_right(read_bag(write_bag(tmp_path / 'bag', messages)))
+    trial = read_bag(write_bag(tmp_path / 'bag', messages))
+    assert_right(trial)
+    assert codes(trial) == ['frame-id-changed'] and "3 frames ('imu', 'imuimu'" in trial.advice[0].message
 
 
 @pytest.mark.parametrize('absent,left', [
-    (('orientation',), {'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z'}),
-    (('angular_velocity',), {'roll', 'pitch', 'accel_x', 'accel_y', 'accel_z'}),
-    (('linear_acceleration',), {'roll', 'pitch', 'roll_rate', 'pitch_rate'}),
+    (('orientation',), {'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}),
+    (('angular_velocity',), {'roll', 'pitch', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}),
+    (('linear_acceleration',), {'roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate'}),
 ])
 def test_minus_one_means_not_measured(tmp_path, absent, left):
     trial = read_bag(write_bag(tmp_path / 'bag', plain_messages(absent=absent)))
@@ -320,7 +322,8 @@ def written_trial():
     time = 0.01 * np.arange(300)
     return Trial(
         time=time, roll=0.2 * np.sin(3 * time), pitch=0.1 * np.cos(2 * time), roll_rate=0.6 * np.cos(3 * time),
-        pitch_rate=-0.2 * np.sin(2 * time), accel_x=0.1 * time, accel_y=0 * time, accel_z=9.81 + 0 * time)
+        pitch_rate=-0.2 * np.sin(2 * time), yaw_rate=0.3 * np.cos(time),
+        accel_x=0.1 * time, accel_y=0 * time, accel_z=9.81 + 0 * time)
 
 
 @pytest.mark.parametrize('name', ['trial.mcap', 'trial.db3', 'trial', 'trial.v2'])
@@ -330,7 +333,7 @@ def test_written_bag_comes_back(tmp_path, name):
     write_imu_bag(path, trial, start_stamp_ns=1_700_000_000_000_000_005, topic='/hull/imu', frame_id='imu_1')
     back = read_bag(path)
     assert back.advice == ()
-    for channel in ('time', *CHANNELS):
+    for channel in ('time', *CHANNELS, 'yaw_rate'):
         assert np.allclose(getattr(back, channel), getattr(trial, channel), atol=1e-9), channel
     record = read_imu(path)
     assert (record.topic, record.frame_id) == ('/hull/imu', 'imu_1')
@@ -361,7 +364,7 @@ def test_what_a_trial_lacks_is_written_as_not_measured(tmp_path):
     time = 0.01 * np.arange(50)
     write_imu_bag(tmp_path / 'a.mcap', Trial(time=time - 0.5, roll_rate=np.sin(time)))
     back = read_bag(tmp_path / 'a.mcap')
-    assert set(back.channels) == {'roll_rate', 'pitch_rate'}
+    assert set(back.channels) == {'roll_rate', 'pitch_rate', 'yaw_rate'}
     assert np.allclose(back.roll_rate, np.sin(time)) and back.time[0] == 0
     write_imu_bag(tmp_path / 'b.mcap', Trial(time=time, pitch=np.where(time > 0.2, np.nan, 0.1)))
     back = read_bag(tmp_path / 'b.mcap')

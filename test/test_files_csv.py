@@ -6,11 +6,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files import tables
-from swath_sysid.files.csv_trials import read_csv, write_csv
-from swath_sysid.motion.attitude import euler_rates
-from swath_sysid.motion.trial import CHANNELS, Trial
+from swath_sysid.attitude.motion.attitude import euler_rates
+from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats import tables
+from swath_sysid.formats.csv_trials import read_csv, write_csv
 
 
 def codes(trial):
@@ -221,7 +221,7 @@ def test_any_content_gives_a_trial_or_one_sentence(tmp_path, content):
 def test_trial_comes_back_exactly(tmp_path):
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(0.01, 0.0101, 200)) - 1
-    channels = {name: rng.normal(0, 0.3, 200) for name in CHANNELS}
+    channels = {name: rng.normal(0, 0.3, 200) for name in (*CHANNELS, *FURTHER_CHANNELS)}
     channels['pitch'][17] = np.nan
     trial = Trial(time=time, **channels, draft=0.154, initial_angle=float(np.radians(6)))
     path = tmp_path / 'trial.csv'
@@ -229,7 +229,7 @@ def test_trial_comes_back_exactly(tmp_path):
     back = read_csv(path)
     assert back.channels.keys() == trial.channels.keys()
     assert np.array_equal(back.time, trial.time)
-    assert all(np.array_equal(back.channels[name], channels[name], equal_nan=True) for name in CHANNELS)
+    assert all(np.array_equal(back.channels[name], channels[name], equal_nan=True) for name in channels)
     assert (back.draft, back.initial_angle) == (trial.draft, trial.initial_angle)
     write_csv(path, replace(trial, pitch=None, accel_x=None, draft=None))
     assert read_csv(path).pitch is None and read_csv(path).draft is None
@@ -255,6 +255,25 @@ def test_morro_buoy_is_turned_to_flu(data_folder):
     assert np.corrcoef(trial.roll_rate[1:-1], np.gradient(trial.roll, trial.time)[1:-1])[0, 1] > 0.97
 
 
+def test_yaw_rate_of_the_morro_buoy_is_the_derivative_of_its_yaw(data_folder):
+    path = data_folder / 'waves' / 'morro_buoy.csv'
+    yaw = -np.unwrap(np.genfromtxt(path, delimiter=',', names=True)['yaw_deg'], period=360.0)
+    trial = read_csv(path, frame='frd')
+    derivative = np.gradient(np.radians(yaw), trial.time)
+    # the buoy fuses gyro and compass into its yaw, which so moves less than it turns
+    assert np.corrcoef(trial.yaw_rate[1:-1], derivative[1:-1])[0, 1] > 0.89
+    assert 0.7 < np.polyfit(trial.yaw_rate[1:-1], derivative[1:-1], 1)[0] < 1.0
+
+
+def test_yaw_rate_and_heave_of_a_ship_without_gyro_are_read(data_folder):
+    path = data_folder / 'waves' / 'nbp1406_ship.csv'
+    raw = np.genfromtxt(path, delimiter=',', names=True)
+    trial = read_csv(path)
+    assert list(trial.channels) == ['roll', 'pitch', 'yaw_rate', 'heave']
+    assert np.array_equal(trial.heave, raw['heave_m'])
+    assert np.allclose(trial.yaw_rate[1:], -np.radians(np.diff(raw['heading_deg'])) / np.diff(raw['time_s']))
+
+
 def test_corrupt_packet_of_oahu_is_left_out_and_told(data_folder):
     trial = read_csv(data_folder / 'faults' / 'oahu_static_bad_packets.csv', frame='frd')
     assert np.isnan(trial.roll_rate[-1]) and np.isfinite(trial.roll_rate[:-1]).all()
@@ -267,3 +286,26 @@ def test_kvlcc2_is_read_as_it_is(data_folder):
     trial = read_csv(path)
     assert np.array_equal(trial.time, raw['time_s']) and np.array_equal(trial.roll, raw['roll_rad'])
     assert trial.advice == ()
+
+
+def test_a_file_says_how_its_sensor_is_mounted(tmp_path):
+    """A craft in waves whose sensor hangs upside down: named, then mended by the line that the sentence asks for."""
+    time = np.arange(0.0, 30.0, 0.05)
+    roll, pitch = 0.1 * np.sin(time), 0.05 * np.sin(1.3 * time)
+    rows = np.column_stack([time, (roll + 2 * np.pi) % (2 * np.pi) - np.pi, pitch])
+    path = tmp_path / 'hanging.csv'
+    table = 'time_s,roll_rad,pitch_rad\n' + '\n'.join(','.join(map(repr, row)) for row in rows.tolist()) + '\n'
+    path.write_text(table)
+    (told,) = read_csv(path).advice
+    assert told.code == 'sensor-turned' and 'mounting_deg to [180, 0, 0]' in told.message
+    path.write_text('# mounting_deg: [180, 0, 0]\n' + table)
+    trial = read_csv(path)
+    assert trial.advice == () and np.allclose(trial.roll, roll) and np.allclose(trial.pitch, pitch)
+
+
+@pytest.mark.parametrize('line', ['upside down', '180', '180, 0, nan', '1, 2, 3, 4'])
+def test_a_mounting_that_is_none_is_one_sentence(tmp_path, line):
+    path = tmp_path / 'a.csv'
+    path.write_text(f'# mounting_deg: {line}\ntime_s,roll_deg,pitch_deg\n' + '\n'.join(f'{k},1,1' for k in range(20)))
+    with pytest.raises(InputError, match='angles'):
+        read_csv(path)

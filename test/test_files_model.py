@@ -1,18 +1,20 @@
 """The model file: exact round trip, and every fault named."""
 
+from dataclasses import replace
+from math import inf, nan
+
 import numpy as np
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, model_to_yaml, read_model, write_model
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.identified_model import IdentifiedModel
-
-finite = st.floats(allow_nan=False, allow_infinity=False)
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model, write_model
 
 
 def example():
@@ -26,20 +28,39 @@ def example():
 def edited(change):
     content = yaml.safe_load(model_to_yaml({'pitch': example()}))
     change(content, content['axes']['pitch'])
-    return yaml.safe_dump(content)
+    return yaml.safe_dump(content, sort_keys=False)
+
+
+entries = arrays(float, (4, 4), elements=st.integers(-1000, 1000).map(lambda n: n / 7))
 
 
 @given(
-    st.lists(finite, min_size=4, max_size=4), st.lists(finite, min_size=16, max_size=16), finite, st.floats(1e-9, 1e9)
+    st.lists(st.floats(0.1, 1e3), min_size=4, max_size=4), entries, st.floats(-3.0, 3.0), st.floats(1e-6, 100.0),
+    st.sampled_from([nan, 0.0, 0.1]), st.sampled_from([inf, 0.2]),
 )
-def test_round_trip_is_exact(values, covariance, trim, friction_rate):
+def test_round_trip_is_exact(values, root, trim, friction_rate, trim_std, largest):
     equation = EQUATIONS['odd-cubic']
-    model = DecayModel.from_terms(
-        equation, dict(zip(equation.terms, values, strict=True)), trim=trim, friction_rate=friction_rate, axis='roll'
-    )
-    with np.errstate(invalid='ignore'):
-        identified = IdentifiedModel(model, np.reshape(covariance, (4, 4)))
-        assert model_from_yaml(model_to_yaml({'roll': identified}))['roll'] == identified
+    values = dict(zip(equation.terms, [0.1 * values[0], *values[1:]], strict=True))
+    model = DecayModel.from_terms(equation, values, trim=trim, friction_rate=friction_rate, axis='roll')
+    identified = IdentifiedModel(model, root @ root.T, trim_std, (0.0, largest))
+    assert model_from_yaml(model_to_yaml({'roll': identified}))['roll'] == identified
+
+
+def test_a_variance_that_is_not_known_stays_so():
+    covariance = example().covariance.copy()
+    covariance[2] = covariance[:, 2] = nan
+    identified = replace(example(), covariance=covariance, metrics={'r2': nan})
+    again = model_from_yaml(model_to_yaml({'pitch': identified}))['pitch']
+    assert again == replace(identified, metrics={'r2': None})
+
+
+def test_rows_of_the_covariance_are_those_of_the_file():
+    def reversed_order(content, axis):
+        names = list(axis['ratios'])[::-1]
+        axis['ratios'] = {name: axis['ratios'][name] for name in names}
+        axis['covariance'] = [row[::-1] for row in axis['covariance'][::-1]]
+
+    assert model_from_yaml(edited(reversed_order))['pitch'] == example()
 
 
 def test_file_of_both_axes(tmp_path):
@@ -59,22 +80,22 @@ def test_file_of_both_axes(tmp_path):
         (edited(lambda c, a: c.update(version=99)), 'version 99'),
         (edited(lambda c, a: c.update(colour='red')), "unknown field 'colour'"),
         (edited(lambda c, a: c.pop('frame')), "field 'frame' is missing"),
-        (edited(lambda c, a: c.update(frame='NED')), "frame 'NED'"),
+        (edited(lambda c, a: c.update(frame='NED')), "frame: 'NED'"),
         (edited(lambda c, a: c.update(axes={})), 'holds no axis'),
-        (edited(lambda c, a: c['axes'].update(yaw=a)), "no axis 'yaw'"),
+        (edited(lambda c, a: c['axes'].update(yaw={})), "no axis 'yaw'"),
         (edited(lambda c, a: a.pop('trim_rad')), "pitch: the field 'trim_rad' is missing"),
         (edited(lambda c, a: a.update(trim=1)), "unknown field 'trim'"),
         (edited(lambda c, a: a.update(trim_rad='x')), "'x' is not a number"),
         (edited(lambda c, a: a['ratios'].update(q9={})), "no ratio 'q9'"),
         (edited(lambda c, a: a['ratios']['b1'].pop('std')), "b1: the field 'std' is missing"),
-        (edited(lambda c, a: a['ratios']['b1'].update(unit='kg')), "unit 'kg'"),
+        (edited(lambda c, a: a['ratios']['b1'].update(unit='kg')), "b1, unit: 'kg'"),
         (edited(lambda c, a: a['ratios']['b1'].update(value=True)), "'True' is not a number"),
         (edited(lambda c, a: a['ratios']['b1'].update(value=float('nan'))), 'finite'),
         (edited(lambda c, a: a.update(ratios={'b1': a['ratios']['b1']})), 'one restoring'),
         (edited(lambda c, a: a.update(covariance=[[1.0]])), 'covariance'),
         (edited(lambda c, a: a.update(covariance=3)), 'need 5 rows of 5'),
         (edited(lambda c, a: a.update(covariance=[[1.0], [1.0, 2.0]])), 'covariance'),
-        (edited(lambda c, a: a.update(valid_amplitude_rad=[1.0])), 'smallest and the largest'),
+        (edited(lambda c, a: a.update(valid_amplitude_rad=[1.0])), 'valid_amplitude_rad'),
         (edited(lambda c, a: a.update(friction_rate_rad_s=0.0)), 'friction_rate'),
     ],
 )

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.mti import read_mti
-from swath_sysid.motion.attitude import euler_rates, quaternion
+from swath_sysid.attitude.motion.attitude import euler_rates, quaternion
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.mti import read_mti
 
 COUNT = 60
 TIME = 0.01 * np.arange(COUNT)
@@ -96,7 +96,8 @@ def test_line_cut_off_costs_its_row_only(tmp_path):
 
 def test_rates_alone_and_frd(tmp_path):
     trial = read_mti(export(tmp_path, {**TICKS, **INERTIAL}), frame='frd')
-    assert set(trial.channels) == {'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z'}
+    assert set(trial.channels) == {'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}
+    assert np.allclose(trial.yaw_rate, -GYRO[:, 2])
     assert np.allclose(trial.pitch_rate, -GYRO[:, 1]) and np.allclose(trial.accel_z, -FORCE[:, 2])
 
 

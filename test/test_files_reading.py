@@ -9,11 +9,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import write_imu_bag
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.reading import read_trial, source_hash
-from swath_sysid.motion.trial import Trial
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import write_imu_bag
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.reading import read_trial, source_hash
 
 TIME = 0.01 * np.arange(300)
 TRIAL = Trial(time=TIME, roll=0.1 * np.sin(TIME), pitch=0 * TIME)
@@ -91,11 +91,17 @@ def test_axis_that_was_not_measured_is_named(tmp_path):
         read_trial(tmp_path / 'a.csv').axis('pitch')
 
 
-def test_constant_signal_and_megahertz_are_read(tmp_path):
-    write_csv(tmp_path / 'a.csv', Trial(time=1e-6 * np.arange(5000), roll=np.full(5000, 0.1)))
+def test_constant_signal_and_kilohertz_are_read(tmp_path):
+    write_csv(tmp_path / 'a.csv', Trial(time=2e-4 * np.arange(5000), roll=np.full(5000, 0.1)))
     trial = read_trial(tmp_path / 'a.csv')
     assert trial.time.size == 5000 and trial.advice == ()
-    assert trial.axis('roll').sample_interval == pytest.approx(1e-6)
+    assert trial.axis('roll').sample_interval == pytest.approx(2e-4)
+
+
+def test_megahertz_is_a_time_in_another_unit(tmp_path):
+    write_csv(tmp_path / 'a.csv', Trial(time=1e-6 * np.arange(5000), roll=np.full(5000, 0.1)))
+    with pytest.raises(InputError, match='more often than any sensor'):
+        read_trial(tmp_path / 'a.csv')
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import (
+from swath_sysid.attitude.hull.catalogue import (
     EQUATIONS,
     PUBLISHED_EQUATIONS,
     PUBLISHED_HULLS,
@@ -14,14 +13,15 @@ from swath_sysid.hull.catalogue import (
     equations_of_axis,
     hull_named,
 )
-from swath_sysid.hull.decay_model import DecayModel, Equation
-from swath_sysid.hull.published_form import (
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.published_form import (
     PublishedForm,
     from_published,
     inertia_from_metacentric_height,
     to_published,
 )
-from swath_sysid.hull.terms import TERM_NAMES, restoring_energy, term_moments
+from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy, term_moments
+from swath_sysid.common.errors import InputError
 
 PUBLISHED_TERMS = {
     'swath-pitch-1': 'b1 b2 b3 r1 r2 r3', 'swath-pitch-2': 'b1 b2 r1 r2 r3', 'swath-pitch-3': 'b1 r1 r2 r3',

@@ -8,15 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, model_to_yaml
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS
-from swath_sysid.hull.decay_model import DecayModel, Equation
-from swath_sysid.hull.froude import TIME_POWERS, length_ratio, scaled, scaled_model, scaled_schedule, scaling_advice
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.scheduled_model import ScheduledModel
-from swath_sysid.hull.simulation import simulate
-from swath_sysid.hull.terms import RATIO_UNITS, TERM_NAMES
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.froude import (
+    TIME_POWERS,
+    length_ratio,
+    scaled,
+    scaled_model,
+    scaled_schedule,
+    scaling_advice,
+)
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import RATIO_UNITS, TERM_NAMES
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
 FULL = DecayModel(
     Equation('all', TERM_NAMES),
@@ -100,6 +107,15 @@ def test_the_viscous_scale_effect_is_told():
 def test_no_length_ratio(text):
     with pytest.raises(InputError, match='length ratio'):
         length_ratio(text)
+
+
+@pytest.mark.parametrize('ratio, times', [('1000', 2), ('1.1234567891234567', 12)])
+def test_a_ratio_that_could_not_be_read_back_is_refused(ratio, times):
+    there = identified(FULL)
+    with pytest.raises(InputError, match='was scaled by .* before'):
+        for _ in range(times):
+            there = scaled(there, length_ratio(ratio))
+    assert length_ratio(there.provenance['froude_scaling']['length_ratio'])
 
 
 def test_a_damaged_history_is_named():

@@ -5,8 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import (
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.scheduled_model import ScheduledModel, models_at
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import (
     model_from_yaml,
     model_to_yaml,
     read_model,
@@ -15,9 +18,6 @@ from swath_sysid.files.model_file import (
     schedules_from_yaml,
     write_scheduled,
 )
-from swath_sysid.hull.decay_model import DecayModel, Equation
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.scheduled_model import ScheduledModel, models_at
 
 EQUATION = Equation('test', ('b1', 'r1', 'r3'))
 LOADINGS = (0.9, 1.0, 1.15)
@@ -117,7 +117,7 @@ def test_a_file_holds_it_and_serves_readers_that_know_no_schedule(schedule, tmp_
 @pytest.mark.parametrize(
     'old, new, words',
     [
-        ('quantity: draft_factor', 'quantity: speed', 'no quantity'),
+        ('quantity: draft_factor', 'quantity: speed', "quantity: 'speed' must be"),
         ('loading: 1.15', 'loading: 0.95', 'must increase'),
         ('loading: 1.15', 'loading: high', "'high' is not a number"),
         ('loading: 1.15', 'weight: 1.15', "unknown field 'weight'"),

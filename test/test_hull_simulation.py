@@ -5,14 +5,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from swath_sysid.accelerator import HAS_NUMBA
-from swath_sysid.hull import compiled as hull_compiled
-from swath_sysid.hull import simulation, terms
-from swath_sysid.hull.amplitude import amplitude_curves, orbit_centre
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.hull.decay_model import DecayModel, Equation
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.hull.terms import TERM_NAMES, restoring_energy
+from swath_sysid.attitude.hull import compiled as hull_compiled
+from swath_sysid.attitude.hull import simulation, terms
+from swath_sysid.attitude.hull.amplitude import amplitude_curves, orbit_centre
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy
+from swath_sysid.common.accelerator import HAS_NUMBA
 
 ALL_TERMS = Equation('all', TERM_NAMES)
 

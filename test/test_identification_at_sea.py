@@ -6,19 +6,25 @@ import numpy as np
 import pytest
 from craft_at_sea import jonswap, known_sea
 
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.at_sea import excitation_spectrum, identify_at_sea, is_at_sea, is_forced
+from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
+from swath_sysid.attitude.identification.sea_motion import (
+    Heave,
+    heave_of,
+    random_decrement,
+    sea_motion,
+    tapered_spectrum,
+)
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, model_to_yaml, read_model
-from swath_sysid.files.reading import read_trial
-from swath_sysid.hull.catalogue import EQUATIONS, hull_named
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.identification.at_sea import excitation_spectrum, identify_at_sea, is_at_sea, is_forced
-from swath_sysid.identification.refit import RefitSettings, Refitter, refit
-from swath_sysid.identification.sea_motion import Heave, heave_of, random_decrement, sea_motion, tapered_spectrum
-from swath_sysid.identification.search import Cancelled
-from swath_sysid.motion.trial import AxisMotion
-from swath_sysid.motion.window import COLUMNS, MotionTable
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model
+from swath_sysid.formats.reading import read_trial
 
 ROLL = hull_named('swath-roll').model
 LINEAR = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 6.25}, axis='roll')
@@ -297,7 +303,7 @@ def test_the_command_line_refuses_with_a_sentence(sea_file, capsys, arguments, s
 
 
 def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('swath_sysid.identification.at_sea.DAMPING_USABLE', 1e-3)
+    monkeypatch.setattr('swath_sysid.attitude.identification.at_sea.DAMPING_USABLE', 1e-3)
     model = tmp_path / 'model.yaml'
     assert main(['identify', str(sea_file), '--output', str(model)]) == 2
     told = capsys.readouterr()

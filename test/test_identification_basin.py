@@ -10,18 +10,18 @@ from scipy.linalg import expm
 from scipy.optimize import approx_fprime
 from scipy.stats import multivariate_normal, norm, truncnorm
 
-from swath_sysid.accelerator import HAS_NUMBA
-from swath_sysid.hull.catalogue import equation_named
-from swath_sysid.identification import innovations as filter_module
-from swath_sysid.identification.basin_likelihood import BasinLikelihood, clipped_step, interval
-from swath_sysid.identification.identify import IdentificationSettings, identify
-from swath_sysid.identification.innovations import disturbance
-from swath_sysid.identification.motion_fit import InitialState
-from swath_sysid.identification.scaling import Scales
-from swath_sysid.identification.verdict import rate_mismatch
-from swath_sysid.motion.releases import find_releases
-from swath_sysid.motion.segmentation import find_decay
-from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.identification import innovations as filter_module
+from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, clipped_step, interval
+from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
+from swath_sysid.attitude.identification.innovations import disturbance
+from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.identification.verdict import rate_mismatch
+from swath_sysid.attitude.motion.releases import find_releases
+from swath_sysid.attitude.motion.segmentation import find_decay
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.accelerator import HAS_NUMBA
 
 _PLACE = Path(__file__).resolve().parents[1] / 'benchmark' / 'basin.py'
 

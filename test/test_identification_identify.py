@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.reading import read_trial
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS, equations_of_axis
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.hull.simulation import simulate
-from swath_sysid.identification.identify import IdentificationSettings, identify
-from swath_sysid.identification.problem import prepare
-from swath_sysid.identification.search import Cancelled, SearchSettings
-from swath_sysid.identification.selection import compare, first_part, held_out_error, information_criterion
-from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS, equations_of_axis
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.identification.selection import compare, first_part, held_out_error, information_criterion
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.formats.reading import read_trial
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
 

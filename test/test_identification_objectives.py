@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.hull.terms import TERM_NAMES, term_moments
-from swath_sysid.identification.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.identification.motion_fit import InitialState, MotionFit, Noise
-from swath_sysid.identification.noise import autocovariance, correlated_information, weighting_noise, white_noise
-from swath_sysid.identification.one_step import OneStepObjective
-from swath_sysid.identification.scaling import Scales
-from swath_sysid.identification.uncertainty import correlation, inseparable_terms, sandwich_covariance
-from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
+from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
+from swath_sysid.attitude.identification.one_step import OneStepObjective
+from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.identification.uncertainty import inseparable_terms
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.covariance import correlation, sandwich_covariance
+from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
+from swath_sysid.common.noise import autocovariance, correlated_information, weighting_noise, white_noise
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
 SCALES = Scales(0.1, 3.2)

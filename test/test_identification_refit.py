@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from imu_stream import decay_stream
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, model_to_yaml
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.identification.identify import IdentificationSettings
-from swath_sysid.identification.problem import prepare
-from swath_sysid.identification.refit import (
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.identify import IdentificationSettings
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.refit import (
     COEFFICIENT_NAMES,
     RefitSettings,
     Refitter,
@@ -22,8 +20,11 @@ from swath_sysid.identification.refit import (
     warm_up,
     window_provenance,
 )
-from swath_sysid.identification.search import Cancelled, SearchSettings
-from swath_sysid.motion.window import MotionTable, MotionWindow, WindowSettings
+from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, MotionWindow, WindowSettings
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
 QUICK = RefitSettings(
     axes=('pitch',), identification=IdentificationSettings(search=SearchSettings(generations=15, population=40)))
@@ -56,6 +57,15 @@ def test_the_first_refit_is_believed(first):
     assert model.damping_ratio == pytest.approx(0.08, rel=0.1)
     assert 'odd-cubic' in first.message and '\n' not in first.message
     assert refitter.models['pitch'].provenance['source'] == 'here'
+
+
+def test_a_window_whose_rates_are_reversed_is_not_fitted(table):
+    column = COLUMNS.index('pitch_rate')
+    rows = table.rows.copy()
+    rows[:, column] *= -1.0
+    outcome = refit(Refitter(QUICK).request(replace(table, rows=rows)))
+    assert not outcome.succeeded
+    assert 'not fitted' in outcome.message and 'derivative of the pitch angle with the opposite sign' in outcome.message
 
 
 def test_the_same_window_again_changes_nothing(table, first):

@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.identification.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.identification.scaling import Scales
-from swath_sysid.identification.search import (
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.identification.search import (
     ALGORITHMS,
     PRESETS,
-    Cancelled,
     SearchSettings,
     dimensionless_space,
     published_space,
     run_search,
 )
-from swath_sysid.identification.swarm import ParticleSwarm, SwarmSettings
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
 
 SEARCHES = [(GeneticSearch, GeneticSettings), (ParticleSwarm, SwarmSettings)]
 EQUATION = EQUATIONS['odd-cubic']
@@ -159,8 +159,13 @@ def test_published_variables_map_to_ratios_and_back():
         ({'algorithm': 'sa'}, "no search 'sa'"),
         ({'preset': 'nobody'}, "no preset 'nobody'"),
         ({'algorithm': 'pso', 'preset': 'swath-roll'}, 'genetic algorithm'),
-        ({'generations': 0}, 'at least 1'),
-        ({'population': 3}, 'at least 8'),
+        ({'generations': 0}, 'generations must be a whole number from 1 to 100000, not 0'),
+        ({'generations': 'abc'}, 'generations must be a whole number'),
+        ({'generations': True}, 'generations must be a whole number'),
+        ({'population': 3}, 'population must be a whole number from 8'),
+        ({'population': 10**12}, 'population must be a whole number'),
+        ({'seed': -1}, 'seed must be a whole number from 0'),
+        ({'seed': None}, 'seed must be a whole number'),
     ],
 )
 def test_bad_settings_are_named(choice, words):

@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, lead_topic
 from swath_sysid.nodes.parameter_tables import PREDICTOR, defaults
-from swath_sysid.prediction.outlook import HORIZON_TOPIC, NEXT_TOPIC, lead_topic
 from swath_sysid.share import share_folder
 
 CONFIG = share_folder() / 'config'

@@ -9,9 +9,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.cli import manoeuvre, play_through
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import opened_bag
-from swath_sysid.files.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import opened_bag
+from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
 
 
 def swath(*words):
@@ -95,7 +95,7 @@ def test_play_through_is_repeatable_and_right(folder, model, capsys):
             messages.append([(c.topic, t, bytes(raw)) for c, t, raw in reader.messages(reader.connections)])
     assert messages[0] == messages[1]
     assert {topic for topic, _, _ in messages[0]} == {
-        '/manoeuvre/forecast', '/manoeuvre/lead_2_0s', '/manoeuvre/lead_5_0s'}
+        '/manoeuvring/forecast', '/manoeuvring/lead_2_0s', '/manoeuvring/lead_5_0s'}
     store, trial = get_typestore(Stores.ROS2_JAZZY), read_manoeuvring_bag(bag)
     missed = []
     for topic, stamp, raw in messages[0]:

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, least_squares
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.manoeuvring.model import COMMAND
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.simulation import simulate
-from swath_sysid.hull.manoeuvring.stability import check_stability
-from swath_sysid.hull.manoeuvring.standard_tests import run_test
-from swath_sysid.identification.manoeuvring.assembly import assemble, seen_region
-from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring, split
-from swath_sysid.identification.manoeuvring.least_squares import minimise
-from swath_sysid.identification.manoeuvring.selection import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.manoeuvring.hull.model import COMMAND
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.simulation import simulate
+from swath_sysid.manoeuvring.hull.stability import check_stability
+from swath_sysid.manoeuvring.hull.standard_tests import run_test
+from swath_sysid.manoeuvring.identification.assembly import assemble, seen_region
+from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring, split
+from swath_sysid.manoeuvring.identification.least_squares import minimise
+from swath_sysid.manoeuvring.identification.selection import (
     _held_out_costs,
     covariance_of,
     fit,
@@ -24,11 +25,10 @@ from swath_sysid.identification.manoeuvring.selection import (
     regularised_to_stable,
     shooting_of,
 )
-from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
-from swath_sysid.identification.manoeuvring.validation import score
-from swath_sysid.identification.manoeuvring.windows import cut
-from swath_sysid.identification.search import Cancelled
-from swath_sysid.motion.manoeuvring_trial import ManoeuvringTrial, prepare_all
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.identification.validation import score
+from swath_sysid.manoeuvring.identification.windows import cut
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
 
 OLD = preset('wamv-vrx-old')
 QUICK = dict(mass=180.0, generations=4, population=12)

@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import approx_fprime, fsolve
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.manoeuvring.model import ManoeuvringModel, derivative_names, parameter_values
-from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
-from swath_sysid.hull.manoeuvring.prime import PrimeUnits
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.simulation import runge_kutta_columns, simulate, steady_speed
-from swath_sysid.hull.manoeuvring.stability import Region, check_stability
-from swath_sysid.hull.manoeuvring.standard_tests import TESTS, DriveSettings, run_test
-from swath_sysid.hull.manoeuvring.stepping import SteeredCraft
-from swath_sysid.hull.manoeuvring.terms import NAMES
-from swath_sysid.hull.manoeuvring.thrust import command_of_thrust, delayed, lagged, thrust_curve
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, derivative_names, parameter_values
+from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
+from swath_sysid.manoeuvring.hull.prime import PrimeUnits
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, simulate, steady_speed
+from swath_sysid.manoeuvring.hull.stability import Region, check_stability
+from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
+from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
+from swath_sysid.manoeuvring.hull.terms import NAMES
+from swath_sysid.manoeuvring.hull.thrust import command_of_thrust, delayed, lagged, thrust_curve
 
 RICH = dict(
     m=180.0, Iz=446.0, Xu_dot=-20.0, Yv_dot=-90.0, Yr_dot=5.0, Nv_dot=-7.0, Nr_dot=-100.0, Xu=-50.0, Xuu=-70.0,
@@ -53,7 +53,7 @@ def test_accelerations_are_the_printed_equations(u, v, r, port, starboard):
 def test_every_hull_term_acts_in_its_own_row_only():
     rows = {'X': 0, 'Y': 1, 'N': 2}
     plain = ManoeuvringModel(parameter_values({'m': 2.0, 'Iz': 3.0}))
-    from swath_sysid.hull.manoeuvring.terms import INDEX, INERTIA, PARAMETERS
+    from swath_sysid.manoeuvring.hull.terms import INDEX, INERTIA, PARAMETERS
 
     for name in derivative_names():
         parameter = PARAMETERS[INDEX[name]]

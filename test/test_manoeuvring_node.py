@@ -1,4 +1,4 @@
-"""The node manoeuvre_predictor over DDS."""
+"""The node manoeuvring_predictor over DDS."""
 import time
 
 import numpy as np
@@ -12,15 +12,15 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 from std_msgs.msg import Float64, String  # noqa: E402
 
-from swath_sysid.files.manoeuvring_model_file import manoeuvring_to_yaml  # noqa: E402
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel  # noqa: E402
-from swath_sysid.hull.manoeuvring.presets import preset  # noqa: E402
-from swath_sysid.hull.manoeuvring.simulation import simulate  # noqa: E402
-from swath_sysid.hull.manoeuvring.stability import Region  # noqa: E402
-from swath_sysid.nodes.connections import LATCHED  # noqa: E402
-from swath_sysid.nodes.manoeuvre_predictor import odometry_message, odometry_reading  # noqa: E402
+from swath_sysid.formats.manoeuvring_model_file import manoeuvring_to_yaml  # noqa: E402
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel  # noqa: E402
+from swath_sysid.manoeuvring.hull.presets import preset  # noqa: E402
+from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
+from swath_sysid.manoeuvring.hull.stability import Region  # noqa: E402
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
+from swath_sysid.nodes.manoeuvring_predictor import odometry_message, odometry_reading  # noqa: E402
 from swath_sysid.nodes.messages import stamp_ns  # noqa: E402
-from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreState  # noqa: E402
+from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -43,16 +43,16 @@ def test_odometry_message_round_trip():
 
 
 def test_forecasts_over_dds():
-    process = start_node('manoeuvre_predictor', '-p', 'leads_s:=[1.0, 5.0]', '-r', '__ns:=/wamv')
+    process = start_node('manoeuvring_predictor', '-p', 'leads_s:=[1.0, 5.0]', '-r', '__ns:=/wamv')
     bench = Bench('wamv')
     heard = {'path': [], 'lead': []}
     try:
-        bench.node.create_subscription(Path, 'manoeuvre/forecast', heard['path'].append, RELIABLE)
-        bench.node.create_subscription(Odometry, 'manoeuvre/lead_5_0s', heard['lead'].append, RELIABLE)
+        bench.node.create_subscription(Path, 'manoeuvring/forecast', heard['path'].append, RELIABLE)
+        bench.node.create_subscription(Odometry, 'manoeuvring/lead_5_0s', heard['lead'].append, RELIABLE)
         odometry, imu = bench.publisher(Odometry, 'odometry'), bench.publisher(Imu, 'imu/data')
         left = bench.publisher(Float64, 'thrusters/left/thrust')
         right = bench.publisher(Float64, 'thrusters/right/thrust')
-        model = bench.publisher(String, 'manoeuvre/model', LATCHED)
+        model = bench.publisher(String, 'manoeuvring/model', LATCHED)
         wait_for(lambda: odometry.get_subscription_count() and left.get_subscription_count()
                  and right.get_subscription_count() and imu.get_subscription_count(), 'subscriptions')  # fmt: skip
         wait_for(lambda: any('no model' in text or 'no odometry' in text for _, text, _ in bench.statuses.values()),

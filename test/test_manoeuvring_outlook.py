@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.stability import Region
-from swath_sysid.prediction.manoeuvring_outlook import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.prediction.pipeline import (
     ManoeuvreOutlook,
     ManoeuvreOutlookSettings,
     OdometryReading,
-    manoeuvre_lead_topic,
+    manoeuvring_lead_topic,
     steady_motion,
 )
 
@@ -133,7 +133,7 @@ def test_steady_motion_is_steady():
 
 
 def test_topics_and_settings():
-    assert manoeuvre_lead_topic(0.5) == 'manoeuvre/lead_0_5s'
+    assert manoeuvring_lead_topic(0.5) == 'manoeuvring/lead_0_5s'
     for wrong in ({'leads': (2.0, 1.0)}, {'leads': ()}, {'horizon_step': 99.0}, {'rate': 0.0}):
         with pytest.raises(InputError):
             ManoeuvreOutlookSettings(**wrong)

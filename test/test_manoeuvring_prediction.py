@@ -5,22 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.manoeuvring_model_file import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_model_file import (
     manoeuvring_from_yaml,
     manoeuvring_to_yaml,
     read_manoeuvring_model,
     write_manoeuvring_model,
 )
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.simulation import simulate
-from swath_sysid.hull.manoeuvring.stability import Region
-from swath_sysid.hull.manoeuvring.thrust import acting_thrust
-from swath_sysid.motion.manoeuvring_trial import ManoeuvringTrial, prepare
-from swath_sysid.prediction.manoeuvring import STATES, ManoeuvreFilter, ManoeuvreFilterSettings, ThrustMemory
-from swath_sysid.prediction.manoeuvring_skill import filtered, fit_arx, score_forecasts
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.simulation import simulate
+from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare
+from swath_sysid.manoeuvring.prediction.predictor import STATES, ManoeuvreFilter, ManoeuvreFilterSettings, ThrustMemory
+from swath_sysid.manoeuvring.prediction.skill import filtered, fit_arx, score_forecasts
 
 OLD = preset('wamv-vrx-old')
 NOISE = np.array([0.05, 0.05, 0.005])
@@ -54,7 +54,7 @@ def test_model_file_round_trip(tmp_path):
     (lambda t: t.replace('version: 1', 'version: 9'), 'version 9'),
     (lambda t: t.replace('noise:', 'noises:'), "unknown field 'noises'"),
     (lambda t: t.replace('Xuu:', 'Xww:'), "no parameter 'Xww'"),
-    (lambda t: t.replace('length_m: 4.88', 'length_m: long'), 'no number'),
+    (lambda t: t.replace('length_m: 4.88', 'length_m: long'), 'not a number'),
     (lambda t: '{', 'not YAML'),
 ])  # fmt: skip
 def test_bad_model_files_are_named(change, match):

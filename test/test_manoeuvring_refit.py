@@ -4,18 +4,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.identification.manoeuvring.refit import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.identification.refit import (
     ManoeuvreRefitRequest,
     ManoeuvreRefitter,
     pieces,
     refit_manoeuvring,
 )
-from swath_sysid.identification.manoeuvring.settings import ManoeuvringSettings
-from swath_sysid.motion.manoeuvring_trial import COMMAND, FORCE, prepare
-from swath_sysid.motion.manoeuvring_window import ManoeuvringWindow
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, prepare
+from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 
 OLD = preset('wamv-vrx-old')
 SETTINGS = ManoeuvringSettings(mass=180.0, generations=2, population=12)

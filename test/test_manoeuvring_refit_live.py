@@ -11,14 +11,14 @@ from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from std_msgs.msg import Float32, Float64, String  # noqa: E402
 
-from swath_sysid.files.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model  # noqa: E402
-from swath_sysid.hull.manoeuvring.presets import preset  # noqa: E402
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, with_noise  # noqa: E402
-from swath_sysid.hull.manoeuvring.simulation import simulate  # noqa: E402
-from swath_sysid.nodes.connections import LATCHED  # noqa: E402
-from swath_sysid.nodes.manoeuvre_messages import odometry_message  # noqa: E402
+from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model  # noqa: E402
+from swath_sysid.manoeuvring.hull.presets import preset  # noqa: E402
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise  # noqa: E402
+from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
+from swath_sysid.nodes.manoeuvring_messages import odometry_message  # noqa: E402
 from swath_sysid.nodes.messages import stamp_ns  # noqa: E402
-from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreState  # noqa: E402
+from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -79,7 +79,7 @@ class Craft:
 def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     path = tmp_path / 'craft.yaml'
     options = ('-r', '__ns:=/wamv')
-    predictor = start_node('manoeuvre_predictor', '-p', f'leads_s:=[{LEAD}]', '-p', 'forecast_rate_hz:=1.0',
+    predictor = start_node('manoeuvring_predictor', '-p', f'leads_s:=[{LEAD}]', '-p', 'forecast_rate_hz:=1.0',
                            '-p', 'horizon_s:=2.0', *options)  # fmt: skip
     identifier = start_node(
         'identifier', '-p', f'manoeuvre_model_path:={path}', '-p', 'manoeuvre_mass_kg:=180.0', '-p',
@@ -88,8 +88,8 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     forecasts, models, progress = [], [], []
     try:
         craft = Craft(bench, driven())
-        bench.node.create_subscription(Odometry, 'manoeuvre/lead_2_0s', forecasts.append, RELIABLE)
-        bench.node.create_subscription(String, 'manoeuvre/model', models.append, LATCHED)
+        bench.node.create_subscription(Odometry, 'manoeuvring/lead_2_0s', forecasts.append, RELIABLE)
+        bench.node.create_subscription(String, 'manoeuvring/model', models.append, LATCHED)
         bench.node.create_subscription(Float32, 'identifier/progress', progress.append, RELIABLE)
         wait_for(lambda: craft.odometry.get_subscription_count() == 2 and craft.left.get_subscription_count() == 2
                  and craft.right.get_subscription_count() == 2, 'subscriptions')  # fmt: skip
@@ -99,12 +99,12 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         craft.drive(0.0, 120.0)
         wait_for(lambda: forecasts, 'forecasts')
         assert not bench.call('identifier/rollback_manoeuvring').success
-        response = bench.call('identifier/identify_manoeuvring', seconds=90.0)
+        response = bench.call('identifier/identify_manoeuvring')
         assert response.success, response.message
         wait_for(lambda: models, 'model')
         assert progress[-1].data == pytest.approx(1.0)
         assert [m.data for m in progress] == sorted(m.data for m in progress)
-        found = manoeuvring_from_yaml(models[-1].data, 'manoeuvre/model')
+        found = manoeuvring_from_yaml(models[-1].data, 'manoeuvring/model')
         assert found.model['Nr'] == pytest.approx(OLD['Nr'], rel=0.15)
         assert read_manoeuvring_model(path).model['Nr'] == found.model['Nr']
         before = len(forecasts)

@@ -6,12 +6,12 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
-from swath_sysid.files.manoeuvring_csv import read_manoeuvring_csv, write_manoeuvring_csv
-from swath_sysid.hull.manoeuvring.presets import preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.motion.manoeuvring_trial import ManoeuvringTrial, mirrored, prepare, prepare_all, smoothed
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
+from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv, write_manoeuvring_csv
+from swath_sysid.manoeuvring.hull.presets import preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, mirrored, prepare, prepare_all, smoothed
 
 MODEL = preset('wamv-vrx-old')
 

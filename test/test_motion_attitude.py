@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.errors import InputError
-from swath_sysid.motion import attitude
-from swath_sysid.motion.sensing import Installation, assemble_trial, imu_motion
+from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion.sensor_mount import Installation, assemble_trial, imu_motion, turn_rate
+from swath_sysid.common.errors import InputError
 
 angle = st.floats(-np.pi, np.pi)
 pitch_angle = st.floats(-1.55, 1.55)
@@ -188,9 +188,10 @@ def test_installation_that_cannot_be_is_refused(arguments):
 
 def readings(count=50):
     time = np.linspace(0, 5, count)
+    roll, pitch = 0.3 * np.sin(time), 0.2 * np.cos(time)
+    gyro = attitude.body_rates(roll, pitch, 0.3 * np.cos(time), -0.2 * np.sin(time), 0.1)
     return time, {
-        'roll': 0.3 * np.sin(time), 'pitch': 0.2 * np.cos(time),
-        'gyro_x': 0.1 + 0 * time, 'gyro_y': 0.2 * np.sin(time), 'gyro_z': 0.3 * np.cos(time),
+        'roll': roll, 'pitch': pitch, **dict(zip(('gyro_x', 'gyro_y', 'gyro_z'), gyro, strict=True)),
         'accel_x': 0 * time, 'accel_y': 0 * time, 'accel_z': 9.81 + 0 * time,
     }
 
@@ -202,6 +203,7 @@ def test_assembled_trial_keeps_angles_exactly_and_turns_rates():
     expected = attitude.euler_rates(trial.roll, trial.pitch, *(given_readings[f'gyro_{part}'] for part in 'xyz'))
     assert np.array_equal(trial.roll_rate, expected[0])
     assert np.array_equal(trial.pitch_rate, expected[1])
+    assert np.array_equal(trial.yaw_rate, expected[2])
     assert trial.advice == ()
     assert (trial.source, trial.draft) == ('here', 0.15)
 
@@ -265,3 +267,65 @@ def test_readings_without_roll_or_pitch_are_refused():
     time, given_readings = readings()
     with pytest.raises(InputError, match='no usable roll or pitch'):
         assemble_trial(time, {'accel_z': given_readings['accel_z']})
+
+
+def test_yaw_rate_of_a_heading_is_its_difference_the_shorter_way_round_and_unknown_across_a_loss():
+    time = np.array([0.0, 1.0, 2.0, 3.0, 7.0, 8.0, 9.0])
+    heading = np.radians([358.0, 359.0, 1.0, 0.0, 90.0, 89.0, np.nan])
+    expected = np.radians([np.nan, 1.0, 2.0, -1.0, np.nan, -1.0, np.nan])
+    assert np.allclose(turn_rate(time, heading), expected, equal_nan=True)
+    trial = assemble_trial(np.append(time, 10.0), {'roll': np.zeros(8), 'heading': np.append(heading, 1.0)})
+    # a heading counts clockwise, the yaw of a craft in ENU the other way
+    assert np.allclose(trial.yaw_rate, -np.append(expected, np.nan), equal_nan=True)
+
+
+@given(later=st.floats(-0.5, 0.5), place=st.integers(2, 49))
+def test_yaw_rate_of_a_heading_sees_only_the_past(later, place):
+    time, yaw = np.arange(50.0), np.cumsum(0.1 * np.sin(np.arange(50.0)))
+    changed = np.where(np.arange(50) >= place, yaw + later, yaw)
+    assert np.array_equal(turn_rate(time, changed)[:place], turn_rate(time, yaw)[:place], equal_nan=True)
+
+
+@pytest.mark.parametrize('kept', [
+    ('quaternion', 'gyro'), ('quaternion',), ('euler', 'gyro'), ('euler',), ('heading',), ('rate',),
+])
+@pytest.mark.parametrize('mounting', [(0.0, 0.0, 0.0), (0.1, -0.2, 2.5)])
+@pytest.mark.parametrize('frame', ['flu', 'frd'])
+def test_yaw_rate_is_that_of_the_craft_whatever_frame_it_was_measured_in(frame, mounting, kept):
+    time = np.linspace(0.0, 5.0, 5001)
+    roll, pitch, yaw = 0.2 * np.sin(time), 0.1 * np.cos(2.0 * time), 3.0 + 0.5 * np.sin(1.5 * time)
+    yaw_rate = 0.75 * np.cos(1.5 * time)
+    body = np.stack(attitude.body_rates(roll, pitch, 0.2 * np.cos(time), -0.2 * np.sin(2.0 * time), yaw_rate), axis=1)
+    craft, mount = Rotation.from_euler('ZYX', np.column_stack([yaw, pitch, roll])), rotation_of(*mounting)
+    sensor, rates = craft * mount, mount.inv().apply(body)
+    if frame == 'frd':
+        to_ned, half_turn = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]]), Rotation.from_euler('X', np.pi)
+        sensor, rates = to_ned * sensor * half_turn, half_turn.apply(rates)
+    seen_yaw, seen_pitch, seen_roll = sensor.as_euler('ZYX').T
+    sign = -1.0 if frame == 'frd' else 1.0
+    known = {
+        'quaternion': dict(zip(('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w'), sensor.as_quat().T,
+                               strict=True)),
+        'gyro': dict(zip(('gyro_x', 'gyro_y', 'gyro_z'), rates.T, strict=True)),
+        'euler': {'roll': seen_roll, 'pitch': seen_pitch, 'yaw': seen_yaw},
+        'heading': {'roll': seen_roll, 'pitch': seen_pitch,
+                    'heading': seen_yaw if frame == 'frd' else np.pi / 2 - seen_yaw},
+        'rate': {'roll': seen_roll, 'pitch': seen_pitch, 'yaw_rate': sign * yaw_rate},
+    }
+    trial = assemble_trial(time, {k: v for name in kept for k, v in known[name].items()}, Installation(frame, mounting))
+    if any(mounting) and kept == ('rate',):
+        assert trial.yaw_rate is None  # a mounting turns no single Euler rate
+    else:
+        assert np.allclose(trial.yaw_rate[1:], yaw_rate[1:], atol=1e-9 if kept[-1] in ('gyro', 'rate') else 1e-3)
+
+
+def test_heave_is_upward_whatever_the_frame():
+    time, given_readings = readings()
+    assert np.array_equal(assemble_trial(time, {**given_readings, 'heave': time}).heave, time)
+    assert np.array_equal(assemble_trial(time, {**given_readings, 'heave': time}, Installation('frd')).heave, -time)
+
+
+def test_a_heading_that_was_only_filled_in_is_no_channel():
+    time, given_readings = readings()
+    angles = {'roll': given_readings['roll'], 'pitch': given_readings['pitch']}
+    assert assemble_trial(time, {**angles, 'yaw': 0 * time}).yaw_rate is None

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hypothesis_numpy
 
-from swath_sysid.errors import InputError
-from swath_sysid.motion.cleaning import LEAST_ROWS, clean
+from swath_sysid.attitude.motion.cleaning import LEAST_ROWS, clean
+from swath_sysid.common.errors import InputError
 
 
 def codes(advice):

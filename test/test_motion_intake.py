@@ -8,18 +8,20 @@ from hypothesis import strategies as st
 from imu_stream import EPOCH_NS, NOT_GIVEN, UNKNOWN, diagonal, reading
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.motion.intake import (
+from swath_sysid.attitude.motion.intake import (
     ABSURD,
+    ABSURD_COVARIANCE,
     BAD_QUATERNION,
     EMPTY,
     INTAKE_REASONS,
+    NEAR_VERTICAL,
     NO_ORIENTATION,
     NOT_FINITE,
     UNKNOWN_COVARIANCE,
     ImuReading,
     take_in,
 )
-from swath_sysid.motion.sensing import Installation
+from swath_sysid.attitude.motion.sensor_mount import Installation
 
 STRAIGHT = Installation()
 ANGLES = ('roll', 'pitch', 'yaw')
@@ -120,3 +122,21 @@ def test_any_message_is_taken_in_without_an_error(orientation, covariance, rates
     if sample is not None:
         assert not np.isinf(sample[1:]).any()
         assert not (np.array(values_of(sample, ('roll_variance', 'pitch_rate_variance'))) <= 0.0).any()
+
+
+@pytest.mark.parametrize('std,known', [(0.9 * np.pi, True), (1.1 * np.pi, False), (100.0, False), (1e150, False)])
+def test_a_covariance_that_is_no_knowledge_is_unknown_and_counted(std, known):
+    sample, reasons = take_in(reading(EPOCH_NS, orientation_covariance=diagonal(std**2)), STRAIGHT)
+    assert isnan(sample.roll_variance) != known and sample.pitch_rate_variance == 2.5e-5
+    assert reasons == (() if known else (ABSURD_COVARIANCE, UNKNOWN_COVARIANCE))
+
+
+def test_an_absurd_covariance_of_the_rates_is_unknown_too():
+    sample, reasons = take_in(reading(EPOCH_NS, rates_covariance=diagonal(1e4)), STRAIGHT)
+    assert isnan(sample.roll_rate_variance) and sample.roll_variance == 1e-6 and ABSURD_COVARIANCE in reasons
+
+
+@pytest.mark.parametrize('pitch,kept', [(79.0, True), (-79.0, True), (81.0, False), (-90.0, False)])
+def test_near_the_vertical_nothing_is_used(pitch, kept):
+    sample, reasons = take_in(reading(EPOCH_NS, 0.1, np.radians(pitch)), STRAIGHT)
+    assert (sample is not None) == kept and (NEAR_VERTICAL in reasons) != kept

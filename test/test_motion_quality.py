@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.reading import read_trial
-from swath_sysid.hull.catalogue import EQUATIONS
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.motion.quality import check_decay, check_motion, clipped_extremes
-from swath_sysid.motion.segmentation import find_decay, find_decays
-from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.attitude.hull.catalogue import EQUATIONS
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.motion.quality import check_decay, check_motion, clipped_extremes
+from swath_sysid.attitude.motion.segmentation import find_decay, find_decays
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.reading import read_trial
 
 HULL = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.25, 'r1': 9.0}, axis='roll')
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.reading import read_trial
-from swath_sysid.motion.cycles import (
+from swath_sysid.attitude.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.turning_points import (
     centre_of_decay,
     find_gaps,
     find_turning_points,
@@ -17,8 +17,8 @@ from swath_sysid.motion.cycles import (
     spikes,
     split_at_pauses,
 )
-from swath_sysid.motion.segmentation import explain_absence, find_decay, find_decays, is_finished
-from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.reading import read_trial
 
 RATE_HZ = 100.0
 ANGLE_NOISE, RATE_NOISE = 0.001, 0.0165

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.errors import InputError
-from swath_sysid.motion.stamps import (
+from swath_sysid.attitude.motion.stamps import (
     DUPLICATE,
     GAP,
     JUMPED_BACK,
@@ -19,6 +18,7 @@ from swath_sysid.motion.stamps import (
     StampOrder,
     StampSettings,
 )
+from swath_sysid.common.errors import InputError
 
 EPOCH = 1_700_000_000
 

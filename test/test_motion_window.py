@@ -3,9 +3,8 @@ import numpy as np
 import pytest
 from imu_stream import EPOCH_NS, decay_stream, reading
 
-from swath_sysid.errors import InputError
-from swath_sysid.motion.stamps import JUMPED_BACK
-from swath_sysid.motion.window import (
+from swath_sysid.attitude.motion.stamps import JUMPED_BACK
+from swath_sysid.attitude.motion.window import (
     COLUMNS,
     WINDOW_REASONS,
     MotionTable,
@@ -13,6 +12,7 @@ from swath_sysid.motion.window import (
     WindowSettings,
     averaged,
 )
+from swath_sysid.common.errors import InputError
 
 
 def window_of(readings, **settings):

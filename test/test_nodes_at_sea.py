@@ -10,18 +10,16 @@ from craft_at_sea import known_sea  # noqa: E402
 from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import Bench, running, start_together, wait_for  # noqa: E402
 
-from swath_sysid.files.model_file import model_from_yaml, read_model, write_model  # noqa: E402
-from swath_sysid.hull.catalogue import EQUATIONS, hull_named  # noqa: E402
-from swath_sysid.hull.decay_model import DecayModel  # noqa: E402
-from swath_sysid.hull.identified_model import IdentifiedModel  # noqa: E402
-from swath_sysid.identification.at_sea import is_at_sea  # noqa: E402
+from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named  # noqa: E402
+from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel  # noqa: E402
+from swath_sysid.attitude.identification.at_sea import is_at_sea  # noqa: E402
+from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
 LINEAR = DecayModel.from_terms(EQUATIONS['linear'], {'b1': 0.5, 'r1': 6.25}, axis='roll')
 RATE_HZ, DURATION = 10, 240.0
-PORTION = 400
-"""Readings that are sent at once: a sensor's messages may get lost on a busy machine."""
 
 
 @pytest.fixture(scope='module')
@@ -39,12 +37,11 @@ def readings():
 def identified_in_waves(readings, model_path):
     """What the services answer after these readings, twice, with the bench that heard it."""
     bench = Bench()
-    arguments = ('-p', f'model_path:={model_path}', '-p', 'window_s:=300.0', '-p', 'max_rate_hz:=50.0')
+    settings = f'model_path:={model_path}', 'window_s:=300.0', 'max_rate_hz:=50.0', 'window_timeout_s:=60.0'
+    arguments = [word for setting in settings for word in ('-p', setting)]
     try:
         with running(bench, start_together(*arguments)):
-            for begin in range(0, len(readings), PORTION):
-                bench.send(readings[begin:begin + PORTION])
-                bench.wait_for_forecast_after(readings[min(begin + PORTION, len(readings)) - 1].stamp_ns)
+            bench.settle('imu_buffer', bench.send(readings))
             first = bench.call('identifier/identify')
             if first.success:
                 wait_for(lambda: bench.heard['model/description'], 'model')

@@ -2,23 +2,28 @@
 import pytest
 from imu_stream import EPOCH_NS, reading
 
-from swath_sysid.motion.window import WINDOW_REASONS, MotionWindow
+from swath_sysid.attitude.motion.window import WINDOW_REASONS, MotionWindow
 from swath_sysid.nodes.health import (
+    BAD_LOADING,
     BAD_MODEL,
+    BAD_MODEL_FILE,
     ERROR,
+    FRAME_CHANGED,
     HARMLESS,
+    IDENTIFICATION_WORKER_DIED,
+    NOT_SAVED,
     OK,
     REASON_ADVICE,
     SILENT,
     WARN,
+    WAVE_WORKER_DIED,
     BufferHealth,
     IdentifierHealth,
     PredictorHealth,
     StreamHealth,
     reasons_table,
 )
-from swath_sysid.prediction.outlook import Outlook
-from swath_sysid.prediction.predictor import REASONS
+from swath_sysid.pipeline.forecast_pipeline import PIPELINE_REASONS, ForecastPipeline
 
 COUNTS = {'gap': 0, 'no-orientation': 0}
 
@@ -35,7 +40,7 @@ def receive(health, begin, end, rate=100.0, spent=1e-3):
 
 
 def test_every_reason_has_an_advice():
-    assert set(WINDOW_REASONS) | set(REASONS) <= set(REASON_ADVICE)
+    assert set(WINDOW_REASONS) | set(PIPELINE_REASONS) <= set(REASON_ADVICE)
     assert all(f'`{reason}`' in reasons_table() for reason in REASON_ADVICE)
     assert HARMLESS < set(REASON_ADVICE)
 
@@ -102,6 +107,50 @@ def test_stamps_of_another_clock_warn():
     assert told.level == WARN and 'use_sim_time' in told.message
 
 
+def test_a_backlog_is_none_of_the_clocks():
+    health = StreamHealth('/imu/data')
+    receive(health, 0.0, 1.0)
+    assert report(health, 1.0, age=0.01).level == OK
+    receive(health, 1.0, 2.0)
+    told = report(health, 2.0, age=7.0)
+    assert told.level == WARN and 'wait in a queue' in told.message and 'synchronise' not in told.message
+    # what stays so long was no queue
+    for second in range(3, 64):
+        receive(health, second - 1.0, float(second))
+        told = report(health, float(second), age=7.0)
+    assert told.level == WARN and 'synchronise' in told.message
+
+
+def test_what_holds_warns_until_it_is_settled():
+    health = IdentifierHealth()
+    health.note(NOT_SAVED, 'model_path')
+    health.note(NOT_SAVED, 'manoeuvre_model_path')
+    levels = [health.report('pitch odd-cubic', 1, False).level for _ in range(3)]
+    health.settle('model_path')
+    told = health.report('pitch odd-cubic', 1, False)
+    assert levels == [WARN] * 3 and told.level == WARN and 'model-not-saved: ' in told.message
+    health.settle('manoeuvre_model_path')
+    assert health.report('pitch odd-cubic', 1, False).level == OK and health.counts[NOT_SAVED] == 2
+
+
+def test_a_sensor_warns_too_while_something_holds():
+    health = PredictorHealth('/imu/data', ForecastPipeline())
+    receive(health, 0.0, 1.0)
+    health.note(BAD_LOADING, 'loading')
+    levels = []
+    for second in range(1, 4):
+        levels.append(report(health, float(second)).level)
+        receive(health, float(second), second + 1.0)
+    health.settle('loading')
+    assert levels == [WARN] * 3 and report(health, 4.0).level == OK
+
+
+def test_each_worker_is_told_by_its_own_name():
+    assert 'waves' in REASON_ADVICE[WAVE_WORKER_DIED] and 'identifies' in REASON_ADVICE[IDENTIFICATION_WORKER_DIED]
+    assert WAVE_WORKER_DIED in PredictorHealth('/imu/data', ForecastPipeline()).counts
+    assert IDENTIFICATION_WORKER_DIED in IdentifierHealth().counts
+
+
 def test_the_buffer_tells_its_window():
     window = MotionWindow()
     health = BufferHealth('imu/data', window)
@@ -113,14 +162,41 @@ def test_the_buffer_tells_its_window():
 
 
 def test_the_predictor_tells_that_it_has_no_model():
-    outlook = Outlook()
-    health = PredictorHealth('imu/data', outlook)
+    pipeline = ForecastPipeline()
+    health = PredictorHealth('imu/data', pipeline)
     for k in range(100):
-        outlook.add(reading(EPOCH_NS + k * 10_000_000))
-    stream, state = health.reports(1.0, EPOCH_NS)
+        pipeline.add(reading(EPOCH_NS + k * 10_000_000))
+    stream, state, _ = health.reports(1.0, EPOCH_NS)
     assert state.level == WARN and 'no pitch model' in state.message and state.values['model_age_s'] == 'no model'
-    assert set(REASONS) | {BAD_MODEL} <= set(stream.values)
+    assert set(PIPELINE_REASONS) | {BAD_MODEL} <= set(stream.values)
     assert 'nrmse_roll_1.0s' in state.values and 'coverage90_pitch_5.0s' in state.values
+
+
+def test_a_refused_model_is_told_until_a_good_one_comes():
+    health = PredictorHealth('imu/data', ForecastPipeline())
+    for _ in range(2):
+        health.note_refused_model('model/description, pitch: the trim')
+    for _ in range(3):
+        stream, forecast, _ = health.reports(1.0, EPOCH_NS)
+        assert forecast.level == WARN
+        assert forecast.message.startswith('model/description, pitch: the trim; the model before it stays')
+        assert forecast.values['refused_model'] == 'model/description, pitch: the trim'
+        assert stream.values[BAD_MODEL] == 2
+    health.note_model(2.0)
+    _, forecast, _ = health.reports(3.0, EPOCH_NS)
+    assert 'the trim' not in forecast.message and forecast.values['refused_model'] == ''
+
+
+def test_a_model_file_that_cannot_be_used_is_told_for_good():
+    health = IdentifierHealth()
+    health.note(BAD_MODEL_FILE, 'model_path', 'a.yaml is a folder')
+    health.note(BAD_MODEL_FILE, 'manoeuvre_model_path', 'b.yaml is a folder')
+    health.end(True, 'found one')
+    for _ in range(2):
+        told = health.report('none', 0, False)
+        assert told.level == WARN and told.values['bad-model-file'] == 2
+        assert told.message.startswith('bad-model-file: a.yaml is a folder; the model file cannot be used')
+        assert 'bad-model-file: b.yaml is a folder; ' in told.message
 
 
 def test_the_identifier_tells_what_it_does():
@@ -131,6 +207,32 @@ def test_the_identifier_tells_what_it_does():
     assert '40 %' in health.report('no model', 0, True).message
     health.end(True, 'pitch: odd-cubic')
     assert 'pitch: odd-cubic' in health.report('pitch odd-cubic', 1, False).message
-    health.note('worker-died')
+    health.note('identification-worker-died')
     assert health.report('pitch odd-cubic', 1, False).level == WARN
     assert health.report('pitch odd-cubic', 1, False).level == OK
+
+
+def test_a_frame_id_that_changes_is_counted_and_warned_of():
+    health = StreamHealth('imu/data')
+    report(health, 0.0)
+    receive(health, 0.0, 1.0)
+    for name in ('imu_link', 'imu_link', 'imu_raw', 'imu_link'):
+        health.note_frame_id(name)
+    told = report(health, 1.0)
+    assert told.values[FRAME_CHANGED] == 2 and told.level == WARN and 'two sensors may share the topic' in told.message
+
+
+def test_a_wrong_installation_stays_a_warning():
+    pipeline = ForecastPipeline()
+    health = PredictorHealth('imu/data', pipeline)
+    levels = []
+    for second in range(40):
+        for k in range(20):
+            stamp = EPOCH_NS + second * 10**9 + k * 50_000_000
+            pipeline.add(reading(stamp, 1e-3 * (k % 3), force=(0.0, 0.01 * (k % 3), -9.81)))
+        *_, told = health.reports(float(second), EPOCH_NS)
+        levels.append(told.level)
+    assert told.name == 'installation' and 'set frame to frd' in told.message
+    assert told.values['contradictions'] == 'axes-of-sensor' and told.values['judgements'] >= 6
+    first = levels.index(WARN)
+    assert first <= 20 and set(levels[first:]) == {WARN} and set(levels[:first]) == {OK}

@@ -1,47 +1,118 @@
-"""The launch file, as far as it can be held to something without the launch system."""
+"""The launch files, as far as they can be held to something without the launch system."""
 import re
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from swath_sysid.nodes.parameter_tables import TABLES
+from swath_sysid.nodes.parameter_tables import ALL_TABLES
 
 ROOT = Path(__file__).resolve().parents[1]
-FILE = ROOT / 'launch' / 'swath_sysid.launch.xml'
+ARGUMENTS = {
+    'swath_sysid': {'namespace', 'params_file', 'model_file', 'use_sim_time', 'imu_topic'},
+    'manoeuvre': {
+        'namespace', 'model_file', 'use_sim_time', 'odometry_topic', 'imu_topic', 'port_topic', 'starboard_topic',
+        'forecast_rate_hz', 'stop_after_s', 'identify', 'model_path', 'mass_kg', 'lever_m',
+    },
+}
+NODES = {
+    'swath_sysid': {'imu_buffer', 'predictor', 'identifier'},
+    'manoeuvre': {'manoeuvring_predictor', 'identifier'},
+}
+TYPES = {'str': str, 'float': float, 'bool': bool}
+SUBSTITUTIONS = {'var', 'find-pkg-share', 'file-content', 'not-equals'}
+"""None of these takes its arguments for code, as eval and command do."""
 
 
-@pytest.fixture(scope='module')
-def launch():
-    return ElementTree.parse(FILE).getroot()
+@pytest.fixture(params=sorted(ARGUMENTS))
+def name(request):
+    return request.param
 
 
-def test_every_argument_is_described_and_used(launch):
-    text = FILE.read_text(encoding='utf-8')
+@pytest.fixture
+def path(name):
+    return ROOT / 'launch' / f'{name}.launch.xml'
+
+
+@pytest.fixture
+def launch(path):
+    return ElementTree.parse(path).getroot()
+
+
+def test_every_launch_file_is_held_to_this():
+    assert {path.name for path in (ROOT / 'launch').iterdir()} == {f'{name}.launch.xml' for name in ARGUMENTS}
+
+
+def test_every_argument_is_described_and_used(name, path, launch):
+    text = path.read_text(encoding='utf-8')
     arguments = {argument.get('name'): argument for argument in launch.findall('arg')}
-    assert set(arguments) == {'namespace', 'params_file', 'model_file', 'use_sim_time', 'imu_topic'}
-    for name, argument in arguments.items():
+    assert set(arguments) == ARGUMENTS[name]
+    for argument in arguments.values():
         assert argument.get('description') and argument.get('default') is not None
-        assert f'$(var {name})' in text
     assert set(re.findall(r'\$\(var (\w+)\)', text)) == set(arguments)
 
 
-def test_every_node_is_started_once_with_parameters_that_exist(launch):
+def test_no_argument_is_taken_for_code(path):
+    assert set(re.findall(r'\$\(([\w-]+)', path.read_text(encoding='utf-8'))) <= SUBSTITUTIONS
+
+
+def test_every_node_is_started_once_with_parameters_of_its_types(name, launch):
     nodes = launch.findall('group/node')
-    assert {node.get('exec') for node in nodes} == set(TABLES)
-    for name in TABLES:
-        conditions = {(node.get('if'), node.get('unless')) for node in nodes if node.get('exec') == name}
-        if conditions != {(None, None)}:
-            (positive,), (negative,) = {i for i, _ in conditions} - {None}, {u for _, u in conditions} - {None}
-            assert positive == negative and len(conditions) == 2
+    assert {node.get('exec') for node in nodes} == NODES[name] and len(list(launch.iter('node'))) == len(nodes)
+    for kind in NODES[name]:
+        conditions = [(node.get('if'), node.get('unless')) for node in nodes if node.get('exec') == kind]
+        if len(conditions) > 1:
+            (first, _), (_, last) = conditions
+            assert conditions == [(first, None), (None, last)] and first == last
     for node in nodes:
         assert node.get('pkg') == 'swath_sysid' and node.get('name') == node.get('exec')
-        parameters = {parameter.get('name') for parameter in node.findall('param')} - {None, 'use_sim_time'}
-        assert parameters <= {parameter.name for parameter in TABLES[node.get('exec')]}
-        hears = {remap.get('from') for remap in node.findall('remap')}
-        assert hears == (set() if node.get('exec') == 'identifier' else {'imu/data'})
+        defaults = {p.name: p.default for p in ALL_TABLES[node.get('exec')]} | {'use_sim_time': False}
+        for parameter in node.findall('param'):
+            # a path such as 12 or `boat #2` would otherwise be read as YAML
+            assert isinstance(defaults[parameter.get('name')], TYPES[parameter.get('type')])
 
 
-def test_the_default_parameter_file_is_installed(launch):
+def test_every_node_is_started_again_when_it_dies(launch):
+    for node in launch.iter('node'):
+        assert node.get('respawn') == 'true' and float(node.get('respawn_delay')) >= 1.0
+
+
+def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
+    hears = {
+        node.get('exec'): {remap.get('from') for remap in node.findall('remap')} for node in launch.iter('node')
+    }
+    thrusters = {'thrusters/left/thrust', 'thrusters/right/thrust'}
+    assert hears == {
+        'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
+        'manoeuvre': {
+            'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters, 'identifier': {'odometry'} | thrusters},
+    }[name]
+
+
+def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():
+    """The last word on a command line wins: the file, then an argument, which is only there if it is given."""
+    launch = ElementTree.parse(ROOT / 'launch' / 'swath_sysid.launch.xml').getroot()
+    assert [action.tag for action in launch.find('group')] == [
+        'push-ros-namespace', 'set_parameters_from_file', 'set_parameter', *['node'] * 4]
+    given = launch.find('group/set_parameter')
+    assert (given.get('name'), given.get('value')) == ('use_sim_time', '$(var use_sim_time)')
+    for action, argument in ((given, 'use_sim_time'), (launch.find("group/node[@exec='identifier']"), 'model_file')):
+        assert launch.find(f"arg[@name='{argument}']").get('default') == ''
+        assert action.get('if') == f'$(not-equals given:$(var {argument}) given:)'
+    parameters = [
+        (node.get('exec'), parameter.get('name')) for node in launch.iter('node') for parameter in node.findall('param')
+    ]
+    assert parameters == [('identifier', 'model_path')]
+
+
+def test_a_parameter_file_that_is_not_there_is_noticed_before_any_node_starts():
+    launch = ElementTree.parse(ROOT / 'launch' / 'swath_sysid.launch.xml').getroot()
+    actions = [action.tag for action in launch]
+    assert actions.index('let') < actions.index('group')
+    assert launch.find('let').get('value') == '$(file-content $(var params_file))'
+
+
+def test_the_default_parameter_file_is_installed():
+    launch = ElementTree.parse(ROOT / 'launch' / 'swath_sysid.launch.xml').getroot()
     default = launch.find("arg[@name='params_file']").get('default')
     assert (ROOT / default.replace('$(find-pkg-share swath_sysid)/', '')).is_file()

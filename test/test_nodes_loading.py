@@ -7,11 +7,11 @@ from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import LATCHED, RELIABLE, Bench, running, start_together, wait_for  # noqa: E402
 from std_msgs.msg import Float64, String  # noqa: E402
 
-from swath_sysid.files.model_file import scheduled_to_yaml  # noqa: E402
-from swath_sysid.hull.catalogue import EQUATIONS  # noqa: E402
-from swath_sysid.hull.decay_model import DecayModel  # noqa: E402
-from swath_sysid.hull.identified_model import IdentifiedModel  # noqa: E402
-from swath_sysid.hull.scheduled_model import ScheduledModel  # noqa: E402
+from swath_sysid.attitude.hull.catalogue import EQUATIONS  # noqa: E402
+from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel  # noqa: E402
+from swath_sysid.attitude.hull.scheduled_model import ScheduledModel  # noqa: E402
+from swath_sysid.formats.model_file import scheduled_to_yaml  # noqa: E402
 
 pytestmark = pytest.mark.dds
 

@@ -10,8 +10,9 @@ from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import imu_message  # noqa: E402
 from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
 
-from swath_sysid.errors import InputError  # noqa: E402
-from swath_sysid.motion.window import COLUMNS, MotionTable  # noqa: E402
+from swath_sysid.attitude.motion.window import COLUMNS, MotionTable  # noqa: E402
+from swath_sysid.attitude.prediction.forecast import AttitudeForecast, HorizonForecast  # noqa: E402
+from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.nodes.messages import (  # noqa: E402
     AttitudeMessage,
     coefficients_message,
@@ -22,7 +23,6 @@ from swath_sysid.nodes.messages import (  # noqa: E402
     window_message,
     window_table,
 )
-from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast  # noqa: E402
 
 
 def a_table(rows=20):

@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from swath_sysid.errors import InputError
-from swath_sysid.identification.refit import RefitSettings
-from swath_sysid.motion.window import WindowSettings
+from swath_sysid.attitude.identification.refit import RefitSettings
+from swath_sysid.attitude.motion.window import WindowSettings
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.common.errors import InputError
 from swath_sysid.nodes import parameter_tables
 from swath_sysid.nodes.parameter_tables import (
     ALL_TABLES,
@@ -17,19 +19,17 @@ from swath_sysid.nodes.parameter_tables import (
     SENSOR,
     configuration_file,
     defaults,
-    manoeuvre_outlook_settings,
+    manoeuvring_pipeline_settings,
     markdown_table,
-    outlook_settings,
+    pipeline_settings,
     refit_settings,
     values_from_file,
     window_settings,
 )
-from swath_sysid.prediction.outlook import OutlookSettings
-from swath_sysid.prediction.predictor import PredictorSettings
-from swath_sysid.prediction.quiescence import QuiescenceLimits
+from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
-SETTINGS_OF = {'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': outlook_settings,
-               'manoeuvre_predictor': manoeuvre_outlook_settings}  # fmt: skip
+SETTINGS_OF = {'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': pipeline_settings,
+               'manoeuvring_predictor': manoeuvring_pipeline_settings}  # fmt: skip
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -40,9 +40,9 @@ def changed(node, **values):
 
 def test_the_defaults_are_those_of_the_cores():
     assert window_settings(defaults(IMU_BUFFER)) == WindowSettings()
-    outlook = outlook_settings(defaults(PREDICTOR))
-    limits = QuiescenceLimits(roll=radians(3.0), pitch=radians(3.0), duration=outlook.predictor.horizon)
-    assert outlook == OutlookSettings(predictor=PredictorSettings(quiescence=limits))
+    settings = pipeline_settings(defaults(PREDICTOR))
+    limits = QuiescenceLimits(roll=radians(3.0), pitch=radians(3.0), duration=settings.forecaster.horizon)
+    assert settings == PipelineSettings(forecaster=ForecasterSettings(quiescence=limits))
     found = refit_settings(defaults(IDENTIFIER))
     assert found.axes == RefitSettings().axes and found.least_improvement == RefitSettings().least_improvement
     assert found.identification.chosen_equation == RefitSettings().identification.chosen_equation
@@ -70,7 +70,7 @@ def test_what_makes_no_sense_is_refused_by_a_sentence(node, name, value):
 
 def test_quiet_for_longer_than_the_horizon_is_refused():
     with pytest.raises(InputError, match='lengthen the horizon'):
-        outlook_settings(changed('predictor', quiet_for_s=7.0))
+        pipeline_settings(changed('predictor', quiet_for_s=7.0))
 
 
 def test_values_reach_the_settings():
@@ -80,8 +80,8 @@ def test_values_reach_the_settings():
     refit = refit_settings(changed('identifier', equation='linear|linear', generations=7, seed=5, axes=['pitch']))
     assert refit.identification.search.generations == 7 and refit.identification.search.seed == 5
     assert refit.identification.chosen_equation.terms == ('b1', 'r1') and refit.axes == ('pitch',)
-    outlook = outlook_settings(changed('predictor', leads_s=[2.5], horizon_s=10.0))
-    assert outlook.predictor.leads == (2.5,) and outlook.predictor.horizon == 10.0
+    forecaster = pipeline_settings(changed('predictor', leads_s=[2.5], horizon_s=10.0)).forecaster
+    assert forecaster.leads == (2.5,) and forecaster.horizon == 10.0
 
 
 def test_every_parameter_matters():

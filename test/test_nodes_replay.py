@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.main import main
-from swath_sysid.files.bags import opened_bag, read_imu, write_imu_bag
-from swath_sysid.files.model_file import write_model
-from swath_sysid.files.output_bag import writing_output_bag
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.formats.bags import opened_bag, read_imu, write_imu_bag
+from swath_sysid.formats.model_file import write_model
+from swath_sysid.formats.output_bag import writing_output_bag
 
 rclpy = pytest.importorskip('rclpy', reason='replay and record need ROS 2')
 pytestmark = pytest.mark.dds
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.dds
 ROOT = Path(__file__).resolve().parents[1]
 STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
-DISCOVERY = 15.0
+PATIENCE = 240.0
 START_NS = 1_700_000_000_000_000_000
 
 
@@ -42,7 +42,7 @@ def verb(*words, ends=signal.SIGINT):
         yield child
         if child.poll() is None and ends is not None:
             child.send_signal(ends)
-        told, _ = child.communicate(timeout=30.0)
+        told, _ = child.communicate(timeout=PATIENCE)
         assert child.returncode == 0, told
     finally:
         if child.poll() is None:
@@ -71,13 +71,24 @@ def node():
 
 def wait_until(done, what, node=None):
     """Until something is so; spins the node meanwhile."""
-    deadline = time.monotonic() + DISCOVERY
+    deadline = time.monotonic() + PATIENCE
     while not done():
         assert time.monotonic() < deadline, f'waited in vain for {what}'
         if node is None:
             time.sleep(0.05)
         else:
             rclpy.spin_once(node, timeout_sec=0.05)
+
+
+def all_received(statuses, samples, node):
+    """Whether imu_buffer and predictor come to report so many samples within half a minute."""
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        rclpy.spin_once(node, timeout_sec=0.05)
+        counts = [statuses.get(f'{name}: imu', {}).get('received') for name in ('imu_buffer', 'predictor')]
+        if counts == [str(samples)] * 2:
+            return True
+    return False
 
 
 def decoded(path, topic):
@@ -103,36 +114,60 @@ def numbers_of(message):
     )  # fmt: skip
 
 
-def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, node):
+@pytest.fixture
+def statuses(node):
+    """The values of every status on /diagnostics, by its name, as the watching node hears them."""
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    found = {}
+    node.create_subscription(
+        DiagnosticArray, '/diagnostics',
+        lambda message: found.update({s.name: {v.key: v.value for v in s.values} for s in message.status}), 10,
+    )
+    return found
+
+
+def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, node, statuses):
     model, params = tmp_path / 'hull.yaml', tmp_path / 'params.yaml'
     write_model(model, {'roll': HULL})
     params.write_text(
         f'identifier:\n  ros__parameters: {{model_path: {model}, auto_identify: false}}\n'
         'predictor:\n  ros__parameters: {frame_id: hull}\n'
     )
-    offline, live = tmp_path / 'offline.mcap', tmp_path / 'live.mcap'
+    samples = len(read_imu(bag).stamps)
+    offline = tmp_path / 'offline.mcap'
     assert main(['play-through', str(bag), '--output', str(offline), '--params', str(params)]) == 0
-    with ExitStack() as stack:
-        nodes = stack.enter_context(verb('run', '--params-file', params))
-        stack.enter_context(verb('record', '--output', live))
-        wait_until(
-            lambda: node.count_subscribers('/forecast/next') and node.count_subscribers('/model/description') >= 2
-            and node.count_subscribers('/imu/data') >= 2, 'the nodes and the recorder',
-        )  # fmt: skip
-        time.sleep(1.5)  # the model reaches the predictor
-        with verb('replay', bag, ends=None):
-            pass
-        time.sleep(1.2)  # the next diagnostics
-        assert nodes.poll() is None
-    assert len(decoded(live, '/imu/data')) == len(read_imu(bag).stamps)
+    # best effort may lose samples on a busy machine, and other samples make other forecasts
+    for attempt in range(3):
+        live = tmp_path / f'live_{attempt}.mcap'
+        statuses.clear()
+        with ExitStack() as stack:
+            nodes = stack.enter_context(verb('run', '--params-file', params))
+            stack.enter_context(verb('record', '--output', live))
+            wait_until(
+                lambda: statuses.get('predictor: forecast', {}).get('has_model_roll') == 'True', 'the model', node
+            )
+            wait_until(lambda: ('record', '/') in node.get_node_names_and_namespaces(), 'the recorder', node)
+            # imu_buffer, predictor and the recorder
+            with verb('replay', bag, '--wait-for', 3, ends=None):
+                pass
+            arrived = all_received(statuses, samples, node)
+            assert nodes.poll() is None
+        if arrived and len(decoded(live, '/imu/data')) == samples:
+            break
+    else:
+        pytest.fail('samples were lost in three replays')
+    passed_over = int(statuses['predictor: imu']['passed-over'])
+    assert statuses['predictor: imu']['late-fit'] == '0'
     for topic in ('/forecast/next', '/forecast/lead_0_5s', '/forecast/lead_2_0s'):
         expected = {stamp_of(m): numbers_of(m) for m in decoded(offline, topic)}
         found = {stamp_of(m): numbers_of(m) for m in decoded(live, topic)}
-        assert len(expected) > 30
-        assert found == expected, topic
-    horizons = [decoded(path, '/forecast/horizon') for path in (offline, live)]
-    assert len(horizons[0]) == len(horizons[1])
-    for one, other in zip(*horizons, strict=True):
+        assert len(expected) > 30 and len(found) >= len(expected) - passed_over
+        assert found == {stamp: expected[stamp] for stamp in found}, topic
+    horizons = [{stamp_of(m): m for m in decoded(path, '/forecast/horizon')} for path in (offline, live)]
+    assert len(horizons[1]) >= len(horizons[0]) - passed_over
+    for stamp, other in horizons[1].items():
+        one = horizons[0][stamp]
         np.testing.assert_array_equal([p.positions for p in one.points], [p.positions for p in other.points])
         np.testing.assert_array_equal([p.velocities for p in one.points], [p.velocities for p in other.points])
     shown = {
@@ -162,7 +197,7 @@ def test_a_recording_holds_what_was_replayed(bag, tmp_path, node):
 
 def test_a_killed_recording_can_be_read(bag, tmp_path, node):
     with ExitStack() as stack:
-        player = stack.enter_context(verb('replay', bag, '--loop'))
+        player = stack.enter_context(verb('replay', bag, '--loop', '--wait-for', 1))
         recorder = subprocess.Popen(
             [sys.executable, '-m', 'swath_sysid.cli.main', 'record', '--output', str(tmp_path / 'cut.mcap')],
             cwd=ROOT, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
@@ -180,20 +215,18 @@ def test_a_killed_recording_can_be_read(bag, tmp_path, node):
 
 
 def test_replay_tells_the_time_and_loops(bag, node):
-    from rclpy.qos import qos_profile_sensor_data
     from rosgraph_msgs.msg import Clock
     from sensor_msgs.msg import Imu
 
     stamps, clocks = [], []
-    node.create_subscription(Imu, '/imu/data', lambda m: stamps.append(stamp_of(m)), qos_profile_sensor_data)
+    node.create_subscription(Imu, '/imu/data', lambda m: stamps.append(stamp_of(m)), 1000)
     node.create_subscription(
-        Clock, '/clock', lambda m: clocks.append(m.clock.sec * 10**9 + m.clock.nanosec), qos_profile_sensor_data
-    )
-    with verb('replay', bag, '--loop', '--clock', '--rate', 10):
+        Clock, '/clock', lambda m: clocks.append(m.clock.sec * 10**9 + m.clock.nanosec), 1000)
+    with verb('replay', bag, '--loop', '--clock', '--rate', 10, '--wait-for', 1):
         wait_until(lambda: sum(np.diff(stamps) < 0) >= 1 and len(clocks) > 20, 'the second round', node)
     first_round = stamps[:np.flatnonzero(np.diff(stamps) < 0)[0] + 1]
     known = read_imu(bag).stamps
-    assert set(first_round) <= set(known.tolist()) and len(first_round) > 0.9 * known.size
+    assert first_round == known.tolist(), 'from the first sample on'
     assert known[0] <= min(clocks) and max(clocks) <= known[-1] + 10**9
 
 
@@ -203,10 +236,46 @@ def test_replay_keeps_the_pace(bag, node):
 
     arrivals = []
     node.create_subscription(Imu, '/imu/data', lambda m: arrivals.append(time.monotonic()), qos_profile_sensor_data)
-    with verb('replay', bag, '--rate', 2, ends=None) as player:
+    with verb('replay', bag, '--rate', 2, '--wait-for', 1, ends=None) as player:
         wait_until(lambda: player.poll() is not None, 'the end', node)
     # four seconds of record; the machine may be slow, but nothing comes early
     assert arrivals[-1] - arrivals[0] > 1.9
+
+
+@pytest.mark.parametrize('expected', [0, 3])
+def test_replay_begins_when_all_subscriptions_are_connected(bag, expected):
+    """Those that are there hear the first sample, and so do those that come late where they are counted."""
+    from live_bench import Bench
+    from sensor_msgs.msg import Imu
+
+    benches, heard = [], []
+
+    def listen():
+        benches.append(Bench('elsewhere'))
+        heard.append([])
+        benches[-1].node.create_subscription(Imu, '/imu/data', heard[-1].append, 1000)
+
+    try:
+        if not expected:
+            for _ in range(3):
+                listen()
+        with verb('replay', bag, '--rate', 20, '--wait', PATIENCE, '--wait-for', expected, ends=None):
+            for _ in range(expected):
+                listen()
+                wait_until(lambda: benches[-1].node.count_publishers('/imu/data'), 'the replay')
+                assert not heard[0]
+        known = read_imu(bag).stamps.tolist()
+        for stamps in heard:
+            wait_until(lambda stamps=stamps: len(stamps) >= len(known), 'all samples')
+            assert [stamp_of(message) for message in stamps] == known
+    finally:
+        for bench in benches:
+            bench.close()
+
+
+def test_replay_waits_no_longer_than_it_was_told(bag, capfd):
+    assert main(['replay', str(bag), '--rate', '50', '--wait', '0', '--wait-for', '2']) == 0
+    assert '0 of 2 listen yet' in capfd.readouterr().err
 
 
 def test_replay_leaves_out_types_that_are_not_installed(bag, tmp_path, capsys):
@@ -223,6 +292,7 @@ def test_replay_leaves_out_types_that_are_not_installed(bag, tmp_path, capsys):
     assert main(['replay', str(path)]) == 2
     assert 'there is no bag' in capsys.readouterr().err
     assert main(['replay', str(bag), '--rate', '0']) == 2
+    assert main(['replay', str(bag), '--wait-for', '-1']) == 2
 
 
 @pytest.mark.parametrize('name', ['out.db3', 'taken.mcap', 'nowhere/out.mcap'])

@@ -15,7 +15,8 @@ from xml.etree import ElementTree
 import pytest
 
 import swath_sysid
-from swath_sysid.errors import InputError
+from swath_sysid.cli.run import NODES
+from swath_sysid.common.errors import InputError
 from swath_sysid.share import share_folder
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -48,22 +49,27 @@ ROS_PACKAGES = {
 NODE_VERBS = {'demo', 'record', 'replay', 'run'}
 """Verbs that start nodes; play_through does the same without them."""
 
-PURE_ROOMS = ('motion', 'hull', 'identification', 'prediction')
-BASE = {'accelerator', 'advice', 'errors', 'share'}
+WINGS = ('attitude', 'manoeuvring')
+"""Two crafts' motions with the same inner order; they meet in pipeline, campaign, formats and above only."""
+
+INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
+PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
+BASE = {'common', 'share'}
+CORE = BASE | {f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER} | {'pipeline'}
 MAY_IMPORT = {
-    'accelerator': set(),
-    'advice': set(),
-    'errors': set(),
-    'share': {'errors'},
+    'common': set(),
+    'share': {'common'},
     'start': set(),
-    'motion': BASE,
-    'hull': BASE | {'motion'},
-    'identification': BASE | {'motion', 'hull'},
-    'prediction': BASE | {'motion', 'hull', 'identification'},
-    'files': BASE | {'motion', 'hull', 'identification', 'prediction'},
-    'report': BASE | {'motion', 'hull', 'identification', 'prediction', 'files'},
-    'nodes': BASE | {'motion', 'hull', 'identification', 'prediction', 'files'},
-    'cli': BASE | {'motion', 'hull', 'identification', 'prediction', 'files', 'report', 'nodes'},
+    **{
+        f'{wing}/{room}': BASE | {f'{wing}/{above}' for above in INNER_ORDER[:level]}
+        for wing in WINGS for level, room in enumerate(INNER_ORDER)
+    },
+    'pipeline': CORE,
+    'formats': CORE,
+    'campaign': CORE | {'formats'},
+    'report': CORE | {'formats', 'campaign'},
+    'nodes': CORE | {'formats'},
+    'cli': CORE | {'formats', 'campaign', 'report', 'nodes'},
 }
 """Data flows down this list, imports go up it."""
 
@@ -76,8 +82,13 @@ IMPURE_CALLS = {
 
 
 def room_of(path):
-    """The room, or the module directly inside the package, that a file belongs to."""
-    return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+    """The room, or the module directly inside the package, that a file belongs to: ``'attitude/hull'``, ``'cli'``."""
+    return room_at(path.relative_to(PACKAGE).with_suffix('').parts)
+
+
+def room_at(parts):
+    """The room of a module given by the parts of its name inside the package."""
+    return '/'.join(parts[:2]) if parts[0] in WINGS and len(parts) > 1 and parts[1] != '__init__' else parts[0]
 
 
 def tree_of(path):
@@ -161,7 +172,7 @@ def requirement_names(requirements):
 
 
 def console_scripts(setup_arguments):
-    """Executables and where they start: ``{'imu_buffer': 'swath_sysid.start:imu_buffer'}``."""
+    """Executables and where they start: ``{'swath-sysid': 'swath_sysid.start:command_line'}``."""
     return dict(re.split(r'\s*=\s*', line) for line in setup_arguments['entry_points']['console_scripts'])
 
 
@@ -223,8 +234,8 @@ def test_imports_go_up_the_layers_only(path):
     if path == PACKAGE / '__init__.py':
         assert outside_imports(path) == set()
         return
-    rooms = {name.split('.')[1] for name in imports_of(path) if name.startswith(f'{PACKAGE.name}.')}
-    assert rooms <= MAY_IMPORT[room] | {room, '__version__'}
+    rooms = {room_at(name.split('.')[1:]) for name in imports_of(path) if name.startswith(f'{PACKAGE.name}.')}
+    assert rooms <= MAY_IMPORT.get(room, set()) | {room, '__version__'}
 
 
 def test_all_but_the_nodes_import_without_ros_and_numba():
@@ -264,19 +275,33 @@ def test_console_scripts_start_something(setup_arguments):
         assert function in functions, f'{script} starts {target}, which does not exist'
 
 
-def test_every_node_has_an_executable(setup_arguments):
-    targets = set(console_scripts(setup_arguments).values())
-    for path in (PACKAGE / 'nodes').glob('*.py'):
-        if any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree_of(path).body):
-            assert f'{PACKAGE.name}.start:{path.stem}' in targets
+def test_the_users_path_gets_the_command_line_only(setup_arguments):
+    """Names such as identifier are too general for it."""
+    assert set(console_scripts(setup_arguments)) == {'swath-sysid'}
 
 
-def test_ros2_run_finds_every_executable_after_pip(setup_arguments):
-    wrappers = {path.name: path for path in (ROOT / 'scripts').iterdir()}
-    assert set(wrappers) == set(console_scripts(setup_arguments))
-    for name, path in wrappers.items():
-        assert os.access(path, os.X_OK)
-        assert path.read_text(encoding='utf-8').endswith(f'/../../bin/{name}" "$@"\n')
+def test_ros2_run_finds_every_node_after_pip_and_colcon():
+    """The scripts of the nodes start the command line beside them: pip's script, or colcon's console script."""
+    nodes = {
+        path.stem for path in (PACKAGE / 'nodes').glob('*.py') if path.stem != 'all_in_one'
+        and any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree_of(path).body)
+    }
+    assert nodes == set(NODES)
+    scripts = {path.name: path for path in (ROOT / 'scripts').iterdir()}
+    assert set(scripts) == nodes | {'swath-sysid'}
+    assert all(os.access(path, os.X_OK) for path in scripts.values())
+    assert scripts['swath-sysid'].read_text(encoding='utf-8').endswith('/../../bin/swath-sysid" "$@"\n')
+
+
+@pytest.mark.parametrize('node', NODES)
+def test_the_script_of_a_node_hands_its_arguments_on(node, tmp_path):
+    folder = tmp_path / 'a prefix' / 'lib'
+    folder.mkdir(parents=True)
+    shutil.copy(ROOT / 'scripts' / node, folder)
+    (folder / 'swath-sysid').write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    (folder / 'swath-sysid').chmod(0o755)
+    told = subprocess.run([folder / node, '--ros-args', '-p', 'a:=b c'], capture_output=True, text=True, check=True)
+    assert told.stdout.splitlines() == ['run', '--only', node, '--ros-args', '-p', 'a:=b c']
 
 
 def test_scripts_go_where_ros2_run_looks(manifest):
@@ -316,15 +341,24 @@ def test_configuration_of_the_build_stays_out_of_pyproject():
     assert set(settings) == {'build-system', 'tool'}
 
 
-def test_colcon_puts_the_command_line_on_the_path(setup_arguments):
-    """The scripts are where `ros2 run` looks, not in bin/: a hook makes `swath-sysid` a command all the same."""
+def test_colcon_puts_the_command_line_and_nothing_else_on_the_path(setup_arguments, tmp_path):
+    """Everything is where `ros2 run` looks, not in bin/: a hook makes `swath-sysid` a command all the same."""
     installed = {
         f'{target}/{Path(source).name}': source
         for target, sources in setup_arguments['data_files'] for source in sources
     }
-    for hook in json.loads((ROOT / 'colcon.pkg').read_text(encoding='utf-8'))['hooks']:
-        action, variable, folder = (ROOT / installed[hook]).read_text(encoding='utf-8').strip().split(';')
-        assert (action, variable, folder) == ('prepend-non-duplicate', 'PATH', f'lib/{PACKAGE.name}')
+    (hook,) = json.loads((ROOT / 'colcon.pkg').read_text(encoding='utf-8'))['hooks']
+    action, variable, folder = (ROOT / installed[hook]).read_text(encoding='utf-8').strip().split(';')
+    assert (action, variable) == ('prepend-non-duplicate', 'PATH')
+    assert [name for name in installed if name.startswith(f'{folder}/')] == [f'{folder}/swath-sysid']
+    command, script = tmp_path / folder / 'swath-sysid', tmp_path / 'lib' / PACKAGE.name / 'swath-sysid'
+    for path in (command, script):
+        path.parent.mkdir(parents=True)
+    shutil.copy(ROOT / installed[f'{folder}/swath-sysid'], command)
+    script.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    script.chmod(0o755)
+    told = subprocess.run([command, 'run', '--only', 'a b'], capture_output=True, text=True, check=True)
+    assert told.stdout.splitlines() == ['run', '--only', 'a b']
 
 
 def test_every_public_module_and_function_is_documented():

@@ -8,13 +8,22 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.identification.refit import AxisVerdict, RefitOutcome
+from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.window import COLUMNS, MotionWindow
+from swath_sysid.attitude.prediction.forecast import AttitudeForecast, HorizonForecast
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import opened_bag, read_bag, read_imu, write_imu_bag
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.files.imu_readings import read_readings
-from swath_sysid.files.model_file import model_from_yaml, read_model, write_model
-from swath_sysid.files.output_bag import (
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import opened_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.imu_readings import read_readings
+from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model
+from swath_sysid.formats.output_bag import (
     CHUNK_BYTES,
     OutputBag,
     _QuickWriter,
@@ -22,17 +31,9 @@ from swath_sysid.files.output_bag import (
     diagnostics_cdr,
     writing_output_bag,
 )
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.identified_model import IdentifiedModel
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.identification.refit import AxisVerdict, RefitOutcome
-from swath_sysid.motion.attitude import euler_angles
-from swath_sysid.motion.window import COLUMNS, MotionWindow
 from swath_sysid.nodes.health import ERROR, PlayedHealth
-from swath_sysid.prediction.outlook import AttitudeForecast, HorizonForecast, Outlook, OutlookSettings
-from swath_sysid.prediction.play_through import PlayThrough, PlayThroughSettings
-from swath_sysid.prediction.predictor import PredictorSettings
-from swath_sysid.prediction.waves import fit_waves
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
@@ -105,13 +106,15 @@ def test_every_message_is_what_a_type_system_writes(played):
 
 
 def test_forecasts_are_those_of_the_predictor_core(bag, played):
-    outlook = Outlook()
+    pipeline = ForecastPipeline()
     expected = []
     model_time = decoded(played, '/model/description')[0][0]
     for reading in read_readings(bag):
         if reading.stamp_ns == model_time:
             break
-        step = outlook.add(reading)
+        step = pipeline.add(reading)
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
         if step.next is not None:
             expected.append((reading.stamp_ns, step.next.stamp_ns, step.next.orientation, step.next.rates))
     found = [
@@ -143,7 +146,7 @@ def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
 def test_the_model_is_in_use_from_its_stamp_on(bag):
     calls = []
     pipeline = PlayThrough(PlayThroughSettings(refit_delay=1.0), fit=stub_fit(calls))
-    bare = Outlook()
+    bare = ForecastPipeline()
     begun = known = None
     for reading in read_readings(bag):
         step, without = pipeline.add(reading), bare.add(reading)
@@ -153,15 +156,15 @@ def test_the_model_is_in_use_from_its_stamp_on(bag):
             assert step.models == {'roll': HULL}
             assert step.verdict == 'roll: stub'
         if known is None:
-            assert step.outlook.next == without.next
+            assert step.step.next == without.next
     assert len(calls) == 1
     assert known - begun == 1_000_000_000
 
 
 def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
     calls = []
-    no_waves = OutlookSettings(predictor=PredictorSettings(first_refit=1e9))
-    pipeline = PlayThrough(PlayThroughSettings(refit_delay=30.0, outlook=no_waves), fit=stub_fit(calls))
+    no_waves = PipelineSettings(forecaster=ForecasterSettings(first_refit=1e9))
+    pipeline = PlayThrough(PlayThroughSettings(refit_delay=30.0, forecasts=no_waves), fit=stub_fit(calls))
     readings = list(read_readings(bag))
     length = readings[-1].stamp_ns - readings[0].stamp_ns + 1_000_000_000
     took = []
@@ -187,16 +190,16 @@ def test_a_clock_that_is_set_back_ends_a_waiting_fit(bag):
     assert pipeline.refitter.models == {'roll': HULL}
 
 
-def test_waves_are_fitted_inline_and_installed_at_once(bag):
+def test_the_sea_is_fitted_inline_and_installed_at_once(bag):
     asked, installed = [], []
 
     def note(request):
-        asked.append(request.stamp)
-        return fit_waves(request)
+        asked.append(request.time)
+        return fit_sea(request)
 
-    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit_waves=note)
-    install = pipeline.outlook.install
-    pipeline.outlook.install = lambda fit: (installed.append(fit.stamp), install(fit))
+    pipeline = PlayThrough(PlayThroughSettings(auto_identify=False), fit_sea=note)
+    install = pipeline.forecasts.install
+    pipeline.forecasts.install = lambda fit: (installed.append(fit.time), install(fit))
     for reading in read_readings(bag):
         pipeline.add(reading)
     assert len(asked) > 1 and installed == asked
@@ -216,11 +219,13 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
     names = {name: [status.name for status in by_node[name][-1][1].status] for name in by_node}
     assert names == {
         'imu_buffer': ['imu_buffer: imu', 'imu_buffer: window'], 'identifier': ['identifier: identification'],
-        'predictor': ['predictor: imu', 'predictor: forecast'],
+        'predictor': ['predictor: imu', 'predictor: forecast', 'predictor: installation'],
     }  # fmt: skip
-    stream, forecast = ({pair.key: pair.value for pair in s.values} for s in by_node['predictor'][-1][1].status)
+    statuses = by_node['predictor'][-1][1].status
+    stream, forecast, installation = ({pair.key: pair.value for pair in status.values} for status in statuses)
     assert (stream['rate_hz'], stream['processing_ms_max']) == ('50', '0') and abs(float(stream['stamp_age_s'])) < 1e-9
     assert (int(stream['received']), forecast['has_model_roll']) == (750, 'True')
+    assert (installation['contradictions'], int(installation['judgements'])) == ('none', 2)
     window = {pair.key: pair.value for pair in by_node['imu_buffer'][-1][1].status[1].values}
     assert window['decays_noticed'] == '1'
     identified = {pair.key: pair.value for pair in by_node['identifier'][-1][1].status[0].values}
@@ -315,7 +320,7 @@ def test_the_output_is_a_bag_of_trials_itself(played):
 
 
 @pytest.mark.parametrize(('words', 'sentence'), [
-    (['--output', 'out.db3'], 'ends in .mcap'),
+    (['--output', 'out.db3'], 'end the name in .mcap'),
     (['--output', 'out.mcap', '--refit-delay', '-1'], 'must not be negative'),
     (['--output', 'nowhere/out.mcap'], 'cannot write'),
     (['--output', 'out.mcap', '--topic', '/other'], 'holds no topic /other'),

@@ -4,9 +4,9 @@ import math
 import numpy as np
 import pytest
 
-from swath_sysid.errors import InputError
-from swath_sysid.prediction.predictor import PredictorSettings
-from swath_sysid.prediction.quiescence import Quiescence, QuiescenceLimits, ReliabilityRecord
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.quiescence import Quiescence, QuiescenceLimits, ReliabilityRecord
+from swath_sysid.common.errors import InputError
 
 LEADS = np.arange(1, 11) * 0.1
 ONES = np.ones(2)
@@ -101,6 +101,6 @@ def test_other_limits_are_served_by_what_was_learnt():
 def test_impossible_limits_are_refused():
     for duration in (9.0, 0.05):
         with pytest.raises(InputError, match='horizon'):
-            PredictorSettings(quiescence=QuiescenceLimits(duration=duration))
+            ForecasterSettings(quiescence=QuiescenceLimits(duration=duration))
     with pytest.raises(InputError, match='roll'):
         QuiescenceLimits(roll=-1.0)

@@ -5,19 +5,13 @@
 import re
 from pathlib import Path
 
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS
-from swath_sysid.identification.search import PRESETS
-from swath_sysid.nodes.health import REASON_ADVICE
+from swath_sysid.nodes.health import reasons_table
 from swath_sysid.nodes.parameter_tables import ALL_TABLES, markdown_table
 
 README = Path(__file__).resolve().parents[1] / 'README.md'
-
-
-def diagnostics():
-    """Every reason that is counted, and what to do."""
-    rows = [f'| `{reason}` | {advice.replace("|", "/")} |' for reason, advice in sorted(REASON_ADVICE.items())]
-    return '\n'.join(['| counted as | what it means, and what to do |', '|---|---|', *rows])
 
 
 def parameters():
@@ -25,7 +19,7 @@ def parameters():
     return '\n'.join(f'### {node}\n\n{markdown_table(node)}' for node in ALL_TABLES).rstrip()
 
 
-GENERATED = {'diagnostics': diagnostics, 'parameters': parameters}
+GENERATED = {'diagnostics': lambda: reasons_table().rstrip(), 'parameters': parameters}
 
 
 def written_anew(text):

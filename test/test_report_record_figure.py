@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 from matplotlib.patches import Polygon, Rectangle
 
-from swath_sysid.files.reading import read_trial
-from swath_sysid.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.record_figure import record_figure
 

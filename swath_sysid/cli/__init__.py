@@ -1,1 +1,4 @@
-"""The command line, one verb a file."""
+"""The command line, one verb a file: parse, delegate, print.
+
+What a verb does can be done from Python without it.
+"""

@@ -9,12 +9,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.campaign_run import run_campaign
-from swath_sysid.files.executors import executor_of
-from swath_sysid.files.manifest import read_manifest, write_new_manifest
-from swath_sysid.files.result_store import ResultStore
-from swath_sysid.report.campaign_report import write_report
+from swath_sysid.campaign.executors import executor_of
+from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
+from swath_sysid.campaign.result_store import ResultStore
+from swath_sysid.campaign.run import run_campaign
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
+from swath_sysid.report.campaign_report import REPORTED, write_report
 
 MANIFEST = 'campaign.yaml'
 RESULTS = 'results'
@@ -42,17 +43,22 @@ def run(arguments):
     if (arguments.new is None) == (arguments.manifest is None):
         raise InputError('give either a manifest, or --new with the folder of the trials')
     if arguments.new is not None:
-        path = Path(arguments.output or Path(arguments.new) / MANIFEST)
+        path = Path(Path(arguments.new) / MANIFEST if arguments.output is None else arguments.output)
+        check_outputs([Output('--output', path)])
         write_new_manifest(arguments.new, path)
         print(f'{path}: look through it, then: swath-sysid campaign {path} --output FOLDER')
         return 0
     if arguments.output is None:
         raise InputError('give --output with the folder of the report')
     began = time.perf_counter()
+    check_outputs([Output('--output', arguments.output, is_folder=True)], [arguments.manifest])
     manifest = read_manifest(arguments.manifest)
+    folder = Path(arguments.output)
+    read = [arguments.manifest, *(trial.path for trial in manifest.trials)]
+    refuse_inputs_among([folder / name for name in (*REPORTED, RESULTS)], read)
     for fault in manifest.faults:
         print(f'warning: {arguments.manifest}, {fault}', file=sys.stderr)
-    store = ResultStore(Path(arguments.output) / RESULTS)
+    store = ResultStore(folder / RESULTS)
     try:
         with store.alone(), executor_of(arguments.jobs, arguments.scheduler) as executor, _progress() as tell:
             outcome = run_campaign(manifest, store, executor, tell)

@@ -8,16 +8,25 @@ import time
 from rich.console import Console
 from rich.table import Table
 
-from swath_sysid.cli.identify import add_search_arguments, settings_of
+from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.identification.fit_quality import poor_fit
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.selection import compare
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.cli.identify import add_force_argument, add_search_arguments, conclude_fit, settings_of
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import add_source_arguments, chosen_axis, motions_of, provenance_of, read_trials
-from swath_sysid.files.model_file import write_model
-from swath_sysid.hull.catalogue import equation_named, equations_of_axis
-from swath_sysid.identification.problem import prepare
-from swath_sysid.identification.selection import compare
+from swath_sysid.cli.sources import (
+    add_source_arguments,
+    check_model_and_plot,
+    chosen_axis,
+    motions_of,
+    provenance_of,
+    read_trials,
+)
+from swath_sysid.formats.model_file import write_model
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
-from swath_sysid.report.fit_summary import comparison_as_data
+from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 
 
 def add_arguments(parser):
@@ -28,6 +37,7 @@ def add_arguments(parser):
     parser.add_argument('--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one a core)')
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file of the choice')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the choice')
+    add_force_argument(parser)
 
 
 def equations_asked(text, axis):
@@ -42,8 +52,11 @@ def run(arguments):
     """Compare, print the ranking, and write what was asked for."""
     began = time.perf_counter()
     settings = settings_of(arguments)
-    trials = read_trials(arguments.trials, arguments)
+    check_model_and_plot(arguments, arguments.trials)
+    trials, read_advice = read_trials(arguments.trials, arguments)
     axis = chosen_axis(trials, arguments.axis)
+    for trial in trials:
+        refuse_contradictions(trial, axis)
     equations = equations_asked(arguments.equations, axis)
     problem = prepare(motions_of(trials, axis), settings.start, settings.end)
     with progress_of('compare') as progress:
@@ -52,16 +65,18 @@ def run(arguments):
             progress=lambda done, name: progress(done / len(equations), name),
         )  # fmt: skip
     choice = found.choice.identification
-    if arguments.output:
+    faults = poor_fit(choice)
+    if arguments.output and (arguments.force or not faults):
         write_model(arguments.output, {axis: choice.identified_model(provenance_of(arguments.trials))})
     if arguments.plot:
         save_figure(fit_figure(choice), arguments.plot)
-    show_advice(dict.fromkeys([*(a for t in trials for a in t.advice), *choice.advice]))
+    show_advice((*choice.advice, *faults))
     if arguments.json:
-        print(json.dumps(comparison_as_data(found, time.perf_counter() - began), indent=2))
+        data = comparison_as_data(found, time.perf_counter() - began)
+        print(json.dumps({**data, **warnings_as_data((*read_advice, *choice.advice, *faults))}, indent=2))
     else:
         _print_ranking(found)
-    return 0
+    return conclude_fit(arguments, faults)
 
 
 def _print_ranking(comparison):

@@ -18,14 +18,15 @@ from rich.console import Console
 from rich.live import Live
 
 import swath_sysid
-from swath_sysid.errors import InputError
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS, hull_named
-from swath_sysid.hull.simulated_craft import returns
-from swath_sysid.motion.intake import NANOSECOND
-from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
-from swath_sysid.prediction.outlook import OutlookSettings
-from swath_sysid.prediction.predictor import PredictorSettings
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
+from swath_sysid.attitude.hull.simulated_craft import returns
+from swath_sysid.attitude.motion.intake import NANOSECOND
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
+from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import ViewState, line, render
@@ -38,16 +39,17 @@ ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)
 """The first from which the hull returns is used."""
 
 STILL_S = 1.5
-START_TIMEOUT_S = 30.0
-MODEL_TIMEOUT_S = 18.0
+START_TIMEOUT_S = 120.0
+MODEL_TIMEOUT_S = 60.0
 ATTEMPTS = 2
+ANSWER_TIMEOUT_S = 60.0
 BETWEEN_S = 1.0
 EVERY_S = 20.0
 """Between releases with --keep-running."""
 
 FRAME_S = 0.2
 LINE_S = 2.0
-STOP_TIMEOUT_S = 5.0
+STOP_TIMEOUT_S = 30.0
 ERROR_SPAN_S = 3.0
 EXIT_FAILED = 1
 
@@ -68,7 +70,7 @@ def run(arguments):
         import rclpy
         from rclpy.signals import SignalHandlerOptions
 
-        from swath_sysid.nodes.listener import Listener
+        from swath_sysid.nodes.demo_monitor import Listener
     except ImportError as error:
         raise InputError(
             f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
@@ -80,15 +82,20 @@ def run(arguments):
     if not 0 <= domain <= 101:
         raise InputError(f'the ROS domain must lie between 0 and 101, not {domain}')
     output = Path(arguments.output)
+    check_outputs([Output('--output', output, is_folder=True)])
     output.mkdir(parents=True, exist_ok=True)
+    check_outputs([Output('the log', output / 'demo.log'), Output('the picture', output / 'demo.png')])
     os.environ.update(_environment(domain))
     began = time.monotonic()
     rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)
     try:
         listener = Listener(craft.axis, craft.leads)
-        with _stopping_on_sigterm(), _processes(craft, arguments.seed, output / 'demo.log') as processes:
+        with (
+            _Interrupts(rclpy.spin_once) as interrupts,
+            _processes(craft, arguments.seed, output / 'demo.log') as processes,
+        ):
             with _shown(craft) as show:
-                stage = _Stage(listener, processes, show, rclpy.spin_once)
+                stage = _Stage(listener, processes, show, interrupts.spin_once)
                 print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
                 demonstration = _demonstrate(craft, stage)
             passed = _conclude(demonstration, output, began)
@@ -135,9 +142,9 @@ class _Craft:
         }
 
     @property
-    def outlook_settings(self):
+    def pipeline_settings(self):
         """What the predictor is set to."""
-        return OutlookSettings(predictor=PredictorSettings(leads=self.leads, horizon=self.horizon))
+        return PipelineSettings(forecaster=ForecasterSettings(leads=self.leads, horizon=self.horizon))
 
 
 def _environment(domain):
@@ -150,23 +157,44 @@ def _environment(domain):
     }
 
 
-@contextmanager
-def _stopping_on_sigterm():
-    """Let SIGTERM end the demonstration as Ctrl-C does, so that its processes end with it."""
+class _Interrupts:
+    """Ctrl-C, and SIGTERM like it, so that the processes end with the demonstration.
 
-    def interrupt(*_):
-        raise KeyboardInterrupt
+    Not in the middle of a message: what rclpy makes of a KeyboardInterrupt there is another error.
+    """
 
-    previous = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+    def __init__(self, spin_once):
+        self._spin_once = spin_once
+        self._is_spinning = self._has_come = False
+
+    def __enter__(self):
+        self._previous = {number: signal.signal(number, self._come) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_):
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _come(self, *_):
+        if not self._is_spinning:
+            raise KeyboardInterrupt
+        self._has_come = True
+
+    def spin_once(self, node, timeout_sec):
+        """As that of rclpy; raises KeyboardInterrupt at its end."""
+        self._is_spinning = True
+        try:
+            self._spin_once(node, timeout_sec=timeout_sec)
+        finally:
+            self._is_spinning = False
+        if self._has_come:
+            self._has_come = False
+            raise KeyboardInterrupt
 
 
 @contextmanager
 def _processes(craft, seed, log_path):
-    """The craft and the three nodes, each a process of its own, ended as by Ctrl-C."""
+    """The craft and the three nodes, each a process of its own, ended with the demonstration."""
     with tempfile.TemporaryDirectory() as folder, open(log_path, 'w', encoding='utf-8') as log:
         parameters = Path(folder) / 'demo.yaml'
         parameters.write_text(yaml.safe_dump(craft.parameters), encoding='utf-8')
@@ -191,7 +219,8 @@ def _processes(craft, seed, log_path):
 def _stop(processes):
     for process in processes:
         if process.poll() is None:
-            process.send_signal(signal.SIGINT)
+            # unlike SIGINT, this ends also one that is still importing without a word
+            process.terminate()
     deadline = time.monotonic() + STOP_TIMEOUT_S
     for process in processes:
         try:
@@ -260,12 +289,12 @@ class _Stage:
     def pause(self, stage, duration):
         """Go on for a while, s of the sensor's stamps."""
         end = self.listener.heard.angles[-1][0] + round(duration / NANOSECOND)
-        self.wait(stage, lambda: self.listener.heard.angles[-1][0] >= end, 3.0 * duration + 5.0)
+        self.wait(stage, lambda: self.listener.heard.angles[-1][0] >= end, 10.0 * duration + ANSWER_TIMEOUT_S)
 
     def release(self, stage):
         """Have the craft released; the stamp at which it is let go, ns."""
         answer = self.listener.release()
-        if not self.wait(stage, answer.done, 10.0) or not answer.result().success:
+        if not self.wait(stage, answer.done, ANSWER_TIMEOUT_S) or not answer.result().success:
             raise InputError('the simulated craft does not answer: see demo.log')
         return int(answer.result().message)
 
@@ -314,7 +343,7 @@ def _demonstrate(craft, stage):
 
 def _demonstration(craft, heard, first, second):
     start = heard.angles[0][0]
-    unaided = without_model(heard.readings, craft.axis, craft.outlook_settings)
+    unaided = without_model(heard.readings, craft.axis, craft.pipeline_settings)
 
     def relative(found):
         return tuple(LeadForecasts(lead, *_table(rows, 3, start).T) for lead, rows in sorted(found.items()))

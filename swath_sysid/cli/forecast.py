@@ -5,23 +5,28 @@ import time
 from argparse import ArgumentTypeError
 from dataclasses import replace
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.attitude.prediction.skill import AFTER_GAP, FORECAST, score, usual_limits
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import finite
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import read_model
-from swath_sysid.files.reading import read_trial
-from swath_sysid.motion.trial import AXES
-from swath_sysid.prediction.predictor import PredictorSettings
-from swath_sysid.prediction.quiescence import QuiescenceLimits
-from swath_sysid.prediction.skill import FORECAST, score, skill_as_data
+from swath_sysid.cli.sources import check_model_and_plot, finite
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import read_model
+from swath_sysid.formats.reading import read_trial
+from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.forecast_figure import forecast_figure
+from swath_sysid.report.forecast_figure import LABELS, forecast_figure
+from swath_sysid.report.forecast_summary import skill_as_data
 
 DEFAULT_LEADS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
 _LONGEST_WARMUP = 600.0
+_WINDOW = ForecasterSettings().window
 
 
 def add_arguments(parser):
@@ -31,12 +36,18 @@ def add_arguments(parser):
     parser.add_argument('--model', metavar='MODEL.yaml', help='the identified hull')
     parser.add_argument('--leads', type=_leads, default=DEFAULT_LEADS, metavar='S,S,...', help='leads in seconds')
     parser.add_argument(
-        '--warmup', type=_positive, metavar='S',
-        help='seconds not scored (default: 600, or a third of a shorter record)',
+        '--warmup', type=_not_negative, metavar='S',
+        help='seconds at the start that are not scored (default: 600, or a third of a shorter record)',
     )  # fmt: skip
     parser.add_argument(
-        '--window', type=_positive, metavar='S', help='seconds of past to learn from (default: the warm-up)'
-    )
+        '--until', type=_positive, metavar='S',
+        help='seconds from the start, after which forecasts are not scored (default: to the end); '
+        '--warmup 0 --until 60 scores the first minute',
+    )  # fmt: skip
+    parser.add_argument(
+        '--window', type=_positive, default=_WINDOW, metavar='S',
+        help=f'seconds of past that forecast and baselines learn from (default: {_WINDOW:g})',
+    )  # fmt: skip
     parser.add_argument('--topic', help='IMU topic, for bags that hold several')
     parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes (default: as the record tells)")
     parser.add_argument(
@@ -54,33 +65,38 @@ def add_arguments(parser):
 
 def run(arguments):
     """Run the predictor through the record and tell its skill."""
+    check_model_and_plot(arguments, [arguments.record, arguments.model])
     trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
+    refuse_contradictions(trial, arguments.axis)
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
     models = {}
     if arguments.model:
-        models = {axis: identified.model for axis, identified in read_model(arguments.model).items()}
+        models = read_model(arguments.model)
     if arguments.axis is not None and getattr(trial, arguments.axis) is None:
         raise InputError(f'{arguments.record} holds no {arguments.axis} angle: choose another axis')
     duration = float(trial.time[-1] - trial.time[0])
-    warmup = arguments.warmup or min(_LONGEST_WARMUP, round(duration / 3.0))
+    warmup = min(_LONGEST_WARMUP, round(duration / 3.0)) if arguments.warmup is None else arguments.warmup
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
-    base = PredictorSettings()
+    quiet = QuiescenceLimits(*angles, *rates, duration=arguments.quiet_for)
+    limits, base = usual_limits(trial, quiet, warmup), ForecasterSettings()
     settings = replace(
-        base,
-        quiescence=QuiescenceLimits(*angles, *rates, duration=arguments.quiet_for),
+        base, leads=arguments.leads, window=arguments.window,
+        quiescence=None if limits is None else quiet,
         horizon=max(base.horizon, arguments.quiet_for, arguments.leads[-1]),
-    )
+    )  # fmt: skip
     with progress_of('forecasting') as progress:
-        skill = score(
-            trial, arguments.leads, warmup, window=arguments.window, models=models, settings=settings,
-            clock=time.perf_counter, progress=progress,
+        run_made = run_through(
+            trial, settings, models, time.perf_counter, progress,
+            None if limits is None else (float(trial.time[0]) + warmup, limits),
         )  # fmt: skip
+    skill = score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until)
     if arguments.axis is not None:
         skill = replace(skill, axes={arguments.axis: skill.axes[arguments.axis]})
-    show_advice((*trial.advice, *skill.advice))
+    skill = replace(skill, advice=tuple(dict.fromkeys((*trial.advice, *skill.advice))))
+    show_advice(skill.advice)
     if arguments.plot:
-        save_figure(forecast_figure(skill), arguments.plot)
+        save_figure(forecast_figure(trial, run_made, skill), arguments.plot)
     if arguments.json:
         print(json.dumps(skill_as_data(skill), indent=2))
     else:
@@ -91,17 +107,40 @@ def run(arguments):
 def _tell(skill, name):
     console = Console()
     for axis, scores in skill.axes.items():
-        table = Table(title=f'{name}, {axis}: RMSE / standard deviation after {skill.warmup:g} s', title_justify='left')
+        table = Table(title=f'{name}, {axis}: RMSE / standard deviation {_span(skill)}', title_justify='left')
         table.add_column('lead, s')
         for lead in skill.leads:
             table.add_column(f'{lead:g}', justify='right')
         for method, values in scores.nrmse.items():
             style = 'bold' if method == FORECAST else ''
-            table.add_row(method.replace('_', ' '), *(_cell(v) for v in values), style=style)
+            table.add_row(LABELS[method], *(_cell(v) for v in values), style=style)
+        table.add_row('over best other', *(_cell(v) for v in scores.ratio), style='bold')
         for column, level in enumerate((50, 90, 99)):
             table.add_row(f'{level} % held, %', *(_cell(100.0 * v, 1) for v in scores.coverage[:, column]), style='dim')
+        table.add_row('counted', *(f'{n}' for n in scores.counted), style='dim')
+        if scores.unmeasured.any():
+            table.add_row('not measured then', *(f'{n}' for n in scores.unmeasured), style='dim')
+        if np.nan_to_num(scores.gap_share).any():
+            table.add_section()
+            table.add_row(f'{AFTER_GAP:g} s after a gap, %', *(_cell(100.0 * v, 1) for v in scores.gap_share))
+            for method, values in scores.gap_nrmse.items():
+                table.add_row(f'  {LABELS[method]}', *(_cell(v) for v in values))
         console.print(table)
+    _tell_quiescence(console, skill)
+    console.print(
+        f'a sample {1e3 * skill.step_time["median"]:.2f} ms (median), '
+        f'a refit {1e3 * skill.refit_time["median"]:.0f} ms (most {1e3 * skill.refit_time["most"]:.0f} ms)'
+    )
+
+
+def _span(skill):
+    return f'from {skill.warmup:g} to {skill.until:.0f} s'
+
+
+def _tell_quiescence(console, skill):
     limits, found = skill.quiescence_limits, skill.quiescence
+    if limits is None or found is None:
+        return
     bounds = ', '.join(
         f'{name.replace("_", " ")} {math.degrees(limit):.2f} {"deg/s" if "rate" in name else "deg"}'
         for name, limit in vars(limits).items() if name != 'duration' and math.isfinite(limit)
@@ -109,10 +148,6 @@ def _tell(skill, name):
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
         f'(always telling its share: {found.brier_of_climate:.3f})'
-    )
-    console.print(
-        f'a sample {1e3 * skill.step_time["median"]:.2f} ms (median), '
-        f'a refit {1e3 * skill.refit_time["median"]:.0f} ms (most {1e3 * skill.refit_time["most"]:.0f} ms)'
     )
 
 
@@ -139,6 +174,13 @@ def _limits(text):
     if len(parts) != 2 or min(parts) < 0.0:
         raise ArgumentTypeError('give two values, of which none is negative: ROLL,PITCH')
     return tuple(math.radians(part) or math.inf for part in parts)
+
+
+def _not_negative(text):
+    value = finite(text)
+    if value < 0.0:
+        raise ArgumentTypeError('must not be negative')
+    return value
 
 
 def _positive(text):

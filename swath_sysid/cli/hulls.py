@@ -1,10 +1,11 @@
 """Arguments that name a hull: published, from a model file, or an equation with given ratios."""
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import read_model
-from swath_sysid.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named
-from swath_sysid.hull.decay_model import DecayModel
-from swath_sysid.hull.terms import TERM_NAMES
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named, hull_of_family
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.physical_range import check_physical
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import read_model
 
 
 def add_hull_arguments(parser):
@@ -44,7 +45,9 @@ def hull_of(arguments):
         raise InputError(
             f'{equation.name} has the terms {", ".join(equation.terms)}: give --ratio {missing[0]}=VALUE too'
         )
-    return DecayModel.from_terms(equation, values, axis=axis)
+    model = DecayModel.from_terms(equation, values, axis=axis)
+    check_physical(model)
+    return model
 
 
 def published_ratios_for(equation, axis=None):
@@ -53,10 +56,11 @@ def published_ratios_for(equation, axis=None):
     The hull of the same craft and axis in the name is taken, the linear restoring standing for
     the sine where the hull has no sine; terms that the hull has not are zero.
     """
-    family = equation.name.rpartition('-')[0]
     by_axis = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
-    name = family if family in PUBLISHED_HULLS else by_axis[axis or ('roll' if 'roll' in equation.name else 'pitch')]
-    model = PUBLISHED_HULLS[name].model
+    hull = hull_of_family(equation.name)
+    if hull is None:
+        hull = PUBLISHED_HULLS[by_axis[axis or ('roll' if 'roll' in equation.name else 'pitch')]]
+    model = hull.model
     known = dict(zip(TERM_NAMES, model.ratios.tolist(), strict=True))
     polynomial = {'r1': known['r1'] or known['s1'], 'r2': known['r2'] or known['s2']}
     sine = {'s1': known['s1'] or known['r1'], 's2': known['s2'] or known['r2']}

@@ -1,21 +1,33 @@
 """``swath-sysid identify``: from decay records, or a record in waves, to a hull model."""
 
 import json
+import sys
 import time
 
+from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_forced
+from swath_sysid.attitude.identification.fit_quality import poor_fit
+from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings, identify
+from swath_sysid.attitude.identification.sea_motion import heave_of
+from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import add_source_arguments, chosen_axis, finite, motions_of, provenance_of, read_trials
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import write_model
-from swath_sysid.identification.at_sea import identify_at_sea, is_forced
-from swath_sysid.identification.identify import OBJECTIVES, IdentificationSettings, identify
-from swath_sysid.identification.sea_motion import heave_of
-from swath_sysid.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.cli.sources import (
+    EXIT_POOR_FIT,
+    add_source_arguments,
+    check_model_and_plot,
+    chosen_axis,
+    finite,
+    motions_of,
+    provenance_of,
+    read_trials,
+)
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import write_model
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
-from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, inertia_of
+from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, inertia_of, warnings_as_data
 
 
 def add_arguments(parser):
@@ -25,7 +37,7 @@ def add_arguments(parser):
     kind.add_argument(
         '--at-sea', action='store_true',
         help='the record is motion in waves: natural period and equivalent linear damping (default: where it holds no '
-        'free decay and swings from begin to end)',
+        'free decay and swings from beginning to end)',
     )  # fmt: skip
     kind.add_argument('--decay', action='store_true', help='the records are free decays, whatever they look like')
     parser.add_argument(
@@ -43,6 +55,18 @@ def add_arguments(parser):
     )
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the fit')
+    add_force_argument(parser)
+
+
+def add_force_argument(parser):
+    """``--force``, and what the exit codes mean; shared with compare."""
+    parser.add_argument(
+        '--force', action='store_true', help='write the model even where the fit explains too little of the motion'
+    )
+    parser.epilog = (
+        'Exit code 0: done; 1: the result was printed, but explains too little of the motion: no model was written '
+        '(--force writes it); 2: the input cannot be used, and one sentence says why.'
+    )
 
 
 def add_search_arguments(parser):
@@ -71,24 +95,41 @@ def run(arguments):
     began = time.perf_counter()
     if (arguments.mass is None) != (arguments.metacentric_height is None):
         raise InputError('give both --mass and --metacentric-height, or neither')
+    if arguments.inertia is not None and arguments.mass is not None:
+        raise InputError('give --inertia, or --mass with --metacentric-height, not both: each sets the inertia')
     settings = settings_of(arguments, arguments.equation)
-    trials = read_trials(arguments.trials, arguments)
+    check_model_and_plot(arguments, arguments.trials)
+    trials, read_advice = read_trials(arguments.trials, arguments)
     axis = chosen_axis(trials, arguments.axis)
+    for trial in trials:
+        refuse_contradictions(trial, axis)
     if _is_at_sea(arguments, trials, axis):
-        return _run_at_sea(arguments, trials, axis, began)
+        return _run_at_sea(arguments, trials, axis, read_advice, began)
     with progress_of('identify') as progress:
         found = identify(motions_of(trials, axis), settings, progress=progress)
     inertia = inertia_of(found.model, arguments.inertia, arguments.mass, arguments.metacentric_height)
-    if arguments.output:
+    faults = poor_fit(found)
+    if arguments.output and (arguments.force or not faults):
         write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
     if arguments.plot:
         save_figure(fit_figure(found), arguments.plot)
-    show_advice(dict.fromkeys([*(a for t in trials for a in t.advice), *found.advice]))
+    show_advice((*found.advice, *faults))
     if arguments.json:
-        print(json.dumps(fit_as_data(found, time.perf_counter() - began, inertia), indent=2))
+        advice = (*read_advice, *found.advice, *faults)
+        data = fit_as_data(found, time.perf_counter() - began, inertia)
+        print(json.dumps({**data, **warnings_as_data(advice)}, indent=2))
     else:
         print('\n'.join(fit_in_words(found, inertia)))
-    return 0
+    return conclude_fit(arguments, faults)
+
+
+def conclude_fit(arguments, faults):
+    """The exit code, and a word where the model was not written; shared with compare."""
+    if not faults or arguments.force:
+        return 0
+    if arguments.output:
+        print(f'{arguments.output} was not written: --force writes it nevertheless', file=sys.stderr)
+    return EXIT_POOR_FIT
 
 
 def _is_at_sea(arguments, trials, axis):
@@ -100,7 +141,7 @@ def _is_at_sea(arguments, trials, axis):
     return given == (None, None, None) and all(is_forced(trial.axis(axis)) for trial in trials)
 
 
-def _run_at_sea(arguments, trials, axis, began):
+def _run_at_sea(arguments, trials, axis, read_advice, began):
     """Identify from motion in waves, print, and write what was asked for."""
     if len(trials) > 1:
         raise InputError('motion in waves is identified from one record at a time: give one, the longest')
@@ -118,9 +159,10 @@ def _run_at_sea(arguments, trials, axis, began):
         write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
     if arguments.plot:
         save_figure(at_sea_figure(found), arguments.plot)
-    show_advice(dict.fromkeys([*trials[0].advice, *found.advice]))
+    show_advice(found.advice)
     if arguments.json:
-        print(json.dumps(at_sea_as_data(found, time.perf_counter() - began), indent=2))
+        advice = (*read_advice, *found.advice)
+        print(json.dumps({**at_sea_as_data(found, time.perf_counter() - began), **warnings_as_data(advice)}, indent=2))
     else:
         print('\n'.join(at_sea_in_words(found)))
     if arguments.output and not found.is_usable:

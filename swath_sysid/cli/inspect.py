@@ -1,8 +1,7 @@
 """``swath-sysid inspect``: what is in a record."""
 import json
 
-from swath_sysid.cli.progress import show_advice
-from swath_sysid.cli.sources import add_source_arguments, read_trials
+from swath_sysid.cli.sources import add_source_arguments, check_model_and_plot, read_trials
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.record_figure import record_figure
 from swath_sysid.report.record_summary import record_as_data, record_in_words
@@ -17,12 +16,12 @@ def add_arguments(parser):
 
 def run(arguments):
     """Describe the record, and draw it."""
-    (trial,) = read_trials([arguments.trial], arguments)
+    check_model_and_plot(arguments, [arguments.trial])
+    (trial,), _ = read_trials([arguments.trial], arguments)
     axes = trial.axes if arguments.axis is None else (arguments.axis,)
     motions = [trial.axis(axis).between(arguments.start, arguments.end) for axis in axes]
     if arguments.plot:
         save_figure(record_figure(motions), arguments.plot)
-    show_advice(trial.advice)
     if arguments.json:
         print(json.dumps(record_as_data(trial, motions), indent=2))
     else:

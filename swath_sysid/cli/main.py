@@ -9,7 +9,7 @@ import importlib
 import sys
 
 from swath_sysid import __version__
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 
 VERBS = {
     'identify': 'from decay records to a hull model',

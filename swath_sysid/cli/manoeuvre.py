@@ -9,26 +9,27 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import finite, provenance_of
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import is_bag
-from swath_sysid.files.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
-from swath_sysid.files.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
-from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
-from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
-from swath_sysid.hull.manoeuvring.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.hull.manoeuvring.model import COMMAND, INPUTS
-from swath_sysid.hull.manoeuvring.presets import PRESETS, preset
-from swath_sysid.hull.manoeuvring.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.hull.manoeuvring.standard_tests import TESTS, DriveSettings, run_test
-from swath_sysid.identification.manoeuvring.assembly import seen_region
-from swath_sysid.identification.manoeuvring.identify import identify_manoeuvring
-from swath_sysid.identification.manoeuvring.settings import CURRENT_CHOICES, ManoeuvringSettings
-from swath_sysid.motion.manoeuvring_trial import prepare_all
-from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
-from swath_sysid.prediction.manoeuvring_skill import LEADS, score_forecasts
-from swath_sysid.report.figures import save_figure
-from swath_sysid.report.fit_summary import finite_or_none
+from swath_sysid.cli.sources import check_model_and_plot, finite, provenance_of, refuse_twice, without_copies
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import is_bag
+from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
+from swath_sysid.formats.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
+from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
+from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
+from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.model import COMMAND, INPUTS
+from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
+from swath_sysid.manoeuvring.identification.assembly import seen_region
+from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
+from swath_sysid.manoeuvring.motion.trial import prepare_all
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
+from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
+from swath_sysid.report.figures import FORMATS, save_figure
+from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
 from swath_sysid.report.manoeuvring_figures import forecast_figure, run_figures, summary_figures, test_figure
 from swath_sysid.report.manoeuvring_summary import (
     condensed,
@@ -49,7 +50,7 @@ def add_arguments(parser):
     _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
     _add_forecast(verbs.add_parser('forecast', help='score forecasts of runs by lead'))
     _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
-    _add_play_through(verbs.add_parser('play-through', help='what manoeuvre_predictor would have published on a bag'))
+    _add_play_through(verbs.add_parser('play-through', help='what manoeuvring_predictor would have published on a bag'))
 
 
 def run(arguments):
@@ -75,9 +76,7 @@ def add_run_arguments(parser):
 
 def read_runs(paths, arguments):
     """Read and prepare runs, all in one step."""
-    twice = {path for path in paths if paths.count(path) > 1}
-    if twice:
-        raise InputError(f'{sorted(twice)[0]} is given twice: name each run once')
+    refuse_twice(paths)
     return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 
 
@@ -142,15 +141,20 @@ def _identify(arguments):
         generations=arguments.generations, population=arguments.population, seed=arguments.seed,
     )  # fmt: skip
     both = [*arguments.runs, *(arguments.validate or [])]
-    runs = read_runs(both, arguments)
+    check_outputs([Output('--output', arguments.output), Output('--plot', arguments.plot, is_folder=True)], both)
+    once, copies = without_copies(both)
+    show_advice(copies)
+    runs = read_runs(once, arguments)
     validation = None
     if arguments.validate or arguments.no_validation:
-        runs, validation = runs[: len(arguments.runs)], runs[len(arguments.runs) :]
+        fitted = sum(path in arguments.runs for path in once)
+        runs, validation = runs[:fitted], runs[fitted:]
     with progress_of('identify') as progress:
         found = identify_manoeuvring(runs, settings, validation, progress=progress)
     data = identification_as_data(found, time.perf_counter() - began)
+    data['warnings'] = [*warnings_as_data(copies)['warnings'], *data['warnings']]
     if arguments.output:
-        write_manoeuvring_model(arguments.output, _for_file(found, data, both))
+        write_manoeuvring_model(arguments.output, _for_file(found, data, once))
     if arguments.plot:
         folder = Path(arguments.plot)
         folder.mkdir(parents=True, exist_ok=True)
@@ -210,6 +214,7 @@ def _add_forecast(parser):
 
 
 def _forecast(arguments):
+    check_model_and_plot(arguments, [*arguments.runs, *arguments.train, arguments.model])
     identified = read_manoeuvring_model(arguments.model)
     leads = _leads(arguments.leads) if arguments.leads else LEADS
     runs = read_runs([*arguments.runs, *arguments.train], arguments)
@@ -217,9 +222,11 @@ def _forecast(arguments):
     scores = score_forecasts(identified, scored, training, arguments.future == 'supplied', leads=leads)
     if arguments.plot:
         save_figure(forecast_figure(scores, arguments.future), arguments.plot)
-    show_advice(condensed([a for run in runs for a in run.advice]))
+    advice = condensed([a for run in runs for a in run.advice])
+    show_advice(advice)
     if arguments.json:
-        print(json.dumps(forecast_as_data(scores, arguments.future), indent=2))
+        data = {**forecast_as_data(scores, arguments.future), **warnings_as_data(advice)}
+        print(json.dumps(data, indent=2))
     else:
         print('\n'.join(forecast_in_words(scores, arguments.future)))
     return 0
@@ -246,6 +253,8 @@ def _add_play_through(parser):
 def _play_through(arguments):
     if len(arguments.runs) != 1 or not is_bag(arguments.runs[0]):
         raise InputError('one bag is played through: give one rosbag2 bag')
+    output = Output('--output', arguments.output, is_recording=True, endings=('mcap',))
+    check_outputs([output], [*arguments.runs, arguments.model])
     trial = _read(arguments.runs[0], arguments)
     identified = read_manoeuvring_model(arguments.model) if arguments.model else None
     silence = 0.5 if arguments.gap_means_zero else 0.0
@@ -290,9 +299,17 @@ def _add_simulate(parser):
 def _simulate(arguments):
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
+    is_folder = arguments.test == PROGRAMME
+    check_outputs(
+        [
+            Output('--output', arguments.output, is_folder=is_folder, is_recording=True),
+            Output('--plot', arguments.plot, endings=FORMATS),
+        ],
+        [arguments.model],
+    )
     name = arguments.hull or arguments.model
     model = preset(name) if name in PRESETS else read_manoeuvring_model(name).model
-    if arguments.test == PROGRAMME:
+    if is_folder:
         return _programme(model, arguments)
     for option in ('current', 'command'):
         if getattr(arguments, option) is not None:

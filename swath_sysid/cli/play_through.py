@@ -1,30 +1,31 @@
 """``swath-sysid play-through``: what the nodes would have published on a record, as fast as the machine can."""
 
+import os
 import sys
 from dataclasses import replace
-from pathlib import Path
 
-from swath_sysid.advice import Advice
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import finite
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import is_bag
-from swath_sysid.files.imu_readings import read_readings
-from swath_sysid.files.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
-from swath_sysid.files.manoeuvring_model_file import read_manoeuvring_model
-from swath_sysid.files.manoeuvring_output import play_manoeuvres, write_forecasts
-from swath_sysid.files.model_file import read_model
-from swath_sysid.files.output_bag import IMU_TOPIC, writing_output_bag
-from swath_sysid.motion.sensing import Installation
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import is_bag
+from swath_sysid.formats.imu_readings import read_readings
+from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
+from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
+from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
+from swath_sysid.formats.model_file import read_model
+from swath_sysid.formats.output_bag import IMU_TOPIC, writing_output_bag
+from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.nodes.health import PlayedHealth
 from swath_sysid.nodes.parameter_tables import (
-    manoeuvre_outlook_settings,
-    outlook_settings,
+    manoeuvring_pipeline_settings,
+    pipeline_settings,
     refit_settings,
     values_from_file,
     window_settings,
 )
-from swath_sysid.prediction.play_through import PlayThrough, PlayThroughSettings
+from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 
 PROGRESS_STEP = 2000
 
@@ -47,6 +48,10 @@ def run(arguments):
     """Play the record through and write the output."""
     if arguments.refit_delay < 0.0:
         raise InputError('the refit delay must not be negative')
+    check_outputs(
+        [Output('--output', arguments.output, is_recording=True, endings=('mcap',))],
+        [arguments.record, arguments.params, arguments.model],
+    )
     manoeuvres, imu = holds_manoeuvres(arguments.record) if is_bag(arguments.record) else (False, True)
     if manoeuvres and not imu:
         return _play_manoeuvres(arguments)
@@ -54,17 +59,17 @@ def run(arguments):
         values_from_file(arguments.params, name) for name in ('imu_buffer', 'identifier', 'predictor')
     )
     settings = PlayThroughSettings(
-        window_settings(buffer), refit_settings(identifier), outlook_settings(predictor),
+        window_settings(buffer), refit_settings(identifier), pipeline_settings(predictor),
         identifier['auto_identify'], arguments.refit_delay,
     )  # fmt: skip
-    installation = settings.outlook.installation
+    installation = settings.forecasts.installation
     readings = read_readings(
         arguments.record, arguments.topic, frame=installation.frame, mounting=installation.mounting
     )
     if readings.in_craft_axes:
         settings = replace(
             settings, window=replace(settings.window, installation=Installation()),
-            outlook=replace(settings.outlook, installation=Installation()),
+            forecasts=replace(settings.forecasts, installation=Installation()),
         )  # fmt: skip
     pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
     pipeline.window.record(buffer['record_at_start'])
@@ -101,11 +106,11 @@ def run(arguments):
 
 
 def _play_manoeuvres(arguments):
-    """What manoeuvre_predictor would have published: the bag holds odometry and thrust, and no IMU."""
-    values = values_from_file(arguments.params, 'manoeuvre_predictor')
+    """What manoeuvring_predictor would have published: the bag holds odometry and thrust, and no IMU."""
+    values = values_from_file(arguments.params, 'manoeuvring_predictor')
     trial = read_manoeuvring_bag(arguments.record)
     model = arguments.model or values['model_file']
-    settings = manoeuvre_outlook_settings(values)
+    settings = manoeuvring_pipeline_settings(values)
     identified = read_manoeuvring_model(model) if model else None
     count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
     show_advice(trial.advice)
@@ -117,13 +122,13 @@ def _known_models(model, model_path):
     """The models at the start: of the file named, else of the node's own file if it has one already."""
     if model:
         return read_model(model)
-    own = Path(model_path).expanduser() if model_path else None
-    return read_model(own) if own is not None and own.exists() else None
+    own = os.path.expanduser(model_path)
+    return read_model(own) if os.path.exists(own) else None
 
 
 def _report_counts(pipeline):
     """What was counted by reason, on standard error."""
-    counts = {**pipeline.outlook.counts, **pipeline.outlook.predictor.diagnostics().counts, **pipeline.window.counts}
+    counts = {**pipeline.forecasts.counts, **pipeline.window.counts}
     counted = ', '.join(f'{reason} {count}' for reason, count in counts.items() if count)
     if counted:
         print(f'counted: {counted}', file=sys.stderr)

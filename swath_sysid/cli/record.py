@@ -3,7 +3,8 @@
 import sys
 from datetime import datetime
 
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs
 
 
 def add_arguments(parser):
@@ -26,6 +27,7 @@ def run(arguments):
             f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
         ) from error
     output = arguments.output or f'swath_sysid_{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap'
+    check_outputs([Output('--output', output, is_recording=True, endings=('mcap',))])
     time = ['--ros-args', '-p', 'use_sim_time:=true'] if arguments.use_sim_time else []
     print(f'recording to {output} until Ctrl-C', file=sys.stderr, flush=True)
     code, counts = record(output, arguments.topic, ['swath-sysid', *time])

@@ -3,7 +3,7 @@
 import sys
 
 from swath_sysid.cli.sources import finite
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 
 
 def add_arguments(parser):
@@ -13,8 +13,13 @@ def add_arguments(parser):
     parser.add_argument('--loop', action='store_true', help='begin again at the end, until Ctrl-C')
     parser.add_argument('--clock', action='store_true', help='publish /clock, for nodes with use_sim_time')
     parser.add_argument(
-        '--wait', type=finite, default=10.0, metavar='S',
-        help='so long the start waits for somebody to listen (default: %(default)s)',
+        '--wait-for', type=int, default=0, metavar='N',
+        help='begin when so many subscribe to the IMU, 2 for imu_buffer and predictor (default: when all that are '
+        'found are connected and discovery has had its 3.5 s)',
+    )
+    parser.add_argument(
+        '--wait', type=finite, default=15.0, metavar='S',
+        help='so long the start waits for them at most (default: %(default)s)',
     )  # fmt: skip
 
 
@@ -26,6 +31,6 @@ def run(arguments):
         raise InputError(
             f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
         ) from error
-    settings = ReplaySettings(arguments.rate, arguments.loop, arguments.clock, arguments.wait)
+    settings = ReplaySettings(arguments.rate, arguments.loop, arguments.clock, arguments.wait, arguments.wait_for)
     replay(arguments.bag, settings, lambda line: print(line, file=sys.stderr, flush=True), ['swath-sysid'])
     return 0

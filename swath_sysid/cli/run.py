@@ -1,12 +1,29 @@
-"""The verb ``run``: imu_buffer, identifier and predictor in one process."""
+"""The verb ``run``: imu_buffer, identifier and predictor in one process, or one node alone."""
 import argparse
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
 
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
+from swath_sysid.formats.model_file import read_model
+
+NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_predictor')
+
+MODEL_PARAMETERS = {'identifier': 'model_path', 'manoeuvring_predictor': 'model_file'}
+MODEL_READERS = {'identifier': read_model, 'manoeuvring_predictor': read_manoeuvring_model}
+
+OPEN_TO_THE_SUBNET = (
+    'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
+    'this machine'
+)
 
 
 def add_arguments(parser):
     """Arguments of the verb."""
-    parser.add_argument('--params-file', metavar='FILE', help='ROS parameter file for all three nodes')
+    parser.add_argument('--only', choices=NODES, metavar='NODE', help=f'one node alone: {", ".join(NODES)}')
+    parser.add_argument('--params-file', metavar='FILE', help='ROS parameter file for all nodes')
     parser.add_argument('--model', metavar='FILE', help='model file: read at the start, replaced by refits')
     parser.add_argument('--namespace', metavar='NAME', help='namespace of nodes and topics')
     parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
@@ -24,18 +41,33 @@ def run(arguments):
         raise InputError(
             f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
         ) from error
-    from swath_sysid.nodes.together import run_together
-
-    return run_together(['swath-sysid', '--ros-args', *ros_arguments(arguments)])
+    given = ros_arguments(arguments)
+    program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
+    if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
+        print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
+    return program.main(['swath-sysid', '--ros-args', *given])
 
 
 def ros_arguments(arguments):
-    """What stands behind ``--ros-args`` for the nodes."""
+    """What stands behind ``--ros-args`` for the nodes.
+
+    Raises
+    ------
+    InputError
+        A model is given for a node that reads no file, or the file that is there holds no model.
+    """
     given = []
     if arguments.params_file:
         given += ['--params-file', arguments.params_file]
     if arguments.model:
-        given += ['-p', f'identifier:model_path:={arguments.model}']
+        node = arguments.only or 'identifier'
+        if node not in MODEL_PARAMETERS:
+            raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
+        if Path(arguments.model).expanduser().exists():
+            # a node would go on without it, which whoever types a command does not see
+            MODEL_READERS[node](Path(arguments.model).expanduser())
+        # for every node, because `identifier:` before it would leave out those in a namespace
+        given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
     if arguments.namespace:
         given += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
     if arguments.imu_topic:
@@ -43,3 +75,8 @@ def ros_arguments(arguments):
     if arguments.use_sim_time:
         given += ['-p', 'use_sim_time:=true']
     return [*given, *arguments.ros_args]
+
+
+def _quoted(text):
+    """A YAML string, whatever is in it: ROS takes the values of parameters for YAML."""
+    return "'" + text.replace("'", "''") + "'"

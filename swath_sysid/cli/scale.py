@@ -1,8 +1,9 @@
 """``swath-sysid scale``: a model at another scale, by Froude's law."""
 
+from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
 from swath_sysid.cli.progress import show_advice
-from swath_sysid.files.model_file import read_model, read_schedules, write_model, write_scheduled
-from swath_sysid.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
+from swath_sysid.formats.model_file import read_description, read_model, write_model, write_scheduled
+from swath_sysid.formats.outputs import Output, check_outputs
 
 
 def add_arguments(parser):
@@ -19,9 +20,9 @@ def add_arguments(parser):
 
 def run(arguments):
     """Scale, warn, and write."""
+    check_outputs([Output('--output', arguments.output)], [arguments.model])
     ratio = length_ratio(arguments.ratio)
-    models = read_model(arguments.model)
-    schedules = read_schedules(arguments.model)
+    models, schedules = read_description(arguments.model)
     if schedules:
         write_scheduled(arguments.output, {axis: scaled_schedule(s, ratio) for axis, s in schedules.items()})
     else:

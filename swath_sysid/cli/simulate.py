@@ -2,12 +2,14 @@
 
 import math
 
+from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
 from swath_sysid.cli.sources import finite
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import write_imu_bag
-from swath_sysid.files.csv_trials import write_csv
-from swath_sysid.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import write_imu_bag
+from swath_sysid.formats.csv_trials import write_csv
+from swath_sysid.formats.outputs import Output, check_outputs
 
 NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
 
@@ -32,19 +34,26 @@ def add_arguments(parser):
         '--trim-deg', type=finite, default=0.0, metavar='A', help='angle of rest (default: %(default)s)'
     )
     parser.add_argument('--angle-noise', type=finite, default=usual.angle, metavar='RAD', help='default: %(default)s')
-    parser.add_argument('--rate-noise', type=finite, default=usual.rate, metavar='RAD_S', help='default: %(default)s')
+    parser.add_argument(
+        '--rate-noise', type=finite, metavar='RAD_S',
+        help=f'default: that of the trials of the study that the hull or equation is of, else {usual.rate}',
+    )
     parser.add_argument(
         '--accel-noise', type=finite, default=usual.acceleration, metavar='M_S2', help='default: %(default)s'
     )
-    parser.add_argument('--noise', choices=('published', 'none'), default='published', help='none: an ideal sensor')
+    parser.add_argument(
+        '--noise', choices=('published', 'none'), default='published',
+        help='none: an ideal sensor (default: %(default)s)',
+    )
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')
 
 
 def run(arguments):
     """Write the trial."""
+    check_outputs([Output('--output', arguments.output, is_recording=True)], [arguments.model])
     model = hull_of(arguments).with_trim(math.radians(arguments.trim_deg))
-    noise = SensorNoise(arguments.angle_noise, arguments.rate_noise, arguments.accel_noise)
+    noise = SensorNoise(arguments.angle_noise, _rate_noise(arguments), arguments.accel_noise)
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
     trial = simulated_trial(
@@ -56,3 +65,10 @@ def run(arguments):
     ratios = ', '.join(f'{name} {value:.6g}' for name, value in model.terms.items())
     print(f'{arguments.output}: {trial.time.size} samples of {model.axis}, {model.equation.name}, true ratios {ratios}')
     return 0
+
+
+def _rate_noise(arguments):
+    if arguments.rate_noise is not None:
+        return arguments.rate_noise
+    hull = hull_named(arguments.hull) if arguments.hull else hull_of_family(arguments.equation or '')
+    return SensorNoise.rate if hull is None else hull.rate_noise

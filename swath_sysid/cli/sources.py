@@ -1,11 +1,19 @@
 """Arguments and reading of records, shared by the verbs that take them."""
 
 import math
+from pathlib import Path
 
 from swath_sysid import __version__
-from swath_sysid.errors import InputError
-from swath_sysid.files.reading import read_trial, source_hash
-from swath_sysid.motion.trial import AXES
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.cli.progress import show_advice
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.reading import read_trial, source_hash
+from swath_sysid.report.figures import FORMATS
+
+EXIT_POOR_FIT = 1
+"""The result was printed, but explains too little to be written as a model."""
 
 
 def add_source_arguments(parser, many=True):
@@ -35,9 +43,53 @@ def finite(text):
     return value
 
 
+def check_model_and_plot(arguments, inputs):
+    """Refuse a model file (``--output``) and a picture (``--plot``) that cannot be written, before any work."""
+    check_outputs(
+        [Output('--output', getattr(arguments, 'output', None)), Output('--plot', arguments.plot, endings=FORMATS)],
+        inputs,
+    )
+
+
 def read_trials(paths, arguments):
-    """Read the trials of the command line."""
-    return [read_trial(path, topic=arguments.topic, frame=arguments.frame) for path in paths]
+    """Read the trials of the command line and show what is to be told of them; of identical files the first counts.
+
+    Returns
+    -------
+    trials : list of Trial
+    advice : tuple of Advice
+        Of all of them.
+    """
+    once, advice = without_copies(paths)
+    trials = [read_trial(path, topic=arguments.topic, frame=arguments.frame) for path in once]
+    advice = tuple(dict.fromkeys([*advice, *(a for t in trials for a in t.advice)]))
+    show_advice(advice)
+    return trials, advice
+
+
+def refuse_twice(paths):
+    """Refuse a command line that names a record more than once."""
+    twice = {str(path) for path in paths if paths.count(path) > 1}
+    if twice:
+        raise InputError(f'{sorted(twice)[0]} is given twice: name each record once')
+
+
+def without_copies(paths):
+    """The paths of which the content is that of none before, and advice about the others."""
+    refuse_twice(paths)
+    if len(paths) < 2:
+        return list(paths), ()
+    first, advice = {}, []
+    for path in paths:
+        if not Path(path).exists():
+            raise InputError(f'there is no file {path}: check the name')
+        original = first.setdefault(source_hash(path), path)
+        if original is not path:
+            advice.append(Advice('identical-files', (
+                f'{path} has the same content as {original} and is left out: it would count twice as a repeat that it '
+                f'is not'
+            )))
+    return list(first.values()), tuple(advice)
 
 
 def chosen_axis(trials, asked):
@@ -53,17 +105,7 @@ def _excursion(motion):
 
 
 def motions_of(trials, axis):
-    """The motion about one axis of each trial.
-
-    Raises
-    ------
-    InputError
-        A trial appears twice: it would count twice in a joint fit.
-    """
-    sources = [t.source for t in trials]
-    twice = {s for s in sources if sources.count(s) > 1}
-    if twice:
-        raise InputError(f'{sorted(twice)[0]} is given twice: name each trial once')
+    """The motion about one axis of each trial."""
     return [trial.axis(axis) for trial in trials]
 
 
@@ -71,5 +113,5 @@ def provenance_of(paths):
     """Sources with their hashes, and the software version."""
     return {
         'software': f'swath_sysid {__version__}',
-        'sources': [{'file': str(path), 'sha256': source_hash(path)} for path in paths],
+        'sources': [{'file': str(path), 'sha256': source_hash(path)} for path in without_copies(paths)[0]],
     }

@@ -1,1 +1,4 @@
-"""The only room that imports rclpy and message packages."""
+"""The nodes: declare, convert, delegate, publish.
+
+The only room that imports rclpy and message packages.
+"""

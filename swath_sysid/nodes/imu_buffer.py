@@ -6,14 +6,14 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from swath_sysid.motion.window import MotionWindow
-from swath_sysid.nodes.connections import LATCHED, imu_subscription, watched_publisher
+from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.health import BufferHealth
 from swath_sysid.nodes.messages import imu_reading, window_message
 from swath_sysid.nodes.parameter_tables import IMU_BUFFER, window_settings
 from swath_sysid.nodes.parameters import NodeParameters
-from swath_sysid.nodes.spinning import events_executor, run
+from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
 
 
 class ImuBuffer(Node):
@@ -24,7 +24,7 @@ class ImuBuffer(Node):
         self.parameters = NodeParameters(self, IMU_BUFFER, window_settings, self._change)
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
-        self.health = BufferHealth('imu/data', self.window)
+        self.health = BufferHealth(self.resolve_topic_name(IMU_TOPIC), self.window)
         self._publisher = watched_publisher(self, PointCloud2, 'motion/window', LATCHED, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
@@ -47,6 +47,7 @@ class ImuBuffer(Node):
                 f'publishing its window'
             )
             self._publish(step.finished.table)
+        self.health.note_frame_id(message.header.frame_id)
         self.health.note_message(reading.stamp_ns, begun, perf_counter())
 
     def _publish(self, table):
@@ -58,7 +59,7 @@ class ImuBuffer(Node):
         response.success = self.window.size > 0
         response.message = self.window.described
         if not response.success:
-            response.message += ': check that the IMU publishes on imu/data'
+            response.message += f': check that the IMU publishes on {self.health.topic}'
         return response
 
     def _on_clear(self, request, response):

@@ -12,11 +12,11 @@ from sensor_msgs.msg import Imu, PointCloud2, PointField
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from swath_sysid.errors import InputError
-from swath_sysid.identification.refit import COEFFICIENT_NAMES, coefficients
-from swath_sysid.motion.intake import ImuReading
-from swath_sysid.motion.window import COLUMNS, MotionTable
-from swath_sysid.prediction.outlook import NOT_GIVEN
+from swath_sysid.attitude.identification.refit import COEFFICIENT_NAMES, coefficients
+from swath_sysid.attitude.motion.intake import ImuReading
+from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
+from swath_sysid.attitude.prediction.forecast import NOT_GIVEN
+from swath_sysid.common.errors import InputError
 
 NANOSECONDS = 1_000_000_000
 ROW_BYTES = 8 * len(COLUMNS)

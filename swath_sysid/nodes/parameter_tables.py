@@ -5,25 +5,25 @@ documentation, and the settings of the cores.
 """
 from dataclasses import dataclass
 from math import inf, radians
-from pathlib import Path
 
 import yaml
 
-from swath_sysid.errors import InputError
-from swath_sysid.identification.identify import OBJECTIVES, IdentificationSettings
-from swath_sysid.identification.refit import RefitSettings
-from swath_sysid.identification.search import ALGORITHMS, SearchSettings
-from swath_sysid.motion.manoeuvring_window import AUTO, THRUST_INPUTS
-from swath_sysid.motion.sensing import FRAMES, Installation
-from swath_sysid.motion.stamps import StampSettings
-from swath_sysid.motion.trial import AXES
-from swath_sysid.motion.window import WindowSettings
-from swath_sysid.prediction.ekf import FilterSettings
-from swath_sysid.prediction.manoeuvring import ManoeuvreFilterSettings
-from swath_sysid.prediction.manoeuvring_outlook import ManoeuvreOutlookSettings
-from swath_sysid.prediction.outlook import OutlookSettings
-from swath_sysid.prediction.predictor import PredictorSettings
-from swath_sysid.prediction.quiescence import QuiescenceLimits
+from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings
+from swath_sysid.attitude.identification.refit import RefitSettings
+from swath_sysid.attitude.identification.search import ALGORITHMS, SearchSettings
+from swath_sysid.attitude.motion.sensor_mount import FRAMES, Installation
+from swath_sysid.attitude.motion.stamps import StampSettings
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.window import WindowSettings
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.untrusted_yaml import plain_content, shown, text_of
+from swath_sysid.manoeuvring.motion.window import AUTO, THRUST_INPUTS
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
+from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilterSettings
+from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ IDENTIFIER = (
 PREDICTOR = (
     *SENSOR,
     NodeParameter(
-        'leads_s', list(PredictorSettings().leads), 'Leads with a topic of their own, increasing', 's', 0.01, 120.0,
+        'leads_s', list(ForecasterSettings().leads), 'Leads with a topic of their own, increasing', 's', 0.01, 120.0,
         read_only=True,
     ),
     NodeParameter('horizon_s', 5.0, 'Length of forecast/horizon', 's', 0.1, 120.0, read_only=True),
@@ -190,16 +190,16 @@ PREDICTOR = (
         'every sample)', 'Hz', 0.1, 1000.0, read_only=True,
     ),
     NodeParameter(
-        'waves_window_s', PredictorSettings().window, 'The past that the waves are learnt from', 's', 10.0, 3600.0,
+        'waves_window_s', ForecasterSettings().window, 'The past that the waves are learnt from', 's', 10.0, 3600.0,
         read_only=True,
     ),
     NodeParameter(
-        'waves_first_fit_s', PredictorSettings().first_refit, 'The least past that the waves are learnt from (more: '
+        'waves_first_fit_s', ForecasterSettings().first_refit, 'The least past that the waves are learnt from (more: '
         'later, but not from a craft that is handled)', 's', 2.0, 3600.0, read_only=True,
     ),
     NodeParameter(
-        'waves_refit_interval_s', PredictorSettings().refit_interval, 'Least time between fits of the waves, which run '
-        'in the background', 's', 1.0, 600.0, read_only=True,
+        'waves_refit_interval_s', ForecasterSettings().refit_interval, 'Least time between fits of the waves, which '
+        'run in the background', 's', 1.0, 600.0, read_only=True,
     ),
     *(
         NodeParameter(
@@ -222,18 +222,18 @@ PREDICTOR = (
         '0: as told on craft/loading, or not known', '', 0.0, 1e9,
     ),
     NodeParameter(
-        'gate_probability', FilterSettings().gate_probability,
+        'gate_probability', HullFilterSettings().gate_probability,
         'A true measurement is taken for an outlier with this probability', '', 1e-30, 0.01, read_only=True,
     ),
     NodeParameter(
-        'gate_patience', FilterSettings().gate_patience,
+        'gate_patience', HullFilterSettings().gate_patience,
         'After so many rejected samples in a row the sensor is believed again', 'samples', 1, 1000, read_only=True,
     ),
     *DIAGNOSTICS,
 )
 
 MANOEUVRE_PREDICTOR = (
-    NodeParameter('model_file', '', 'Model file of manoeuvre identify; empty: wait for manoeuvre/model',
+    NodeParameter('model_file', '', 'Model file of manoeuvre identify; empty: wait for manoeuvring/model',
                   read_only=True),
     NodeParameter('leads_s', [1.0, 5.0, 10.0], 'Leads with a topic of their own, rising', 's', 0.1, 120.0,
                   read_only=True),
@@ -260,7 +260,7 @@ MANOEUVRE_PREDICTOR = (
 TABLES = {'imu_buffer': IMU_BUFFER, 'identifier': IDENTIFIER, 'predictor': PREDICTOR}
 """Node name to its parameters, of the nodes that run together."""
 
-ALL_TABLES = {**TABLES, 'manoeuvre_predictor': MANOEUVRE_PREDICTOR}
+ALL_TABLES = {**TABLES, 'manoeuvring_predictor': MANOEUVRE_PREDICTOR}
 """Node name to its parameters, of every node."""
 
 
@@ -328,21 +328,20 @@ def refit_settings(values):
     return RefitSettings(tuple(values['axes']), identification, values['least_improvement'])
 
 
-def outlook_settings(values):
+def pipeline_settings(values):
     """Settings of predictor's core; see `window_settings`."""
     check(PREDICTOR, values)
-    return OutlookSettings(
+    return PipelineSettings(
         installation=installation(values),
-        predictor=PredictorSettings(
-            filter=FilterSettings(
+        stamps=StampSettings(values['backward_jump_s'], values['gap_limit_s']),
+        forecaster=ForecasterSettings(
+            hull=HullFilterSettings(
                 gate_probability=values['gate_probability'], gate_patience=values['gate_patience']
             ),
             leads=tuple(values['leads_s']),
             horizon=values['horizon_s'],
             horizon_step=values['horizon_step_s'],
             forecast_rate=values['forecast_rate_hz'],
-            gap_limit=values['gap_limit_s'],
-            backward_jump=values['backward_jump_s'],
             window=values['waves_window_s'],
             refit_interval=values['waves_refit_interval_s'],
             first_refit=values['waves_first_fit_s'],
@@ -363,8 +362,8 @@ def quiescence_limits(values):
     )
 
 
-def manoeuvre_outlook_settings(values):
-    """Settings of manoeuvre_predictor's core; see `window_settings`."""
+def manoeuvring_pipeline_settings(values):
+    """Settings of manoeuvring_predictor's core; see `window_settings`."""
     check(MANOEUVRE_PREDICTOR, values)
     noise = ManoeuvreFilterSettings(
         speed_noise=values['speed_noise_m_s'], yaw_rate_noise=values['yaw_rate_noise_rad_s'],
@@ -408,21 +407,20 @@ def values_from_file(path, node_name):
                 if name in values:
                     values[name] = _of_type(values[name], value, name, path)
                 elif section != '/**' and name != 'use_sim_time':
-                    raise InputError(f'{path}: {node_name} has no parameter {name}; it has {", ".join(values)}')
+                    raise InputError(f'{path}: {node_name} has no parameter {shown(name)}; it has {", ".join(values)}')
     return values
 
 
 def _sections(path):
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except OSError as error:
-        raise InputError(f'cannot read the parameter file {path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f'{path} is not YAML: give a ROS parameter file') from error
+    content = plain_content(text_of(path, 'parameter file'), str(path))
     sections = content if isinstance(content, dict) else {}
     if not sections or any(not isinstance(s, dict) or 'ros__parameters' not in s for s in sections.values()):
         raise InputError(f'{path} is no ROS parameter file: every section needs ros__parameters')
-    return {name: section['ros__parameters'] or {} for name, section in sections.items()}
+    found = {name: section['ros__parameters'] or {} for name, section in sections.items()}
+    wrong = [name for name, parameters in found.items() if not isinstance(parameters, dict)]
+    if wrong:
+        raise InputError(f'{path}: the ros__parameters of {shown(wrong[0])} must map names to values')
+    return found
 
 
 def _of_type(default, value, name, path):
@@ -430,7 +428,7 @@ def _of_type(default, value, name, path):
     elements = value if isinstance(value, list) else [value]
     if isinstance(value, list) != isinstance(default, list) or any(type(e) is not kind for e in elements):
         example = ', as in 1.0 instead of 1' if kind is float else ''
-        raise InputError(f'{path}: the parameter {name} must be of the type of {default}{example}, not {value}')
+        raise InputError(f'{path}: the parameter {name} must be of the type of {default}{example}, not {shown(value)}')
     return value
 
 

@@ -1,7 +1,7 @@
 """Declaring a node's parameters from its table, and checking every change."""
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 
-from swath_sysid.errors import InputError
+from swath_sysid.common.errors import InputError
 
 
 class NodeParameters:

@@ -1,6 +1,5 @@
 """The node predictor: attitude one sample ahead, at the leads and over the horizon, with covariance."""
 import sys
-from collections import deque
 from time import perf_counter
 
 from rclpy.node import Node
@@ -8,32 +7,31 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, Float64, String
 from trajectory_msgs.msg import JointTrajectory
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.model_file import model_from_yaml, schedules_from_yaml
-from swath_sysid.hull.scheduled_model import models_at
-from swath_sysid.nodes.connections import (
+from swath_sysid.attitude.hull.scheduled_model import models_at
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import description_from_yaml
+from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, lead_topic
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.executor_loop import events_executor, run
+from swath_sysid.nodes.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, PredictorHealth
+from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
+from swath_sysid.nodes.model_intake import ModelIntake
+from swath_sysid.nodes.parameter_tables import PREDICTOR, pipeline_settings
+from swath_sysid.nodes.parameters import NodeParameters
+from swath_sysid.nodes.qos import (
+    IMU_TOPIC,
     LATCHED,
     NEWEST,
     imu_subscription,
+    waiting,
     watched_publisher,
     watched_subscription,
 )
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
-from swath_sysid.nodes.health import BAD_LOADING, BAD_MODEL, LOADING_ADVICE, WORKER_DIED, PredictorHealth
-from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
-from swath_sysid.nodes.parameter_tables import PREDICTOR, outlook_settings
-from swath_sysid.nodes.parameters import NodeParameters
-from swath_sysid.nodes.spinning import events_executor, run
-from swath_sysid.nodes.worker import Worker
-from swath_sysid.prediction.outlook import (
-    HORIZON_TOPIC,
-    NEXT_TOPIC,
-    QUIESCENCE_TOPIC,
-    Outlook,
-    lead_topic,
-    warm_up,
-)
-from swath_sysid.prediction.waves import fit_waves
+from swath_sysid.nodes.sea_fitting import SeaFitting
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+
+PASSED_OVER_NS = 100_000_000
+"""A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late."""
 
 
 class Predictor(Node):
@@ -41,9 +39,10 @@ class Predictor(Node):
 
     def __init__(self):
         super().__init__('predictor')
-        self.parameters = NodeParameters(self, PREDICTOR, outlook_settings, self._on_parameters)
-        self.outlook = Outlook(self.parameters.settings)
-        self.health = PredictorHealth('imu/data', self.outlook)
+        self.parameters = NodeParameters(self, PREDICTOR, pipeline_settings, self._on_parameters)
+        self.pipeline = ForecastPipeline(self.parameters.settings)
+        self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
+        self.sea = SeaFitting(self.pipeline, self.health, self.get_logger())
         self._message = AttitudeMessage(self.parameters['frame_id'])
         self._next = watched_publisher(self, Imu, NEXT_TOPIC, NEWEST, self.health)
         self._leads = {
@@ -54,60 +53,62 @@ class Predictor(Node):
         self._quiescence = watched_publisher(self, Float32, QUIESCENCE_TOPIC, NEWEST, self.health)
         self._described = {}, {}
         self._told_loading = None
-        watched_subscription(self, String, 'model/description', self._on_model, LATCHED, self.health)
+        self._intake = ModelIntake(described, self._refuse_model)
+        watched_subscription(
+            self, String, 'model/description', lambda message: self._intake.submit(message.data), LATCHED, self.health
+        )
         watched_subscription(self, Float64, 'craft/loading', self._on_loading, NEWEST, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
-        self._fits = deque()
-        self._fitting = False
-        self.worker = Worker(warm_up, lambda: self.health.note(WORKER_DIED))
 
     def destroy_node(self):
-        """Also end the worker."""
-        self.worker.close()
+        """Also end the worker and the intake."""
+        self.sea.close()
+        self._intake.close()
         super().destroy_node()
 
     def _on_imu(self, message):
-        begun = perf_counter()
-        while self._fits:
-            self._install(*self._fits.popleft())
-        reading = imu_reading(message)
-        step = self.outlook.add(reading, self._publish_next)
-        for lead, forecast in step.leads:
+        """Forecast from a sample, or where others wait behind it, from the newest ones only."""
+        self._take_models()
+        messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]
+        readings = [imu_reading(each) for each in messages]
+        forecast_from = readings[-1].stamp_ns - PASSED_OVER_NS
+        for each, reading in zip(messages, readings, strict=True):
+            begun = perf_counter()
+            self._add(reading, reading.stamp_ns < forecast_from)
+            self.health.note_frame_id(each.header.frame_id)
+            self.health.note_message(reading.stamp_ns, begun, perf_counter())
+
+    def _add(self, reading, is_passed_over):
+        self.sea.hand_over(reading.stamp_ns)
+        step = self.pipeline.add(reading, None if is_passed_over else self._publish_next)
+        if step.sea_request is not None:
+            self.sea.submit(step.sea_request, reading.stamp_ns)
+        if is_passed_over:
+            self.health.note(PASSED_OVER)
+            return
+        for lead, forecast in step.attitudes():
             self._leads[lead].publish(self._message.filled(forecast))
         if step.horizon is not None:
-            self._horizon.publish(horizon_message(step.horizon, self.parameters['frame_id']))
+            self._horizon.publish(horizon_message(step.trajectory(), self.parameters['frame_id']))
         if step.quiescence is not None:
             self._quiescence.publish(Float32(data=step.quiescence))
-        if step.waves is not None and not self._fitting:
-            self._fitting = True
-            # the end comes in the worker's thread: a deque hands it over to this one
-            self.worker.submit(fit_waves, (step.waves,), lambda *ending: self._fits.append(ending))
-        self.health.note_message(reading.stamp_ns, begun, perf_counter())
 
     def _publish_next(self, forecast):
         self._next.publish(self._message.filled(forecast))
 
-    def _install(self, fit, error):
-        self._fitting = False
-        if error is None:
-            self.outlook.install(fit)
-        else:
-            self.get_logger().error(f'the waves were not fitted, {error}')
+    def _take_models(self):
+        """Use what came on model/description, once it is read."""
+        for description in self._intake.taken():
+            self._described = description
+            self._load()
+            self.health.note_model(perf_counter())
+            known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in description[0].items()) or 'none'
+            self.get_logger().info(f'new model: {known}')
 
-    def _on_model(self, message):
-        try:
-            models = model_from_yaml(message.data, 'model/description') if message.data else {}
-            schedules = schedules_from_yaml(message.data, 'model/description') if message.data else {}
-        except InputError as error:
-            self.health.note(BAD_MODEL)
-            self.get_logger().error(f'{error}; the model before it stays')
-            return
-        self._described = models, schedules
-        self._load()
-        self.health.note_model(perf_counter())
-        known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in models.items()) or 'none'
-        self.get_logger().info(f'new model: {known}')
+    def _refuse_model(self, sentence):
+        self.health.note_refused_model(sentence)
+        self.get_logger().error(f'{sentence}; the model before it stays')
 
     def _on_loading(self, message):
         before, self._told_loading = self._told_loading, message.data
@@ -115,24 +116,32 @@ class Predictor(Node):
             self._load()
         except InputError as error:
             self._told_loading = before
-            self.health.note(BAD_LOADING)
+            self.health.note(BAD_LOADING, 'loading')
             self.get_logger().error(f'{error}; the loading before it stays')
 
     def _on_parameters(self, settings):
-        self.outlook.predictor.set_quiescence(settings.predictor.quiescence)
+        self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)
         self._load()
 
     def _load(self):
         """Hand on the models at the present loading; the filters keep their state."""
         models, advice = models_at(*self._described, self.parameters['loading'] or self._told_loading)
-        self.outlook.set_models(models)
+        self.pipeline.set_models(models)
+        self.health.settle('loading')
         for item in advice:
-            self.health.note(LOADING_ADVICE)
+            self.health.note(LOADING_ADVICE, 'loading')
             self.get_logger().warning(item.message)
 
     def _reports(self):
+        # also while the sensor is silent
+        self._take_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
+
+
+def described(text):
+    """Models and schedules of a message on model/description; an empty one takes the models away."""
+    return description_from_yaml(text, 'model/description') if text else ({}, {})
 
 
 def main(args=None):

@@ -9,10 +9,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.output_bag import offered_qos
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.mcap_checksums import add_checksums
+from swath_sysid.formats.output_bag import offered_qos
+from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.replay import message_class
-from swath_sysid.nodes.spinning import events_executor, run
 
 OURS = {
     'imu/data': 'sensor_msgs/msg/Imu',
@@ -97,6 +98,7 @@ class Recording:
     def close(self):
         """Finish the file and give it its name."""
         self._writer.close()
+        add_checksums(self._folder / f'{self._folder.name}.mcap')
         os.replace(self._folder / f'{self._folder.name}.mcap', self.path)
         shutil.rmtree(self._folder)
 

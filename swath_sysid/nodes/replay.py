@@ -14,16 +14,19 @@ from rclpy.signals import SignalHandlerOptions
 from rosbags.interfaces import QosDurability
 from rosgraph_msgs.msg import Clock
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.bags import IMU_TYPE, opened_bag
-from swath_sysid.files.output_bag import LATCHED_TOPICS
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import IMU_TYPE, opened_bag
+from swath_sysid.formats.output_bag import LATCHED_TOPICS
 from swath_sysid.nodes.messages import time_message
 
 CLOCK_PERIOD = 0.01
 """s of wall clock between /clock messages."""
 
 SETTLING = 0.5
-"""s from the first listener to the first message: it has still to find the other topics."""
+"""s from the last connection to the first message: the other side may still be making it."""
+
+DISCOVERY = 3.5
+"""s in which a subscription that is there is found: mostly 0.2 s, now and then three."""
 
 DEPTH = 1000
 LATCHED_DEPTH = 1
@@ -43,19 +46,24 @@ class ReplaySettings:
     clock : bool
         Publish /clock too.
     wait : float
-        s; so long a listener is waited for before the start.
+        s; so long subscriptions are waited for before the start.
+    listeners : int
+        Subscriptions to the IMU to wait for, or to any topic in a bag without one; 0: those that are found.
     """
 
     rate: float = 1.0
     loop: bool = False
     clock: bool = False
-    wait: float = 10.0
+    wait: float = 15.0
+    listeners: int = 0
 
     def __post_init__(self):
         if not self.rate > 0.0:
             raise InputError(f'the rate must be greater than zero, not {self.rate}')
         if not self.wait >= 0.0:
             raise InputError('the time to wait must not be negative')
+        if self.listeners < 0:
+            raise InputError('the number of subscriptions to wait for must not be negative')
 
 
 class Replay(Node):
@@ -114,8 +122,11 @@ class Replay(Node):
     def _connections(self):
         return [connection for reader in self._readers for connection in reader.connections]
 
-    def wait_for_listener(self, should_stop):
-        """Wait until somebody listens to the IMU, or to anything in a bag without one.
+    def wait_for_listeners(self, should_stop):
+        """Wait until all who are to hear the bag are connected, at most as long as was set.
+
+        Those are as many as were set; else all that are found, once nobody else has come for as long as discovery
+        takes.
 
         Parameters
         ----------
@@ -123,18 +134,31 @@ class Replay(Node):
 
         Returns
         -------
-        bool
-            Whether somebody does.
+        int
+            How many are, on the IMU topic, or on the most heard one in a bag without an IMU.
         """
-        imus = {c.topic for c in self._connections() if c.msgtype == IMU_TYPE} & set(self._outlets)
-        publishers = [self._outlets[topic] for topic in imus or self._outlets]
         deadline = time.monotonic() + self._replaying.wait
-        while not any(publisher.get_subscription_count() for publisher in publishers):
-            if time.monotonic() >= deadline or should_stop():
-                return False
+        settling = SETTLING if self._replaying.listeners else DISCOVERY
+        before, changed = None, time.monotonic()
+        while not should_stop():
+            now, connections = time.monotonic(), self._connected()
+            if connections != before:
+                before, changed = connections, now
+            listening = self._listening()
+            complete = listening >= max(self._replaying.listeners, 1) and all(c == known for c, known in connections)
+            if (complete and now >= changed + settling) or now >= deadline:
+                return listening
             time.sleep(0.02)
-        time.sleep(SETTLING)
-        return True
+        return self._listening()
+
+    def _connected(self):
+        """For every topic, the subscriptions that are connected, and those that are known of."""
+        return [(outlet.get_subscription_count(), self.count_subscribers(topic))
+                for topic, outlet in self._outlets.items()]  # fmt: skip
+
+    def _listening(self):
+        imus = {c.topic for c in self._connections() if c.msgtype == IMU_TYPE} & set(self._outlets)
+        return max(self._outlets[topic].get_subscription_count() for topic in imus or self._outlets)
 
     def play(self, should_stop):
         """Publish everything at its time, once or over and over.
@@ -241,8 +265,10 @@ def replay(path, settings, tell, args=None):
             if node.unknown_types:
                 tell(f'left out, their types are not installed: {", ".join(sorted(node.unknown_types))}')
             tell(f'publishing {", ".join(node.topics)}')
-            if not node.wait_for_listener(stop.is_set) and not stop.is_set():
-                tell('nobody listens yet: publishing all the same')
+            listening = node.wait_for_listeners(stop.is_set)
+            expected = max(settings.listeners, 1)
+            if listening < expected and not stop.is_set():
+                tell(f'{listening} of {expected} listen yet: publishing all the same')
             node.play(stop.is_set)
             tell(f'{node.sent} messages published')
         finally:

@@ -9,15 +9,15 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from swath_sysid.hull.catalogue import hull_named
-from swath_sysid.hull.simulated_craft import CraftSettings, SimulatedCraft
-from swath_sysid.hull.simulated_trial import SensorNoise
-from swath_sysid.motion.attitude import body_rates, quaternion
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise
+from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.messages import NANOSECONDS, time_message
-from swath_sysid.nodes.spinning import events_executor, run
 
 MEMS_NOISE = SensorNoise(angle=0.0005, rate=0.003, acceleration=0.02)
-"""What a small attitude sensor shows at rest at 100 Hz; the published trials' noise floor is five times that."""
+"""What a small attitude sensor shows at rest at 100 Hz; the published trials were noisier, up to five times."""
 
 LARGEST_LAG = 0.5
 """s; a machine that pauses for longer loses samples, as a sensor's driver would."""

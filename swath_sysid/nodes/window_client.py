@@ -4,10 +4,10 @@ from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from swath_sysid.errors import InputError
-from swath_sysid.nodes.connections import LATCHED, watched_subscription
+from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.health import BAD_WINDOW
 from swath_sysid.nodes.messages import window_table
+from swath_sysid.nodes.qos import LATCHED, watched_subscription
 
 
 class WindowClient:

@@ -15,8 +15,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import swath_sysid
-from swath_sysid.errors import InputError
-from swath_sysid.identification.search import Cancelled
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
 
 NICENESS = 10
 """The worker yields to the nodes that forecast."""

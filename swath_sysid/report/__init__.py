@@ -1,1 +1,4 @@
-"""Tables and figures."""
+"""What people read: tables, figures, pages.
+
+Takes results and computes nothing of its own.
+"""

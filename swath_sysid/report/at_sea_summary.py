@@ -1,7 +1,7 @@
 """An identification at sea in words and in plain data."""
 import math
 
-from swath_sysid.hull.terms import RATIO_UNITS
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.report.fit_summary import finite_or_none
 
 SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import matplotlib
 import numpy as np
 
-from swath_sysid.hull.simulation import simulate
-from swath_sysid.hull.terms import RATIO_UNITS
-from swath_sysid.identification.campaign import term_values
-from swath_sysid.identification.uncertainty import correlation
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.campaign.evaluation import term_values
+from swath_sysid.common.covariance import correlation
 from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
 

@@ -9,10 +9,10 @@ import numpy
 import scipy
 
 from swath_sysid import __version__
-from swath_sysid.errors import InputError
-from swath_sysid.files.atomic import replacing
-from swath_sysid.files.model_file import write_scheduled
-from swath_sysid.identification.campaign import out_of_order
+from swath_sysid.campaign.evaluation import out_of_order
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.model_file import write_scheduled
 from swath_sysid.report.campaign_figures import campaign_drawings
 from swath_sysid.report.campaign_page import (
     bullets,
@@ -42,6 +42,8 @@ from swath_sysid.report.campaign_tables import (
 
 PAGE, MODEL = 'report.html', 'model.yaml'
 TABLES, FIGURES = 'tables', 'figures'
+REPORTED = (PAGE, MODEL, TABLES, FIGURES)
+"""What a report writes into its folder."""
 
 
 def write_report(outcome, folder, wall_s):

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from swath_sysid.hull.terms import RATIO_UNITS
-from swath_sysid.identification.campaign import beyond_noise, noise_statement, term_values, tied_best
-from swath_sysid.identification.forecast_check import LEADS, next_step
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
+from swath_sysid.campaign.evaluation import beyond_noise, noise_statement, term_values, tied_best
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
 LEAD_NAMES = {0.25: 'a quarter period', 0.5: 'half a period', 1.0: 'one period'}

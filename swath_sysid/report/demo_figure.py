@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from swath_sysid.prediction.demonstration import SCORED_SPAN, UNAWARE
+from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE
 from swath_sysid.report.figures import MEASURED, new_figure, quiet
 
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'

@@ -5,8 +5,8 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from swath_sysid.errors import InputError
-from swath_sysid.files.atomic import replacing
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
 
 MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
 SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')

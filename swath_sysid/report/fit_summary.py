@@ -2,9 +2,9 @@
 
 import math
 
-from swath_sysid.hull.published_form import inertia_from_metacentric_height, to_published
-from swath_sysid.hull.terms import RATIO_UNITS
-from swath_sysid.identification.uncertainty import correlation
+from swath_sysid.attitude.hull.published_form import inertia_from_metacentric_height, to_published
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.common.covariance import correlation
 
 
 def fit_as_data(identification, wall_s=None, inertia=None):
@@ -56,6 +56,16 @@ def fit_as_data(identification, wall_s=None, inertia=None):
     if inertia is not None:
         data['published_form'] = vars(to_published(model, inertia))
     return finite_or_none(data)
+
+
+def warnings_as_data(advice):
+    """The field ``warnings`` of what ``--json`` prints, each warning once.
+
+    Parameters
+    ----------
+    advice : iterable of Advice
+    """
+    return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
 
 
 def finite_or_none(value):

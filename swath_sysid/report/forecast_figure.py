@@ -1,22 +1,26 @@
 """The picture of a forecast's skill: error against lead, a stretch with its fans, reliability."""
 import numpy as np
 
-from swath_sysid.prediction.calibration import LEVELS
+from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
 
-_LABELS = {
-    'forecast': 'forecast', 'persistence': 'persistence', 'constant_rate': 'constant rate', 'ar': 'AR',
-    'var': 'VAR, all channels', 'gm11': 'GM(1,1)', 'bound': 'bound of its own spectrum',
+LABELS = {
+    'forecast': 'forecast', 'persistence': 'persistence', 'constant_rate': 'constant rate', 'mean': 'past mean',
+    'ar_40': 'AR(40)', 'var_40': 'VAR(40)', 'var_60': 'VAR(60)',
 }  # fmt: skip
 
 _FEWEST_TOLD = 10
+_STRETCH = 40.0
+"""s of the record that show forecasts as issued, in the middle of what was scored."""
 
 
-def forecast_figure(skill):
-    """Draw a `Skill`.
+def forecast_figure(trial, run, skill):
+    """Draw a `Skill` and some of the forecasts it scores.
 
     Parameters
     ----------
+    trial : Trial
+    run : Run
     skill : Skill
 
     Returns
@@ -28,7 +32,7 @@ def forecast_figure(skill):
     grid = figure.add_gridspec(count, 3, width_ratios=(1.0, 1.6, 0.8))
     for row, (axis, scores) in enumerate(skill.axes.items()):
         _error(quiet(figure.add_subplot(grid[row, 0])), axis, skill.leads, scores)
-        _stretch(quiet(figure.add_subplot(grid[row, 1])), axis, skill)
+        _stretch(quiet(figure.add_subplot(grid[row, 1])), axis, trial, _spaced(trial, run, skill))
         _reliability(quiet(figure.add_subplot(grid[row, 2])), skill, scores, row == 0)
     return figure
 
@@ -41,12 +45,9 @@ def _error(axes, axis, leads, scores):
         if not np.isfinite(values).any():
             continue
         if name == 'forecast':
-            axes.plot(leads, values, 'o-', color=MODEL, linewidth=2.2, markersize=5, label=_LABELS[name], zorder=5)
+            axes.plot(leads, values, 'o-', color=MODEL, linewidth=2.2, markersize=5, label=LABELS[name], zorder=5)
         else:
-            style = '--' if name == 'bound' else '-'
-            axes.plot(
-                leads, values, style, marker='.', color=colours[name], linewidth=1.1, markersize=4, label=_LABELS[name]
-            )
+            axes.plot(leads, values, '.-', color=colours[name], linewidth=1.1, markersize=4, label=LABELS[name])
     axes.axhline(1.0, color=MEASURED, linewidth=0.8, linestyle=':')
     axes.set(xscale='log', yscale='log', xlabel='lead, s', ylabel='RMSE / standard deviation', title=f'{axis}: error')
     axes.set_ylim(top=3.0)
@@ -60,18 +61,33 @@ def _legend(axes, **place):
         axes.legend(fontsize=7, frameon=False, **place)
 
 
-def _stretch(axes, axis, skill):
-    time, angle = skill.stretch.get(axis, (np.empty(0), np.empty(0)))
+def _spaced(trial, run, skill):
+    """Steps about the middle of what was scored, one after the other's horizon."""
+    first, last = (trial.time[0] + skill.warmup, trial.time[0] + min(skill.until, trial.time[-1] - trial.time[0]))
+    middle, spaced = 0.5 * (first + last), []
+    for step in run.steps:
+        begun = max(first, middle - 0.5 * _STRETCH) if not spaced else spaced[-1].stamp + spaced[-1].horizon.leads[-1]
+        if begun <= step.stamp <= min(last, middle + 0.5 * _STRETCH) and step.horizon is not None:
+            spaced.append(step)
+    return spaced
+
+
+def _stretch(axes, axis, trial, steps):
+    shown = [s for s in steps if axis in s.horizon.axes]
+    about = [s.stamp for s in shown] or [trial.time[0]]
+    span = (trial.time >= about[0] - 5.0) & (trial.time <= about[-1] + 10.0)
+    time, angle = trial.time[span], trial.channels[axis][span]
     start = time[0] if time.size else 0.0
     axes.plot(time - start, np.degrees(angle), color=MEASURED, linewidth=1.1, label='measured', zorder=4)
-    for k, fan in enumerate(f for f in skill.fans if f.axis == axis):
-        when = fan.stamp + fan.leads - start
+    for k, step in enumerate(shown):
+        fan = step.horizon.axes[axis]
+        when = step.stamp + step.horizon.leads - start
         middle = np.degrees(fan.angle)
         for level in (2, 1, 0):
             width = np.degrees(fan.half_width[:, level])
             axes.fill_between(when, middle - width, middle + width, color=BAND, alpha=0.25 + 0.12 * (2 - level), lw=0)
         axes.plot(when, middle, color=MODEL, linewidth=1.4, label='forecast, 50, 90, 99 %' if k == 0 else None)
-        axes.axvline(fan.stamp - start, color=MODEL, linewidth=0.5, alpha=0.5)
+        axes.axvline(step.stamp - start, color=MODEL, linewidth=0.5, alpha=0.5)
     if angle.size and np.isfinite(angle).any():
         reach = 2.2 * np.nanmax(np.abs(np.degrees(angle - np.nanmean(angle))))
         centre = np.degrees(np.nanmean(angle))
@@ -92,5 +108,5 @@ def _reliability(axes, skill, scores, with_quiescence):
             told.told[enough], told.happened[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
             label='quiescence',
         )  # fmt: skip
-    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='told', ylabel='held', title='reliability')
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='probability forecast', ylabel='share that held', title='reliability')
     _legend(axes)

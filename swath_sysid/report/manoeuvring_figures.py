@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from swath_sysid.hull.manoeuvring.terms import INDEX, PARAMETERS, THRUST
-from swath_sysid.identification.manoeuvring.validation import simulate_windows
-from swath_sysid.motion.manoeuvring_trial import CHANNELS, smoothed
+from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.identification.validation import simulate_windows
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, smoothed
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
 from swath_sysid.report.manoeuvring_summary import short
 

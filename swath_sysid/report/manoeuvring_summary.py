@@ -2,8 +2,8 @@
 
 from pathlib import PurePath
 
-from swath_sysid.advice import Advice
-from swath_sysid.identification.manoeuvring.shooting import CURRENT
+from swath_sysid.common.advice import Advice
+from swath_sysid.manoeuvring.identification.shooting import CURRENT
 from swath_sysid.report.fit_summary import finite_or_none
 
 MOST_ALIKE = 2

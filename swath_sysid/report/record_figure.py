@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.signal import welch
 
-from swath_sysid.motion.cycles import even_signal, find_gaps, find_turning_points, mean_period
-from swath_sysid.motion.segmentation import find_decays
+from swath_sysid.attitude.motion.segmentation import find_decays
+from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
 
 MOST_POINTS = 20000

@@ -1,8 +1,8 @@
 """What is in a record, in words and in plain data."""
 import numpy as np
 
-from swath_sysid.motion.quality import check_decay, check_motion
-from swath_sysid.motion.segmentation import explain_absence, find_decays
+from swath_sysid.attitude.motion.quality import check_decay, check_motion
+from swath_sysid.attitude.motion.segmentation import explain_absence, find_decays
 from swath_sysid.report.fit_summary import finite_or_none
 
 

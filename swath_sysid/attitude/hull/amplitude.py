@@ -1,0 +1,95 @@
+"""Natural frequency and equivalent damping of a nonlinear hull as functions of amplitude.
+
+The undamped orbit of amplitude a runs between c - a and c + a, where the potential energies
+are equal (a restoring moment with even terms is not symmetric: c is then not the trim). Its
+period and the energy that damping takes in one cycle are integrals over that orbit, taken by
+Gauss-Chebyshev quadrature, so that no expansion in powers of a is needed:
+
+    T = 2 int dx / w(x),   b_eq = oint D(w) dx / oint w dx,   zeta_eq = b_eq / (2 w0(a)).
+
+For one cycle of harmonic motion this gives the known b1 + 8/(3 pi) b2 w0 a + 3/4 b3 w0^2 a^2
++ 4 b0 / (pi w0 a).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.hull.terms import damping_moment, restoring_energy, restoring_moment
+
+QUADRATURE_NODES = 96
+_ALL_TERMS = (True,) * 9
+
+
+@dataclass(frozen=True)
+class AmplitudeCurves:
+    """What a hull's oscillation looks like at each amplitude.
+
+    Attributes
+    ----------
+    amplitude : ndarray, shape (A,)
+        Half the peak-to-peak motion, rad.
+    frequency : ndarray, shape (A,)
+        Undamped natural frequency, rad/s; NaN where no closed orbit of that amplitude exists.
+    damping_ratio : ndarray, shape (A,)
+        Equivalent linear damping over critical damping.
+    """
+
+    amplitude: np.ndarray
+    frequency: np.ndarray
+    damping_ratio: np.ndarray
+
+
+def amplitude_curves(ratios, amplitude, friction_rate):
+    """Natural frequency and equivalent damping at given amplitudes.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (9,)
+        Ratios to inertia.
+    amplitude : ndarray, shape (A,)
+        rad, greater than zero.
+    friction_rate : float
+        rad/s.
+
+    Returns
+    -------
+    AmplitudeCurves
+    """
+    ratios = np.asarray(ratios, dtype=float)
+    amplitude = np.asarray(amplitude, dtype=float)
+    with np.errstate(all='ignore'):
+        centre = orbit_centre(ratios, amplitude)
+        theta = np.pi * (np.arange(QUADRATURE_NODES) + 0.5) / QUADRATURE_NODES
+        x = centre[:, None] + amplitude[:, None] * np.cos(theta)
+        height = restoring_energy(centre + amplitude, ratios)[:, None] - restoring_energy(x, ratios)
+        rate = np.sqrt(2.0 * height)
+        arc = amplitude[:, None] * np.sin(theta)
+        period = 2.0 * np.pi * np.mean(arc / rate, axis=1)
+        taken = np.mean(damping_moment(rate, ratios, _ALL_TERMS, friction_rate) * arc, axis=1)
+        closed = (np.abs(centre) < amplitude) & (height > 0.0).all(axis=1) & _meets(ratios, centre, amplitude)
+        frequency = np.where(closed, 2.0 * np.pi / period, np.nan)
+        damping = taken / np.mean(rate * arc, axis=1)
+        return AmplitudeCurves(amplitude, frequency, damping / (2.0 * frequency))
+
+
+def _meets(ratios, centre, amplitude):
+    """Whether the potential energies at both ends of the orbit are equal."""
+    upper, lower = restoring_energy(centre + amplitude, ratios), restoring_energy(centre - amplitude, ratios)
+    return np.abs(upper - lower) <= 1e-6 * np.abs(upper + lower)
+
+
+def orbit_centre(ratios, amplitude, iterations=12):
+    """Middle of the undamped orbit of each amplitude, rad from trim, by Newton's method.
+
+    ``amplitude`` has shape (A,); so has the result. Zero for odd restoring moments.
+    """
+    centre = np.zeros_like(amplitude)
+    if not (ratios[5] or ratios[8]):
+        return centre
+    for _ in range(iterations):
+        upper, lower = centre + amplitude, centre - amplitude
+        gap = restoring_energy(upper, ratios) - restoring_energy(lower, ratios)
+        slope = restoring_moment(upper, ratios, _ALL_TERMS) - restoring_moment(lower, ratios, _ALL_TERMS)
+        centre = centre - np.clip(gap / slope, -0.5 * amplitude, 0.5 * amplitude)
+    return centre

@@ -1,0 +1,217 @@
+"""The 18 published decay equations, the published hulls, and equations of our own.
+
+Sources, by the names used here: ``swath-pitch`` is the nine-equation study of the pitch of a
+SWATH, ``swath-roll`` that of the roll of a SWATH, ``hydrofoil-pitch`` that of a planing
+hydrofoil craft, ``swath-usv-pitch`` that of a SWATH-USV. The formulas of the last did not
+survive in print beyond "one power, quadratic, cube and sinusoid": its equations 2 and 3 are
+our reading.
+"""
+
+import math
+from dataclasses import dataclass
+
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.published_form import PublishedForm, from_published
+from swath_sysid.attitude.hull.terms import DAMPING_TERMS, RESTORING_TERMS
+from swath_sysid.common.errors import InputError
+
+_LIN, _QUAD, _CUB = ('linear',), ('linear', 'quadratic'), ('linear', 'quadratic', 'cubic')
+_SINE = ('sine', 'sine-squared')
+
+
+def _equation(name, damping, restoring):
+    terms = tuple(DAMPING_TERMS[d] for d in damping) + tuple(RESTORING_TERMS[r] for r in restoring)
+    return Equation(name, terms)
+
+
+PUBLISHED_EQUATIONS = {
+    equation.name: equation
+    for equation in (
+        _equation('swath-pitch-1', _CUB, _CUB),
+        _equation('swath-pitch-2', _QUAD, _CUB),
+        _equation('swath-pitch-3', _LIN, _CUB),
+        _equation('swath-pitch-4', _CUB, _QUAD),
+        _equation('swath-pitch-5', _QUAD, _QUAD),
+        _equation('swath-pitch-6', _LIN, _QUAD),
+        _equation('swath-pitch-7', _CUB, _LIN),
+        _equation('swath-pitch-8', _QUAD, _LIN),
+        _equation('swath-pitch-9', _LIN, _LIN),
+        _equation('swath-roll-1', _CUB, _CUB),
+        _equation('swath-roll-2', _CUB, _LIN),
+        _equation('swath-roll-3', _CUB, _SINE),
+        _equation('hydrofoil-pitch-1', _CUB, _CUB),
+        _equation('hydrofoil-pitch-2', _CUB, ('sine',)),
+        _equation('hydrofoil-pitch-3', _CUB, ('linear', 'cubic')),
+        _equation('swath-usv-pitch-1', _CUB, _CUB),
+        _equation('swath-usv-pitch-2', _CUB, _LIN),
+        _equation('swath-usv-pitch-3', _CUB, _SINE),
+    )
+}
+
+OWN_EQUATIONS = {
+    equation.name: equation
+    for equation in (
+        _equation('linear', _LIN, _LIN),
+        _equation('odd-cubic', _QUAD, ('linear', 'cubic')),
+        _equation('odd-cubic+friction', ('friction', *_QUAD), ('linear', 'cubic')),
+    )
+}
+
+EQUATIONS = PUBLISHED_EQUATIONS | OWN_EQUATIONS
+
+_AXIS_EQUATIONS = {
+    'pitch': tuple(n for n in PUBLISHED_EQUATIONS if 'pitch' in n),
+    'roll': tuple(n for n in PUBLISHED_EQUATIONS if 'roll' in n),
+}
+
+
+def equation_named(name):
+    """The equation of a catalogue name, or composed from term names.
+
+    ``+friction`` after a name adds dry friction; a composition is written as
+    ``b1,b2|r1,r3`` or, in words, ``linear,quadratic|linear,cubic`` (damping | restoring).
+
+    Raises
+    ------
+    InputError
+        The name is neither in the catalogue nor a composition of known terms.
+    """
+    if name in EQUATIONS:
+        return EQUATIONS[name]
+    if name.endswith('+friction'):
+        return equation_named(name.removesuffix('+friction')).with_friction()
+    if name.count('|') == 1:
+        damping, restoring = (
+            [words.get(term.strip(), term.strip()) for term in side.split(',')]
+            for side, words in zip(name.split('|'), (DAMPING_TERMS, RESTORING_TERMS), strict=True)
+        )
+        return Equation(name, (*damping, *restoring))
+    raise InputError(
+        f"there is no equation '{name}': choose from {', '.join(EQUATIONS)}, add '+friction' to one, "
+        "or compose one as 'damping|restoring', for example 'linear,quadratic|linear,cubic'"
+    )
+
+
+def equations_of_axis(axis):
+    """The equations that `compare` tries for an axis unless told otherwise.
+
+    The published ones of that axis, and our own; one of each set of terms.
+    """
+    distinct = {}
+    for name in (*OWN_EQUATIONS, *_AXIS_EQUATIONS[axis]):
+        distinct.setdefault(EQUATIONS[name].terms, EQUATIONS[name])
+    return tuple(distinct.values())
+
+
+@dataclass(frozen=True)
+class PublishedHull:
+    """A hull whose coefficients were published.
+
+    Attributes
+    ----------
+    name, axis, description : str
+    model : DecayModel
+        The ratios, trim zero.
+    form : PublishedForm or None
+        The coefficients as printed, where they were printed in that form.
+    objective_value : float
+        As printed for the record and the equation that these coefficients are of: the error of the rate one step
+        ahead, root mean square, rad/s.
+    """
+
+    name: str
+    axis: str
+    description: str
+    model: DecayModel
+    form: PublishedForm | None
+    objective_value: float
+
+    @property
+    def rate_noise(self):
+        """White noise of the rate in that record, standard deviation, rad/s.
+
+        One step ahead the hull itself hardly errs: the printed error is the difference of two measured rates,
+        whose noise is sqrt(2) times that of one.
+        """
+        return self.objective_value / math.sqrt(2.0)
+
+
+def _from_form(name, axis, equation, description, form, objective_value):
+    model = from_published(EQUATIONS[equation], form, axis)
+    return PublishedHull(name, axis, description, model, form, objective_value)
+
+
+PUBLISHED_HULLS = {
+    hull.name: hull
+    for hull in (
+        _from_form(
+            'swath-pitch', 'pitch', 'swath-pitch-2',
+            'SWATH model, L 1.26 m, 30 kg, pitch from 6 deg at design draft; inertia not published, 0.09 assumed',
+            PublishedForm(
+                inertia=0.09, linear_damping=0.137953966 / 2, quadratic_damping=0.006320314,
+                c1=8.704769096, c2=1.744499553, c3=0.910961951,
+            ),
+            0.02319572,
+        ),
+        _from_form(
+            'swath-roll', 'roll', 'swath-roll-3',
+            'SWATH model, L 1.26 m, 60 kg, roll from 5 deg at design draft',
+            PublishedForm(
+                inertia=0.080320655, linear_damping=0.000247681, quadratic_damping=0.981940173,
+                cubic_damping=2.615040557, c1=3.663245158, c2=0.498282369,
+            ),
+            0.007095983,
+        ),
+        PublishedHull(
+            'hydrofoil-pitch', 'pitch', 'planing hydrofoil craft, L 1.50 m, 34.55 kg, pitch from 3 deg at design draft',
+            DecayModel.from_terms(
+                EQUATIONS['hydrofoil-pitch-1'],
+                {
+                    'b1': 8.79129395, 'b2': 0.00850162, 'b3': 0.04839175,
+                    # printed from the cube down: 56.8982143 stands on the cube, 32.953354 on the first power
+                    'r3': 56.8982143, 'r2': 130.820453, 'r1': 32.953354,
+                },
+                axis='pitch',
+            ),
+            None,
+            0.019560,
+        ),
+        _from_form(
+            'swath-usv-pitch', 'pitch', 'swath-usv-pitch-1',
+            'SWATH-USV model, L 1.2 m, 35 kg, pitch from 5 deg at design draft',
+            PublishedForm(
+                inertia=0.0937801, linear_damping=0.0950886, quadratic_damping=0.0132637, cubic_damping=0.0046185,
+                c1=0.8210960, c2=0.0015652, c3=0.6977489,
+            ),
+            0.009069221,
+        ),
+    )
+}  # fmt: skip
+
+
+def hull_named(name):
+    """The published hull of that name.
+
+    Raises
+    ------
+    InputError
+        No such hull.
+    """
+    if name not in PUBLISHED_HULLS:
+        raise InputError(f"there is no hull '{name}': choose from {', '.join(PUBLISHED_HULLS)}")
+    return PUBLISHED_HULLS[name]
+
+
+def hull_of_family(equation_name):
+    """The published hull of the study that an equation's name belongs to, or None.
+
+    Parameters
+    ----------
+    equation_name : str
+        ``swath-roll-3`` and ``swath-roll-3+friction`` belong to the study of ``swath-roll``.
+
+    Returns
+    -------
+    PublishedHull or None
+    """
+    return PUBLISHED_HULLS.get(equation_name.removesuffix('+friction').rpartition('-')[0])

@@ -1,0 +1,47 @@
+"""The terms of a hull's equation and one step of its motion, compiled once for all who integrate it."""
+from swath_sysid.attitude.hull import terms
+from swath_sysid.common.accelerator import accelerated
+
+damping_moment = accelerated(terms.damping_moment)
+restoring_moment = accelerated(terms.restoring_moment)
+damping_slope = accelerated(terms.damping_slope)
+restoring_slope = accelerated(terms.restoring_slope)
+
+
+def step_of_arrays(x, rate, moment, step, ratios, active, friction_rate):
+    """One classical Runge-Kutta step of a hull under a held moment.
+
+    Parameters
+    ----------
+    x, rate : float or ndarray
+        Angle from trim, rad, and its rate, rad/s.
+    moment : float
+        Over inertia, rad/s^2.
+    step : float
+        s.
+    ratios : sequence of 9 floats or ndarrays
+    active : tuple of 9 bools
+        The terms in use.
+    friction_rate : float
+        rad/s.
+
+    Returns
+    -------
+    acceleration : float or ndarray
+        Before the step, rad/s^2.
+    x, rate : float or ndarray
+        After it.
+    """
+    half, sixth = 0.5 * step, step / 6.0
+    a1 = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
+    w2 = rate + half * a1
+    a2 = moment - damping_moment(w2, ratios, active, friction_rate) - restoring_moment(x + half * rate, ratios, active)
+    w3 = rate + half * a2
+    a3 = moment - damping_moment(w3, ratios, active, friction_rate) - restoring_moment(x + half * w2, ratios, active)
+    w4 = rate + step * a3
+    a4 = moment - damping_moment(w4, ratios, active, friction_rate) - restoring_moment(x + step * w3, ratios, active)
+    return a1, x + sixth * (rate + 2.0 * (w2 + w3) + w4), rate + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+
+
+motion_step = accelerated(step_of_arrays)
+"""`step_of_arrays` for floats, compiled where numba is; also for the loops that are compiled themselves."""

@@ -1,0 +1,219 @@
+"""Froude scaling: from a model in a basin to the craft at full scale, and back.
+
+With the length ratio L (full scale over model scale) and gravity the same, times scale as sqrt L.
+Angles stay. A ratio to inertia therefore scales by its power of time: rad/s^2 and 1/s^2 as 1/L,
+1/s as 1/sqrt L, 1/rad not at all, s/rad^2 as sqrt L. Scale effects on damping: ITTC recommended
+procedure 7.5-02-07-04.5.
+"""
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+TIME_POWERS = {'b0': -2, 'b1': -1, 'b2': 0, 'b3': 1, 'r1': -2, 'r2': -2, 'r3': -2, 's1': -2, 's2': -2}
+"""Power of the time unit in each ratio."""
+
+LOADING_POWERS = {'draft_factor': 0, 'draft_m': 1, 'displacement_kg': 3}
+"""Power of the length ratio in each loading; displacement in water of the same density."""
+
+RATE_METRICS = ('rate_rmse_rad_s',)
+
+LARGEST_RATIO = 10_000
+"""Length ratios reach to this and to its inverse: from a bath tub to the largest ship it is 1,000."""
+
+LONGEST_SHOWN = 40
+LONGEST_RATIO = 200
+"""Characters; the product of several scalings is kept as an exact fraction."""
+
+
+def length_ratio(text):
+    """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``.
+
+    Raises
+    ------
+    InputError
+        Not a positive number, or larger than `LARGEST_RATIO`, or smaller than its inverse.
+    """
+    told = text if len(text) <= LONGEST_SHOWN else f'{text[:LONGEST_SHOWN]}...'
+    try:
+        if len(text) > LONGEST_RATIO:
+            raise ValueError(text)
+        above, _, below = text.partition('/')
+        size = float(above) / float(below or 1)
+        # exactly only where it is small: 1e300000000 would take for ever
+        ratio = Fraction(text) if 1.0 / LARGEST_RATIO <= size <= LARGEST_RATIO else None
+    except (ValueError, ZeroDivisionError) as error:
+        raise InputError(f"'{told}' is no length ratio: give a number such as 25, or 1/25 for the way back") from error
+    if not size > 0.0:
+        raise InputError(f'the length ratio must be greater than zero, not {told}')
+    if ratio is None:
+        raise InputError(f'the length ratio {told} is no ratio of craft: it lies within 1/{LARGEST_RATIO} and '
+                         f'{LARGEST_RATIO}')  # fmt: skip
+    return ratio
+
+
+def scaled_model(model, ratio):
+    """A decay model at another scale.
+
+    Parameters
+    ----------
+    model : DecayModel
+    ratio : float or Fraction
+        Length of the result over length of the model given.
+
+    Returns
+    -------
+    DecayModel
+    """
+    factors = _factors(ratio)
+    return replace(model, ratios=model.ratios * factors, friction_rate=model.friction_rate / math.sqrt(ratio))
+
+
+def scaled(identified, ratio):
+    """An identified model at another scale, with its uncertainty.
+
+    What it was at the scale of the trials is kept in the provenance, and scaling always starts
+    from there: the way back gives the very numbers of the start.
+
+    Parameters
+    ----------
+    identified : IdentifiedModel
+    ratio : Fraction
+        Of `length_ratio`.
+
+    Returns
+    -------
+    IdentifiedModel
+    """
+    origin, before = _at_scale_of_trials(identified)
+    total = _ratio_in_all(before, ratio)
+    if total == 1:
+        return origin
+    factors = _factors(total)[origin.model.equation.indices]
+    metrics = {
+        name: value / math.sqrt(total) if name in RATE_METRICS and value is not None else value
+        for name, value in origin.metrics.items()
+    }
+    return replace(
+        origin,
+        model=scaled_model(origin.model, total),
+        covariance=origin.covariance * np.outer(factors, factors),
+        metrics=metrics,
+        provenance={
+            **origin.provenance,
+            'froude_scaling': {'length_ratio': str(total), 'scale_of_trials': _plain(origin)},
+        },
+    )
+
+
+def scaled_schedule(schedule, ratio):
+    """A scheduled model at another scale: its models and, where they have a length, its loadings."""
+    models = [scaled(m, ratio) for m in schedule.models]
+    factor = Fraction(ratio) ** LOADING_POWERS[schedule.quantity]
+    # exact on the decimals that people write, so that the way back gives them again
+    return replace(
+        schedule, loadings=tuple(float(Fraction(repr(v)) * factor) for v in schedule.loadings), models=tuple(models)
+    )
+
+
+def scaling_advice(model, ratio):
+    """What Froude scaling leaves out.
+
+    Parameters
+    ----------
+    model : DecayModel
+    ratio : Fraction
+        Length of the result over that of the model given.
+
+    Returns
+    -------
+    tuple of Advice
+    """
+    damping = [name for name in DAMPING_NAMES if name in model.equation.terms and name != 'b0']
+    side = 'smaller' if ratio > 1 else 'larger'
+    found = [
+        Advice(
+            'viscous-scale-effect',
+            f'Froude scaling keeps wave damping, but not viscous damping: the Reynolds number changes by a factor '
+            f'{float(ratio) ** 1.5:.3g}, so that the frictional part of {", ".join(damping)} will be {side} than '
+            'scaled '
+            'here; '
+            'correct it with a friction line (ITTC 7.5-02-07-04.5) or confirm it at the other scale',
+        )
+    ]
+    if 'b0' in model.equation.terms:
+        found.append(
+            Advice(
+                'dry-friction-scaled',
+                'b0 is dry friction of a rig or mooring, which does not scale with the hull: use the result with b0 '
+                '= 0 '
+                'unless '
+                'such a rig exists there too',
+            )
+        )
+    return tuple(found)
+
+
+def _factors(ratio):
+    """What each ratio is multiplied by, shape (9,)."""
+    root = math.sqrt(ratio)
+    exact = {-2: 1.0 / float(ratio), -1: 1.0 / root, 0: 1.0, 1: root}
+    return np.array([exact[TIME_POWERS[name]] for name in TERM_NAMES])
+
+
+def _at_scale_of_trials(identified):
+    """The model before any scaling, and the length ratio since."""
+    history = identified.provenance.get('froude_scaling')
+    if history is None:
+        return identified, Fraction(1)
+    try:
+        before = length_ratio(history['length_ratio'])
+        kept = history['scale_of_trials']
+        origin = replace(
+            identified,
+            model=DecayModel.from_terms(
+                Equation(identified.model.equation.name, tuple(kept['ratios'])),
+                kept['ratios'],
+                trim=identified.model.trim,
+                friction_rate=kept['friction_rate_rad_s'],
+                axis=identified.model.axis,
+            ),
+            covariance=np.array(kept['covariance'], dtype=float),
+            metrics=kept['metrics'],
+            provenance={key: value for key, value in identified.provenance.items() if key != 'froude_scaling'},
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise InputError(
+            "the model's provenance has a damaged entry 'froude_scaling': scale the file of the identification instead"
+        ) from error
+    return origin, before
+
+
+def _ratio_in_all(before, ratio):
+    """The length ratio since the trials; one that could not be read back from the model file is refused here."""
+    total = before * Fraction(ratio)
+    try:
+        return length_ratio(str(total))
+    except InputError as error:
+        raise InputError(
+            f'the model was scaled by {float(before):g} before, and the ratio to its trials would be '
+            f'{float(total):g} (1/{LARGEST_RATIO} to {LARGEST_RATIO} are kept, exactly, in {LONGEST_RATIO} '
+            f'characters): scale the file of the identification instead'
+        ) from error
+
+
+def _plain(identified: IdentifiedModel):
+    return {
+        'ratios': identified.model.terms,
+        'covariance': identified.covariance.tolist(),
+        'friction_rate_rad_s': identified.model.friction_rate,
+        'metrics': identified.metrics,
+    }

@@ -1,0 +1,67 @@
+"""A decay model with what is known of it: the content of a model file."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.common.errors import InputError
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """An identified model, its uncertainty, where it is valid and where it came from.
+
+    Attributes
+    ----------
+    model : DecayModel
+    covariance : ndarray, shape (n, n)
+        Of the ratios of ``model.equation.terms``, in their order.
+    trim_std : float
+        rad; NaN where the trim is not known from the record.
+    amplitude_range : tuple of float
+        Smallest and largest amplitude seen, rad.
+    metrics : dict of str to float
+        How well it fits, by name with unit.
+    provenance : dict
+        Sources and their hashes, segments, software version, seed, settings.
+    """
+
+    model: DecayModel
+    covariance: np.ndarray
+    trim_std: float = float('nan')
+    amplitude_range: tuple[float, float] = (0.0, float('inf'))
+    metrics: dict = field(default_factory=dict)
+    provenance: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        covariance = np.array(self.covariance, dtype=float)
+        n = len(self.model.equation.terms)
+        if covariance.shape != (n, n):
+            raise InputError(
+                f'the covariance of {n} ratios has {n} rows and {n} columns, not the shape {covariance.shape}'
+            )
+        covariance.flags.writeable = False
+        object.__setattr__(self, 'covariance', covariance)
+
+    @classmethod
+    def exactly(cls, model):
+        """A model taken as exact: a published hull, or an assumption."""
+        n = len(model.equation.terms)
+        return cls(model, np.zeros((n, n)))
+
+    @property
+    def std(self):
+        """Name to standard deviation of the ratios in use."""
+        return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    def __eq__(self, other):
+        if not isinstance(other, IdentifiedModel):
+            return NotImplemented
+        return (
+            self.model == other.model
+            and np.array_equal(self.covariance, other.covariance, equal_nan=True)
+            and np.array_equal(self.trim_std, other.trim_std, equal_nan=True)
+            and (self.amplitude_range, self.metrics, self.provenance)
+            == (other.amplitude_range, other.metrics, other.provenance)
+        )

@@ -1,0 +1,67 @@
+"""What no floating craft exceeds: the ranges outside of which a decay model is a mistake."""
+
+import math
+
+from swath_sysid.common.errors import InputError
+
+SHORTEST_PERIOD = 0.05
+LONGEST_PERIOD = 1000.0
+"""s; models of a few centimetres roll in tenths of a second, the largest ships in less than a minute."""
+
+_SMALLEST_AMPLITUDE = math.radians(0.05)
+_FASTEST = 2.0 * math.pi / SHORTEST_PERIOD
+_SLOWEST = 2.0 * math.pi / LONGEST_PERIOD
+
+LARGEST_DAMPING = 4.0 * _FASTEST
+"""1/s at rest, friction included: twice critical at the shortest period."""
+
+FRICTION_RATES = (1e-6, 100.0)
+"""rad/s; of the smoothing of dry friction."""
+
+def _either_way(size):
+    return -size, size
+
+
+# the moment of each term at some amplitude and rate of the range, against the linear restoring moment there: a
+# nonlinear term of 12 times it is more than any hull has (those of the search are the same)
+RATIO_RANGES = {
+    'b0': (0.0, 0.5 * math.pi * _FASTEST**2),
+    'b1': (0.0, LARGEST_DAMPING),
+    'b2': _either_way(12.0 / _SMALLEST_AMPLITUDE),
+    'b3': _either_way(12.0 / (_SLOWEST * _SMALLEST_AMPLITUDE**2)),
+    'r1': _either_way(5.0 * _FASTEST**2),
+    'r2': _either_way(3.0 * _FASTEST**2 / _SMALLEST_AMPLITUDE),
+    'r3': _either_way(6.0 * (_FASTEST / _SMALLEST_AMPLITUDE) ** 2),
+    's1': _either_way(5.0 * _FASTEST**2),
+    's2': _either_way(3.0 * _FASTEST**2 / _SMALLEST_AMPLITUDE),
+}
+"""Least and largest ratio of each term; b0 and b1 are not negative, as no craft feeds on its own motion."""
+
+
+def check_physical(model):
+    """Refuse a decay model that no floating craft can have.
+
+    Parameters
+    ----------
+    model : DecayModel
+
+    Raises
+    ------
+    InputError
+        A ratio, the trim, the smoothing of friction, the damping at rest or the natural period (where there is one)
+        lies outside its range.
+    """
+    for name, ratio in model.terms.items():
+        _check(f'the ratio {name}', ratio, *RATIO_RANGES[name])
+    _check('the trim in rad', model.trim, -math.pi, math.pi)
+    _check('friction_rate in rad/s', model.friction_rate, *FRICTION_RATES)
+    by_angle, by_rate = model.jacobian(model.trim, 0.0)
+    _check('the damping at rest, b1 + b0/friction_rate in 1/s,', -by_rate, 0.0, LARGEST_DAMPING)
+    if by_angle < 0.0:
+        period = 2.0 * math.pi / math.sqrt(-by_angle)
+        _check('the natural period in s', period, SHORTEST_PERIOD, LONGEST_PERIOD)
+
+
+def _check(what, value, lowest, highest):
+    if not lowest <= value <= highest:
+        raise InputError(f'{what} is {value:g}, which no craft has: it lies within {lowest:g} and {highest:g}')

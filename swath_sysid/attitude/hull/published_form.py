@@ -1,0 +1,131 @@
+"""Conversion between ratios to inertia and the coefficients as the papers print them.
+
+    b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
+    s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
+
+A decay cannot tell I'; it has to be given, or derived from mass and metacentric height.
+"""
+
+from dataclasses import dataclass
+
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.terms import R1, S1
+from swath_sysid.common.errors import InputError
+
+STANDARD_GRAVITY = 9.80665
+
+
+@dataclass(frozen=True)
+class PublishedForm:
+    """Coefficients as printed: I', N, W, x, C1, C2, C3.
+
+    Attributes
+    ----------
+    inertia : float
+        I', with added inertia, kg m^2 (the papers non-dimensionalise; any unit shared by all).
+    linear_damping : float
+        N; the linear damping moment is 2 N w.
+    quadratic_damping, cubic_damping : float
+        W and x.
+    c1, c2, c3 : float
+        Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h).
+        Sine forms: C1 sine-squared, C2 sine (also printed D H).
+    friction : float
+        Dry friction moment, ours; not in any paper.
+    """
+
+    inertia: float
+    linear_damping: float = 0.0
+    quadratic_damping: float = 0.0
+    cubic_damping: float = 0.0
+    c1: float = 0.0
+    c2: float = 0.0
+    c3: float = 0.0
+    friction: float = 0.0
+
+    def __post_init__(self):
+        if not self.inertia > 0.0:
+            raise InputError(f"the inertia I' must be greater than zero, not {self.inertia}")
+
+
+def _is_sine_form(equation):
+    polynomial = {'r1', 'r2', 'r3'} & set(equation.terms)
+    sine = {'s1', 's2'} & set(equation.terms)
+    if polynomial and sine:
+        raise InputError(
+            f'equation {equation.name} mixes polynomial and sine restoring: the papers have no form for it, '
+            'use the ratios'
+        )
+    return bool(sine)
+
+
+def from_published(equation, form, axis, trim=0.0):
+    """Decay model of coefficients in the published form.
+
+    Parameters
+    ----------
+    equation : Equation
+        Its terms say which coefficients are read.
+    form : PublishedForm
+    axis : str
+    trim : float
+        rad.
+
+    Returns
+    -------
+    DecayModel
+    """
+    moments = {
+        'b0': form.friction,
+        'b1': 2.0 * form.linear_damping,
+        'b2': form.quadratic_damping,
+        'b3': form.cubic_damping,
+    }
+    if _is_sine_form(equation):
+        moments |= {'s1': form.c2, 's2': form.c1}
+    else:
+        moments |= {'r1': form.c3, 'r2': form.c2, 'r3': form.c1}
+    values = {name: moments[name] / form.inertia for name in equation.terms}
+    return DecayModel.from_terms(equation, values, trim=trim, axis=axis)
+
+
+def to_published(model, inertia):
+    """Coefficients in the published form of a decay model, for a given inertia.
+
+    Raises
+    ------
+    InputError
+        The restoring mixes polynomial and sine terms, or the inertia is not positive.
+    """
+    sine_form = _is_sine_form(model.equation)
+    if not inertia > 0.0:
+        raise InputError(f"the inertia I' must be greater than zero, not {inertia}")
+    moment = {name: inertia * ratio for name, ratio in model.terms.items()}
+    return PublishedForm(
+        inertia=inertia,
+        linear_damping=moment.get('b1', 0.0) / 2.0,
+        quadratic_damping=moment.get('b2', 0.0),
+        cubic_damping=moment.get('b3', 0.0),
+        c1=moment.get('s2' if sine_form else 'r3', 0.0),
+        c2=moment.get('s1' if sine_form else 'r2', 0.0),
+        c3=0.0 if sine_form else moment.get('r1', 0.0),
+        friction=moment.get('b0', 0.0),
+    )
+
+
+def inertia_from_metacentric_height(model, mass, metacentric_height):
+    """Inertia with added inertia from hydrostatics, kg m^2: I' = m g GM / (r1 + s1).
+
+    Parameters
+    ----------
+    model : DecayModel
+        Its linear restoring ratio r1 (and s1, the slope of the sine at upright) is used.
+    mass : float
+        kg.
+    metacentric_height : float
+        GM, transverse for roll, longitudinal for pitch, m.
+    """
+    stiffness = model.ratios[R1] + model.ratios[S1]
+    if not (mass > 0.0 and metacentric_height > 0.0 and stiffness > 0.0):
+        raise InputError('inertia from hydrostatics needs a positive mass, metacentric height and linear restoring')
+    return float(mass * STANDARD_GRAVITY * metacentric_height / stiffness)

@@ -1,0 +1,225 @@
+"""A decay model whose ratios follow the draft (or displacement) that the craft floats at."""
+
+import bisect
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import TERM_INDEX
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+QUANTITIES = ('draft_factor', 'draft_m', 'displacement_kg')
+UNITS = {'draft_factor': 'times the design draft', 'draft_m': 'm', 'displacement_kg': 'kg'}
+SAME = 1e-9
+"""Relative difference below which two loadings are one."""
+
+
+@dataclass(frozen=True)
+class ScheduledModel:
+    """Models identified at several loadings, with what lies between them.
+
+    Attributes
+    ----------
+    quantity : str
+        What tells the loading: ``draft_factor``, ``draft_m`` or ``displacement_kg``.
+    loadings : tuple of float
+        Increasing.
+    models : tuple of IdentifiedModel
+        One a loading; of one axis and with the same terms.
+    """
+
+    quantity: str
+    loadings: tuple[float, ...]
+    models: tuple[IdentifiedModel, ...]
+
+    def __post_init__(self):
+        if self.quantity not in QUANTITIES:
+            raise InputError(f"a model cannot be scheduled on '{self.quantity}': choose from {', '.join(QUANTITIES)}")
+        loadings = tuple(float(v) for v in self.loadings)
+        if not loadings or len(loadings) != len(self.models):
+            raise InputError('a schedule needs one model for each loading, and at least one')
+        if not all(v > 0 and np.isfinite(v) for v in loadings):
+            raise InputError(f'{self.quantity} must be greater than zero')
+        if any(b <= a * (1.0 + SAME) for a, b in zip(loadings, loadings[1:], strict=False)):
+            raise InputError(f'{self.quantity} must increase from model to model: sort them, and give each once')
+        first = self.models[0].model
+        for other in (m.model for m in self.models[1:]):
+            if other.equation.terms != first.equation.terms or other.axis != first.axis:
+                raise InputError('the models of a schedule must be of one axis and have the same terms')
+        object.__setattr__(self, 'loadings', loadings)
+        object.__setattr__(self, 'models', tuple(self.models))
+
+    @property
+    def axis(self):
+        """``roll`` or ``pitch``."""
+        return self.models[0].model.axis
+
+    @property
+    def equation(self):
+        """The equation that all loadings share."""
+        return self.models[0].model.equation
+
+    @property
+    def reference(self):
+        """The model of the middle loading: what a reader that knows no draft should use."""
+        return self.models[len(self.models) // 2]
+
+    @property
+    def reference_loading(self):
+        """Its loading."""
+        return self.loadings[len(self.models) // 2]
+
+    def at(self, loading):
+        """The model at a loading.
+
+        Between two identified loadings ratios, trim and amplitude range are interpolated
+        linearly, and covariances combined by the squared weights. What a straight line may
+        miss is added: with the divided differences of the ratios over the three nearest loadings,
+        f[a, b, c] (t - a)(t - b), taken as one standard deviation. Beyond the identified loadings
+        the nearest is used as it is.
+
+        Parameters
+        ----------
+        loading : float
+            In the unit of `quantity`.
+
+        Returns
+        -------
+        IdentifiedModel
+        advice : tuple of Advice
+            ``loading-outside`` beyond the identified loadings; ``loading-curvature-unknown``
+            between two that are the only ones.
+
+        Raises
+        ------
+        InputError
+            Not a positive number.
+        """
+        loading = float(loading)
+        if not (np.isfinite(loading) and loading > 0.0):
+            raise InputError(f'{self.quantity} must be a number greater than zero, not {loading}')
+        first, last = self.loadings[0], self.loadings[-1]
+        if not first * (1.0 - SAME) <= loading <= last * (1.0 + SAME):
+            nearest = min(max(loading, first), last)
+            return self._mixed(nearest), (self._outside(loading, nearest),)
+        mixed = self._mixed(min(max(loading, first), last))
+        if len(self.loadings) == 2 and min(abs(loading - v) / v for v in self.loadings) > SAME:
+            return mixed, (self._curvature_unknown(),)
+        return mixed, ()
+
+    def _mixed(self, loading):
+        right = min(bisect.bisect_left(self.loadings, loading), len(self.loadings) - 1)
+        if abs(self.loadings[right] - loading) <= SAME * loading:
+            return self.models[right]
+        left = right - 1
+        before, after = self.models[left], self.models[right]
+        weight = (loading - self.loadings[left]) / (self.loadings[right] - self.loadings[left])
+        covariance = (1.0 - weight) ** 2 * before.covariance + weight**2 * after.covariance
+        covariance = covariance + np.diag(self._missed(left, loading) ** 2)
+
+        def between(a, b):
+            return (1.0 - weight) * a + weight * b
+
+        old, new = before.model, after.model
+        model = DecayModel(
+            self.equation,
+            between(old.ratios, new.ratios),
+            float(between(old.trim, new.trim)),
+            float(between(old.friction_rate, new.friction_rate)),
+            self.axis,
+        )
+        amplitudes = tuple(
+            float(between(a, b)) for a, b in zip(before.amplitude_range, after.amplitude_range, strict=True)
+        )
+        trim_std = float(np.hypot((1.0 - weight) * before.trim_std, weight * after.trim_std))
+        provenance = {
+            'scheduled_on': self.quantity,
+            'loading': loading,
+            'between': list(self.loadings[left : right + 1]),
+        }
+        return IdentifiedModel(model, covariance, trim_std, amplitudes, {}, provenance)
+
+    def _missed(self, left, loading):
+        """What linear interpolation may miss of each ratio, shape (n,)."""
+        count = len(self.loadings)
+        if count < 3:
+            return np.zeros(len(self.equation.terms))
+        starts = [k for k in (left - 1, left) if 0 <= k <= count - 3]
+        away = abs((loading - self.loadings[left]) * (loading - self.loadings[left + 1]))
+        return away * np.max([np.abs(self._second_difference(k)) for k in starts], axis=0)
+
+    def _second_difference(self, start):
+        """Second divided difference of the ratios over three neighbouring loadings, shape (n,)."""
+        a, b, c = self.loadings[start : start + 3]
+        at_a, at_b, at_c = (m.model.ratios[self.equation.indices] for m in self.models[start : start + 3])
+        return ((at_c - at_b) / (c - b) - (at_b - at_a) / (b - a)) / (c - a)
+
+    def curve(self, loadings):
+        """Ratios and their standard deviations at several loadings.
+
+        Parameters
+        ----------
+        loadings : ndarray, shape (K,)
+
+        Returns
+        -------
+        ratios, std : ndarray, shape (K, n)
+            Of the equation's terms.
+        """
+        found = [self._mixed(min(max(v, self.loadings[0]), self.loadings[-1])) for v in loadings]
+        ratios = np.array([m.model.ratios[self.equation.indices] for m in found])
+        return ratios, np.array([np.sqrt(np.diag(m.covariance)) for m in found])
+
+    def ratio(self, name):
+        """The identified values of one ratio, shape (loadings,)."""
+        return np.array([m.model.ratios[TERM_INDEX[name]] for m in self.models])
+
+    def _outside(self, loading, nearest):
+        return Advice(
+            'loading-outside',
+            f'the model was identified for {self.quantity} {self.loadings[0]:g} to {self.loadings[-1]:g} and is not '
+            f'extrapolated to {loading:g}: that of {nearest:g} is used; add trials at this loading',
+        )
+
+    def _curvature_unknown(self):
+        return Advice(
+            'loading-curvature-unknown',
+            f'the model was identified at two values of {self.quantity} only, so that how its ratios bend between '
+            'them is '
+            'unknown: add trials at a third',
+        )
+
+
+def models_at(models, schedules, loading):
+    """The models to use at a loading: scheduled where there is a schedule, else as they are.
+
+    Parameters
+    ----------
+    models : mapping of str to IdentifiedModel
+        By axis.
+    schedules : mapping of str to ScheduledModel
+        By axis; may be empty.
+    loading : float or None
+        In the unit of the schedules; None: not known, the models are used as they are.
+
+    Returns
+    -------
+    models : dict of str to IdentifiedModel
+    advice : tuple of Advice
+
+    Raises
+    ------
+    InputError
+        The loading is not a positive number.
+    """
+    if loading is None:
+        return dict(models), ()
+    # also where no schedule asks for it: one may come later
+    if not (np.isfinite(loading) and loading > 0.0):
+        raise InputError(f'the draft or displacement must be a number greater than zero, not {loading}')
+    found = {axis: schedule.at(loading) for axis, schedule in schedules.items()}
+    advice = dict.fromkeys(a for _, remarks in found.values() for a in remarks)
+    return {**models, **{axis: model for axis, (model, _) in found.items()}}, tuple(advice)

@@ -1,0 +1,98 @@
+"""Trials with known truth: a hull's free decay as an inertial sensor would have recorded it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.common.errors import InputError
+
+MOST_SAMPLES = 20_000_000
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """White noise of an inertial sensor, standard deviations.
+
+    Attributes
+    ----------
+    angle : float
+        rad.
+    rate : float
+        rad/s; by default about that of the SWATH pitch trials; `PublishedHull.rate_noise` is that of each study.
+    acceleration : float
+        m/s^2.
+    """
+
+    angle: float = 0.001
+    rate: float = 0.0165
+    acceleration: float = 0.02
+
+    def __post_init__(self):
+        if not (self.angle >= 0 and self.rate >= 0 and self.acceleration >= 0):
+            raise InputError('noise cannot be negative')
+
+
+def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0.0):
+    """A free decay, released at rest from an initial angle, at even samples.
+
+    Parameters
+    ----------
+    model : DecayModel
+    initial_angle : float
+        From trim, rad.
+    duration : float
+        From release, s.
+    rate_hz : float
+        Samples a second.
+    noise : SensorNoise
+    seed : int
+    hold : float
+        Seconds for which the craft is held at the initial angle first.
+
+    Returns
+    -------
+    Trial
+        Angles, Euler rates and the gravity part of the specific force; the other axis at rest.
+
+    Raises
+    ------
+    InputError
+        Too few or too many samples, or the motion runs away from that angle.
+    """
+    if not (duration > 0.0 and rate_hz > 0.0 and hold >= 0.0):
+        raise InputError('duration and rate must be greater than zero, hold not negative')
+    count = int(round((hold + duration) * rate_hz))
+    if not 8 <= count <= MOST_SAMPLES:
+        raise InputError(
+            f'{count} samples cannot be simulated: choose duration and rate for 8 to {MOST_SAMPLES:,} samples'
+        )
+    time = np.arange(count) / rate_hz
+    angle = np.full(count, model.trim + initial_angle)
+    rate = np.zeros(count)
+    free = time >= hold
+    angle[free], rate[free] = simulate(model, model.trim + initial_angle, 0.0, time[free])
+    if not (np.isfinite(angle).all() and np.abs(angle).max() < np.pi / 2):
+        raise InputError(
+            f'this hull does not return from {np.degrees(initial_angle):g} deg: its restoring moment vanishes before; '
+            'choose a smaller initial angle or one of the other sign'
+        )
+    rng = np.random.default_rng(seed)
+    other = 'pitch' if model.axis == 'roll' else 'roll'
+    truth = {model.axis: angle, f'{model.axis}_rate': rate, other: np.zeros(count), f'{other}_rate': np.zeros(count)}
+    truth |= gravity_reading(truth['roll'], truth['pitch'])
+    spread = {name: noise.rate if name.endswith('_rate') else noise.angle for name in truth}
+    spread |= {name: noise.acceleration for name in truth if name.startswith('accel')}
+    measured = {name: values + spread[name] * rng.normal(size=count) for name, values in truth.items()}
+    return Trial(time, **measured, source='simulation', initial_angle=float(initial_angle))
+
+
+def gravity_reading(roll, pitch):
+    """Specific force of a sensor that only gravity acts on, m/s^2, body axes forward, port, up."""
+    return {
+        'accel_x': -STANDARD_GRAVITY * np.sin(pitch),
+        'accel_y': STANDARD_GRAVITY * np.sin(roll) * np.cos(pitch),
+        'accel_z': STANDARD_GRAVITY * np.cos(roll) * np.cos(pitch),
+    }

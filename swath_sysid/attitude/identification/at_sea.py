@@ -1,0 +1,697 @@
+"""The hull from motion in waves alone: natural period and equivalent linear damping, with uncertainty.
+
+Nobody measured the waves. What makes the hull visible is that a sea's spectrum has a known kind of
+shape, and that where it has no waves nothing may excite the hull. Hull and sea are fitted together, by
+the likelihood of the Fourier transform of the motion (Whittle 1953): the exciting moment over inertia
+
+    d = w' + b1 w + b2 |w| w + r1 x + r2 x^2 + r3 x^3
+
+that a candidate hull needs for the measured motion must have the spectrum of a sea. Where the
+accelerometers show the waves, that is the spectrum of the vertical acceleration (in deep water the wave
+slope's times g^2) times a free power of the frequency; else JONSWAP (Hasselmann et al. 1973) with a
+free tail, because a moment follows the height of the waves, their slope, or something between. Both with
+a floor.
+
+The nonlinear terms are fitted only because they would otherwise bias the linear ones: what a
+hull's asymmetry makes of the waves, at low and at double frequency, would pass for excitation. One
+record in one sea does not tell how the damping depends on the amplitude, so what is told is the
+*equivalent linear hull at the record's amplitude*: that of the harmonic motion with the same standard
+deviation, sqrt(2) std, by `hull.amplitude`.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from swath_sysid.attitude.hull.amplitude import amplitude_curves
+from swath_sysid.attitude.hull.catalogue import EQUATIONS
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.identification.sea_motion import (
+    BAND_RATIO,
+    EDGE_PERIODS,
+    GAUSSIAN_RATE,
+    LEAST_REACH,
+    SeaMotion,
+    TermSpectra,
+    heave_spectrum,
+    random_decrement,
+    sea_motion,
+    term_spectra,
+)
+from swath_sysid.attitude.motion.segmentation import explain_absence, find_decays
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+
+AT_SEA = 'motion in waves'
+"""Marks a model identified at sea, as ``provenance['identified_from']``."""
+
+FEWEST_WAVES = 50
+"""Peak periods that a record must hold."""
+
+PARAMETERS = (
+    'log frequency', 'log damping', 'quadratic damping', 'quadratic restoring', 'cubic restoring', 'log level'
+)  # fmt: skip
+"""Of hull and level; those of the sea's shape follow."""
+_FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(6)
+_PRIOR_STD = (1.0, 1.2, 0.5, 0.3, 0.1, np.inf)
+
+_FLOOR_PRIOR = (-7.0, 2.0)
+_FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
+_PEAK_STARTS = (0.7, 1.0, 1.4)
+
+CLIFF, CLIFF_WIDTH = 12.0, 1.12
+"""Where the excitation falls by such a factor between neighbouring bands so wide, it ends: no sea falls so fast above
+its peak, but a wave maker does, and a sum of waves. What lies above is not fitted."""
+
+HEAVE_PREFERRED = 1.5
+"""The sea that the accelerometers show is believed unless its misfit is so many times that of JONSWAP."""
+
+_FIRST_DAMPING = 0.15
+_REFINED = 8
+"""So many of the starts, the best, are refined."""
+
+_MODE_DEPTH = 8.0
+"""Other optima count for the uncertainty unless their log-likelihood is so much worse."""
+
+LEAST_FADING = 6.0
+"""Within the record a free decay of the hull must fade by exp of so much; what does not is a tone."""
+
+EDGE_SOFTNESS = 0.1
+"""Of the logarithm of the natural frequency, above the highest band: what lies there cannot be seen."""
+
+MISSING_TOGETHER = 12
+"""Neighbouring bands whose misfits may be one and the same."""
+
+_DECREMENT_PERIODS = 3.0
+PERIOD_WANTED, DAMPING_WANTED = 0.03, 0.25
+"""Relative standard deviations above which the sea is said to hide the hull."""
+PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50
+"""... and above which the result is of no use."""
+POOR_FIT = 2.0
+
+
+@dataclass(frozen=True)
+class FittedSpectra:
+    """Measured and fitted spectra, one-sided, per rad/s.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (B,)
+        rad/s.
+    measured, fitted : ndarray, shape (B,)
+        Of the angle, rad^2 s; in the fitted one the nonlinear part is the measured one.
+    excitation, fitted_excitation : ndarray, shape (B,)
+        Of the exciting moment over inertia that the hull needs, and of the fitted sea, (rad/s^2)^2 s.
+    response : ndarray, shape (B,)
+        Angle for a moment over inertia that would hold the craft at angle one, dimensionless.
+    """
+
+    frequency: np.ndarray
+    measured: np.ndarray
+    fitted: np.ndarray
+    excitation: np.ndarray
+    fitted_excitation: np.ndarray
+    response: np.ndarray
+
+
+@dataclass(frozen=True)
+class Decrement:
+    """The random decrement signature beside what the fit says of it.
+
+    Attributes
+    ----------
+    lag : ndarray, shape (L,)
+        s.
+    measured : ndarray, shape (L,)
+        rad.
+    fitted : ndarray, shape (L,)
+        Autocorrelation of the fitted spectrum, to the same level.
+    free_decay : ndarray, shape (L,)
+        Of the identified hull in still water, from the same level.
+    """
+
+    lag: np.ndarray
+    measured: np.ndarray
+    fitted: np.ndarray
+    free_decay: np.ndarray
+
+
+@dataclass(frozen=True)
+class AtSeaIdentification:
+    """What a record in waves tells of a hull.
+
+    Attributes
+    ----------
+    model : DecayModel
+        Linear; its trim is the mean angle.
+    natural_period, natural_period_std : float
+        s, at ``amplitude``.
+    damping_ratio, damping_ratio_std : float
+        Equivalent linear damping over critical damping, at ``amplitude``.
+    amplitude, amplitude_std : float
+        rad; sqrt(2) standard deviations of the angle.
+    trim_std : float
+        rad; NaN where no angle was measured.
+    estimate_covariance : ndarray, shape (2, 2)
+        Of natural period (s) and damping ratio.
+    covariance : ndarray, shape (2, 2)
+        Of the ratios b1 and r1.
+    misfit : float
+        Deviance a degree of freedom of the fitted spectrum; 1 where hull and sea explain it.
+    sea : str
+        ``heave`` or ``jonswap``: how the sea's spectrum was known.
+    peak_period : float
+        Of the fitted excitation, s.
+    duration : float
+        Of the stretch used, s.
+    spectra : FittedSpectra
+    decrement : Decrement
+    motion : AxisMotion
+    advice : tuple of Advice
+    """
+
+    model: DecayModel
+    natural_period: float
+    natural_period_std: float
+    damping_ratio: float
+    damping_ratio_std: float
+    amplitude: float
+    amplitude_std: float
+    trim_std: float
+    estimate_covariance: np.ndarray
+    covariance: np.ndarray
+    misfit: float
+    sea: str
+    peak_period: float
+    duration: float
+    spectra: FittedSpectra
+    decrement: Decrement
+    motion: AxisMotion
+    advice: tuple[Advice, ...]
+
+    @property
+    def is_usable(self):
+        """Whether period and damping are known well enough to be of use to anyone."""
+        return (
+            self.natural_period_std < PERIOD_USABLE * self.natural_period
+            and self.damping_ratio_std < DAMPING_USABLE * self.damping_ratio
+        )
+
+    @property
+    def std(self):
+        """Name to standard deviation of the ratios in use."""
+        return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    def identified_model(self, provenance):
+        """The content of a model file; its provenance says that it was identified at sea.
+
+        Parameters
+        ----------
+        provenance : dict
+            What the caller knows of the sources.
+        """
+        metrics = {
+            'natural_period_s': self.natural_period,
+            'natural_period_std_s': self.natural_period_std,
+            'damping_ratio': self.damping_ratio,
+            'damping_ratio_std': self.damping_ratio_std,
+            'misfit': self.misfit,
+        }
+        how = {
+            'identified_from': AT_SEA,
+            'equivalent_linear_at_amplitude_rad': self.amplitude,
+            'segments_s': [[float(self.motion.time[0]), float(self.motion.time[-1])]],
+            'sea': self.sea,
+            'peak_period_s': self.peak_period,
+            'advice': [a.code for a in self.advice],
+        }
+        # a linear equivalent holds at its amplitude only
+        seen = (float(self.amplitude), float(self.amplitude))
+        return IdentifiedModel(self.model, self.covariance, self.trim_std, seen, metrics, {**provenance, **how})
+
+
+def is_at_sea(identified):
+    """Whether an `IdentifiedModel` is the linear equivalent that a record in waves gave."""
+    provenance = identified.provenance
+    # a model file may say anything there
+    return isinstance(provenance, dict) and provenance.get('identified_from') == AT_SEA
+
+
+def is_forced(motion):
+    """Whether a motion holds no free decay but swings from begin to end, as in waves.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+    """
+    return not find_decays(motion) and explain_absence(motion).code == 'forced-motion'
+
+
+def identify_at_sea(motion, heave=None, start=None, end=None, *, progress=None, should_cancel=None):
+    """Natural period and equivalent linear damping from a record in waves.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+    heave : Heave, optional
+        Of the same record: shows the sea.
+    start, end : float, optional
+        Bounds of the stretch to use, in the record's time, s.
+    progress : callable, optional
+        Called with 0 to 1.
+    should_cancel : callable, optional
+        Asked often; True raises `Cancelled`.
+
+    Returns
+    -------
+    AtSeaIdentification
+
+    Raises
+    ------
+    InputError
+        The record is too short or cannot be used; the sentence says how long it must be.
+    Cancelled
+    """
+    motion = motion.between(start, end)
+    fit, modes = _best_fit(motion, heave, progress, should_cancel)
+    return _concluded(motion, fit, modes)
+
+
+def gain_over(model, motion, heave=None, *, should_cancel=None):
+    """By how much the log-likelihood of a record rises when the hull is fitted to it instead of given.
+
+    Parameters
+    ----------
+    model : DecayModel
+        Linear.
+    motion : AxisMotion
+    heave : Heave, optional
+    should_cancel : callable, optional
+
+    Returns
+    -------
+    float
+        Twice that is a chi-squared variable of two degrees of freedom if the model is true (Wilks 1938); where
+        the sea does not fit, its excess counts less.
+    """
+    fit, modes = _best_fit(motion, heave, None, should_cancel)
+    free = modes[0]
+    held = _Fit(fit.sea, fit.spectra, fit.waves, np.log([model.natural_frequency, max(model.damping_ratio, 1e-4)]))
+    given = held.optima(should_cancel=should_cancel)[0]
+    return float((given.fun - free.fun) / fit.inflation(free.x))
+
+
+def excitation_spectrum(frequency, peak, peakedness, tail):
+    """Shape of the spectrum of the exciting moment, one at its peak frequency.
+
+    JONSWAP (Hasselmann et al. 1973) with another tail: frequency^-5 where the moment follows the height
+    of the waves, frequency^-1 where it follows their slope in deep water.
+
+    Parameters
+    ----------
+    frequency : ndarray, shape (B,)
+        rad/s.
+    peak : float
+        Peak frequency of the waves, rad/s.
+    peakedness : float
+        gamma.
+    tail : float
+
+    Returns
+    -------
+    ndarray, shape (B,)
+    """
+    u = frequency / peak
+    width = np.where(u <= 1.0, 0.07, 0.09)
+    log_peak = np.log(peakedness) * (np.exp(-0.5 * ((u - 1.0) / width) ** 2) - 1.0)
+    return np.exp(np.clip(log_peak - np.clip(tail, -20.0, 20.0) * np.log(u) - 1.25 * (u**-4 - 1.0), -80.0, 80.0))
+
+
+def _best_fit(motion, heave, progress, should_cancel):
+    """The likelihood with the sea that is to be believed, and its optima, the best first."""
+    report = progress or (lambda share: None)
+    sea, spectra = _prepared(motion)
+    plain = _Fit(sea, spectra, _Jonswap(sea))
+    others = plain.optima(lambda share: report(0.5 * share), should_cancel)
+    end = _cliff(spectra.frequency, plain.parts(others[0].x)[0])
+    if end is not None and end > LEAST_REACH * sea.peak:
+        spectra = spectra.below(end)
+        plain = _Fit(sea, spectra, _Jonswap(sea))
+        others = plain.optima(None, should_cancel)
+    shown = heave_spectrum(heave, sea, spectra)
+    if shown is None:
+        report(1.0)
+        return plain, others
+    seen = _Fit(sea, spectra, _Heaving(sea, spectra, shown))
+    optima = seen.optima(lambda share: report(0.5 + 0.5 * share), should_cancel)
+    if seen.deviance(optima[0].x) > HEAVE_PREFERRED * max(1.0, plain.deviance(others[0].x)):
+        return plain, others
+    return seen, optima
+
+
+def _cliff(frequency, excitation):
+    """Frequency at which the excitation ends abruptly, rad/s; None where it does not."""
+    top = int(excitation.argmax())
+    total = np.concatenate([[0.0], np.cumsum(excitation)])
+    width = max(2, int(round(np.log(CLIFF_WIDTH) / np.log(BAND_RATIO))))
+    at = np.arange(top + width, frequency.size - 1)
+    if not at.size:
+        return None
+    after = np.minimum(at + width, frequency.size)
+    fall = (total[at] - total[at - width]) / width / ((total[after] - total[at]) / (after - at))
+    return float(frequency[at[fall.argmax()]]) if fall.max() > CLIFF else None
+
+
+def _prepared(motion):
+    if motion.size < 64:
+        raise InputError(
+            f'the {motion.axis} has only {motion.size} samples there: give at least 10 minutes of motion in waves'
+        )
+    sea = sea_motion(motion)
+    period = 2.0 * np.pi / sea.peak
+    needed = (FEWEST_WAVES + 2.0 * EDGE_PERIODS) * period
+    if sea.duration < FEWEST_WAVES * period:
+        raise InputError(
+            f'the {motion.axis} holds {sea.duration:.0f} s of motion in waves with a peak period of {period:.3g} s, '
+            f'too few waves to tell hull and sea apart: record at least {np.ceil(needed):.0f} s, better three times as '
+            'long'
+        )
+    return sea, term_spectra(sea)
+
+
+class _Jonswap:
+    """A sea of which only the kind of shape is known: log peak frequency, log (peakedness - 1), tail, log floor."""
+
+    name = 'jonswap'
+
+    def __init__(self, sea):
+        self.prior = np.array([np.log(sea.peak), 0.0, 3.0, _FLOOR_PRIOR[0]])
+        self.prior_std = np.array([0.5, 1.0, 2.0, _FLOOR_PRIOR[1]])
+
+    def starts(self):
+        for factor in _PEAK_STARTS:
+            yield self.prior + np.array([np.log(factor), 0.0, 0.0, 0.0])
+
+    def spectrum(self, frequency, parameters):
+        peak, peakedness, floor = np.exp(np.clip(parameters[[0, 1, 3]], -60.0, 60.0))
+        return excitation_spectrum(frequency, peak, 1.0 + peakedness, parameters[2]) + floor
+
+
+class _Heaving:
+    """The sea as the vertical acceleration shows it: power of the frequency, log floor."""
+
+    name = 'heave'
+
+    def __init__(self, sea, spectra, shown):
+        self.prior, self.prior_std = np.array([0.0, _FLOOR_PRIOR[0]]), np.array([1.0, _FLOOR_PRIOR[1]])
+        self._shown, self._relative = shown / shown.max(), spectra.frequency / sea.peak
+
+    def starts(self):
+        yield self.prior.copy()
+
+    def spectrum(self, frequency, parameters):
+        floor = np.exp(np.clip(parameters[1], -60.0, 60.0))
+        return self._shown * self._relative ** np.clip(parameters[0], -20.0, 20.0) + floor
+
+
+class _Fit:
+    """The likelihood of one record with one kind of sea; with the hull's parameters held, if given."""
+
+    def __init__(self, sea: SeaMotion, spectra: TermSpectra, waves, held=None):
+        self.sea, self.spectra, self.waves, self.held = sea, spectra, waves, held
+        self.noise, self.highest = sea.noise(spectra.frequency), np.log(spectra.frequency[-1])
+        hull = [np.log(sea.peak), np.log(_FIRST_DAMPING), 0.0, 0.0, 0.0, 0.0]
+        self.prior = np.concatenate([hull, waves.prior])
+        self.prior_std = np.concatenate([_PRIOR_STD, waves.prior_std])
+
+    def weights(self, parameters):
+        """Coefficients of the terms in the exciting moment, shape (6,)."""
+        frequency, damping = np.exp(np.clip(parameters[:2], -60.0, 60.0))
+        b, r = 2.0 * damping * frequency, frequency**2
+        return np.array([1.0, b, r, parameters[_QUADRATIC] * b, parameters[_EVEN] * r, parameters[_CUBIC] * r])
+
+    def parts(self, parameters):
+        """Spectra of the moment that the hull needs and that the sea gives, and the hull's squared stiffness."""
+        own, w = self.weights(parameters), self.spectra.frequency
+        needed = self.spectra.matrices @ own @ own
+        stiffness = (own[2] - w**2) ** 2 + (own[1] * w) ** 2
+        level = np.exp(np.clip(parameters[_LEVEL], -60.0, 60.0))
+        given = level * self.waves.spectrum(w, parameters[len(PARAMETERS):])
+        return needed, given + stiffness * self.noise, stiffness
+
+    def __call__(self, parameters):
+        """Negative log posterior."""
+        needed, given, stiffness = self.parts(parameters)
+        # the bands are those of the measured angle: the change of variables to the moment is the stiffness
+        value = self.spectra.counts @ (np.log(given / stiffness) + needed / given)
+        value += 0.5 * np.sum(((parameters - self.prior) / self.prior_std) ** 2)
+        value += 0.5 * (max(parameters[_FREQUENCY] - self.highest, 0.0) / EDGE_SOFTNESS) ** 2
+        return value if np.isfinite(value) else 1e12
+
+    def optima(self, progress=None, should_cancel=None):
+        """Local optima as scipy's results, the best first."""
+        starts = sorted(self._starts(), key=self)[:_REFINED]
+        found = []
+        for number, start in enumerate(starts):
+            if should_cancel is not None and should_cancel():
+                raise Cancelled
+            found.append(self._refined(start))
+            if progress is not None:
+                progress((number + 1.0) / len(starts))
+        return sorted(found, key=lambda result: result.fun)
+
+    def _refined(self, start):
+        fixed = start[:0] if self.held is None else self.held
+        result = minimize(
+            lambda rest: self(np.concatenate([fixed, rest])), start[fixed.size:], method='BFGS',
+            options={'gtol': 1e-2, 'maxiter': 300},
+        )  # fmt: skip
+        result.x = np.concatenate([fixed, result.x])
+        return result
+
+    def _starts(self):
+        for waves in self.waves.starts():
+            for factor in _FREQUENCY_STARTS:
+                start = np.concatenate([self.prior[:len(PARAMETERS)], waves])
+                start[_FREQUENCY] += np.log(factor)
+                if self.held is not None:
+                    start[:self.held.size] = self.held
+                needed, given, _ = self.parts(start)
+                start[_LEVEL] = np.log(np.average(needed / given, weights=self.spectra.counts * self.spectra.angle))
+                yield start
+
+    def hull(self, parameters):
+        """Ratios (9,) of the nonlinear hull about its angle of rest."""
+        one, b, r, quadratic, even, cubic = self.weights(parameters)
+        s, q, x = self.sea.angle_std, self.sea.rate_std, self.sea.angle
+        restoring = np.polynomial.Polynomial([
+            -even * s - cubic * np.mean(x**3) / s**2, r - 3.0 * cubic, even / s, cubic / s**2,
+        ])  # fmt: skip
+        rest = 0.0
+        for _ in range(5):
+            slope = restoring.deriv()(rest)
+            if slope <= 0.0:
+                rest = 0.0
+                break
+            rest -= restoring(rest) / slope
+        ratios = np.zeros(len(TERM_NAMES))
+        ratios[TERM_INDEX['b1']], ratios[TERM_INDEX['b2']] = b - GAUSSIAN_RATE * quadratic, quadratic / q
+        for power, name in enumerate(('r1', 'r2', 'r3'), 1):
+            ratios[TERM_INDEX[name]] = restoring.deriv(power)(rest) / (1.0, 2.0, 6.0)[power - 1]
+        return ratios
+
+    def estimate(self, parameters):
+        """Logarithms of natural period, s, and damping ratio at the record's amplitude."""
+        amplitude = np.sqrt(2.0) * self.sea.angle_std
+        curves = amplitude_curves(self.hull(parameters), np.array([amplitude]), 1e-6)
+        frequency, damping = float(curves.frequency[0]), float(curves.damping_ratio[0])
+        if not (np.isfinite(frequency) and damping > 0.0):
+            # no closed orbit of that size: what remains is the Gaussian linearisation
+            frequency, damping = np.exp(parameters[:2])
+        return np.array([np.log(2.0 * np.pi / frequency), np.log(damping)])
+
+    def deviance(self, parameters):
+        """Deviance a degree of freedom."""
+        needed, given, _ = self.parts(parameters)
+        ratio = needed / given
+        total = 2.0 * self.spectra.counts @ (ratio - np.log(ratio) - 1.0)
+        return float(total / max(1, self.spectra.counts.size - parameters.size))
+
+    def inflation(self, parameters):
+        """By how much the variance of the parameters exceeds that of a perfect fit, at least one.
+
+        The deviance, times the sum of the autocorrelation of the residuals over neighbouring bands: where the
+        sea has another shape, they miss together (as Newey and West 1987 for a time series).
+        """
+        needed, given, _ = self.parts(parameters)
+        residual = np.sqrt(self.spectra.counts) * (needed / given - 1.0).clip(-1.0, 3.0)
+        residual = residual - residual.mean()
+        variance = residual @ residual
+        together = 1.0
+        for lag in range(1, MISSING_TOGETHER):
+            together += 2.0 * (1.0 - lag / MISSING_TOGETHER) * (residual[lag:] @ residual[:-lag]) / variance
+        return max(1.0, self.deviance(parameters) * max(1.0, together))
+
+    def covariance(self, parameters):
+        """Inverse of the Hessian of the negative log posterior, by differences."""
+        size, spread = parameters.size, self.prior_std
+        step = 1e-3 * np.where(np.isfinite(spread), np.maximum(spread, 0.3), 1.0)
+        hessian = np.empty((size, size))
+        for i in range(size):
+            for j in range(i + 1):
+                value = 0.0
+                for sign_i in (1.0, -1.0):
+                    for sign_j in (1.0, -1.0):
+                        moved = parameters.copy()
+                        moved[i] += sign_i * step[i]
+                        moved[j] += sign_j * step[j]
+                        value += sign_i * sign_j * self(moved)
+                hessian[i, j] = hessian[j, i] = value / (4.0 * step[i] * step[j])
+        values, vectors = np.linalg.eigh(hessian)
+        least = np.min(spread[np.isfinite(spread)] ** -2.0)
+        # no direction is known less well than before the record
+        return (vectors / np.maximum(values, least)) @ vectors.T
+
+
+def _concluded(motion, fit, modes):
+    sea, spectra, best = fit.sea, fit.spectra, modes[0]
+    misfit = fit.deviance(best.x)
+    logs, log_covariance = _estimate_with_covariance(fit, modes, fit.inflation(best.x))
+    period, damping = np.exp(logs)
+    scale = np.array([period, damping])
+    covariance = log_covariance * np.outer(scale, scale)
+    frequency = 2.0 * np.pi / period
+    if frequency > 0.95 * spectra.frequency[-1]:
+        raise InputError(
+            f'the {motion.axis} follows the waves as far as it is known (down to periods of '
+            f'{2.0 * np.pi / spectra.frequency[-1]:.3g} s), so the natural period is shorter and stays hidden: record '
+            'in shorter waves, with a quieter sensor, or a free decay in still water'
+        )
+    if damping * frequency * sea.duration < LEAST_FADING:
+        raise InputError(
+            f'the {motion.axis} swings with a period of {period:.3g} s like a pure tone, as in regular waves, which '
+            'tell nothing of the damping: give motion in irregular waves, or record a free decay in still water'
+        )
+    b1, r1 = 2.0 * damping * frequency, frequency**2
+    # derivatives of (log b1, log r1) by (log period, log damping)
+    to_ratios = np.array([[-1.0, 1.0], [-2.0, 0.0]])
+    ratio_covariance = to_ratios @ log_covariance @ to_ratios.T * np.outer([b1, r1], [b1, r1])
+    trim = 0.0 if np.isnan(sea.mean) else sea.mean
+    model = DecayModel.from_terms(EQUATIONS['linear'], {'b1': b1, 'r1': r1}, trim=trim, axis=motion.axis)
+    fitted = _fitted_spectra(fit, best.x)
+    band = np.gradient(spectra.frequency)
+    variance = float(band @ spectra.angle)
+    amplitude = np.sqrt(2.0) * sea.angle_std
+    # variance of a variance: 2 pi / T int S^2 (one-sided), of a mean: pi / T S(0)
+    amplitude_std = 0.5 * amplitude * np.sqrt(2.0 * np.pi / sea.duration * (band @ spectra.angle**2)) / variance
+    trim_std = np.sqrt(np.pi / sea.duration * np.median(spectra.angle[spectra.frequency < 0.5 * sea.peak]))
+    peak_period = 2.0 * np.pi / float(fitted.frequency[fitted.fitted_excitation.argmax()])
+    advice = _advice(motion, sea, period, damping, covariance, misfit, peak_period, amplitude)
+    return AtSeaIdentification(
+        model=model,
+        natural_period=float(period),
+        natural_period_std=float(np.sqrt(covariance[0, 0])),
+        damping_ratio=float(damping),
+        damping_ratio_std=float(np.sqrt(covariance[1, 1])),
+        amplitude=float(amplitude),
+        amplitude_std=float(amplitude_std),
+        trim_std=float('nan') if np.isnan(sea.mean) else float(trim_std),
+        estimate_covariance=covariance,
+        covariance=ratio_covariance,
+        misfit=misfit,
+        sea=fit.waves.name,
+        peak_period=peak_period,
+        duration=float(sea.duration),
+        spectra=fitted,
+        decrement=_decrement(sea, fitted, model),
+        motion=motion,
+        advice=advice,
+    )
+
+
+def _estimate_with_covariance(fit, modes, inflation):
+    """Logarithms of period and damping with their covariance, the spread over other optima included."""
+    best = modes[0]
+    within = inflation * fit.covariance(best.x)
+    slopes = np.empty((2, best.x.size))
+    for index in range(best.x.size):
+        step = np.zeros(best.x.size)
+        step[index] = 1e-4
+        slopes[:, index] = (fit.estimate(best.x + step) - fit.estimate(best.x - step)) / 2e-4
+    logs = fit.estimate(best.x)
+    covariance = slopes @ within @ slopes.T
+    depths = np.array([(mode.fun - best.fun) / inflation for mode in modes])
+    likely = [(np.exp(-depth), fit.estimate(mode.x) - logs) for depth, mode in zip(depths, modes, strict=True)
+              if depth < _MODE_DEPTH]
+    # optima reached twice are one
+    apart = []
+    for weight, shift in likely:
+        if all(np.abs(shift - other).max() > 0.01 for _, other in apart):
+            apart.append((weight, shift))
+    total = sum(weight for weight, _ in apart)
+    covariance += sum(weight / total * np.outer(shift, shift) for weight, shift in apart)
+    return logs, covariance
+
+
+def _fitted_spectra(fit, parameters):
+    needed, given, stiffness = fit.parts(parameters)
+    own = fit.weights(parameters)
+    return FittedSpectra(
+        frequency=fit.spectra.frequency,
+        measured=fit.spectra.angle,
+        fitted=fit.spectra.angle * given / needed,
+        excitation=needed,
+        fitted_excitation=given - stiffness * fit.noise,
+        response=own[2] / np.sqrt(stiffness),
+    )
+
+
+def _decrement(sea, spectra, model):
+    lag, measured = random_decrement(sea, _DECREMENT_PERIODS * 2.0 * np.pi / min(sea.peak, model.natural_frequency))
+    level = np.sqrt(2.0) * sea.angle_std
+    power = np.gradient(spectra.frequency) * spectra.fitted
+    fitted = level * np.cos(np.outer(lag, spectra.frequency)) @ (power / power.sum())
+    return Decrement(lag, measured, fitted, _free_decay(model, level, lag))
+
+
+def _free_decay(model, level, lag):
+    """From rest at an angle, of a linear hull with any damping."""
+    roots = np.roots([1.0, model.terms['b1'], model.terms['r1']]).astype(complex)
+    if abs(roots[0] - roots[1]) < 1e-6 * abs(roots[0]):
+        roots[0] *= 1.0 + 1e-6
+    first = roots[1] / (roots[1] - roots[0])
+    return level * (first * np.exp(roots[0] * lag) + (1.0 - first) * np.exp(roots[1] * lag)).real
+
+
+def _advice(motion, sea, period, damping, covariance, misfit, peak_period, amplitude):
+    degrees = np.degrees(amplitude)
+    found = [Advice(
+        'equivalent-linear',
+        f'from motion in waves only the equivalent linear damping at an amplitude of {degrees:.2g} deg is known, not '
+        'how it depends on the amplitude: for larger motions record a free decay in still water',
+    )]  # fmt: skip
+    period_spread, damping_spread = np.sqrt(np.diag(covariance)) / (period, damping)
+    if find_decays(motion):
+        found.append(Advice(
+            'holds-decay',
+            'there is a free decay in this record, which tells more of the hull: identify it as one',
+        ))  # fmt: skip
+    if period_spread > PERIOD_WANTED or damping_spread > DAMPING_WANTED:
+        found.append(Advice(
+            'sea-hides-hull',
+            f'the sea (peak period {peak_period:.3g} s) tells little of the hull (period to {100 * period_spread:.1f} '
+            f'%, damping to {100 * damping_spread:.0f} %): record longer than {sea.duration / 60:.0f} minutes, on '
+            'another heading or in another sea, or record a free decay in still water',
+        ))  # fmt: skip
+    if misfit > POOR_FIT:
+        found.append(Advice(
+            'sea-not-fitted',
+            f'no single sea explains the motion (misfit {misfit:.1f} instead of 1; the uncertainty told is widened '
+            'for it): swell beside wind waves, a mooring, a changing speed or a helm may be in it; give --start and '
+            '--end of a stretch on a steady course, or record a free decay in still water',
+        ))  # fmt: skip
+    return tuple(found)

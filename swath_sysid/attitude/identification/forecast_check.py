@@ -1,0 +1,155 @@
+"""How well a model steps, simulates and forecasts a free decay that was measured."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter, savgol_coeffs
+
+from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, runge_kutta_population, simulate
+from swath_sysid.attitude.identification.one_step import with_angle_and_rate
+
+LEADS = (0.25, 0.5, 1.0)
+"""Natural periods ahead."""
+MOST_STARTS = 200
+STATE_PERIODS = 0.12
+"""The state a forecast starts from is a parabola through this much of the past."""
+
+
+@dataclass(frozen=True)
+class NextStep:
+    """The papers' check: the rate one sample ahead, from the measured state.
+
+    Attributes
+    ----------
+    time, measured, predicted : ndarray, shape (N - 1,)
+        s, rad/s, rad/s.
+    """
+
+    time: np.ndarray
+    measured: np.ndarray
+    predicted: np.ndarray
+
+    @property
+    def error(self):
+        """Predicted less measured, rad/s."""
+        return self.predicted - self.measured
+
+
+def next_step(model, motion):
+    """One Euler step ahead along a record: w'[k+1] = w[k] + dt f(psi[k], w[k]).
+
+    Parameters
+    ----------
+    model : DecayModel
+        At the trim of the record.
+    motion : AxisMotion
+
+    Returns
+    -------
+    NextStep
+    """
+    angle, rate = with_angle_and_rate(motion)
+    predicted = rate[:-1] + np.diff(motion.time) * model.acceleration(angle[:-1], rate[:-1])
+    return NextStep(motion.time[1:], rate[1:], predicted)
+
+
+def simulation_error(model, state, motion):
+    """Error of the simulated motion over the standard deviation of the measured one.
+
+    Parameters
+    ----------
+    model : DecayModel
+        At the trim of the record.
+    state : InitialState
+    motion : AxisMotion
+
+    Returns
+    -------
+    float
+        Infinite where the motion runs away. Of the angle, or of the rate where no angle was measured.
+    """
+    angle, rate = simulate(model, state.x + model.trim, state.rate, motion.time)
+    measured, simulated = (motion.rate, rate) if motion.angle is None else (motion.angle, angle)
+    return _relative(simulated - measured, measured)
+
+
+def forecast_errors(model, motion, period, leads=LEADS):
+    """Errors of forecasts started all along a record, over the standard deviation of the motion.
+
+    Parameters
+    ----------
+    model : DecayModel
+        At the trim of the record.
+    motion : AxisMotion
+    period : float
+        Natural period, s.
+    leads : sequence of float
+        In periods.
+
+    Returns
+    -------
+    tuple of float
+        One a lead; NaN where the record is too short for ten starts, infinite where the model runs
+        away.
+    """
+    angle, rate, first = measured_states(motion, period)
+    step = period / STEPS_PER_PERIOD
+    starts = np.unique(np.linspace(first, motion.size - 1, MOST_STARTS).astype(int))
+    with np.errstate(over='ignore', invalid='ignore'):
+        angles, _, _ = runge_kutta_population(
+            angle[starts] - model.trim,
+            rate[starts],
+            np.repeat(model.ratios[:, None], starts.size, axis=1),
+            model.equation.active,
+            model.friction_rate,
+            step,
+            round(max(leads) * STEPS_PER_PERIOD),
+        )
+    target = with_angle_and_rate(motion)[0]
+    found = []
+    for lead in leads:
+        due = motion.time[starts] + lead * period
+        inside = due <= motion.time[-1]
+        if inside.sum() < 10:
+            found.append(float('nan'))
+            continue
+        forecast = angles[round(lead * STEPS_PER_PERIOD), inside] + model.trim
+        found.append(_relative(forecast - np.interp(due[inside], motion.time, target), target))
+    return tuple(found)
+
+
+def measured_states(motion, period):
+    """Angle and rate at each sample from the past alone: a parabola through a part of a period.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        Evenly sampled, but for jitter.
+    period : float
+        s.
+
+    Returns
+    -------
+    angle, rate : ndarray, shape (N,)
+    first : int
+        The first sample with enough past.
+    """
+    interval = motion.sample_interval
+    window = int(STATE_PERIODS * period / interval)
+    angle, rate = with_angle_and_rate(motion)
+    if window < 5:
+        return angle, rate, 0
+    window = min(window, motion.size)
+    value = savgol_coeffs(window, 2, pos=window - 1, use='conv')
+    if motion.rate is None:
+        slope = savgol_coeffs(window, 2, deriv=1, delta=interval, pos=window - 1, use='conv')
+        rate = lfilter(slope, 1.0, angle)
+    else:
+        rate = lfilter(value, 1.0, rate)
+    return lfilter(value, 1.0, angle), rate, window - 1
+
+
+def _relative(error, measured):
+    with np.errstate(over='ignore', invalid='ignore'):
+        ratio = float(np.sqrt(np.mean(error**2)) / np.std(measured))
+    return ratio if np.isfinite(ratio) else float('inf')

@@ -1,0 +1,541 @@
+"""From measured decays to a believed hull: search, refine, and say how well it is known."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood, interval
+from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
+from swath_sysid.attitude.identification.one_step import OneStepObjective
+from swath_sysid.attitude.identification.problem import Problem, block_means, prepare
+from swath_sysid.attitude.identification.scaling import LOWER, UPPER
+from swath_sysid.attitude.identification.search import (
+    PRESETS,
+    SearchResult,
+    SearchSettings,
+    dimensionless_space,
+    full_ratios,
+    published_space,
+    run_search,
+)
+from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands, inseparable_terms
+from swath_sysid.attitude.identification.verdict import Verdict, verdict_on
+from swath_sysid.attitude.motion.segmentation import DecaySegment
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.covariance import sandwich_covariance
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+
+OBJECTIVES = ('simulation', 'one-step')
+DEFAULT_EQUATION = 'odd-cubic'
+
+CANDIDATES = (
+    ('b1', 'b2', 'r1', 'r3'),
+    ('b1', 'b2', 'r1', 'r2', 'r3'),
+    ('b1', 'b2', 'b3', 'r1', 'r3'),
+    ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'),
+    ('b1', 'b2', 'b3', 's1', 's2'),
+)
+"""Term sets that are tried where no equation is given: each published hull has one of them, or a part of one."""
+TERM_COST = 1.0
+"""What a term must add to the log likelihood (Akaike 1974): leaving out a term that is there spoils the intervals of
+the others; keeping one that is not widens them."""
+
+SEARCH_PERIODS = 6.0
+"""The search looks at this many periods: its basin of attraction in frequency narrows with every
+cycle, and refinement then follows the rest of the record outwards from there."""
+HORIZON_GROWTH = 2.5
+BLOCKS_PER_PERIOD = 24
+"""As informative for a search as every sample, and short."""
+CURVE_POINTS = 40
+SEARCH_SHARE = 0.7
+
+
+@dataclass(frozen=True)
+class IdentificationSettings:
+    """What to fit and how.
+
+    Attributes
+    ----------
+    equation : str or None
+        A name that `equation_named` takes; None: `identify` chooses where angle and rate were measured; otherwise,
+        and everywhere else, ``DEFAULT_EQUATION``.
+    objective : str
+        ``simulation`` or ``one-step``.
+    search : SearchSettings
+    start, end : float or None
+        Bounds of the decay in the record's time, s.
+    """
+
+    equation: str | None = None
+    objective: str = 'simulation'
+    search: SearchSettings = field(default_factory=SearchSettings)
+    start: float | None = None
+    end: float | None = None
+
+    def __post_init__(self):
+        if self.objective not in OBJECTIVES:
+            raise InputError(f"there is no objective '{self.objective}': choose from {', '.join(OBJECTIVES)}")
+        if self.start is not None and self.end is not None and not self.start < self.end:
+            raise InputError('the start must lie before the end')
+
+    @property
+    def chosen_equation(self):
+        """The equation to fit."""
+        return equation_named(self.equation or DEFAULT_EQUATION)
+
+
+@dataclass(frozen=True)
+class RecordFit:
+    """Measured and simulated motion of one record.
+
+    Attributes
+    ----------
+    motion : AxisMotion
+        The free decay.
+    segment : DecaySegment
+    state : InitialState
+    angle, rate : ndarray, shape (N,)
+        Simulated, rad and rad/s.
+    """
+
+    motion: AxisMotion
+    segment: DecaySegment
+    state: InitialState
+    angle: np.ndarray
+    rate: np.ndarray
+
+    @property
+    def residual(self):
+        """Measured less simulated: of the angle, or of the rate where no angle was measured."""
+        if self.motion.angle is not None:
+            return self.motion.angle - self.angle
+        return self.motion.rate - self.rate
+
+
+@dataclass(frozen=True)
+class Identification:
+    """An identified model and what must be known to use it.
+
+    Attributes
+    ----------
+    model : DecayModel
+    covariance : ndarray, shape (n, n)
+        Of the ratios of the model's terms, in their order.
+    intervals : dict of str to tuple of float
+        95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up.
+    trim_std : float
+        rad; NaN where no angle was measured.
+    objective : str
+    objective_value : float
+        Root mean square of the weighted residuals (simulation), or F in rad/s (one-step).
+    r2 : float
+        Share of the variance of the measured motion that the simulated one explains.
+    rmse, rate_rmse : float or None
+        rad and rad/s; None where not measured.
+    samples : int
+        Measured values, angles and rates.
+    effective_samples : float
+        Independent samples that would leave the same uncertainty.
+    bands : AmplitudeBands
+        Over the amplitudes seen.
+    records : tuple of RecordFit
+    search : SearchResult
+    problem : Problem
+    settings : IdentificationSettings
+    basin : BasinFit or None
+        None where the ratios are those of least squares: without angle and rate, with dry friction, of the one-step
+        objective, and where they are only compared with others.
+    verdict : Verdict
+    choice : str
+        Why this equation, in one sentence; empty where it was given.
+    advice : tuple of Advice
+    """
+
+    model: DecayModel
+    covariance: np.ndarray
+    intervals: dict
+    trim_std: float
+    objective: str
+    objective_value: float
+    r2: float
+    rmse: float | None
+    rate_rmse: float | None
+    samples: int
+    effective_samples: float
+    bands: AmplitudeBands
+    records: tuple[RecordFit, ...]
+    search: SearchResult
+    problem: Problem
+    settings: IdentificationSettings
+    basin: BasinFit | None
+    verdict: Verdict
+    choice: str
+    advice: tuple[Advice, ...]
+
+    @property
+    def std(self):
+        """Name to standard deviation of the ratios in use."""
+        return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def amplitude_range(self):
+        """Smallest and largest amplitude seen, rad: where the model is valid."""
+        return amplitudes_seen(self.problem)
+
+    @property
+    def reference_amplitude(self):
+        """Geometric mean of the amplitudes seen, rad."""
+        return float(np.sqrt(np.prod(self.amplitude_range)))
+
+    @property
+    def damping_ratio(self):
+        """Equivalent damping over critical damping at the reference amplitude."""
+        curves = self.bands.curves
+        return float(np.interp(self.reference_amplitude, curves.amplitude, curves.damping_ratio))
+
+    def identified_model(self, provenance):
+        """The content of a model file.
+
+        Parameters
+        ----------
+        provenance : dict
+            What the caller knows of the sources: files, hashes, software version.
+        """
+        search = self.settings.search
+        metrics = {
+            'r2': self.r2,
+            'rmse_rad': self.rmse,
+            'rate_rmse_rad_s': self.rate_rmse,
+            'objective': self.objective,
+            'objective_value': self.objective_value,
+            'samples': self.samples,
+            'effective_samples': self.effective_samples,
+            'verdict': self.verdict.level,
+            'verdict_code': self.verdict.code,
+        }
+        how = {
+            'segments_s': [[float(r.segment.start), float(r.segment.end)] for r in self.records],
+            'search': search.algorithm,
+            'preset': search.preset,
+            'seed': search.seed,
+            'generations': self.search.generations,
+            'evaluations': self.search.evaluations,
+            'stop': self.search.stop,
+            'advice': [a.code for a in self.advice],
+        }
+        return IdentifiedModel(
+            self.model, self.covariance, self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
+        )
+
+
+def identify(motions, settings=IdentificationSettings(), *, progress=None, should_cancel=None):  # noqa: B008 - frozen
+    """Identify the decay model of one axis from one or several records.
+
+    Parameters
+    ----------
+    motions : sequence of AxisMotion
+        Whole records: the free decay in each is found, unless the settings give its bounds.
+    settings : IdentificationSettings
+    progress : callable, optional
+        Called with 0 to 1.
+    should_cancel : callable, optional
+        Asked often; True raises `Cancelled`.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        The records cannot be used; the sentence says why.
+    Cancelled
+    """
+    problem = prepare(motions, settings.start, settings.end)
+    if settings.objective == 'simulation' and settings.equation is None and has_both_channels(problem):
+        return _simplest_adequate(problem, settings, progress, should_cancel)
+    found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
+    return refined_in_basin(found) if is_for_likelihood(found) else found
+
+
+def has_both_channels(problem):
+    """Whether angle and rate were measured in each record.
+
+    The likelihood takes the two to differ by white and first-order noise and a bias. An angle alone mostly comes
+    filtered or rounded, from optical tracking, and the filter then trusts it far beyond what it is worth.
+    """
+    return all(m.angle is not None and m.rate is not None for m in problem.motions)
+
+
+def is_for_likelihood(found):
+    """Whether `refined_in_basin` suits a fit: not the one-step objective, nor dry friction, which is not smooth."""
+    smooth = 'b0' not in found.model.equation.terms
+    return found.settings.objective == 'simulation' and smooth and has_both_channels(found.problem)
+
+
+def _simplest_adequate(problem, settings, progress, should_cancel):
+    """The candidate equation of the largest likelihood, each term of it held against what it costs."""
+    report = progress or (lambda share: None)
+    tried = []
+    for count, terms in enumerate(CANDIDATES):
+        equation = _equation_of_terms(terms, problem.axis)
+        found = identify_problem(
+            problem, replace(settings, equation=equation.name), should_cancel=should_cancel,
+            progress=lambda share, done=count: report((done + share) / len(CANDIDATES)),
+        )  # fmt: skip
+        tried.append(refined_in_basin(found, tried[-1].basin.logarithms if tried else None))
+    best = max(tried, key=_support)
+    second = max((t for t in tried if t is not best), key=_support)
+    reason = (
+        f'{best.model.equation.name} was chosen of {len(tried)} equations: its log likelihood, less {TERM_COST:g} a '
+        f'term, is {_support(best) - _support(second):.1f} above that of {second.model.equation.name}'
+    )
+    return replace(best, settings=settings, choice=reason)
+
+
+def _support(found):
+    return found.basin.log_likelihood - TERM_COST * len(found.model.equation.terms)
+
+
+def _equation_of_terms(terms, axis):
+    """The equation of those terms that has a name, or their composition."""
+    for equation in equations_of_axis(axis):
+        if equation.terms == terms:
+            return equation
+    damping = ','.join(name for name in terms if name in DAMPING_NAMES)
+    return equation_named(f'{damping}|{",".join(name for name in terms if name not in DAMPING_NAMES)}')
+
+
+def refined_in_basin(found, logarithms=None):
+    """A least-squares identification refined and judged by the likelihood that knows of the basin's motion.
+
+    Parameters
+    ----------
+    found : Identification
+    logarithms : ndarray, shape (10,), optional
+        See `BasinLikelihood.fit`.
+
+    Returns
+    -------
+    Identification
+    """
+    problem, equation = found.problem, found.model.equation
+    states = [record.state for record in found.records]
+    likelihood = BasinLikelihood(problem.observed, states, equation, problem.scales, problem.friction_rate)
+    basin = likelihood.fit(found.model.ratios, logarithms)
+    fit = motion_fit(problem, equation)
+    parameters = fit.refine_states(fit.pack(basin.ratios, states))
+    return conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
+
+
+def identify_problem(problem, settings, *, progress=None, should_cancel=None):
+    """As `identify`, on decays found before."""
+    equation = settings.chosen_equation
+    space = _space(problem, equation, settings)
+    report = progress or (lambda share: None)
+    found = run_search(
+        _search_objective(problem, equation, settings), space, settings.search,
+        first=[space.from_ratios(_linear_guess(problem, equation))],
+        progress=lambda share: report(SEARCH_SHARE * share), should_cancel=should_cancel,
+    )  # fmt: skip
+    best = space.to_ratios(found.best[None])[0]
+    if settings.objective == 'one-step':
+        fit, parameters = _exact_one_step(problem, equation, space)
+    else:
+        fit, parameters = _refine_outwards(problem, equation, space, best, should_cancel)
+    report(1.0)
+    return conclude(problem, settings, equation, fit, parameters, found)
+
+
+def refit_from(problem, settings, equation, ratios, states, search):
+    """Refine an equation on whole records from given ratios (9,) and states."""
+    fit = motion_fit(problem, equation)
+    space = _space(problem, equation, settings)
+    parameters, _, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)
+    return conclude(problem, settings, equation, fit, parameters, search)
+
+
+def motion_fit(problem, equation, motions=None, **options):
+    """The simulation objective of an equation on a problem's records, or on parts of them."""
+    return MotionFit(
+        problem.motions if motions is None else motions,
+        equation,
+        problem.scales,
+        problem.noise,
+        problem.friction_rate,
+        **options,
+    )
+
+
+def amplitudes_seen(problem):
+    """Smallest and largest amplitude of the records, rad."""
+    last = min(s.final_amplitude for s in problem.segments)
+    first = problem.scales.amplitude
+    if problem.motions[0].angle is None:
+        last = last / problem.scales.frequency
+    return min(last, 0.9 * first), first
+
+
+def _space(problem, equation, settings):
+    preset = settings.search.preset
+    return published_space(equation, PRESETS[preset], problem.scales) if preset else dimensionless_space(equation)
+
+
+def _search_objective(problem, equation, settings):
+    """Dimensionless ratios (P, n) to values (P,)."""
+    if settings.objective == 'one-step':
+        one_step = _one_step(problem)
+        return lambda ratios: one_step(full_ratios(ratios, equation, problem.scales))
+    period = 2 * np.pi / problem.scales.frequency
+    blocks = tuple(block_means(m, period, BLOCKS_PER_PERIOD) for m in problem.until(SEARCH_PERIODS))
+    fit = motion_fit(problem, equation, blocks, steps_per_period=SEARCH_STEPS_PER_PERIOD)
+    return lambda ratios: fit.objective_of_population(ratios, problem.states)
+
+
+def _one_step(problem):
+    return OneStepObjective.of(problem.motions, [s.trim for s in problem.states], problem.friction_rate)
+
+
+def _linear_guess(problem, equation):
+    """Dimensionless ratios of the linear oscillator that the segments' decrement implies."""
+    decrement = np.median([
+        np.log(s.initial_amplitude / s.final_amplitude) / (2.0 * np.pi * max(s.cycles, 0.5)) for s in problem.segments
+    ])  # fmt: skip
+    guess = np.zeros(len(LOWER))
+    guess[TERM_INDEX['b1']] = np.clip(2.0 * decrement, 0.01, 2.0)
+    guess[TERM_INDEX['r1' if 'r1' in equation.terms else 's1']] = 1.0
+    return guess[equation.indices]
+
+
+def _exact_one_step(problem, equation, space):
+    """The bounded least-squares optimum, and the initial states that suit it best."""
+    units = problem.scales.ratio_units
+    lower, upper = LOWER * units, UPPER * units
+    lower[equation.indices] = space.ratio_lower * units[equation.indices]
+    fit = motion_fit(problem, equation)
+    ratios = _one_step(problem).minimum(equation, lower, upper)
+    parameters = fit.refine_states(fit.pack(ratios, problem.states))
+    return fit, parameters
+
+
+def _refine_outwards(problem, equation, space, best, should_cancel):
+    """Least squares on the first periods, then on ever more of the record."""
+    longest = max(m.duration for m in problem.motions) * problem.scales.frequency / (2 * np.pi)
+    starts = [best, np.clip(_linear_guess(problem, equation), space.ratio_lower, space.ratio_upper)]
+    horizon = SEARCH_PERIODS
+    while True:
+        whole = horizon >= longest
+        fit = motion_fit(problem, equation, None if whole else problem.until(horizon))
+        states = fit.pack(np.zeros(len(LOWER)), problem.states)[len(best) :]
+        tried = [
+            fit.refine(s if s.size > len(best) else np.concatenate([s, states]), space.ratio_lower, space.ratio_upper)
+            for s in starts
+        ]
+        parameters = min(tried, key=lambda t: t[1])[0]
+        if should_cancel is not None and should_cancel():
+            raise Cancelled
+        if whole:
+            return fit, parameters
+        starts = [parameters]
+        horizon *= HORIZON_GROWTH
+
+
+def conclude(problem, settings, equation, fit, parameters, search, basin=None):
+    """Everything a fit must say besides its coefficients."""
+    ratios, states = fit.unpack(parameters)
+    n = fit.term_count
+    residuals, jacobians = fit.residuals_and_jacobian(parameters)
+    quarter_period = 0.25 * 2 * np.pi / problem.scales.frequency / problem.motions[0].sample_interval
+    covariance = sandwich_covariance(residuals, jacobians, max(5, round(quarter_period)))
+    units = problem.scales.ratio_units[equation.indices]
+    ratio_covariance = covariance.matrix[:n, :n] * np.outer(units, units)
+    trim_std = float(np.sqrt(np.mean(np.diag(covariance.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
+    intervals = [
+        interval(ratios[index], std, name in DAMPING_NAMES)
+        for name, index, std in zip(equation.terms, equation.indices, np.sqrt(np.diag(ratio_covariance)), strict=True)
+    ]
+    if basin is not None:
+        ratio_covariance, intervals = basin.covariance, basin.intervals
+        trim_std = basin.trim_std if problem.motions[0].angle is not None else float('nan')
+    objective_value = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    if settings.objective == 'one-step':
+        objective_value = float(_one_step(problem)(ratios[None])[0])
+    model = DecayModel(equation, ratios, float(np.mean([s.trim for s in states])), problem.friction_rate, problem.axis)
+    records = tuple(
+        RecordFit(motion, segment, state, *simulated)
+        for motion, segment, state, simulated in zip(
+            problem.motions, problem.segments, states, fit.simulated(parameters), strict=True
+        )
+    )
+    amplitude = np.geomspace(*amplitudes_seen(problem), CURVE_POINTS)
+    r2 = _explained(records)
+    return Identification(
+        model=model,
+        covariance=ratio_covariance,
+        intervals={name: (float(a), float(b)) for name, (a, b) in zip(equation.terms, intervals, strict=True)},
+        trim_std=trim_std,
+        objective=settings.objective,
+        objective_value=objective_value,
+        r2=r2,
+        rmse=_rms([r.motion.angle - r.angle for r in records if r.motion.angle is not None]),
+        rate_rmse=_rms([r.motion.rate - r.rate for r in records if r.motion.rate is not None]),
+        samples=sum(r.size for r in residuals),
+        effective_samples=covariance.effective_samples,
+        bands=amplitude_bands(model, ratio_covariance, amplitude),
+        records=records,
+        search=search,
+        problem=problem,
+        settings=settings,
+        basin=basin,
+        verdict=verdict_on(r2, records, model, np.sqrt(np.diag(ratio_covariance)), basin),
+        choice='',
+        advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance)),
+    )
+
+
+def _rms(parts):
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else None
+
+
+def _explained(records):
+    """R^2 over all records, each about its own mean."""
+    error = sum(float(np.sum(r.residual**2)) for r in records)
+    measured = [r.motion.rate if r.motion.angle is None else r.motion.angle for r in records]
+    return 1.0 - error / sum(float(np.sum((m - m.mean()) ** 2)) for m in measured)
+
+
+def _fit_advice(problem, settings, model, covariance):
+    found = list(inseparable_terms(model.equation.terms, covariance))
+    dimensionless = model.ratios / problem.scales.ratio_units
+    for name in model.equation.terms:
+        index = TERM_INDEX[name]
+        if name in DAMPING_NAMES and dimensionless[index] < 1e-6:
+            found.append(
+                Advice(
+                    'term-vanished',
+                    f'{name} is zero at the edge of what is physical: '
+                    'this record does not need the term, choose an equation without it',
+                )
+            )
+        elif dimensionless[index] > 0.999 * UPPER[index] or dimensionless[index] < 0.999 * min(LOWER[index], -1e-6):
+            found.append(
+                Advice(
+                    'range-limit',
+                    f'{name} ended at the limit of its range: the equation does not suit this motion, compare others',
+                )
+            )
+    if settings.objective == 'one-step':
+        found.append(
+            Advice(
+                'one-step-biased',
+                'the one-step objective is biased under measurement noise (damping too large): use the simulation '
+                'objective for a model to predict with',
+            )
+        )
+    return tuple(found)

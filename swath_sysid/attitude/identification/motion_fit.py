@@ -1,0 +1,258 @@
+"""The simulation objective: how well a simulated decay follows the measured one.
+
+Each record has its own initial state and trim, which are nuisance parameters; the ratios are
+shared by all records. Angle and rate are weighted by their noise. All candidates, or all
+perturbed copies that a Jacobian needs, are simulated side by side.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, interpolate, places_in_steps, runge_kutta_population
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.identification.scaling import Scales
+
+SEARCH_STEPS_PER_PERIOD = 24
+PERTURBATION = 1e-6
+TOLERANCE = 1e-11
+BOUND_MARGIN = 1e-9
+MOST_EVALUATIONS = 100
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations that weight the residuals: angle, rad, and rate, rad/s."""
+
+    angle: float
+    rate: float
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """State at the first sample of a record: angle from trim, rad, rate, rad/s, and trim, rad."""
+
+    x: float
+    rate: float
+    trim: float
+
+
+class MotionFit:
+    """Residuals, Jacobian and least-squares refinement of an equation on records.
+
+    Parameters
+    ----------
+    motions : sequence of AxisMotion
+    equation : Equation
+    scales : Scales
+    noise : Noise
+    friction_rate : float
+        rad/s.
+    steps_per_period : int
+        Runge-Kutta steps a period of ``scales.frequency``.
+    """
+
+    def __init__(
+        self, motions, equation, scales: Scales, noise: Noise, friction_rate, steps_per_period=STEPS_PER_PERIOD
+    ):
+        self._motions = motions
+        self._equation = equation
+        self._noise = noise
+        self._friction_rate = friction_rate
+        self._scales = scales
+        self._terms = equation.indices
+        self._units = scales.ratio_units[self._terms]
+        self._state_units = np.array([scales.amplitude, scales.rate, scales.amplitude])
+        self._step = 2.0 * np.pi / scales.frequency / steps_per_period
+        self._places = [places_in_steps(m.time - m.time[0], self._step) for m in motions]
+        self._steps = max(steps for _, _, steps in self._places)
+
+    @property
+    def term_count(self):
+        """Number of ratios, n."""
+        return len(self._terms)
+
+    def pack(self, ratios, states):
+        """Parameter vector, dimensionless, of ratios (9,) and the initial states, shape (n + 3 M,)."""
+        own = [np.array([s.x, s.rate, s.trim]) / self._state_units for s in states]
+        return np.concatenate([ratios[self._terms] / self._units, *own])
+
+    def unpack(self, parameters):
+        """Ratios (9,) and initial states of a parameter vector."""
+        ratios = np.zeros(len(TERM_NAMES))
+        ratios[self._terms] = parameters[: self.term_count] * self._units
+        own = parameters[self.term_count :].reshape(-1, 3) * self._state_units
+        return ratios, tuple(InitialState(*row) for row in own.tolist())
+
+    def objective_of_population(self, candidates, states):
+        """Objective of each candidate from given initial states.
+
+        Parameters
+        ----------
+        candidates : ndarray, shape (P, n)
+            Dimensionless ratios.
+        states : sequence of InitialState
+
+        Returns
+        -------
+        ndarray, shape (P,)
+            Root mean square of the weighted residuals; infinite where the motion runs away.
+        """
+        population, records = len(candidates), len(self._motions)
+        ratios = np.zeros((len(TERM_NAMES), population * records))
+        ratios[self._terms] = np.tile((candidates * self._units).T, records)
+        x = np.repeat([s.x for s in states], population)
+        rate = np.repeat([s.rate for s in states], population)
+        total, count = np.zeros(population), 0
+        with np.errstate(over='ignore', invalid='ignore'):
+            simulated = self._simulate(x, rate, ratios)
+            for index, state in enumerate(states):
+                columns = slice(index * population, (index + 1) * population)
+                for residual in self._channel_residuals(index, simulated, columns, state.trim):
+                    total += np.einsum('np,np->p', residual, residual)
+                    count += len(residual)
+            values = np.sqrt(total / count)
+        return np.where(np.isfinite(values), values, np.inf)
+
+    def residuals_and_jacobian(self, parameters):
+        """Weighted residuals and their derivatives, by forward differences in one simulation.
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (n + 3 M,)
+
+        Returns
+        -------
+        residuals : list of ndarray, shape (N_k,)
+            One per record and channel, angle before rate.
+        jacobians : list of ndarray, shape (N_k, n + 3 M)
+        """
+        n, records = self.term_count, len(self._motions)
+        copies = n + 3
+        ratios = np.zeros((len(TERM_NAMES), copies * records))
+        ratios[self._terms] = (parameters[:n] * self._units)[:, None]
+        own = parameters[n:].reshape(-1, 3)
+        x = np.repeat(own[:, 0], copies)
+        rate = np.repeat(own[:, 1], copies)
+        base = np.arange(records) * copies
+        for k, term in enumerate(self._terms):
+            ratios[term, base + 1 + k] += PERTURBATION * self._units[k]
+        x[base + n + 1] += PERTURBATION
+        rate[base + n + 2] += PERTURBATION
+        residuals, jacobians = [], []
+        with np.errstate(over='ignore', invalid='ignore'):
+            simulated = self._simulate(x * self._state_units[0], rate * self._state_units[1], ratios)
+            for index in range(records):
+                columns = slice(base[index], base[index] + copies)
+                trim = own[index, 2] * self._state_units[2]
+                trim_slopes = self._channel_trim_slopes(index)
+                for values, trim_slope in zip(
+                    self._channel_residuals(index, simulated, columns, trim), trim_slopes, strict=True
+                ):
+                    jacobian = np.zeros((len(values), parameters.size))
+                    slopes = (values[:, 1:] - values[:, :1]) / PERTURBATION
+                    place = n + 3 * index
+                    jacobian[:, :n] = slopes[:, :n]
+                    jacobian[:, place : place + 2] = slopes[:, n:]
+                    jacobian[:, place + 2] = trim_slope
+                    residuals.append(values[:, 0])
+                    jacobians.append(jacobian)
+        return residuals, jacobians
+
+    def refine(self, parameters, lower, upper):
+        """Least-squares refinement within bounds.
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (n + 3 M,)
+            Start.
+        lower, upper : ndarray, shape (n,)
+            Bounds of the dimensionless ratios; states are free.
+
+        Returns
+        -------
+        parameters : ndarray, shape (n + 3 M,)
+        objective : float
+            Root mean square of the weighted residuals.
+        evaluations : int
+        """
+        free = np.full(parameters.size - self.term_count, np.inf)
+        bounds = (np.concatenate([lower, -free]), np.concatenate([upper, free]))
+        start = np.clip(parameters, bounds[0] + BOUND_MARGIN, bounds[1] - BOUND_MARGIN)
+        found = self._least_squares(start, np.arange(parameters.size), bounds)
+        vanished = found.x - bounds[0] < BOUND_MARGIN
+        return np.where(vanished, bounds[0], found.x), float(np.sqrt(2.0 * found.cost / found.fun.size)), found.nfev
+
+    def refine_states(self, parameters):
+        """The parameters (n + 3 M,) with their initial states refined and their ratios kept."""
+        states = np.arange(self.term_count, parameters.size)
+        refined = parameters.copy()
+        refined[states] = self._least_squares(parameters, states, (-np.inf, np.inf)).x
+        return refined
+
+    def simulated(self, parameters):
+        """Simulated angle, rad, and rate, rad/s, at the samples of each record."""
+        ratios, states = self.unpack(parameters)
+        with np.errstate(over='ignore', invalid='ignore'):
+            angles, rates, accelerations = self._simulate(
+                np.array([s.x for s in states]), np.array([s.rate for s in states]),
+                np.tile(ratios[:, None], len(states)),
+            )  # fmt: skip
+            return tuple(
+                (
+                    interpolate(angles[:, k : k + 1], rates[:, k : k + 1], before, weights)[:, 0] + state.trim,
+                    interpolate(rates[:, k : k + 1], accelerations[:, k : k + 1], before, weights)[:, 0],
+                )
+                for k, (state, (before, weights, _)) in enumerate(zip(states, self._places, strict=True))
+            )
+
+    def _least_squares(self, parameters, chosen, bounds):
+        """scipy's trust-region least squares over the chosen parameters, the others kept.
+
+        Residuals and Jacobian come out of one simulation, so that the Jacobian is at hand when
+        it is asked for.
+        """
+        held = {}
+
+        def residuals(values):
+            trial = parameters.copy()
+            trial[chosen] = values
+            parts, jacobians = self.residuals_and_jacobian(trial)
+            held['jacobian'] = values.copy(), np.concatenate(jacobians)[:, chosen]
+            return np.concatenate(parts)
+
+        def jacobian(values):
+            if not np.array_equal(held['jacobian'][0], values):
+                residuals(values)
+            return held['jacobian'][1]
+
+        return least_squares(
+            residuals, parameters[chosen], jacobian, bounds=bounds,
+            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=MOST_EVALUATIONS,
+        )  # fmt: skip
+
+    def _simulate(self, x, rate, ratios):
+        return runge_kutta_population(
+            x, rate, ratios, self._equation.active, self._friction_rate, self._step, self._steps
+        )
+
+    def _channel_residuals(self, index, simulated, columns, trim):
+        """Weighted residuals, shape (N, P), of the measured channels of a record: angle, rate."""
+        motion = self._motions[index]
+        before, weights, _ = self._places[index]
+        angles, rates, accelerations = (values[:, columns] for values in simulated)
+        residuals = []
+        if motion.angle is not None:
+            found = interpolate(angles, rates, before, weights)
+            residuals.append((found - (motion.angle - trim)[:, None]) / self._noise.angle)
+        if motion.rate is not None:
+            found = interpolate(rates, accelerations, before, weights)
+            residuals.append((found - motion.rate[:, None]) / self._noise.rate)
+        return residuals
+
+    def _channel_trim_slopes(self, index):
+        """Derivative of each channel's residuals by the dimensionless trim."""
+        motion = self._motions[index]
+        angle = [self._state_units[2] / self._noise.angle] if motion.angle is not None else []
+        return angle + ([0.0] if motion.rate is not None else [])

@@ -1,0 +1,134 @@
+"""The published objective: the error of the rate one Euler step ahead.
+
+    F = sqrt(mean((w'[k+1] - w[k+1])^2)),   w'[k+1] = w[k] + dt f(psi[k], w[k])
+
+f is linear in the ratios, so F^2 is a quadratic form of the Gram matrix of the steps of the
+terms and the measured step of the rate. It is formed once, by orthogonal triangularisation, and
+a candidate then costs the same whatever the record's length; its minimum within bounds is a
+bounded least-squares problem.
+
+Under noise its minimum is biased, because the measured rate stands on both sides: the
+simulation objective is the default for that reason.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import lsq_linear
+
+from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
+from swath_sysid.common.errors import InputError
+
+LONGEST_STEP = 3.0
+"""Intervals longer than this many median intervals are gaps, over which no Euler step is taken."""
+
+
+@dataclass(frozen=True)
+class OneStepObjective:
+    """F as a function of the ratios.
+
+    Attributes
+    ----------
+    triangle : ndarray, shape (10, 10)
+        Triangular factor of the Gram matrix of the nine terms' steps and the measured step.
+    samples : int
+        Number of steps.
+    """
+
+    triangle: np.ndarray
+    samples: int
+
+    @classmethod
+    def of(cls, motions, trims, friction_rate):
+        """Form the objective of one or several records.
+
+        Parameters
+        ----------
+        motions : sequence of AxisMotion
+        trims : sequence of float
+            Angle of rest of each, rad.
+        friction_rate : float
+            rad/s.
+
+        Raises
+        ------
+        InputError
+            No two neighbouring samples.
+        """
+        steps = [_steps(motion, trim, friction_rate) for motion, trim in zip(motions, trims, strict=True)]
+        samples = sum(len(s) for s in steps)
+        if samples < len(TERM_NAMES) + 1:
+            raise InputError('the one-step objective needs at least ten neighbouring samples: give a longer record')
+        triangle = np.linalg.qr(np.concatenate([np.linalg.qr(s, mode='r') for s in steps]), mode='r')
+        return cls(triangle, samples)
+
+    def __call__(self, ratios):
+        """F of each candidate, rad/s.
+
+        Parameters
+        ----------
+        ratios : ndarray, shape (P, 9)
+
+        Returns
+        -------
+        ndarray, shape (P,)
+        """
+        errors = ratios @ self.triangle[:, :-1].T + self.triangle[:, -1]
+        return np.sqrt(np.einsum('pk,pk->p', errors, errors) / self.samples)
+
+    def minimum(self, equation, lower, upper):
+        """The exact optimum within bounds.
+
+        Parameters
+        ----------
+        equation : Equation
+        lower, upper : ndarray, shape (9,)
+            Bounds of the ratios; lower below upper for the terms in use.
+
+        Returns
+        -------
+        ndarray, shape (9,)
+        """
+        used = equation.indices
+        columns = self.triangle[:, used]
+        scale = np.linalg.norm(columns, axis=0)
+        scale[scale == 0.0] = 1.0
+        solved = lsq_linear(
+            columns / scale, -self.triangle[:, -1], (lower[used] * scale, upper[used] * scale), method='bvls', tol=1e-15
+        )
+        ratios = np.zeros(len(TERM_NAMES))
+        ratios[used] = solved.x / scale
+        return ratios
+
+    def information(self, equation):
+        """Inverse covariance of the ratios per unit variance of the step error, shape (n, n)."""
+        columns = self.triangle[:, equation.indices]
+        return columns.T @ columns
+
+
+def _steps(motion, trim, friction_rate):
+    """Rows of the nine terms' Euler steps (to be added, times their ratio) and the measured step."""
+    angle, rate = with_angle_and_rate(motion)
+    interval = np.diff(motion.time)
+    terms = term_moments(angle[:-1] - trim, rate[:-1], friction_rate) * interval
+    rows = np.column_stack([terms.T, np.diff(rate)])
+    return rows[interval <= LONGEST_STEP * np.median(interval)]
+
+
+def with_angle_and_rate(motion):
+    """Angle and rate of a motion, the one not measured derived from the other.
+
+    A missing rate is the centred difference of the angle; a missing angle the integral of the
+    rate about its own mean.
+
+    Returns
+    -------
+    angle, rate : ndarray, shape (N,)
+    """
+    if motion.rate is None:
+        return motion.angle, np.gradient(motion.angle, motion.time)
+    if motion.angle is None:
+        angle = cumulative_trapezoid(motion.rate, motion.time, initial=0.0)
+        return angle - angle[angle.size // 2 :].mean(), motion.rate
+    return motion.angle, motion.rate

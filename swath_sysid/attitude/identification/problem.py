@@ -1,0 +1,201 @@
+"""What is to be identified: the free decays of some records, and what they say at a glance."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from swath_sysid.attitude.identification.motion_fit import InitialState, Noise
+from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.motion.quality import check_decay
+from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decay
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.noise import weighting_noise
+
+FRICTION_RATE_SHARE = 0.02
+"""Dry friction is smoothed over this share of the greatest rate: small against the rates that
+carry information, and wide enough to be integrated at the usual step."""
+
+DENSEST = 1000
+AVERAGED = 400
+"""Samples a period: records denser than the first are averaged to the second, which costs the
+motion less than 1e-5 of its amplitude."""
+
+LONGEST_AFTERMATH = 10.0
+"""Periods after a decay that are looked at,"""
+LOUDEST_AFTERMATH = 0.35
+"""as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again. A hand that
+stops the craft, too, disturbs a decay; waves that do so keep it swinging by more than the decay's last amplitude."""
+
+FIRST_LOOK_PERIODS = 0.12
+"""The initial state is estimated from this part of a period."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Free decays ready to be fitted; the same for every equation.
+
+    Attributes
+    ----------
+    axis : str
+    motions : tuple of AxisMotion
+        Cut to their free decays.
+    segments : tuple of DecaySegment
+    observed : tuple of AxisMotion
+        From the release on as far as the craft was left alone: what follows a decay shows how still the basin is.
+    states : tuple of InitialState
+        First estimates.
+    scales : Scales
+    noise : Noise
+    friction_rate : float
+        rad/s.
+    advice : tuple of Advice
+        What the quality gates found.
+    """
+
+    axis: str
+    motions: tuple[AxisMotion, ...]
+    segments: tuple[DecaySegment, ...]
+    observed: tuple[AxisMotion, ...]
+    states: tuple[InitialState, ...]
+    scales: Scales
+    noise: Noise
+    friction_rate: float
+    advice: tuple[Advice, ...]
+
+    def until(self, periods):
+        """The records' first part, ``periods`` natural periods long; states as they are."""
+        limit = periods * 2.0 * np.pi / self.scales.frequency
+        return tuple(m.between(None, m.time[0] + limit) for m in self.motions)
+
+
+def prepare(motions, start=None, end=None):
+    """Find the free decays and take first estimates from them.
+
+    Parameters
+    ----------
+    motions : sequence of AxisMotion
+        Whole records, all of one axis.
+    start, end : float, optional
+        Bounds of the decay in each record's own time, s; what is not given is found.
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    InputError
+        No record, different axes, or no free decay in a record.
+    """
+    if not motions:
+        raise InputError('give at least one trial')
+    axes = {m.axis for m in motions}
+    if len(axes) > 1:
+        raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
+    segments = tuple(find_decay(m, start, end) for m in motions)
+    advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
+    cut = tuple(_averaged(m.between(s.start, s.end), s.period) for m, s in zip(motions, segments, strict=True))
+    frequency = 2.0 * np.pi / float(np.median([s.period for s in segments]))
+    noise = Noise(
+        angle=weighting_noise([m.angle for m in cut if m.angle is not None] or [np.zeros(1)]),
+        rate=weighting_noise([m.rate for m in cut if m.rate is not None] or [np.zeros(1)]),
+    )
+    states = tuple(_initial_state(m, s, noise) for m, s in zip(cut, segments, strict=True))
+    amplitude = max(_amplitude(m, s, frequency) for m, s in zip(cut, states, strict=True))
+    scales = Scales(amplitude, frequency)
+    return Problem(
+        axis=motions[0].axis,
+        motions=cut,
+        segments=segments,
+        observed=tuple(m.between(s.start, _left_alone_until(m, s)) for m, s in zip(motions, segments, strict=True)),
+        states=states,
+        scales=scales,
+        noise=noise,
+        friction_rate=FRICTION_RATE_SHARE * scales.rate,
+        advice=tuple(dict.fromkeys(advice)),
+    )
+
+
+def _left_alone_until(motion, segment):
+    """End of the quiet, or of the waves, that a decay fades into, s; its own end where it was given or stopped."""
+    if segment.ending not in ('noise-floor', 'faded', 'disturbed') or motion.angle is None:
+        return segment.end
+    after = motion.between(segment.end, segment.end + LONGEST_AFTERMATH * segment.period)
+    if after.size < 8:
+        return segment.end
+    later = after.angle[after.size // 2 :]
+    if segment.ending == 'disturbed' and np.ptp(later) < segment.final_amplitude:
+        return segment.end
+    limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
+    loud = np.flatnonzero(np.abs(after.angle - segment.trim) > limit)
+    if not loud.size:
+        return float(after.time[-1])
+    return max(segment.end, float(after.time[loud[0]]) - segment.period)
+
+
+def _averaged(motion, period):
+    """The record at a density that a fit can use up."""
+    dense = period / motion.sample_interval > DENSEST
+    return block_means(motion, period, AVERAGED) if dense else motion
+
+
+def block_means(motion, period, blocks):
+    """The record in means over a part of a period; as it is where it is not much denser than that.
+
+    The first sample stays as it is, because the initial state belongs to it.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+    period : float
+        s.
+    blocks : int
+        Blocks a period.
+    """
+    if motion.sample_interval * blocks > 0.5 * period:
+        return motion
+    block = 1 + np.floor((motion.time - motion.time[0]) * blocks / period).astype(int)
+    block[0] = 0
+    count = np.bincount(block)
+    filled = count > 0
+
+    def mean(values):
+        return None if values is None else np.bincount(block, values)[filled] / count[filled]
+
+    return replace(motion, time=mean(motion.time), angle=mean(motion.angle), rate=mean(motion.rate))
+
+
+def _amplitude(motion, state, frequency):
+    if motion.angle is not None:
+        return float(np.abs(motion.angle - state.trim).max())
+    return float(np.abs(motion.rate).max()) / frequency
+
+
+def _initial_state(motion, segment, noise):
+    """Local parabola through the first samples: angle and rate share its coefficients."""
+    elapsed = motion.time - motion.time[0]
+    first = elapsed <= FIRST_LOOK_PERIODS * segment.period
+    first[:4] = True
+    t, one, zero = elapsed[first], np.ones(first.sum()), np.zeros(first.sum())
+    if motion.angle is None:
+        slope, rate = np.polyfit(t, motion.rate[first], 1)
+        return InitialState(_angle_from_rate(motion, segment), float(rate), 0.0)
+    trim = float(segment.trim)
+    rows = np.column_stack([one, t, t * t / 2]) / noise.angle
+    right = (motion.angle[first] - trim) / noise.angle
+    if motion.rate is not None:
+        rows = np.concatenate([rows, np.column_stack([zero, one, t]) / noise.rate])
+        right = np.concatenate([right, motion.rate[first] / noise.rate])
+    x, rate, _ = np.linalg.lstsq(rows, right, rcond=None)[0]
+    return InitialState(float(x), float(rate), trim)
+
+
+def _angle_from_rate(motion, segment):
+    """Initial angle from trim: the integral of the rate has come to rest in the last whole periods."""
+    angle = cumulative_trapezoid(motion.rate, motion.time, initial=0.0)
+    whole = max(1, int(motion.duration / segment.period) // 2)
+    last = motion.time >= motion.time[-1] - whole * segment.period
+    return -float(angle[last].mean())

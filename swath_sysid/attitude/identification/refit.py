@@ -1,0 +1,399 @@
+"""Refitting a craft's model on a new window: what is fitted, what is believed, and the way back.
+
+A window that holds motion in waves instead of a free decay is identified at sea. The linear equivalent that
+this gives never replaces the model of a free decay, which knows other amplitudes too; a decay replaces either.
+"""
+
+import hashlib
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from swath_sysid.attitude.hull.amplitude import amplitude_curves
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.identification.at_sea import gain_over, identify_at_sea, is_at_sea, is_forced
+from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.motion_fit import MotionFit
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.sea_motion import heave_of
+from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.motion.contradictions import OFFSET_CODES, RATE_CODES, refuse_contradictions
+from swath_sysid.attitude.motion.installation_checks import contradictions_in
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.window import MotionTable
+from swath_sysid.common.errors import InputError
+
+COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')
+"""Columns of ``model/coefficients``: the ratios to inertia, and the trim, rad."""
+
+LONGEST_HISTORY = 20
+
+BY_CHANCE = 0.01
+"""Probability of taking the luck of a new fit on its own window for an improvement."""
+
+
+@dataclass(frozen=True)
+class RefitSettings:
+    """What a refit fits, and when it is believed.
+
+    Attributes
+    ----------
+    axes : tuple of str
+        Those to identify.
+    identification : IdentificationSettings
+    least_improvement : float
+        Part by which the new model's residuals must be smaller than the current model's, or more
+        where chance alone does as much.
+    """
+
+    axes: tuple[str, ...] = AXES
+    identification: IdentificationSettings = field(default_factory=IdentificationSettings)
+    least_improvement: float = 0.001
+
+    def __post_init__(self):
+        unknown = [axis for axis in self.axes if axis not in AXES]
+        if unknown or not self.axes or len(set(self.axes)) < len(self.axes):
+            raise InputError(f'axes must be one or both of {", ".join(AXES)}, each once, not {list(self.axes)}')
+        if not 0.0 <= self.least_improvement < 1.0:
+            raise InputError(f'least_improvement must lie between 0 and 1, not {self.least_improvement}')
+
+
+@dataclass(frozen=True)
+class RefitRequest:
+    """All that a refit needs, wherever it runs.
+
+    Attributes
+    ----------
+    table : MotionTable
+    current : dict of str to IdentifiedModel
+    settings : RefitSettings
+    provenance : dict
+        What the caller knows of the source.
+    """
+
+    table: MotionTable
+    current: dict[str, IdentifiedModel]
+    settings: RefitSettings
+    provenance: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class AxisVerdict:
+    """What a refit found about one axis.
+
+    Attributes
+    ----------
+    axis : str
+    model : IdentifiedModel or None
+        To be published; None: the current one stays.
+    message : str
+        One clause that says what was found.
+    misfit, current_misfit : float
+        Root mean square of the weighted residuals of the new and of the current model on this
+        window, each from its own best initial state; NaN where there is none. At sea the deviance
+        a degree of freedom of the new one.
+    """
+
+    axis: str
+    model: IdentifiedModel | None
+    message: str
+    misfit: float = float('nan')
+    current_misfit: float = float('nan')
+
+
+@dataclass(frozen=True)
+class RefitOutcome:
+    """What a refit found.
+
+    Attributes
+    ----------
+    verdicts : tuple of AxisVerdict
+    """
+
+    verdicts: tuple[AxisVerdict, ...]
+
+    @property
+    def models(self):
+        """Axis to the models that are to replace the current ones."""
+        return {verdict.axis: verdict.model for verdict in self.verdicts if verdict.model is not None}
+
+    @property
+    def succeeded(self):
+        """Whether any axis has a new model."""
+        return bool(self.models)
+
+    @property
+    def message(self):
+        """One line for people, what is published first."""
+        ordered = sorted(self.verdicts, key=lambda verdict: verdict.model is None)
+        return '; '.join(f'{verdict.axis}: {verdict.message}' for verdict in ordered)
+
+
+def refit(request, *, progress=None, should_cancel=None):
+    """Identify each axis on a window and compare with the current model on that window.
+
+    Parameters
+    ----------
+    request : RefitRequest
+    progress : callable, optional
+        Called with 0 to 1.
+    should_cancel : callable, optional
+        Asked often.
+
+    Returns
+    -------
+    RefitOutcome
+        What cannot be fitted is told in its verdict.
+
+    Raises
+    ------
+    InputError
+        The window is empty.
+    Cancelled
+        ``should_cancel`` said so.
+    """
+    trial = request.table.trial()
+    # a hull is fitted to angles and rates, wherever gravity is
+    trial = replace(trial, advice=tuple(
+        each for each in contradictions_in(trial.time, trial.channels, Installation())
+        if each.code in RATE_CODES | OFFSET_CODES
+    ))  # fmt: skip
+    axes = request.settings.axes
+    verdicts = []
+    for index, axis in enumerate(axes):
+
+        def report(share, index=index):
+            if progress is not None:
+                progress((index + share) / len(axes))
+
+        try:
+            refuse_contradictions(trial, axis)
+            verdicts.append(_refit_axis(axis, trial, request, report, should_cancel))
+        except InputError as error:
+            verdicts.append(AxisVerdict(axis, None, f'not fitted, {error}'))
+        report(1.0)
+    return RefitOutcome(tuple(verdicts))
+
+
+def misfit(problem, model):
+    """How badly a model explains decays, from the initial state that suits it best.
+
+    Parameters
+    ----------
+    problem : Problem
+    model : DecayModel
+
+    Returns
+    -------
+    float
+        Root mean square of the residuals of angle and rate, weighted by their noise; infinite
+        where the simulated motion runs away.
+    """
+    fit = MotionFit(problem.motions, model.equation, problem.scales, problem.noise, model.friction_rate)
+    try:
+        best = fit.refine_states(fit.pack(model.ratios, problem.states))
+        residuals, _ = fit.residuals_and_jacobian(best)
+    except (ValueError, np.linalg.LinAlgError):
+        # scipy's answer to a motion that runs away
+        return float('inf')
+    value = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    return value if np.isfinite(value) else float('inf')
+
+
+def _refit_axis(axis, trial, request, progress, should_cancel):
+    settings, motion = request.settings.identification, trial.axis(axis)
+    try:
+        problem = prepare([motion], settings.start, settings.end)
+    except InputError:
+        if not is_forced(motion):
+            raise
+        return _refit_at_sea(axis, motion, heave_of(trial), request, progress, should_cancel)
+    found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
+    new = misfit(problem, found.model)
+    held = request.current.get(axis)
+    current = float('nan') if held is None else misfit(problem, held.model)
+    summary = f'{found.model.equation.name}, r2 {found.r2:.5f}, period {found.model.natural_period:.3f} s'
+    if not np.isfinite(new):
+        return AxisVerdict(axis, None, f'not published, the fit runs away ({summary})', new, current)
+    worth = min(1.0 - request.settings.least_improvement, _chance_ratio(found))
+    if held is not None and not new < worth * current:
+        message = f'not published, the current model explains the window as well (misfit {current:.4g}, new {new:.4g})'
+        return AxisVerdict(axis, None, message, new, current)
+    better = '' if held is None else f', misfit {new:.4g} instead of {current:.4g}'
+    return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', new, current)
+
+
+def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
+    try:
+        found = identify_at_sea(motion, heave, progress=progress, should_cancel=should_cancel)
+    except InputError as error:
+        raise InputError(f'{error} (the window holds what window_s says)') from error
+    summary = (
+        f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
+        f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
+    )
+    if not found.is_usable:
+        message = f'not published, this sea tells too little of the hull ({summary})'
+        return AxisVerdict(axis, None, message, found.misfit)
+    held, better = request.current.get(axis), ''
+    if held is not None and not is_at_sea(held):
+        message = f'not published, the model of the free decay stays, {_told_there(held, found.amplitude)} ({summary})'
+        return AxisVerdict(axis, None, message, found.misfit)
+    if held is not None:
+        # twice, as in `_chance_ratio`: both are uncertain
+        gain, by_chance = gain_over(held.model, motion, heave, should_cancel=should_cancel), chi2.isf(BY_CHANCE, 2)
+        if gain < by_chance:
+            message = f'not published, the current model explains the window as well ({summary})'
+            return AxisVerdict(axis, None, message, found.misfit)
+        better = f', log-likelihood {gain:.0f} higher'
+    return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', found.misfit)
+
+
+def _told_there(held, amplitude):
+    """What a model says of an amplitude, in words."""
+    curves = amplitude_curves(held.model.ratios, np.array([amplitude]), held.model.friction_rate)
+    period, damping = 2.0 * np.pi / float(curves.frequency[0]), float(curves.damping_ratio[0])
+    return f'which there has period {period:.3f} s and damping ratio {damping:.3f}'
+
+
+def window_provenance(table, software):
+    """What is known of where a window came from.
+
+    Parameters
+    ----------
+    table : MotionTable
+    software : str
+        Name and version.
+
+    Returns
+    -------
+    dict
+    """
+    return {
+        'software': software,
+        'sources': [{
+            'topic': 'motion/window',
+            'first_stamp_s': float(table.rows[0, 0]) if len(table.rows) else None,
+            'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
+        }],
+    }
+
+
+def warm_up():
+    """A small refit of simulated decays, so that the next one finds everything loaded and compiled."""
+    time = np.arange(0.0, 12.0, 0.05)
+    decay = 0.1 * np.exp(-0.2 * time)
+    rows = np.full((time.size, 8), np.nan)
+    rows[:, 0] = time
+    for index in range(len(AXES)):
+        rows[:, 1 + index] = decay * np.cos(3.0 * time)
+        rows[:, 3 + index] = -decay * (0.2 * np.cos(3.0 * time) + 3.0 * np.sin(3.0 * time))
+    settings = RefitSettings(identification=IdentificationSettings(search=SearchSettings(generations=2)))
+    refit(RefitRequest(MotionTable(rows, 0), {}, settings))
+
+
+def _chance_ratio(found):
+    """Ratio of the misfits, new over current, that chance alone undercuts with probability `BY_CHANCE`.
+
+    Two models of the same craft, each fitted with k ratios to its own window: on the new one's window their
+    sums of squared residuals, over the noise variance, differ by twice a chi-squared variable of k
+    degrees of freedom (Wilks 1938; twice, because both are uncertain).
+    """
+    excess = 2.0 * chi2.isf(BY_CHANCE, len(found.model.equation.terms)) / found.effective_samples
+    return float(1.0 / np.sqrt(1.0 + excess))
+
+
+class Refitter:
+    """The models of a craft as refits change them, with the way back.
+
+    Parameters
+    ----------
+    settings : RefitSettings
+    models : dict of str to IdentifiedModel, optional
+        Known at the start, by axis.
+    """
+
+    def __init__(self, settings=None, models=None):
+        self.settings = settings or RefitSettings()
+        self.models = dict(models or {})
+        self.version = 0
+        self._history = []
+
+    def request(self, table, provenance=None):
+        """What is to be fitted on a window, by `refit`.
+
+        Parameters
+        ----------
+        table : MotionTable
+        provenance : dict, optional
+
+        Returns
+        -------
+        RefitRequest
+        """
+        return RefitRequest(table, dict(self.models), self.settings, provenance or {})
+
+    def take(self, outcome):
+        """Believe what a refit found to be better.
+
+        Parameters
+        ----------
+        outcome : RefitOutcome
+
+        Returns
+        -------
+        bool
+            Whether the models have changed and are to be published.
+        """
+        if not outcome.succeeded:
+            return False
+        self._history = [*self._history, self.models][-LONGEST_HISTORY:]
+        self.models = {**self.models, **outcome.models}
+        self.version += 1
+        return True
+
+    def rollback(self):
+        """Return to the models before the last refit that was believed.
+
+        Returns
+        -------
+        bool
+            Whether there was one; if so the models are to be published.
+        """
+        if not self._history:
+            return False
+        self.models = self._history.pop()
+        self.version += 1
+        return True
+
+    @property
+    def described(self):
+        """The models held, for people."""
+        return ', '.join(f'{axis} {held.model.equation.name}' for axis, held in self.models.items()) or 'no model'
+
+    @property
+    def steps_back(self):
+        """How often `rollback` can be called."""
+        return len(self._history)
+
+
+def coefficients(models):
+    """The numbers of ``model/coefficients``.
+
+    Parameters
+    ----------
+    models : dict of str to IdentifiedModel
+
+    Returns
+    -------
+    axes : tuple of str
+        Of the rows.
+    values : ndarray, shape (axes, 10)
+        Columns as `COEFFICIENT_NAMES`.
+    """
+    axes = tuple(axis for axis in AXES if axis in models)
+    rows = [[*models[axis].model.ratios.tolist(), models[axis].model.trim] for axis in axes]
+    return axes, np.array(rows, dtype=float).reshape(len(axes), len(COEFFICIENT_NAMES))

@@ -1,0 +1,47 @@
+"""Dimensionless ratios: every term measured against the restoring moment of the record.
+
+A ratio times the moment of its term at the record's amplitude a and rate w0 a, over w0^2 a, is
+of order one for any craft of any size. Search and refinement work in these numbers, and the
+ranges below are in them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+
+_RANGES = {
+    'b0': (0.0, 0.5), 'b1': (0.0, 4.0), 'b2': (0.0, 12.0), 'b3': (0.0, 12.0),
+    'r1': (0.0, 5.0), 'r2': (-3.0, 3.0), 'r3': (-3.0, 6.0), 's1': (0.0, 5.0), 's2': (-3.0, 3.0),
+}  # fmt: skip
+LOWER = np.array([_RANGES[name][0] for name in TERM_NAMES])
+UPPER = np.array([_RANGES[name][1] for name in TERM_NAMES])
+"""No craft feeds on its own motion: damping is not negative. No upper limit is meant to bind."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Amplitude and frequency of the records under identification.
+
+    Attributes
+    ----------
+    amplitude : float
+        rad.
+    frequency : float
+        rad/s.
+    """
+
+    amplitude: float
+    frequency: float
+
+    @property
+    def rate(self):
+        """Amplitude of the rate, rad/s."""
+        return self.amplitude * self.frequency
+
+    @property
+    def ratio_units(self):
+        """The ratio of each term that is one in dimensionless form, shape (9,)."""
+        a, w = self.amplitude, self.frequency
+        return np.array([w * w * a, w, 1 / a, 1 / (w * a * a), w * w, w * w / a, w * w / (a * a), w * w, w * w / a])

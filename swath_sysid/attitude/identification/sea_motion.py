@@ -1,0 +1,423 @@
+"""Motion in waves, smooth enough to be differentiated, and the spectra of what a hull's equation makes of it.
+
+Sine tapers (Riedel and Sidorenko, Minimum bias multiple taper spectral estimation, IEEE Trans. Signal
+Processing 43, 1995) keep the energy of the waves out of the bands where there is none: those bands tell
+what the hull's nonlinearity makes of the waves.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.motion.turning_points import split_at_pauses
+from swath_sysid.common.errors import InputError
+
+TAPERS = 5
+BAND_RATIO = 1.03
+"""Frequencies of neighbouring bands, over which spectra are averaged."""
+
+ABOVE_NOISE = 4.0
+"""A band is used while its spectrum stands so many times above the noise,"""
+DYNAMIC_RANGE = 1e-5
+"""... and above this part of the peak."""
+LOWEST_BAND, HIGHEST_BAND = 0.25, 8.0
+"""... between these multiples of the peak frequency."""
+
+LEAST_REACH = 1.3
+"""Multiple of the peak frequency up to which the motion must be known."""
+
+FASTEST = 0.8
+"""... and below this part of the Nyquist frequency."""
+
+LOW_PASS = 2.0
+"""Corner over the highest band: there the motion passes whole."""
+
+OVERSAMPLING = 4.0
+"""Nyquist frequency over the highest band: products of three factors fold back only above the bands."""
+
+EDGE_PERIODS = 1.0
+"""Left out at both ends, where the derivatives know one side only."""
+
+HEAVE_ABOVE_NOISE = 10.0
+HEAVE_WANTED = 0.01
+"""Heave tells the sea where it stands so far above its noise wherever the spectrum of the angle is above
+this part of its peak."""
+
+HEAVE_LEAST = 0.05
+"""... and where its standard deviation is so many g times that of the angle. Below, it is what is left of gravity."""
+
+HEAVE_SMOOTHING = 0.06
+"""Relative bandwidth over which the spectrum of the heave is averaged."""
+
+TERMS = ('acceleration', 'rate', 'angle', 'quadratic damping', 'quadratic restoring', 'cubic restoring')
+
+GAUSSIAN_RATE = float(np.sqrt(8.0 / np.pi))
+"""Statistical linearisation of |w| w for a Gaussian rate of unit standard deviation."""
+
+
+@dataclass(frozen=True)
+class SeaMotion:
+    """A motion in waves on an even grid, its noise and the bands in which it is known.
+
+    Attributes
+    ----------
+    start, interval : float
+        Time of the first sample and between samples, s.
+    angle, rate, acceleration : ndarray, shape (N,)
+        About the mean angle; rad, rad/s, rad/s^2.
+    mean : float
+        Mean angle, rad; NaN where no angle was measured.
+    angle_noise, rate_noise : float
+        One-sided spectral density of the white noise, rad^2 s and (rad/s)^2 s; infinite where not measured.
+    peak : float
+        Frequency at which the angle's spectrum is largest, rad/s.
+    lowest, highest : float
+        Bounds of the bands, rad/s.
+    """
+
+    start: float
+    interval: float
+    angle: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    mean: float
+    angle_noise: float
+    rate_noise: float
+    peak: float
+    lowest: float
+    highest: float
+
+    @property
+    def duration(self):
+        """s."""
+        return self.interval * self.angle.size
+
+    @property
+    def angle_std(self):
+        """rad."""
+        return float(self.angle.std())
+
+    @property
+    def rate_std(self):
+        """rad/s."""
+        return float(self.rate.std())
+
+    def noise(self, frequency):
+        """Spectral density of the noise in ``angle``, rad^2 s."""
+        return 1.0 / (1.0 / self.angle_noise + frequency**2 / self.rate_noise)
+
+
+@dataclass(frozen=True)
+class TermSpectra:
+    """Cross spectra of `TERMS`, averaged over bands.
+
+    The shapes of the nonlinear terms are free of their linear part in a Gaussian motion (x and w of
+    standard deviations s and q): |w| w / q - sqrt(8 / pi) w,  x^2 / s,  x^3 / s^2 - 3 x.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (B,)
+        rad/s.
+    matrices : ndarray, shape (B, 6, 6)
+        Real parts, one-sided, per rad/s.
+    counts : ndarray, shape (B,)
+        Independent complex values in each band.
+    """
+
+    frequency: np.ndarray
+    matrices: np.ndarray
+    counts: np.ndarray
+
+    @property
+    def angle(self):
+        """Spectrum of the angle, rad^2 s, shape (B,)."""
+        return self.matrices[:, 2, 2]
+
+    def below(self, highest):
+        """The bands below a frequency, rad/s."""
+        used = self.frequency < highest
+        return TermSpectra(self.frequency[used], self.matrices[used], self.counts[used])
+
+
+@dataclass(frozen=True)
+class Heave:
+    """Vertical acceleration of a craft in waves.
+
+    Attributes
+    ----------
+    time : ndarray, shape (N,)
+        s.
+    acceleration : ndarray, shape (N,)
+        m/s^2; up, with gravity or without.
+    """
+
+    time: np.ndarray
+    acceleration: np.ndarray
+
+
+def heave_of(trial: Trial):
+    """Vertical acceleration by the accelerometers and the attitude of a trial.
+
+    Parameters
+    ----------
+    trial : Trial
+
+    Returns
+    -------
+    Heave or None
+        None where one of them was not measured.
+    """
+    channels = (trial.roll, trial.pitch, trial.accel_x, trial.accel_y, trial.accel_z)
+    if any(channel is None for channel in channels):
+        return None
+    finite = np.all(np.isfinite(channels), axis=0)
+    if finite.sum() < 64:
+        return None
+    roll, pitch, x, y, z = (channel[finite] for channel in channels)
+    up = np.cos(pitch) * (np.sin(roll) * y + np.cos(roll) * z) - np.sin(pitch) * x
+    return Heave(trial.time[finite], up)
+
+
+def sea_motion(motion):
+    """Angle, rate and acceleration from what was measured.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        The longest stretch without a pause is used.
+
+    Returns
+    -------
+    SeaMotion
+
+    Raises
+    ------
+    InputError
+        The axis does not move, or is sampled too slowly for its motion.
+    """
+    piece = max(split_at_pauses(motion), key=lambda part: part.duration)
+    if piece.size < 64:
+        raise InputError(
+            f'the {motion.axis} has only {piece.size} samples without a pause: record at least 10 minutes in waves'
+        )
+    interval = piece.duration / (piece.size - 1)
+    even = piece.time[0] + interval * np.arange(piece.size)
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(piece.size, interval)
+    angle, angle_noise = _channel(piece, 'angle', even)
+    rate, rate_noise = _channel(piece, 'rate', even)
+    angles = _from_both(angle, rate, angle_noise, rate_noise, frequency, interval)
+    with np.errstate(divide='ignore'):
+        noise = 1.0 / (1.0 / angle_noise + frequency**2 / rate_noise)
+    peak, highest = _reach(even, angle, rate, noise, frequency)
+    spectrum = angles / (1.0 + (frequency / (LOW_PASS * highest)) ** 12)
+    size = min(piece.size, int(np.ceil(OVERSAMPLING * highest / np.pi * piece.duration)))
+    ramp_rate = 0.0 if angle is None else (angle[-1] - angle[0]) / (even[-1] - even[0])
+    step = interval * piece.size / size
+    line = 0.0 if angle is None else angle[0] + ramp_rate * step * np.arange(size)
+    x, w, a = (
+        np.fft.irfft((1j * frequency) ** order * spectrum, piece.size)
+        if size == piece.size else np.fft.irfft(((1j * frequency) ** order * spectrum)[:size // 2 + 1], size)
+        * size / piece.size
+        for order in range(3)
+    )  # fmt: skip
+    edge = int(np.ceil(EDGE_PERIODS * 2.0 * np.pi / peak / step))
+    inside = slice(edge, -edge)
+    x = (x + line)[inside]
+    if x.size < 32:
+        raise InputError(f'the {motion.axis} holds hardly a swing of {2 * np.pi / peak:.3g} s: record longer')
+    mean = float(x.mean()) if angle is not None else float('nan')
+    return SeaMotion(
+        float(even[0] + edge * step), step, x - x.mean(), (w + ramp_rate)[inside], a[inside], mean, angle_noise,
+        rate_noise, peak, LOWEST_BAND * peak, highest,
+    )  # fmt: skip
+
+
+def _channel(piece, name, even):
+    """A channel on the even grid and the spectral density of its noise."""
+    values = getattr(piece, name)
+    if values is None:
+        return None, np.inf
+    values = np.interp(even, piece.time, values)
+    if not np.ptp(values) > 0.0:
+        raise InputError(f'the {piece.axis} {name} is constant: check the sensor')
+    frequency, spectrum = tapered_spectrum(values, float(even[1] - even[0]))
+    top = frequency > 0.75 * frequency[-1]
+    # the median of a chi-squared variable of 2 K degrees of freedom is about 1 - 1 / (3 K) of its mean
+    return values, float(np.median(spectrum[top]) / (1.0 - 1.0 / (3.0 * TAPERS))) or 1e-30
+
+
+def _from_both(angle, rate, angle_noise, rate_noise, frequency, interval):
+    """Fourier transform of the angle less its ramp, each channel weighted by its noise at each frequency."""
+    weight = np.full_like(frequency, float(angle is None))
+    if angle is not None and rate is not None:
+        weight = frequency**2 / (frequency**2 + rate_noise / angle_noise)
+    total = np.zeros(frequency.size, dtype=complex)
+    if angle is not None:
+        total += (1.0 - weight) * np.fft.rfft(angle - np.linspace(angle[0], angle[-1], angle.size))
+    if rate is not None:
+        slope = rate.mean() if angle is None else (angle[-1] - angle[0]) / (interval * (angle.size - 1))
+        turned = np.zeros_like(total)
+        turned[1:] = np.fft.rfft(rate - slope)[1:] / (1j * frequency[1:])
+        total += weight * turned
+    return total
+
+
+def _reach(even, angle, rate, noise, frequency):
+    """Peak frequency of the angle and the highest frequency at which it is known, rad/s."""
+    interval = float(even[1] - even[0])
+    if angle is not None:
+        _, spectrum = tapered_spectrum(angle, interval)
+    else:
+        _, spectrum = tapered_spectrum(rate, interval)
+        spectrum[1:] /= frequency[1:] ** 2
+    smooth = np.convolve(spectrum, np.ones(15) / 15.0, mode='same')
+    # a drift of the mean is no wave: a record shows at least ten of them
+    slowest = 10
+    at = slowest + int(smooth[slowest:].argmax())
+    peak = float(frequency[at])
+    known = (smooth > ABOVE_NOISE * noise) & (smooth > DYNAMIC_RANGE * smooth[at])
+    lost = np.flatnonzero(~known[at:])
+    last = frequency[at + lost[0] - 1] if lost.size else frequency[-1]
+    highest = min(float(last), HIGHEST_BAND * peak, FASTEST * float(frequency[-1]))
+    if highest < LEAST_REACH * peak:
+        raise InputError(
+            f'the motion is known only up to {highest / (2 * np.pi):.3g} Hz, its peak is at '
+            f'{peak / (2 * np.pi):.3g} Hz: record at ten samples a wave or more, with a quieter sensor'
+        )
+    return peak, highest
+
+
+def _tapers(size):
+    """Sine tapers, shape (TAPERS, size)."""
+    order, place = np.arange(1, TAPERS + 1)[:, None], np.arange(1, size + 1)
+    return np.sqrt(2.0 / (size + 1)) * np.sin(np.pi * order * place / (size + 1))
+
+
+def tapered_spectrum(values, interval):
+    """One-sided multitaper spectrum.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+    interval : float
+        s.
+
+    Returns
+    -------
+    frequency : ndarray, shape (F,)
+        rad/s.
+    spectrum : ndarray, shape (F,)
+        Unit of ``values`` squared, per rad/s.
+    """
+    transformed = np.fft.rfft(_tapers(values.size) * (values - values.mean()))
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(values.size, interval)
+    return frequency, np.mean(np.abs(transformed) ** 2, axis=0) * interval / np.pi
+
+
+def term_spectra(sea):
+    """Cross spectra of the terms of a hull's equation.
+
+    Parameters
+    ----------
+    sea : SeaMotion
+
+    Returns
+    -------
+    TermSpectra
+    """
+    x, w, s, q = sea.angle, sea.rate, sea.angle_std, sea.rate_std
+    columns = np.stack([
+        sea.acceleration, w, x, np.abs(w) * w / q - GAUSSIAN_RATE * w, x * x / s, x**3 / s**2 - 3.0 * x,
+    ])  # fmt: skip
+    columns = columns - columns.mean(axis=1, keepdims=True)
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(x.size, sea.interval)
+    used = (frequency >= sea.lowest) & (frequency <= sea.highest)
+    frequency = frequency[used]
+    cross = np.zeros((frequency.size, len(TERMS), len(TERMS)))
+    for taper in _tapers(x.size):
+        at = np.fft.rfft(taper * columns)[:, used]
+        cross += np.einsum('if,jf->fij', at, at.conj()).real
+    cross *= sea.interval / np.pi / TAPERS
+    band = np.floor(np.log(frequency / sea.lowest) / np.log(BAND_RATIO)).astype(int)
+    starts = np.flatnonzero(np.diff(band, prepend=-1))
+    counts = np.diff(np.append(starts, frequency.size))
+    return TermSpectra(
+        np.add.reduceat(frequency, starts) / counts,
+        np.add.reduceat(cross, starts) / counts[:, None, None],
+        counts,
+    )
+
+
+def heave_spectrum(heave, sea, spectra):
+    """Spectrum of the vertical acceleration at the bands of a motion, shape (B,), (m/s^2)^2 s.
+
+    In deep water it is that of the wave slope times g^2, for a craft that follows the waves.
+
+    Parameters
+    ----------
+    heave : Heave or None
+    sea : SeaMotion
+    spectra : TermSpectra
+
+    Returns
+    -------
+    ndarray or None
+        None where the heave does not stand out of its noise wherever the axis moves.
+    """
+    if heave is None:
+        return None
+    end = sea.start + sea.duration
+    used = (heave.time >= sea.start) & (heave.time <= end)
+    if used.sum() < 64 or np.ptp(heave.time[used]) < 0.9 * sea.duration:
+        return None
+    interval = float(np.median(np.diff(heave.time[used])))
+    even = np.arange(sea.start, end, interval)
+    frequency, spectrum = tapered_spectrum(np.interp(even, heave.time[used], heave.acceleration[used]), interval)
+    if spectra.frequency[-1] > FASTEST * frequency[-1]:
+        return None
+    noise = np.median(spectrum[frequency > 0.75 * frequency[-1]])
+    below, above = (spectra.frequency * (1.0 + sign * 0.5 * HEAVE_SMOOTHING) for sign in (-1.0, 1.0))
+    first = np.searchsorted(frequency, below)
+    last = np.maximum(np.searchsorted(frequency, above), first + 1)
+    total = np.concatenate([[0.0], np.cumsum(spectrum)])
+    smooth = (total[last] - total[first]) / (last - first)
+    if smooth @ np.gradient(spectra.frequency) < (HEAVE_LEAST * STANDARD_GRAVITY * sea.angle_std) ** 2:
+        return None
+    moving = spectra.angle > HEAVE_WANTED * spectra.angle.max()
+    return smooth if np.all(smooth[moving] > HEAVE_ABOVE_NOISE * noise) else None
+
+
+def random_decrement(sea, span):
+    """Mean of the motion after it crossed sqrt(2) of its standard deviations, on either side and in either direction.
+
+    Cole, On-line failure detection and damping measurement by random decrement signatures, NASA
+    CR-2205 (1973). For a Gaussian motion it is the autocorrelation times the level: the free decay of
+    the hull where the excitation is white, and of hull and sea together where it is not.
+
+    Parameters
+    ----------
+    sea : SeaMotion
+    span : float
+        s.
+
+    Returns
+    -------
+    lag : ndarray, shape (L,)
+        s.
+    signature : ndarray, shape (L,)
+        rad; NaN where nothing crosses.
+    """
+    level, value = np.sqrt(2.0) * sea.angle_std, sea.angle
+    count = max(2, int(span / sea.interval))
+    lag = sea.interval * np.arange(count)
+    total, found = np.zeros(count), 0
+    for sign in (1.0, -1.0):
+        above = sign * value >= level
+        at = np.flatnonzero(above[1:] != above[:-1])
+        # of the two samples around the crossing the nearer one
+        at = at + (np.abs(sign * value[at + 1] - level) < np.abs(sign * value[at] - level))
+        at = at[at + count <= value.size]
+        total += sign * sum((value[k:k + count] for k in at), np.zeros(count))
+        found += at.size
+    return lag, total / found if found else np.full(count, np.nan)

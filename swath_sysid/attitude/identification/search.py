@@ -1,0 +1,260 @@
+"""The global search: which variables, which algorithm, until when."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from numbers import Integral
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.identification.scaling import LOWER, UPPER
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
+
+ALGORITHMS = ('ga', 'pso', 'de')
+
+
+@dataclass(frozen=True)
+class Preset:
+    """Search settings of one of the papers, its ranges in the published variables.
+
+    Attributes
+    ----------
+    name : str
+    genetic : GeneticSettings
+    inertia, damping, restoring : float
+        Upper ends of the ranges of I', of N and W, and of x and C1 to C3; the lower ends are 0.
+    """
+
+    name: str
+    genetic: GeneticSettings
+    inertia: float = 0.1
+    damping: float = 1.0
+    restoring: float = 10.0
+
+
+_PUBLISHED_BUDGET = GeneticSettings(generations=2000, population=200, patience=0, spread_tolerance=0.0)
+PRESETS = {
+    preset.name: preset
+    for preset in (
+        Preset('swath-pitch', _PUBLISHED_BUDGET),
+        Preset('swath-roll', _PUBLISHED_BUDGET),
+        Preset('hydrofoil-pitch', replace(_PUBLISHED_BUDGET, mutation=0.01, final_mutation=0.0001, genetic_factor=0.1)),
+        Preset('swath-usv-pitch', replace(_PUBLISHED_BUDGET, population=400, crossover=0.7)),
+    )
+}
+
+
+@dataclass(frozen=True)
+class SearchSpace:
+    """Box of search variables and their map to dimensionless ratios.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (n,)
+    to_ratios : callable
+        Candidates (P, n) to dimensionless ratios (P, terms).
+    ratio_lower, ratio_upper : ndarray, shape (terms,)
+        Bounds that the refinement keeps, dimensionless.
+    from_ratios : callable
+        Dimensionless ratios (terms,) to a candidate, for a first guess.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    to_ratios: Callable
+    from_ratios: Callable
+    ratio_lower: np.ndarray
+    ratio_upper: np.ndarray
+
+
+def dimensionless_space(equation):
+    """The default: the ratios themselves, dimensionless."""
+    lower, upper = LOWER[equation.indices], UPPER[equation.indices]
+    return SearchSpace(lower, upper, lambda c: c, lambda r: r, lower, upper)
+
+
+def published_space(equation, preset, scales):
+    """The published variables I', N, W, x, C1, C2, C3, in the published ranges.
+
+    The inertia is searched although only ratios to it matter, as the papers did.
+
+    Raises
+    ------
+    InputError
+        The equation has friction, which no paper has.
+    """
+    if 'b0' in equation.terms:
+        raise InputError(
+            'the published ranges have none for friction: leave the preset out or choose an equation without'
+        )
+    widths = {'b1': 2.0 * preset.damping, 'b2': preset.damping}
+    width = np.array([widths.get(name, preset.restoring) for name in equation.terms])
+    units = scales.ratio_units[equation.indices]
+    smallest = 1e-6 * preset.inertia
+
+    def to_ratios(candidates):
+        return candidates[:, 1:] / candidates[:, :1] / units
+
+    def from_ratios(ratios):
+        coefficients = ratios * units
+        inertia = min(preset.inertia, float(np.min(width / np.maximum(coefficients, 1e-12))))
+        return np.concatenate([[inertia], coefficients * inertia])
+
+    return SearchSpace(
+        lower=np.concatenate([[smallest], np.zeros(width.size)]),
+        upper=np.concatenate([[preset.inertia], width]),
+        to_ratios=to_ratios,
+        from_ratios=from_ratios,
+        ratio_lower=np.zeros(width.size),
+        ratio_upper=UPPER[equation.indices],
+    )
+
+
+WHOLE_NUMBERS = {'generations': (1, 100_000), 'population': (8, 100_000), 'seed': (0, 2**31 - 1)}
+"""Least and largest of what a search is given."""
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Which algorithm with which budget.
+
+    Attributes
+    ----------
+    algorithm : str
+        ``ga``, ``pso`` or ``de``.
+    preset : str or None
+        A name in ``PRESETS``: its parameters, and the published variables and ranges.
+    generations, population : int or None
+        Override the budget of the preset or of the algorithm's default.
+    seed : int
+        Ranges are in `WHOLE_NUMBERS`.
+    """
+
+    algorithm: str = 'ga'
+    preset: str | None = None
+    generations: int | None = None
+    population: int | None = None
+    seed: int = 1
+
+    def __post_init__(self):
+        if self.algorithm not in ALGORITHMS:
+            raise InputError(f"there is no search '{self.algorithm}': choose from {', '.join(ALGORITHMS)}")
+        if self.preset is not None and self.preset not in PRESETS:
+            raise InputError(f"there is no preset '{self.preset}': choose from {', '.join(PRESETS)}")
+        if self.preset is not None and self.algorithm != 'ga':
+            raise InputError('the presets are settings of the genetic algorithm: leave the search at ga')
+        for name, (lowest, highest) in WHOLE_NUMBERS.items():
+            value = getattr(self, name)
+            if value is None and name != 'seed':
+                continue
+            # to Python True is 1
+            if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= value <= highest:
+                raise InputError(f'{name} must be a whole number from {lowest} to {highest}, not {value}')
+
+    def budget(self, default):
+        """``default`` with the overrides of generations and population."""
+        given = {k: v for k in ('generations', 'population') if (v := getattr(self, k)) is not None}
+        return replace(default, **given)
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """The best candidate of a search.
+
+    Attributes
+    ----------
+    best : ndarray, shape (n,)
+        In the variables of the search space.
+    value : float
+    generations, evaluations : int
+    stop : str
+        Name of the rule that ended it.
+    """
+
+    best: np.ndarray
+    value: float
+    generations: int
+    evaluations: int
+    stop: str
+
+
+def run_search(objective, space, settings, first=(), progress=None, should_cancel=None):
+    """Search the minimum of an objective over a space.
+
+    Parameters
+    ----------
+    objective : callable
+        Dimensionless ratios (P, terms) to values (P,).
+    space : SearchSpace
+    settings : SearchSettings
+    first : array_like, shape (k, n)
+        Candidates to start with.
+    progress : callable, optional
+        Called with the share of the budget spent, 0 to 1, after each generation.
+    should_cancel : callable, optional
+        Asked after each generation.
+
+    Raises
+    ------
+    Cancelled
+        ``should_cancel`` said so.
+    """
+
+    def note(generation, budget):
+        if progress is not None:
+            progress(min(1.0, generation / budget))
+        if should_cancel is not None and should_cancel():
+            raise Cancelled
+
+    if settings.algorithm == 'de':
+        return _differential_evolution(objective, space, settings, first, note)
+    if settings.algorithm == 'pso':
+        budget = settings.budget(SwarmSettings())
+        search = ParticleSwarm(space.lower, space.upper, budget, settings.seed, first)
+    else:
+        default = PRESETS[settings.preset].genetic if settings.preset else GeneticSettings()
+        budget = settings.budget(default)
+        search = GeneticSearch(space.lower, space.upper, budget, settings.seed, first)
+    while not search.should_stop():
+        search.tell(objective(space.to_ratios(search.ask())))
+        note(search.generation, budget.generations)
+    return SearchResult(
+        search.best.copy(), search.best_value, search.generation, search.evaluations, search.should_stop()
+    )
+
+
+def _differential_evolution(objective, space, settings, first, note):
+    """scipy's differential evolution; its population is spread around the bounds' scale."""
+    budget = settings.budget(GeneticSettings())
+    generation = 0
+
+    def count(*_, **__):
+        nonlocal generation
+        generation += 1
+        note(generation, budget.generations)
+
+    population = np.random.default_rng(settings.seed).uniform(
+        space.lower, space.upper, (budget.population, space.lower.size)
+    )
+    first = np.reshape(first, (-1, space.lower.size))
+    population[: len(first)] = np.clip(first, space.lower, space.upper)
+    largest = 1e100
+    found = differential_evolution(
+        lambda columns: np.minimum(objective(space.to_ratios(columns.T)), largest),
+        list(zip(space.lower, space.upper, strict=True)),
+        init=population, maxiter=budget.generations, tol=1e-3, seed=settings.seed, polish=False,
+        vectorized=True, updating='deferred', callback=count,
+    )  # fmt: skip
+    stop = 'convergence' if found.success else 'generations'
+    return SearchResult(found.x, float(found.fun), int(found.nit), int(found.nfev), stop)
+
+
+def full_ratios(dimensionless, equation, scales):
+    """Dimensionless ratios of an equation's terms, (P, terms), to ratios of all terms, (P, 9)."""
+    ratios = np.zeros((len(dimensionless), len(TERM_NAMES)))
+    ratios[:, equation.indices] = dimensionless * scales.ratio_units[equation.indices]
+    return ratios

@@ -1,0 +1,215 @@
+"""Which equation to believe: rank many on the same records, and choose the simplest adequate one."""
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+
+import numpy as np
+
+from swath_sysid.attitude.identification.identify import (
+    Identification,
+    IdentificationSettings,
+    identify_problem,
+    motion_fit,
+    refit_from,
+)
+from swath_sysid.attitude.identification.problem import Problem
+from swath_sysid.common.errors import InputError
+
+FIRST_PART = 0.5
+"""Share of each record, in time, on which a model is identified that the rest then judges."""
+CRITERION_MARGIN = 10.0
+"""A difference of the information criterion that Kass and Raftery (1995) call very strong."""
+HELD_OUT_MARGIN = 1.1
+
+
+@dataclass(frozen=True)
+class RankedFit:
+    """One equation's fit and how it stands among the others.
+
+    Attributes
+    ----------
+    identification : Identification
+    criterion : float
+        Bayesian information criterion with the effective sample size; smaller is better.
+    held_out : float
+        Error of the motion simulated beyond the part it was identified on, over the standard
+        deviation of the measured motion there; infinite where the simulation ran away.
+    """
+
+    identification: Identification
+    criterion: float
+    held_out: float
+
+    @property
+    def name(self):
+        """Name of the equation."""
+        return self.identification.model.equation.name
+
+    @property
+    def term_count(self):
+        """Number of ratios."""
+        return len(self.identification.model.equation.terms)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Equations ranked, best criterion first, and the choice.
+
+    Attributes
+    ----------
+    ranked : tuple of RankedFit
+    choice : RankedFit
+        The simplest adequate one.
+    reason : str
+        One sentence.
+    """
+
+    ranked: tuple[RankedFit, ...]
+    choice: RankedFit
+    reason: str
+
+
+def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, progress=None):  # noqa: B008 - frozen
+    """Fit equations on the same records and rank them.
+
+    A model that contains another never ends with a worse objective: where its search did, it is
+    refined again from the smaller model's optimum.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of `prepare`.
+    equations : sequence of Equation
+    settings : IdentificationSettings
+        Objective and search; its equation is ignored.
+    jobs : int
+        Processes.
+    progress : callable, optional
+        Called with the number of equations done and the name of the last.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        No equation, or an equation twice.
+    """
+    names = [e.name for e in equations]
+    if not names or len(set(names)) < len(names):
+        raise InputError('give at least one equation to compare, and none twice')
+    tasks = [(problem, replace(settings, equation=name)) for name in names]
+    fits, held_out = [], []
+    for name, (fit, error) in zip(names, _map(_fit_and_hold_out, tasks, jobs), strict=True):
+        fits.append(fit)
+        held_out.append(error)
+        if progress is not None:
+            progress(len(fits), name)
+    return rank(_nested_in_order(problem, fits), held_out)
+
+
+def rank(fits, held_out):
+    """Rank fits of the same records and choose the simplest adequate one.
+
+    Parameters
+    ----------
+    fits : sequence of Identification
+    held_out : sequence of float
+
+    Returns
+    -------
+    Comparison
+    """
+    samples = min(fits, key=lambda f: f.objective_value).effective_samples
+    ranked = sorted(
+        (RankedFit(f, information_criterion(f, samples), e) for f, e in zip(fits, held_out, strict=True)),
+        key=lambda r: r.criterion,
+    )
+    best, best_held_out = ranked[0].criterion, min(r.held_out for r in ranked)
+    likely = [r for r in ranked if r.criterion <= best + CRITERION_MARGIN]
+    adequate = [r for r in likely if r.held_out <= HELD_OUT_MARGIN * best_held_out]
+    choice = min(adequate or likely, key=lambda r: (r.term_count, r.criterion))
+    return Comparison(tuple(ranked), choice, _reason(choice, ranked, likely, adequate))
+
+
+def information_criterion(fit, effective_samples):
+    """Bayesian information criterion n ln(mean squared residual) + k ln n, n the effective samples."""
+    n = effective_samples
+    return float(2.0 * n * np.log(fit.objective_value) + len(fit.model.equation.terms) * np.log(n))
+
+
+def _reason(choice, ranked, likely, adequate):
+    if len(ranked) == 1:
+        return f'{choice.name} is the only equation asked for.'
+    words = (
+        f'{choice.name} has {choice.term_count} terms, the fewest of the {len(adequate or likely)} equations whose '
+        f'criterion is within {CRITERION_MARGIN:g} of the best ({ranked[0].name})'
+    )
+    if adequate:
+        return f'{words} and whose error on held-out motion is within {HELD_OUT_MARGIN - 1:.0%} of the smallest.'
+    return (
+        f'{words}; none of them predicts the held-out motion as well as {min(ranked, key=lambda r: r.held_out).name}.'
+    )
+
+
+def _map(function, tasks, jobs):
+    if jobs <= 1 or len(tasks) == 1:
+        yield from map(function, tasks)
+        return
+    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context('spawn')) as pool:
+        yield from pool.map(function, tasks)
+
+
+def _fit_and_hold_out(task):
+    problem, settings = task
+    return identify_problem(problem, settings), held_out_error(problem, settings)
+
+
+def held_out_error(problem, settings):
+    """Identify on the first part of each record and score the simulated motion on the rest.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : IdentificationSettings
+
+    Returns
+    -------
+    float
+        See `RankedFit`.
+    """
+    first = first_part(problem)
+    found = identify_problem(first, settings)
+    whole = motion_fit(problem, found.model.equation)
+    simulated = whole.simulated(whole.pack(found.model.ratios, [r.state for r in found.records]))
+    error = spread = 0.0
+    for motion, cut, (angle, rate) in zip(problem.motions, first.motions, simulated, strict=True):
+        rest = slice(cut.size, None)
+        measured, model = (motion.rate, rate) if motion.angle is None else (motion.angle, angle)
+        error += float(np.sum((measured[rest] - model[rest]) ** 2))
+        spread += float(np.sum((measured[rest] - measured[rest].mean()) ** 2))
+    ratio = np.sqrt(error / spread)
+    return float(ratio) if np.isfinite(ratio) else float('inf')
+
+
+def first_part(problem: Problem):
+    """The same problem on the first half of each record."""
+    cut = tuple(m.between(None, m.time[0] + FIRST_PART * m.duration) for m in problem.motions)
+    return replace(problem, motions=cut)
+
+
+def _nested_in_order(problem, fits):
+    """Refine again, from the smaller model's optimum, any fit that a model it contains beats."""
+    by_size = sorted(range(len(fits)), key=lambda k: len(fits[k].model.equation.terms))
+    fits = list(fits)
+    for k in by_size:
+        equation = fits[k].model.equation
+        contained = [f for f in fits if f is not fits[k] and equation.contains(f.model.equation)]
+        best = min(contained, key=lambda f: f.objective_value, default=None)
+        if best is not None and best.objective_value < fits[k].objective_value:
+            states = [r.state for r in best.records]
+            again = refit_from(problem, fits[k].settings, equation, best.model.ratios, states, fits[k].search)
+            fits[k] = min(again, fits[k], key=lambda f: f.objective_value)
+    return fits

@@ -1,0 +1,77 @@
+"""What contradicts itself in the data of a sensor, as a value: the code, the sentence with the cure, the axis."""
+from dataclasses import dataclass
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+FROZEN_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
+
+GRAVITY_CODES = frozenset({
+    'axes-of-sensor', 'accelerations-in-g', 'accelerations-scaled', 'gravity-missing', 'sensor-turned',
+})  # fmt: skip
+"""Found at rest also."""
+
+OFFSET_CODES = frozenset({'rate-offset'})
+"""The same, where there are angles and rates."""
+
+RATE_CODES = frozenset({
+    'rates-turned', 'rates-swapped', 'rate-sign', 'rate-unit', 'rate-scale', 'rate-late', 'angle-late',
+    'rate-unrelated',
+})  # fmt: skip
+"""Found only while the craft moves."""
+
+DOUBTFUL_CODES = frozenset({'accelerations-scaled', 'gravity-missing', *FROZEN_CODES})
+"""The rest of the data is as good without what these are about."""
+
+
+@dataclass(frozen=True)
+class Contradiction(Advice):
+    """A record or a sensor that contradicts itself, with what would mend it.
+
+    Attributes
+    ----------
+    code, message : str
+    axis : str or None
+        ``roll`` or ``pitch`` where only that is concerned.
+    """
+
+    axis: str | None = None
+
+    @property
+    def is_plain(self):
+        """Whether nothing should be identified or forecast from such data before it is mended."""
+        return self.code not in DOUBTFUL_CODES
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a stretch of data says of the installation.
+
+    Attributes
+    ----------
+    contradictions : tuple of Contradiction
+    decided : frozenset of str
+        The codes for which there was enough to judge by.
+    """
+
+    contradictions: tuple[Contradiction, ...] = ()
+    decided: frozenset[str] = frozenset()
+
+
+def refuse_contradictions(trial, axis=None):
+    """Refuse a record whose angles, rates and accelerations contradict each other plainly.
+
+    Parameters
+    ----------
+    trial : Trial
+    axis : str, optional
+        What only concerns the other is no matter; by default both matter.
+
+    Raises
+    ------
+    InputError
+        What contradicts itself, and what mends it.
+    """
+    for advice in trial.advice:
+        if isinstance(advice, Contradiction) and advice.is_plain and (axis is None or advice.axis in (None, axis)):
+            raise InputError(f'{trial.source}: {advice.message}' if trial.source else advice.message)

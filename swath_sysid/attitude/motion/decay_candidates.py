@@ -1,0 +1,501 @@
+"""Falls: sequences of swings that shrink steadily in a steady rhythm.
+
+No swing grows, the loss from one swing to the next does not jump, and the period stays. With
+damping made of friction, linear, quadratic and cubic terms, none of them negative, the loss
+per half cycle never grows while the amplitude falls, so a free decay is a fall. Waves make
+falls too; `segmentation` tells them apart.
+"""
+from dataclasses import dataclass, replace
+from functools import cached_property
+from statistics import median
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from swath_sysid.attitude.motion.turning_points import (
+    EvenSignal,
+    centre_of_decay,
+    even_signal,
+    prominence_of,
+    pyramid,
+    suits,
+    turning_points_of,
+    weighted_median,
+)
+
+
+@dataclass(frozen=True)
+class FallSettings:
+    """What counts as a steady fall.
+
+    Attributes
+    ----------
+    faintest_swing : float
+        Part of the first swing below which a fall has ended: 1.5 % carries no information.
+    growth : float
+        Part by which a swing may exceed the one before: light damping loses 1 % a half cycle.
+    loss_growth : float
+        How many times the recent loss a swing may lose. Friction keeps the loss, linear
+        damping lowers it with the swings, braking multiplies it.
+    loss_drop : float
+        Least part of the loss to be expected from quadratic damping, which lowers it with the
+        square of the swings. Waves that feed the motion leave less.
+    recent : int
+        So many losses or periods are recent.
+    period_change : float
+        Ratio by which a period may differ from the recent ones: restoring bends it slowly.
+    asymmetry : float
+        Largest ratio of two successive half cycles: an asymmetric restoring makes them differ.
+    background : float
+        What breaks a fall below this part of its first swing is the background it fades into.
+    bridged_gap : float
+        Part of a half cycle that a gap must cover to hide a turning point.
+    """
+
+    faintest_swing: float = 0.015
+    growth: float = 0.02
+    loss_growth: float = 1.5
+    loss_drop: float = 0.5
+    recent: int = 5
+    period_change: float = 1.25
+    asymmetry: float = 2.2
+    background: float = 0.06
+    bridged_gap: float = 0.15
+
+
+RELEASE_BAND = 0.05
+"""The motion has left a turning point once it is this part of the swing away from it."""
+
+RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)
+"""Part of a half cycle that a cosine takes to do so."""
+
+CREEP_PERIODS = 0.6
+"""Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping, 0.55 with 0.77 of it."""
+
+MOST_CREEP = 1.3
+"""A swing that turns so much later than a cosine that arrives with it has crept to rest."""
+
+ODD_PERIOD = 0.25
+"""A period that differs by this part from the median spans a gap."""
+
+DWELL_BAND = 0.15
+"""A craft held at a level stays within this part of the following swing."""
+
+FAR_BAND = 0.35
+"""A jump comes from further away than this part: rest lies at half a swing or more."""
+
+REST_BAND = 0.07
+"""Rest means within this part of the first swing about a level."""
+
+SMOOTHED_SAMPLES = 3.0
+"""How far the smoothing of a grid reaches, samples."""
+
+LONGEST_REST = 8.0
+"""Rest is looked for over so many periods: more proves nothing further."""
+
+ACTIVE_PART = 0.25
+"""Motion that reaches, within a period, this part of the first swing is motion like it."""
+
+
+@dataclass(frozen=True)
+class Fall:
+    """A fall on one grid.
+
+    Attributes
+    ----------
+    signal : EvenSignal
+        The grid it was found on, which suits its period.
+    time, value : ndarray, shape (M,)
+        All turning points of that grid, with the record's first and last sample added.
+    first, last : int
+        Indices of its first and last turning point.
+    broken : bool
+        Whether something other than the noise or the record's end ended it.
+    bridged : ndarray of bool, shape (M - 1,)
+        The swings that touch a gap, which say little.
+    """
+
+    signal: EvenSignal
+    time: np.ndarray
+    value: np.ndarray
+    first: int
+    last: int
+    broken: bool
+    bridged: np.ndarray
+
+    @cached_property
+    def swings(self):
+        """Its double amplitudes, shape (last - first,)."""
+        return np.abs(np.diff(self.value[self.first:self.last + 1]))
+
+    @property
+    def weight(self):
+        """Sum of its squared swings: how much it shows of the decay, above all of its beginning."""
+        return float(np.sum(self.swings**2))
+
+    @property
+    def decrement(self):
+        """Mean logarithmic decrement a half cycle over its whole half cycles."""
+        whole = self.swings[:-1] if self.at_record_end else self.swings
+        if whole.size < 2 or whole[-1] == 0.0:
+            return np.inf
+        return float(np.log(whole[0] / whole[-1]) / (whole.size - 1))
+
+    @cached_property
+    def end(self):
+        """Time of its last turning point, s; of a single swing, when it arrives there."""
+        return self.arriving_time(self.last) if self.is_single else float(self.time[self.last])
+
+    @property
+    def at_record_end(self):
+        """Whether it ends with the last sample."""
+        return self.last == self.time.size - 1
+
+    @cached_property
+    def release(self):
+        """Time at which the motion leaves its first turning point, s."""
+        return self.leaving_time(self.first)
+
+    @cached_property
+    def centre(self):
+        """What it swings about, rad or rad/s; of a single swing, the level of the three periods after it."""
+        if not self.is_single:
+            return centre_of_decay(self.value[self.first:self.last + 1])
+        after = slice(self.signal.index(self.end), self.signal.index(self.end + 3.0 * self.period) + 1)
+        return float(np.median(self.signal.value[after]))
+
+    @cached_property
+    def _periods(self):
+        """Times between turning points of one side, s, and the swings they span.
+
+        The first turning point may have been held and the record's end is none, so neither
+        counts; nor do those that span a gap, unless all do.
+        """
+        inner = slice(self.first + 1, self.last if self.at_record_end else self.last + 1)
+        time, bridged = self.time[inner], self.bridged[inner][:-1]
+        periods, swings = time[2:] - time[:-2], np.abs(np.diff(self.value[inner]))[1:]
+        sure = ~(bridged[:periods.size] | bridged[1:1 + periods.size])
+        return (periods[sure], swings[sure]) if sure.any() else (periods, swings)
+
+    @cached_property
+    def period(self):
+        """Mean period, weighted by the swings, s; from the first half cycle where there is no whole one."""
+        periods, swings = self._periods
+        if periods.size:
+            usual = np.abs(periods / weighted_median(periods, swings) - 1.0) < ODD_PERIOD
+            return float(np.average(periods[usual], weights=swings[usual]))
+        crept = self.is_single and self._turned > MOST_CREEP * self._arrived
+        return (self.end - self.release) / CREEP_PERIODS if crept else 2.0 * self.first_half
+
+    @cached_property
+    def first_half(self):
+        """Duration of the first half cycle without the time for which it was held, s.
+
+        From the release to the turning point, or to where 5 % of the way are left: a hull
+        with heavy damping creeps to rest, and then the noise decides where it turns.
+        """
+        return min(self._turned, self._arrived)
+
+    @cached_property
+    def _turned(self):
+        return float(self.time[self.first + 1] - self.release) / (1.0 - RELEASE_PHASE)
+
+    @cached_property
+    def _arrived(self):
+        return (self.arriving_time(self.first + 1) - self.release) / (1.0 - 2.0 * RELEASE_PHASE)
+
+    @property
+    def is_single(self):
+        """Whether it is one swing only."""
+        return self.last == self.first + 1
+
+    def first_swing(self):
+        """The fall cut to its first swing."""
+        return replace(self, last=self.first + 1, broken=False)
+
+    @property
+    def is_suited(self):
+        """Whether its grid is the one on which to look at its period."""
+        return self.period > 0.0 and suits(self.signal, self.period)
+
+    @property
+    def whole_periods(self):
+        """How many periods its turning points show."""
+        return self._periods[0].size
+
+    @cached_property
+    def scatter(self):
+        """Relative scatter of the periods about their trend beyond what the noise explains.
+
+        Weighted by the squared swings. Noise of standard deviation sigma moves a turning point of
+        amplitude a by about sigma P T / (4 pi^2 a), with P samples a period and half of
+        the noise's slope left by the smoothing.
+        """
+        periods, swings = self._periods
+        if periods.size < 3:
+            return np.inf
+        trend = np.convolve(np.pad(periods, 2, mode='edge'), np.full(5, 0.2), mode='valid')
+        about = periods - (trend if periods.size >= 5 else periods.mean())
+        seen = np.average(about**2, weights=swings**2) / self.period**2
+        samples = self.period / self.signal.interval
+        explained = 2.0 * (samples * self.signal.noise / (4.0 * np.pi**2)) ** 2 / np.mean(swings**2)
+        return float(np.sqrt(max(seen - explained, 0.0)))
+
+    @cached_property
+    def roughness(self):
+        """Scatter of the swings about the smoothest law of decay, as part of the first swing.
+
+        The law gives each swing by a parabola in the one before: friction, linear and
+        quadratic damping.
+        """
+        bridged = self.bridged[self.first:self.last]
+        sure = ~(bridged[:-1] | bridged[1:])
+        before, after = self.swings[:-1][sure] / self.swings[0], self.swings[1:][sure] / self.swings[0]
+        if after.size < 5:
+            return np.inf
+        law = np.vander(before, 3)
+        residual = after - law @ np.linalg.lstsq(law, after, rcond=None)[0]
+        return float(np.sqrt(np.sum(residual**2) / (after.size - 3)))
+
+    def leaving_time(self, turn):
+        """Last time near turning point ``turn`` on the way to the next, s."""
+        signal = self.signal
+        begin, end = signal.index(self.time[turn]), signal.index(self.time[turn + 1])
+        band = max(RELEASE_BAND * abs(self.value[turn + 1] - self.value[turn]), 2.0 * signal.noise)
+        near = np.flatnonzero(np.abs(signal.value[begin:end + 1] - self.value[turn]) <= band)
+        return float(max(self.time[turn], signal.start + signal.interval * (begin + (near[-1] if near.size else 0))))
+
+    def leaves_in_gap(self, turn):
+        """Whether samples are missing on the way from a turning point to the next, not only while held there."""
+        begin, end = self.leaving_time(turn), self.time[turn + 1]
+        gaps = self.signal.gaps
+        return bool(self.bridged[turn] and np.any((gaps[:, 0] < end) & (gaps[:, 1] > begin)))
+
+    def arriving_time(self, turn):
+        """First time near turning point ``turn`` on the way from the one before, s."""
+        signal = self.signal
+        begin, end = signal.index(self.time[turn - 1]), signal.index(self.time[turn])
+        band = max(RELEASE_BAND * abs(self.value[turn] - self.value[turn - 1]), 2.0 * signal.noise)
+        near = np.flatnonzero(np.abs(signal.value[begin:end + 1] - self.value[turn]) <= band)
+        return float(signal.start + signal.interval * (begin + (near[0] if near.size else end - begin)))
+
+    @cached_property
+    def dwell(self):
+        """Periods for which the signal had stayed near the first turning point at release."""
+        away = np.flatnonzero(np.abs(self._past - self.value[self.first]) > DWELL_BAND * self.swings[0])
+        return self.signal.interval * (away[0] if away.size else self._past.size) / self.period
+
+    @property
+    def arrival(self):
+        """Time since when the signal had stayed near the first turning point, s."""
+        return self.release - self.dwell * self.period
+
+    @cached_property
+    def rise(self):
+        """Periods it took to come to the first turning point from the side of the next; inf if it did not."""
+        level, following = self.value[self.first], self.value[self.first + 1]
+        part = (self._past - level) / (following - level)
+        arrived, far = np.flatnonzero(np.abs(part) > DWELL_BAND), np.flatnonzero(part > FAR_BAND)
+        if not far.size or part[arrived[0]] < 0.0:
+            return np.inf
+        return self.signal.interval * (far[0] - arrived[0]) / self.period
+
+    @cached_property
+    def _past(self):
+        """Samples up to the release, latest first."""
+        return self.signal.value[:self.signal.index(self.release) + 1][::-1]
+
+    def rest_before(self, push):
+        """Longest rest, in periods, that ended no more than ``push`` periods before the first turning point."""
+        signal = self.signal
+        most = int(LONGEST_REST * self.period / signal.interval)
+        ends = [self.release, *(self.time[self.first] - np.arange(0.0, push + 0.01, 0.25) * self.period)]
+        longest = 0
+        for end in ends:
+            at = signal.index(end)
+            past = signal.value[max(0, at - most):at + 1][::-1]
+            reach = np.maximum.accumulate(past) - np.minimum.accumulate(past)
+            longest = max(longest, int(np.count_nonzero(reach <= 2.0 * REST_BAND * self.swings[0])))
+        return (longest - 1) * signal.interval / self.period
+
+    def rest_after(self, stop):
+        """Longest rest about the centre, in periods, that begins no more than ``stop`` periods after the end."""
+        signal = self.signal
+        most = int(LONGEST_REST * self.period / signal.interval)
+        begin, end = signal.index(self.release), signal.index(self.end)
+        future = signal.value[begin:end + most + int(stop * self.period / signal.interval) + 1]
+        low = np.abs(future - self.centre) <= REST_BAND * self.swings[0]
+        longest = _leading(low[:end - begin][::-1]) + _leading(low[end - begin:][:most])
+        for offset in np.arange(0.25, stop + 0.01, 0.25):
+            longest = max(longest, _leading(low[signal.index(self.end + offset * self.period) - begin:][:most]))
+        return max(longest - 1, 0) * signal.interval / self.period
+
+    @cached_property
+    def activity(self):
+        """Mask of the samples around which the signal moves like the fall, shape of the signal."""
+        size = max(3, round(self.period / self.signal.interval))
+        reach = maximum_filter1d(self.signal.value, size) - minimum_filter1d(self.signal.value, size)
+        return reach > ACTIVE_PART * self.swings[0]
+
+    def activity_after(self, periods=10.0):
+        """Moving part of so many periods that begin one period after its end."""
+        begin, end = (self.signal.index(self.end + count * self.period) for count in (1.0, 1.0 + periods))
+        return float(np.mean(self.activity[begin:end])) if end > begin else 0.0
+
+    def unexplained(self, decays):
+        """Moving time that belongs to none of the decays nor to what set them going, s."""
+        moving, time = self.activity.copy(), self.signal.time
+        for decay in decays:
+            moving &= (time < decay.release - 2.0 * decay.period) | (time > decay.end + decay.period)
+        return float(np.count_nonzero(moving) * self.signal.interval)
+
+
+def _leading(mask):
+    """Number of True values before the first False one."""
+    return int(mask.size if mask.all() else mask.argmin())
+
+
+def find_falls(motion, settings):
+    """Every fall of a motion on every grid, whether the grid suits its period or not.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        Without long pauses.
+    settings : FallSettings
+
+    Returns
+    -------
+    list of Fall
+    """
+    falls = []
+    for signal in pyramid(even_signal(motion)):
+        least = prominence_of(signal)
+        if least == 0.0:
+            continue
+        points = turning_points_of(signal)
+        time = np.concatenate([[signal.start], points.time, [signal.end]])
+        value = np.concatenate([signal.value[:1], points.value, signal.value[-1:]])
+        bridged = bridged_swings(time, signal, settings.bridged_gap)
+        for first, last, broken in split_into_falls(time, value, least, bridged, settings):
+            fall = Fall(signal, time, value, first, last, broken, bridged)
+            if fall.swings[0] > 0.0:
+                falls.append(fall)
+    return falls
+
+
+def split_into_falls(time, value, least, bridged, settings):
+    """Split turning points into maximal falls.
+
+    Parameters
+    ----------
+    time, value : ndarray, shape (M,)
+        Turning points.
+    least : float
+        Smallest swing that is not noise.
+    bridged : ndarray of bool, shape (M - 1,)
+        Swings that are not judged.
+    settings : FallSettings
+
+    Yields
+    ------
+    first, last : int
+        Indices of the first and the last turning point.
+    broken : bool
+        Whether something other than the noise or the record's end ended it.
+    """
+    swings, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
+    bridged = bridged.tolist()
+    first = 0
+    while first < len(swings):
+        if first + 1 < len(swings) and swings[first + 1] > swings[first]:
+            first += 1
+            continue
+        last, broken = _end_of_fall(swings, halves, least, bridged, first, settings)
+        yield first, last, broken
+        first = last
+
+
+def bridged_swings(time, signal, part):
+    """Mask of the swings that touch a gap long enough to hide a turning point.
+
+    Parameters
+    ----------
+    time : ndarray, shape (M,)
+        Turning points, s.
+    signal : EvenSignal
+        Its smoothing carries the straight line across a gap a few samples beyond it.
+    part : float
+        Part of a half cycle that is long enough.
+
+    Returns
+    -------
+    ndarray of bool, shape (M - 1,)
+    """
+    bridged = np.zeros(time.size - 1, dtype=bool)
+    reach = SMOOTHED_SAMPLES * signal.interval
+    for begin, end in signal.gaps:
+        touched = (time[:-1] <= end + reach) & (time[1:] >= begin - reach)
+        bridged |= touched & (end - begin > part * np.diff(time))
+    return bridged
+
+
+def _end_of_fall(swings, halves, least, bridged, first, settings):
+    """Index of the turning point that ends the fall from swing ``first``, and whether it was broken off."""
+    recent, periods = [], []
+    known = first
+    floor = max(least, settings.faintest_swing * swings[first])
+    background = max(3.0 * least, settings.background * swings[first])
+    for at in range(first + 1, len(swings)):
+        if bridged[at]:
+            continue
+        loss = swings[known] - swings[at]
+        whole = at < len(swings) - 1
+        judged = known == at - 1 and whole
+        if judged and _loses_more(loss, recent, least, settings):
+            return at, swings[known] > background
+        if swings[at] < floor:
+            return at, False
+        if loss < -(settings.growth * swings[known] + 0.5 * least):
+            return at, swings[at] > background
+        if not whole and periods and halves[at] > 0.75 * median(periods):
+            return at, False
+        if judged:
+            if _loses_less(loss, swings[known], recent, least, settings):
+                return at, swings[at] > background
+            if not _keeps_rhythm(halves, at, first, periods, settings):
+                return at, swings[at] > background
+            # The record may begin in the middle of a swing, which then loses too little.
+            if known > 0:
+                recent = [*recent, (loss, swings[known])][-settings.recent:]
+        known = at
+    return len(swings), False
+
+
+def _loses_more(loss, recent, least, settings):
+    """Whether a swing loses far more than the recent ones."""
+    return len(recent) >= 2 and loss > settings.loss_growth * median(lost for lost, _ in recent) + least
+
+
+def _loses_less(loss, swing, recent, least, settings):
+    """Whether a swing loses far less than quadratic damping would take after the recent ones."""
+    if len(recent) < 2:
+        return False
+    usual, usual_swing = (median(column) for column in zip(*recent, strict=True))
+    return loss < settings.loss_drop * usual * min(1.0, swing / usual_swing) ** 2 - least
+
+
+def _keeps_rhythm(halves, at, first, periods, settings):
+    """Whether half cycle ``at`` agrees with those before it; adds its period to the recent ones."""
+    if at < first + 2:
+        return True
+    period = halves[at] + halves[at - 1]
+    if periods:
+        ratio, most = period / median(periods), settings.period_change
+    else:
+        ratio, most = halves[at] / halves[at - 1], settings.asymmetry
+    if not 1.0 / most < ratio < most:
+        return False
+    periods.append(period)
+    del periods[:-settings.recent]
+    return True

@@ -1,0 +1,209 @@
+"""Whether a sensor sits in the craft as it was said to, judged from its own data.
+
+Gravity is held against the attitude, and the rates against the derivative of the angles. A sensor whose orientation,
+rates and accelerations are all turned alike about the vertical agrees with itself: no such check can see it.
+"""
+import numpy as np
+
+from swath_sysid.attitude.motion.contradictions import (
+    FROZEN_CODES,
+    GRAVITY_CODES,
+    OFFSET_CODES,
+    RATE_CODES,
+    Contradiction,
+    Judgement,
+)
+from swath_sysid.attitude.motion.gravity_check import (
+    accelerations_follow,
+    direction_of_gravity,
+    list_of_craft,
+    mean_force_of,
+    mean_up,
+    points_somewhere,
+    size_of_gravity,
+)
+from swath_sysid.attitude.motion.rate_check import evidenced_axes, rates_against_angles
+from swath_sysid.attitude.motion.rate_comparison import LEAST_RATE, compare_rates
+
+WINDOW = 30.0
+"""s; over so long the accelerations of waves average out."""
+
+BIN = 0.05
+"""s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more."""
+
+LEAST_BINS = 40
+
+WINDOW_BINS = 300
+"""Bins of a window of a sensor so slow that `WINDOW` holds fewer."""
+
+FROZEN = 5.0
+"""s of fresh stamps with the same values; the noise of a sensor does not repeat."""
+
+LEAST_FROZEN = 20
+"""Bins of the same, at least."""
+
+MOST_STRETCHES = 20
+"""Of a long record, over which they are spread; up to twice as many are judged."""
+
+PARTS = (
+    ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('accel_x', 'accel_y', 'accel_z')
+)  # fmt: skip
+
+
+def judge(time, angles, rates, force, *, installation, interval, least_duration=0.0):
+    """Judge one stretch of data.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        s, increasing.
+    angles, rates, force : ndarray, shape (N, 3)
+        Roll, pitch, yaw, rad; their rates, rad/s; specific force in the axes of the craft, m/s^2. All as the
+        installation makes them; NaN where not known.
+    installation : Installation
+        What frame and mounting were taken to be.
+    interval : float
+        s between the samples of the sensor.
+    least_duration : float
+        s below which nothing is judged.
+
+    Returns
+    -------
+    Judgement
+    """
+    if time.size < LEAST_BINS or time[-1] - time[0] < least_duration:
+        return Judgement()
+    frozen = _frozen(time, angles, rates, force)
+    if frozen:
+        return Judgement(frozen, FROZEN_CODES)
+    up, mean_force = mean_up(angles), mean_force_of(force)
+    comparison = _compared(time, angles, rates)
+    decided, found, turn = FROZEN_CODES, [], None
+    if mean_force is not None:
+        found += size_of_gravity(mean_force)
+    if mean_force is not None or up is not None:
+        decided |= GRAVITY_CODES
+    if mean_force is not None and points_somewhere(mean_force):
+        turn, contradictions = direction_of_gravity(
+            mean_force / np.linalg.norm(mean_force), up, np.isfinite(angles[:, 0]).any(), comparison, installation
+        )
+        found += contradictions
+    elif up is not None:
+        found += list_of_craft(up, installation)
+    if comparison is not None and turn is None:
+        decided |= OFFSET_CODES | (RATE_CODES if np.any(evidenced_axes(comparison)) else frozenset())
+        found += rates_against_angles(comparison, interval, accelerations_follow(angles, force), installation)
+    return Judgement(tuple(found), decided)
+
+
+def _frozen(time, angles, rates, force):
+    """What has not changed for `FROZEN` though it should have; angles that come alone may stand still."""
+    first = min(int(np.searchsorted(time, time[-1] - FROZEN)), max(time.size - LEAST_FROZEN, 0))
+    lately = [part[first:] for part in (angles, rates, force)]
+    known = [bool(np.isfinite(part).any()) for part in lately]
+    if first == 0 or not any(known[1:]):
+        return ()
+    still = [bool(np.all((part == part[0]) | np.isnan(part))) for part in lately]
+    if all(still):
+        return (Contradiction('sensor-frozen', (
+            f'every value of the sensor has been the same for {FROZEN:g} s while its stamps go on: restart its driver, '
+            f'and look for one that repeats its last message'
+        )),)  # fmt: skip
+    if known[0] and still[0] and known[1] and np.nanmax(np.nanstd(lately[1][:, :2], axis=0)) > LEAST_RATE:
+        return (Contradiction('angles-frozen', (
+            f'the orientation has been the same for {FROZEN:g} s while the rates show motion: look at what gives the '
+            f'orientation, or let the driver set orientation_covariance[0] to -1'
+        )),)  # fmt: skip
+    return ()
+
+
+def _compared(time, angles, rates):
+    """Rates and angles compared on an even time base; None where there is too little of either."""
+    known = np.isfinite(rates).any(axis=0)
+    usable = np.isfinite(angles[:, :2]).any(axis=0)
+    if not known.any() or not usable.any():
+        return None
+    whole = np.ones(time.size, dtype=bool)
+    for part in (angles, rates):
+        for column in part.T:
+            if np.isfinite(column).any():
+                whole &= np.isfinite(column)
+    # what is left out is bridged, unless it is much
+    if np.count_nonzero(whole) < max(LEAST_BINS, 0.5 * time.size):
+        return None
+    step = float(np.median(np.diff(time)))
+    kept = time[whole]
+    if np.max(np.diff(kept)) > max(1.0, 4.0 * step):
+        return None
+    even = np.arange(kept[0], kept[-1], step)
+    if even.size < LEAST_BINS:
+        return None
+
+    def evened(part):
+        columns = [
+            np.interp(even, kept, column[whole]) if np.isfinite(column).any() else np.full(even.size, np.nan)
+            for column in part.T
+        ]
+        return np.stack(columns, axis=1)
+
+    unwrapped = np.full(angles.shape, np.nan)
+    unwrapped[whole] = np.unwrap(angles[whole], axis=0)
+    return compare_rates(step, evened(unwrapped), evened(rates))
+
+
+def contradictions_in(time, channels, installation):
+    """What contradicts itself in a whole record.
+
+    The record is judged in stretches. What stands is found in most of those that can tell; a sensor that froze, in any.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        s, increasing.
+    channels : dict of str to ndarray, shape (N,)
+        Any of ``roll``, ``pitch``, ``yaw``, ``roll_rate``, ``pitch_rate``, ``yaw_rate``, ``accel_x``, ``accel_y``,
+        ``accel_z``, as the installation makes them.
+    installation : Installation
+
+    Returns
+    -------
+    tuple of Contradiction
+    """
+    if time.size < LEAST_BINS:
+        return ()
+    interval = float(np.median(np.diff(time)))
+    size = max(WINDOW_BINS * _samples_a_bin(interval), round(WINDOW / interval))
+    starts = range(0, max(time.size - size // 2, 1), size // 2)
+    judgements = []
+    for start in starts[:: max(len(starts) // MOST_STRETCHES, 1)]:
+        rows = slice(start, start + size)
+        unknown = np.full(time[rows].size, np.nan)
+        parts = [np.stack([channels[n][rows] if n in channels else unknown for n in names], axis=1) for names in PARTS]
+        judgements.append(judge(*binned(time[rows], parts, interval), installation=installation, interval=interval))
+    found = {}
+    for judgement in judgements:
+        for contradiction in judgement.contradictions:
+            found.setdefault((contradiction.code, contradiction.axis), []).append(contradiction)
+    return tuple(
+        each[len(each) // 2] for (code, _), each in found.items()
+        if code in FROZEN_CODES or len(each) > 0.5 * sum(code in judgement.decided for judgement in judgements)
+    )  # fmt: skip
+
+
+def _samples_a_bin(interval):
+    return max(int(BIN / interval + 0.5), 1)
+
+
+def binned(time, parts, interval):
+    """Samples averaged by so many that a bin is `BIN` long; a value that is missing leaves its bin unknown."""
+    count = _samples_a_bin(interval)
+    if count == 1 or time.size < 2 * count:
+        return time, *parts
+    whole = time.size // count * count
+    angles, *others = (part[:whole].reshape(-1, count, 3) for part in parts)
+    # a mean of angles across the jump at pi would be none
+    first = angles[:, :1]
+    angles = first + (angles - first + np.pi) % (2.0 * np.pi) - np.pi
+    return (
+        time[:whole].reshape(-1, count).mean(axis=1), angles.mean(axis=1), *(other.mean(axis=1) for other in others)
+    )

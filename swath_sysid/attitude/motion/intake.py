@@ -1,0 +1,276 @@
+"""The intake: IMU messages, as plain numbers, to samples of the craft's motion."""
+from collections.abc import Sequence
+from math import inf, isfinite, nan, radians
+from typing import NamedTuple
+
+import numpy as np
+
+from swath_sysid.attitude.motion import attitude
+from swath_sysid.attitude.motion.cleaning import LARGEST_VALUES
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.stamps import StampOrder
+
+NOT_FINITE = 'not-finite'
+ABSURD = 'absurd-value'
+BAD_QUATERNION = 'bad-quaternion'
+NO_ORIENTATION = 'no-orientation'
+UNKNOWN_COVARIANCE = 'unknown-covariance'
+ABSURD_COVARIANCE = 'absurd-covariance'
+NEAR_VERTICAL = 'near-vertical'
+EMPTY = 'nothing-usable'
+INTAKE_REASONS = (
+    NOT_FINITE, ABSURD, BAD_QUATERNION, NO_ORIENTATION, UNKNOWN_COVARIANCE, ABSURD_COVARIANCE, NEAR_VERTICAL, EMPTY,
+)  # fmt: skip
+"""Everything that is counted; only the last two leave the whole sample out."""
+
+NOT_MEASURED = -1.0
+"""First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu)."""
+
+NANOSECOND = 1e-9
+_UNKNOWN = (nan, nan)
+_NOT_MEASURED = (nan, nan, nan)
+_LARGEST_RATE, _LARGEST_ACCELERATION = LARGEST_VALUES['rate'], LARGEST_VALUES['acceleration']
+
+LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = LARGEST_VALUES['angle'] ** 2, LARGEST_VALUES['rate'] ** 2
+"""A sensor that knows less than this knows nothing, or its covariance is not in rad^2 and rad^2/s^2."""
+
+LARGEST_PITCH = radians(80.0)
+"""Beyond it roll and yaw are hardly told apart, and every rate error is more than five times as large in theirs."""
+
+
+class ImuReading(NamedTuple):
+    """An IMU message as plain numbers, in the axes of the sensor.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        header.stamp.
+    orientation : sequence of 4 floats
+        Quaternion x, y, z, w.
+    orientation_covariance : sequence of 9 floats
+        rad^2, by rows; -1 in the first place: no orientation; all zero: unknown.
+    rates : sequence of 3 floats
+        rad/s.
+    rates_covariance : sequence of 9 floats
+    force : sequence of 3 floats
+        Specific force, m/s^2.
+    force_covariance : sequence of 9 floats
+    """
+
+    stamp_ns: int
+    orientation: Sequence[float]
+    orientation_covariance: Sequence[float]
+    rates: Sequence[float]
+    rates_covariance: Sequence[float]
+    force: Sequence[float]
+    force_covariance: Sequence[float]
+
+
+class CraftSample(NamedTuple):
+    """The motion of the craft at one stamp. NaN marks what is not measured or not known.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    roll, pitch, roll_rate, pitch_rate : float
+        Euler angles and rates, rad and rad/s.
+    accel_x, accel_y, accel_z : float
+        Specific force in the craft's axes, m/s^2.
+    roll_variance, pitch_variance, roll_rate_variance, pitch_rate_variance : float
+        rad^2 and rad^2/s^2.
+    yaw, yaw_rate : float
+        rad and rad/s.
+    heave : float
+        m, upwards; known from records only.
+    """
+
+    stamp_ns: int
+    roll: float
+    pitch: float
+    roll_rate: float
+    pitch_rate: float
+    accel_x: float
+    accel_y: float
+    accel_z: float
+    roll_variance: float
+    pitch_variance: float
+    roll_rate_variance: float
+    pitch_rate_variance: float
+    yaw: float = nan
+    yaw_rate: float = nan
+    heave: float = nan
+
+    @property
+    def stamp(self):
+        """The stamp in seconds."""
+        return self.stamp_ns * NANOSECOND
+
+    @property
+    def motion(self):
+        """Angles, rates and accelerations: the seven channels in the order of a window."""
+        return self[1:8]
+
+
+class Taken(NamedTuple):
+    """What one message gave.
+
+    Attributes
+    ----------
+    sample : CraftSample or None
+        None: nothing in it can be used.
+    reasons : tuple of str
+        From `INTAKE_REASONS`: what is to be counted.
+    """
+
+    sample: CraftSample | None
+    reasons: tuple[str, ...]
+
+
+def take_in(reading, installation):
+    """Turn one IMU message into the motion of the craft; what cannot be used becomes NaN.
+
+    Without an orientation the body rates stand for the Euler rates, which is good for small
+    angles.
+
+    Parameters
+    ----------
+    reading : ImuReading
+    installation : Installation
+
+    Returns
+    -------
+    Taken
+    """
+    stamp_ns, quaternion, angle_covariance, rates, rate_covariance, force, force_covariance = reading
+    reasons = []
+    quaternion = _orientation(quaternion, angle_covariance, reasons)
+    rates = _vector(rates, rate_covariance, _LARGEST_RATE, reasons)
+    force = _vector(force, force_covariance, _LARGEST_ACCELERATION, reasons)
+    if quaternion is None and rates is None:
+        return Taken(None, (*reasons, EMPTY))
+    angle_variances = rate_variances = _UNKNOWN
+    roll = pitch = yaw = roll_rate = pitch_rate = yaw_rate = nan
+    if quaternion is not None:
+        roll, pitch, yaw = attitude.euler_angles(*installation.orientation(*quaternion))
+        if abs(pitch) > LARGEST_PITCH:
+            return Taken(None, (*reasons, NEAR_VERTICAL))
+        angle_variances = _variances(angle_covariance, installation, LARGEST_ANGLE_VARIANCE, reasons)
+    if rates is not None:
+        roll_rate, pitch_rate, yaw_rate = installation.vector(*rates)
+        if quaternion is not None:
+            roll_rate, pitch_rate, yaw_rate = attitude.euler_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
+        rate_variances = _variances(rate_covariance, installation, LARGEST_RATE_VARIANCE, reasons)
+    accelerations = _NOT_MEASURED if force is None else installation.vector(*force)
+    if (quaternion is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
+        reasons.append(UNKNOWN_COVARIANCE)
+    return Taken(
+        CraftSample(
+            stamp_ns, roll, pitch, roll_rate, pitch_rate, *accelerations, *angle_variances, *rate_variances, yaw,
+            yaw_rate,
+        ),
+        tuple(reasons),
+    )  # fmt: skip
+
+
+def _orientation(quaternion, covariance, reasons):
+    """The quaternion, None where it is none."""
+    if covariance[0] == NOT_MEASURED:
+        reasons.append(NO_ORIENTATION)
+    elif attitude.is_orientation(*quaternion):
+        return quaternion
+    else:
+        _note(BAD_QUATERNION if all(map(isfinite, quaternion)) else NOT_FINITE, reasons)
+    return None
+
+
+def _vector(values, covariance, largest, reasons):
+    """A rate or a force, None where it is not measured or cannot be true."""
+    if covariance[0] == NOT_MEASURED:
+        return None
+    x, y, z = values
+    if -largest <= x <= largest and -largest <= y <= largest and -largest <= z <= largest:
+        return values
+    _note(ABSURD if all(map(isfinite, values)) else NOT_FINITE, reasons)
+    return None
+
+
+def _note(reason, reasons):
+    if reason not in reasons:
+        reasons.append(reason)
+
+
+def _variances(covariance, installation, largest, reasons):
+    """Variances about the craft's x and y axes; `_UNKNOWN` where the sensor does not tell, or they cannot be."""
+    about_x, about_y = covariance[0], covariance[4]
+    if not (0.0 < about_x < inf and 0.0 < about_y < inf):
+        return _UNKNOWN
+    if about_x > largest or about_y > largest:
+        _note(ABSURD_COVARIANCE, reasons)
+        return _UNKNOWN
+    if installation.is_turned:
+        sensor = np.reshape(covariance, (3, 3))
+        turn = np.array(installation.vector(*np.eye(3)))
+        about_x, about_y, _ = np.diag(turn @ sensor @ turn.T).tolist()
+        if not (0.0 < about_x < inf and 0.0 < about_y < inf):
+            return _UNKNOWN
+    return about_x, about_y
+
+
+class Intake:
+    """The messages of one sensor: each placed behind those before it and turned into the motion of the craft.
+
+    Buffer and predictor each have one, or share one where they run over the same messages.
+
+    Parameters
+    ----------
+    installation : Installation
+    stamps : StampSettings
+    """
+
+    def __init__(self, installation, stamps):
+        self._installation = installation
+        self._order = StampOrder(stamps)
+
+    @property
+    def interval(self):
+        """Typical time between samples, s; None before the second."""
+        return self._order.interval
+
+    def take(self, reading):
+        """Take in the next message.
+
+        Parameters
+        ----------
+        reading : ImuReading
+
+        Returns
+        -------
+        Taken
+            With reasons of `STAMP_REASONS` also.
+        """
+        placed, reasons = self._order.place(reading.stamp_ns)
+        if not placed:
+            return Taken(None, reasons)
+        taken = take_in(reading, self._installation)
+        return Taken(taken.sample, reasons + taken.reasons) if reasons else taken
+
+    def place(self, sample):
+        """Place the next sample of a record, which was cleaned and turned as a whole.
+
+        Parameters
+        ----------
+        sample : CraftSample
+
+        Returns
+        -------
+        Taken
+            With reasons of `STAMP_REASONS`.
+        """
+        placed, reasons = self._order.place(sample.stamp_ns)
+        if placed and all(value != value for value in sample[1:5]):
+            return Taken(None, (*reasons, EMPTY))
+        return Taken(sample if placed else None, reasons)
+
+
+STRAIGHT = Installation()
+"""A sensor whose axes are those of the craft, FLU."""

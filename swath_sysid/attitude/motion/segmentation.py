@@ -1,0 +1,661 @@
+"""The free decay in a record that also holds rest, pushes, disturbances and stops.
+
+A free decay is a fall (see `falls`). Waves make falls too, but short and rough ones amid
+motion; around a decay the craft was, or came to, rest.
+"""
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from swath_sysid.attitude.motion.decay_candidates import FallSettings, find_falls
+from swath_sysid.attitude.motion.releases import find_releases
+from swath_sysid.attitude.motion.turning_points import (
+    centre_of_decay,
+    even_signal,
+    find_turning_points,
+    mean_period,
+    prominence_of,
+    split_at_pauses,
+)
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+
+@dataclass(frozen=True)
+class SegmentationSettings:
+    """What counts as a free decay.
+
+    The figures on waves come from 100 simulated seas of 10 minutes (JONSWAP spectra, hulls of every
+    damping) and two measured ones; those on decays from the records of two tank models. Of 300
+    further seas one still passes for a decay: a high group before a lull of 8 periods.
+
+    Attributes
+    ----------
+    fall : FallSettings
+        What counts as a steady fall.
+    smallest_angle_swing : float
+        rad, peak to peak. 0.4 deg: below, an axis only shivers with the other's motion.
+    smallest_rate_swing : float
+        rad/s, peak to peak. 1 deg/s: the same for a gyro.
+    smallest_reach : float
+        A record without a decay that reaches no further than so many times that (1 deg) is too
+        small, whatever moved it.
+    fewest_swings : int
+        Three swings show two losses and one rhythm; fewer are taken only where nothing else moves.
+    smooth_swings, smooth_roughness, smooth_scatter : int, float, float
+        A fall of so many swings, so smooth and so regular needs no rest around it. Tank decays
+        reach 0.002 and 0.003; no fall in the seas came below 0.009 and 0.01 together.
+    many_swings, many_roughness, many_scatter : int, float, float
+        Nor does one of so many swings that is smooth and regular as far as noise lets it. In the
+        seas 20 swings reached 0.023 and 0.006.
+    most_searched : float
+        In both cases other motion may last so many times longer: in hours of waves anything
+        comes by once.
+    whole_swings, whole_part : int, float
+        Nor one of so many swings that fills this part of the record: seas reached 0.75.
+    rest_wanted : float
+        Periods of rest, before and after together, that settle the matter; those seas reached 4.8.
+    most_searched_with_rest : float
+        In that case other motion may last so many times longer.
+    rest_needed : float
+        Periods of rest that settle it where little else in the record moves: for each
+        period of rest, no more than the duration of the decay. Windows of ten and more
+        periods cut from the seas had 1.6 times the duration with 0.8 periods of rest.
+    most_unexplained : float
+        In no case may other motion last longer than so many times the decay.
+    short_scatter : float
+        Scatter of the periods, where it shows three, that such a decay may have.
+    rest_in_jump : float
+        Periods of rest that a jump to the first turning point stands for.
+    least_decrement : float
+        Mean logarithmic decrement a half cycle (pi times the damping ratio) below which the
+        motion is kept up by something. The lightest decay known here has 0.012.
+    most_activity_after : float
+        Moving part of the ten periods after a decay that has no rest after it.
+    held_periods : float
+        Dwelling at the first turning point that no swinging craft does: it was held there.
+    jump_periods : float
+        A rise to it faster than the craft swings: it was dropped, or the record was cut.
+    push_periods : float
+        A rest that ended so many periods before the first turning point ended with a push.
+    stop_periods : float
+        A rest that began so many periods after the last turning point began with a stop.
+    push_memory_swings : int
+        Half cycles left out after a push: the hand, and the water it set in motion,
+    push_memory_cost : float
+        as long as they cost no more than this part of the first swing.
+    plenty_of_swings : int
+        With so many swings the faint tail is left out: it is as much the basin's motion.
+    plentiful_tail : float
+        Part of the first swing at which that tail begins: an eighth holds 1/64 of the energy.
+    smallest_of_several : float
+        Part of the largest first swing below which a further fall is no decay of its own.
+    """
+
+    fall: FallSettings = field(default_factory=FallSettings)
+    smallest_angle_swing: float = float(np.radians(0.4))
+    smallest_rate_swing: float = float(np.radians(1.0))
+    smallest_reach: float = 2.5
+    fewest_swings: int = 3
+    smooth_swings: int = 8
+    smooth_roughness: float = 0.005
+    smooth_scatter: float = 0.02
+    many_swings: int = 16
+    many_roughness: float = 0.015
+    many_scatter: float = 0.03
+    most_searched: float = 30.0
+    whole_swings: int = 6
+    whole_part: float = 0.8
+    rest_wanted: float = 5.0
+    most_searched_with_rest: float = 100.0
+    rest_needed: float = 1.0
+    most_unexplained: float = 2.0
+    short_scatter: float = 0.045
+    rest_in_jump: float = 1.0
+    least_decrement: float = 0.004
+    most_activity_after: float = 0.5
+    held_periods: float = 0.4
+    jump_periods: float = 0.05
+    push_periods: float = 1.25
+    stop_periods: float = 1.0
+    push_memory_swings: int = 2
+    push_memory_cost: float = 0.25
+    plenty_of_swings: int = 20
+    plentiful_tail: float = 0.125
+    smallest_of_several: float = 0.3
+
+    def smallest_swing(self, quantity):
+        """Smallest first swing of an ``angle`` (rad) or a ``rate`` (rad/s) decay."""
+        return self.smallest_angle_swing if quantity == 'angle' else self.smallest_rate_swing
+
+
+DEFAULTS = SegmentationSettings()
+
+RELEASED_PART = 0.6
+"""Natural periods after a release within which the decay that it began is recognised: the first half swing."""
+QUIET_PERIODS = 2.5
+"""A release alone shows a decay where so much of the record follows it."""
+LOUDEST_REST, MEAN_REST = 0.7, 0.3
+"""Largest and root mean square motion from a period after such a release on, over the angle released from."""
+
+
+@dataclass(frozen=True)
+class DecaySegment:
+    """A stretch of free decay.
+
+    Attributes
+    ----------
+    start, end : float
+        Record time, s.
+    period : float
+        Mean period of its swings, s.
+    cycles : float
+        Length in periods, as far as the swings stand out of the noise.
+    initial_amplitude, final_amplitude : float
+        First (within given bounds the largest) and last amplitude about the trim; rad, or
+        rad/s where ``quantity`` is ``rate``.
+    trim : float
+        What it swings about, same unit.
+    quantity : str
+        ``angle`` or ``rate``: what the swings were found in.
+    beginning : str
+        ``released`` (held or dropped), ``record-start``, ``pushed``, ``under-way`` or ``given``.
+    ending : str
+        ``record-end``, ``noise-floor``, ``faded`` (its faint tail left out), ``disturbed`` or ``given``.
+    advice : tuple of Advice
+        What was left out or had to be chosen.
+    """
+
+    start: float
+    end: float
+    period: float
+    cycles: float
+    initial_amplitude: float
+    final_amplitude: float
+    trim: float
+    quantity: str = 'angle'
+    beginning: str = 'given'
+    ending: str = 'given'
+    advice: tuple[Advice, ...] = ()
+
+    @property
+    def duration(self):
+        """End minus start, s."""
+        return self.end - self.start
+
+
+def find_decays(motion, settings=DEFAULTS):
+    """Find the free decays of a record.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        Its angle is searched, or its rate where no angle was measured.
+    settings : SegmentationSettings
+
+    Returns
+    -------
+    tuple of DecaySegment
+        The one with the most motion first, none overlapping; empty where there is none.
+    """
+    decays, releases = [], []
+    for piece in split_at_pauses(motion):
+        falls = [fall for fall in find_falls(piece, settings.fall) if _is_large(fall, settings)]
+        decays.extend(_free_falls(falls, settings))
+        releases.extend(find_releases(piece, settings.smallest_angle_swing))
+    return _begun_at_releases([_segment_of(fall, settings) for fall in _apart(decays, settings)], releases, motion)
+
+
+def find_decay(motion, start=None, end=None, settings=DEFAULTS):
+    """Find the best free decay of a record, or measure the one that was given.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+    start, end : float, optional
+        Record time, s. What is given is taken as it is; what is not is found: the end of
+        the first decay after ``start``, the start of the last before ``end``.
+    settings : SegmentationSettings
+
+    Returns
+    -------
+    DecaySegment
+
+    Raises
+    ------
+    InputError
+        The bounds hold no motion, or nothing decays freely; the sentence says what was
+        seen instead and what to do.
+    """
+    inside = _between(motion, start, end)
+    if start is not None and end is not None:
+        return _measured(inside, float(start), float(end))
+    decays = find_decays(inside, settings)
+    if not decays and (start is not None or end is not None):
+        decays = _vouched_for(inside, settings)
+    if not decays:
+        raise InputError(explain_absence(inside, settings).message)
+    if start is not None:
+        return _with_bounds(min(decays, key=lambda decay: decay.start), inside, start=float(start))
+    if end is not None:
+        return _with_bounds(max(decays, key=lambda decay: decay.end), inside, end=float(end))
+    return _best_of(decays)
+
+
+def is_finished(segment, motion, remaining=0.1):
+    """Whether a decay is over, for one who watches a record grow.
+
+    Parameters
+    ----------
+    segment : DecaySegment
+        Found in ``motion``.
+    motion : AxisMotion
+        The record so far.
+    remaining : float
+        Part of its first amplitude at which a decay counts as over.
+
+    Returns
+    -------
+    bool
+        True once it has met the noise, a disturbance or its faint tail, has fallen to
+        ``remaining``, or lies more than a period back.
+    """
+    over = segment.ending in ('noise-floor', 'faded', 'disturbed')
+    fallen = segment.final_amplitude <= remaining * segment.initial_amplitude
+    return bool(over or fallen or motion.time[-1] > segment.end + segment.period)
+
+
+def explain_absence(motion, settings=DEFAULTS):
+    """Say why a record holds no free decay and what to do.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        A record in which none was found.
+    settings : SegmentationSettings
+
+    Returns
+    -------
+    Advice
+        ``too-small``, ``forced-motion`` or ``no-decay``.
+    """
+    signal = even_signal(motion)
+    name, reach = _name(motion), float(np.ptp(signal.value))
+    if reach < settings.smallest_reach * settings.smallest_swing(signal.quantity):
+        return Advice(
+            'too-small',
+            f'{name} hardly moves ({_in_degrees(reach, signal.quantity)} peak to peak): '
+            'release the craft from 3 deg or more, and check that this is the axis that moved',
+        )
+    if keeps_swinging(motion):
+        spread = _in_degrees(float(np.std(signal.value)), signal.quantity)
+        return Advice(
+            'forced-motion',
+            f'{name} swings from begin to end (standard deviation {spread}) and nowhere dies out: this is motion '
+            'in waves, not a free decay; record a release in still water, or give --start and --end of a decay in it',
+        )
+    return Advice(
+        'no-decay',
+        f'no free decay was found in {name}: it moves by {_in_degrees(reach, signal.quantity)}, but not in swings that '
+        'fall steadily in a steady rhythm with rest before or after; record a release in still water until it '
+        'has died out, or give --start and --end of a decay in it',
+    )
+
+
+def keeps_swinging(motion, part=0.2, fewest=10, longest_lull=0.25):
+    """Whether a motion swings from begin to end, as it does in waves.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+    part : float
+        Part of its largest swing that a swing must reach to count.
+    fewest : int
+        So many must count,
+    longest_lull : float
+        and no part of the record longer than this may hold none of them.
+
+    Returns
+    -------
+    bool
+    """
+    points = find_turning_points(motion)
+    if points.time.size <= fewest:
+        return False
+    swings = points.swings
+    at = points.time[1:][swings >= part * swings.max()]
+    lulls = np.diff(np.concatenate([motion.time[:1], at, motion.time[-1:]]))
+    return bool(at.size >= fewest and lulls.max() <= longest_lull * motion.duration)
+
+
+def _begun_at_releases(decays, releases, motion):
+    """The decays with each release's own beginning there, and those that only a release shows."""
+    for release in releases:
+        begun = release.time + RELEASED_PART * release.period
+        own = [d for d in decays if release.hold_start - release.period < d.start < begun]
+        followed = [d for d in own if d.end > begun]
+        if not followed and any(d.start < release.time < d.end for d in decays):
+            continue
+        # what ended before the release was the hand's
+        kept = [d for d in decays if all(d is not other for other in own)]
+        if followed:
+            decays = [_released(d, release) if d is followed[0] else d for d in decays if d in kept or d is followed[0]]
+        elif _comes_to_rest(release, motion):
+            alone = _alone(release, motion)
+            large = [d for d in kept if d.initial_amplitude > alone.initial_amplitude]
+            decays = [*large, alone, *(d for d in kept if d not in large)]
+    return tuple(decays)
+
+
+def _released(decay, release):
+    """A decay begun at its release."""
+    gained = (decay.start - release.time) / decay.period
+    return replace(
+        decay, start=release.time, beginning='released', cycles=decay.cycles + gained,
+        initial_amplitude=max(abs(release.angle - decay.trim), decay.final_amplitude),
+    )  # fmt: skip
+
+
+def _comes_to_rest(release, motion):
+    """Whether a craft that had been held for a period swings by far less from a period after its release on."""
+    held, follows = release.time - release.hold_start, motion.time[-1] - release.time
+    if held < release.period or follows < (1.0 + QUIET_PERIODS) * release.period:
+        return False
+    after = motion.between(release.time + release.period, None)
+    away = np.abs(after.angle - release.trim) / abs(release.angle - release.trim)
+    return bool(away.max() < LOUDEST_REST and np.sqrt(np.mean(away**2)) < MEAN_REST)
+
+
+def _alone(release, motion):
+    """The decay of a release whose swings the motion around them hides."""
+    end = min(float(motion.time[-1]), release.time + QUIET_PERIODS * release.period)
+    last = motion.between(end - 0.5 * release.period, end).angle
+    return DecaySegment(
+        start=release.time,
+        end=end,
+        period=release.period,
+        cycles=(end - release.time) / release.period,
+        initial_amplitude=abs(release.angle - release.trim),
+        final_amplitude=float(np.abs(last - release.trim).max()),
+        trim=release.trim,
+        beginning='released',
+        ending='noise-floor',
+    )
+
+
+def _is_large(fall, settings):
+    return fall.swings[0] >= settings.smallest_swing(fall.signal.quantity)
+
+
+def _free_falls(falls, settings):
+    """The falls whose own regularity, or the rest around them, shows that no waves made them."""
+    rhythmic = [fall for fall in falls if _is_rhythmic(fall, settings)]
+    certain = [fall for fall in rhythmic if _is_regular(fall, settings) or _is_settled(fall, settings)]
+    others = [
+        fall for fall in rhythmic
+        if not any(fall is known for known in certain) and _stands_alone(fall, certain, settings)
+    ]
+    if certain or others:
+        return certain + others
+    singles = [single for single in (fall.first_swing() for fall in falls) if _is_single_release(single, settings)]
+    # Of inclining the craft and letting it go, the letting go comes last.
+    return [max(singles, key=lambda single: single.release)] if singles else []
+
+
+def _is_rhythmic(fall, settings):
+    """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
+    return (
+        fall.swings.size >= settings.fewest_swings
+        and fall.is_suited
+        and _keeps_time(fall, settings)
+        and fall.decrement >= settings.least_decrement
+    )
+
+
+def _keeps_time(fall, settings):
+    return 1.0 / settings.fall.asymmetry < fall.first_half / (0.5 * fall.period) < settings.fall.asymmetry
+
+
+def _rest(fall, settings):
+    return _rest_before(fall, settings) + fall.rest_after(settings.stop_periods)
+
+
+def _rest_before(fall, settings):
+    return fall.rest_before(settings.push_periods)
+
+
+def _is_regular(fall, settings):
+    """Longer or smoother than waves make a fall, or all that the record holds."""
+    number, duration = fall.swings.size, fall.end - fall.release
+    many = (
+        number >= settings.many_swings
+        and fall.roughness <= settings.many_roughness
+        and fall.scatter <= settings.many_scatter
+    )
+    smooth = (
+        number >= settings.smooth_swings
+        and fall.roughness <= settings.smooth_roughness
+        and fall.scatter <= settings.smooth_scatter
+    )
+    if (many or smooth) and fall.unexplained([fall]) <= settings.most_searched * duration:
+        return True
+    return number >= settings.whole_swings and duration >= settings.whole_part * (fall.signal.end - fall.signal.start)
+
+
+def _is_settled(fall, settings):
+    """Followed by a long rest, or begun from one without being swamped afterwards."""
+    rest_after = fall.rest_after(settings.stop_periods)
+    if rest_after < settings.rest_wanted and not (
+        _rest(fall, settings) >= settings.rest_wanted and fall.activity_after() <= settings.most_activity_after
+    ):
+        return False
+    return fall.unexplained([fall]) <= settings.most_searched_with_rest * (fall.end - fall.release)
+
+
+def _stands_alone(fall, certain, settings):
+    """With some rest beside it, in a record in which, for that, little else moves."""
+    regular = fall.whole_periods < 3 or fall.scatter <= settings.short_scatter
+    rest = _rest(fall, settings) + (settings.rest_in_jump if fall.rise <= settings.jump_periods else 0.0)
+    if not regular or rest < settings.rest_needed:
+        return False
+    return fall.unexplained([fall, *certain]) <= min(rest, settings.most_unexplained) * (fall.end - fall.release)
+
+
+def _is_single_release(fall, settings):
+    """One that hardly overshoots, with rest before and after: the decay of a heavily damped hull."""
+    return (
+        fall.is_suited
+        and fall.rest_after(settings.stop_periods) >= settings.rest_needed
+        and (fall.first == 0 or _was_held(fall, settings) or _rest_before(fall, settings) >= settings.rest_needed)
+        and fall.unexplained([fall]) <= fall.end - fall.release
+    )
+
+
+def _was_held(fall, settings):
+    """At its first turning point, until it was let go; or it was dropped there."""
+    return fall.dwell >= settings.held_periods or fall.rise <= settings.jump_periods
+
+
+def _apart(falls, settings):
+    """The falls by decreasing weight, without those that a better one holds, began with or dwarfs."""
+    kept = []
+    largest = max((fall.swings[0] for fall in falls), default=0.0)
+    for fall in sorted(falls, key=lambda fall: -fall.weight):
+        apart = all(fall.end <= other.arrival or fall.release >= other.end for other in kept)
+        if apart and fall.swings[0] >= settings.smallest_of_several * largest:
+            kept.append(fall)
+    return kept
+
+
+def _segment_of(fall, settings):
+    """Cut a fall to what is free motion."""
+    first, beginning = _free_start(fall, settings)
+    last, end, ending = _free_end(fall, first, settings)
+    start = fall.leaving_time(first)
+    reliable_end = end if ending == 'record-end' else fall.end if last == fall.last else float(fall.time[last])
+    return DecaySegment(
+        start=start,
+        end=end,
+        period=fall.period,
+        cycles=(reliable_end - start) / fall.period,
+        initial_amplitude=abs(float(fall.value[first]) - fall.centre),
+        final_amplitude=abs(float(fall.value[min(last, fall.time.size - 2)]) - fall.centre),
+        trim=fall.centre,
+        quantity=fall.signal.quantity,
+        beginning=beginning,
+        ending=ending,
+        advice=(_cut_advice(fall, last, end),) if ending == 'disturbed' else (),
+    )
+
+
+def _free_start(fall, settings):
+    """Index of the turning point after which the motion is free, and how it began."""
+    if fall.leaves_in_gap(fall.first) and fall.swings.size > 1:
+        return fall.first + 1, 'under-way'
+    if _was_held(fall, settings):
+        return fall.first, 'released'
+    if fall.arrival <= fall.signal.start + fall.signal.interval:
+        return fall.first, 'record-start'
+    if fall.first == 1 and _rest_before(fall, settings) < settings.rest_needed:
+        return fall.first, 'under-way'
+    skipped = 0
+    for count in range(1, min(settings.push_memory_swings, fall.swings.size - 1) + 1):
+        if fall.swings[count] >= (1.0 - settings.push_memory_cost) * fall.swings[0]:
+            skipped = count
+    return fall.first + skipped, 'pushed'
+
+
+def _free_end(fall, first, settings):
+    """Index of the last turning point, end time (s) and kind of ending of the free motion."""
+    whole = fall.swings[:-1] if fall.at_record_end else fall.swings
+    faint = np.flatnonzero(
+        (whole < settings.plentiful_tail * whole.max(initial=0.0)) & ~fall.bridged[fall.first:fall.first + whole.size]
+    )
+    if faint.size and faint[0] >= settings.plenty_of_swings:
+        last = fall.first + int(faint[0])
+        return last, float(fall.time[last]), 'faded'
+    if fall.at_record_end:
+        return fall.last, fall.signal.record_end, 'record-end'
+    if fall.broken:
+        # What breaks a fall began before the turning point that shows it.
+        last = fall.last - 1 if fall.last - first > 3 else fall.last
+        return last, float(fall.time[last]), 'disturbed'
+    return fall.last, _end_of_quiet(fall), 'noise-floor'
+
+
+def _end_of_quiet(fall):
+    """Half a period (a whole one, if it creeps) after the end, or before the signal leaves its last swing, s."""
+    signal = fall.signal
+    settling = fall.period if fall.is_single else 0.5 * fall.period
+    begin, end = signal.index(fall.end), signal.index(fall.end + settling)
+    reach = max(abs(fall.value[fall.last] - fall.centre), 0.5 * fall.swings[-1], prominence_of(signal))
+    outside = np.flatnonzero(np.abs(signal.value[begin:end + 1] - fall.centre) > 1.2 * reach)
+    return signal.start + signal.interval * (begin + int(outside[0]) if outside.size else end)
+
+
+def _cut_advice(fall, last, end):
+    left = 100.0 * abs(fall.value[last] - fall.value[last - 1]) / fall.swings[0]
+    return Advice(
+        'disturbed-tail',
+        f'the motion after {end:.1f} s was left out, because there its swings or its period jump, with {left:.0f} % of '
+        'the first swing left: look at it, and give --end if it belongs to the decay',
+    )
+
+
+def _between(motion, start, end):
+    """The samples between the given bounds, which must make sense."""
+    if start is not None and end is not None and not start < end:
+        raise InputError(f'the start ({start:g} s) must lie before the end ({end:g} s)')
+    inside = motion.between(start, end)
+    if inside.size < 8:
+        bounds = '' if start is None and end is None else (
+            f' between {_bound(start, "its begin")} and {_bound(end, "its end")}'
+        )
+        raise InputError(
+            f'{_name(motion)} has too few samples{bounds} for a decay ({inside.size}); '
+            f'the record runs from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s'
+        )
+    return inside
+
+
+def _bound(value, otherwise):
+    return otherwise if value is None else f'{value:g} s'
+
+
+def _measured(motion, start, end):
+    """The decay that the user says there is."""
+    signal = even_signal(motion)
+    if np.ptp(signal.value) == 0.0:
+        raise InputError(f'{_name(motion)} is constant from {start:g} to {end:g} s: give a stretch in which it moves')
+    points = find_turning_points(motion)
+    value = np.concatenate([signal.value[:1], points.value])
+    turns = points.time.size > 1
+    centre = centre_of_decay(value) if turns else float(signal.value[-1])
+    period = mean_period(points) if turns else _period_of_relaxation(signal, centre)
+    amplitudes = np.abs(value - centre)
+    return DecaySegment(
+        start=start,
+        end=end,
+        period=period,
+        cycles=motion.duration / period,
+        initial_amplitude=float(amplitudes.max()),
+        final_amplitude=float(amplitudes[-1]) if points.time.size else 0.0,
+        trim=centre,
+        quantity=signal.quantity,
+    )
+
+
+def _period_of_relaxation(signal, centre):
+    """Natural period guessed from a motion that turns at most once, s.
+
+    A critically damped hull, let go, has fallen to 10 % of its angle after 0.62 natural periods:
+    (1 + w0 t) exp(-w0 t) = 0.1 at w0 t = 3.89.
+    """
+    away = np.abs(signal.value - centre)
+    far = np.flatnonzero(away > 0.1 * away.max())
+    return signal.interval * max((far[-1] - far[0] + 1) / 0.62, 2.0)
+
+
+def _vouched_for(motion, settings):
+    """Falls for whose freedom the user stands in by giving a bound, the large ones."""
+    falls = [
+        fall for piece in split_at_pauses(motion) for fall in find_falls(piece, settings.fall)
+        if fall.is_suited and fall.swings.size >= 2
+    ]
+    largest = max((fall.swings[0] for fall in falls), default=0.0)
+    large = [fall for fall in falls if fall.swings[0] >= 0.5 * largest]
+    return tuple(_segment_of(fall, settings) for fall in _apart(large, settings))
+
+
+def _with_bounds(found, motion, start=None, end=None):
+    """A found decay with one bound replaced by the one given."""
+    changed = {
+        name: value for name, value in (('start', start), ('end', end)) if value is not None
+    }
+    labels = {'start': 'beginning', 'end': 'ending'}
+    changed.update({labels[name]: 'given' for name in tuple(changed)})
+    bounded = replace(found, **changed, advice=found.advice if end is None else ())
+    inside = motion.between(bounded.start, bounded.end)
+    return replace(bounded, cycles=inside.duration / found.period)
+
+
+def _best_of(decays):
+    """The best decay, with a word about the others."""
+    best = decays[0]
+    if len(decays) == 1:
+        return best
+    others = ', '.join(f'{decay.start:.1f} to {decay.end:.1f} s' for decay in decays[1:4])
+    several = Advice(
+        'several-decays',
+        f'{len(decays)} free decays were found; the one with the most motion is used, from {best.start:.1f} to '
+        f'{best.end:.1f} s: give --start and --end to use another ({others})',
+    )
+    return replace(best, advice=(*best.advice, several))
+
+
+def _name(motion):
+    return f'the {motion.axis} of {motion.source}' if motion.source else f'the {motion.axis}'
+
+
+def _in_degrees(value, quantity):
+    return f'{np.degrees(value):.2g} {"deg" if quantity == "angle" else "deg/s"}'

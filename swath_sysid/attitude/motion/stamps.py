@@ -1,0 +1,167 @@
+"""The order of a sensor's stamps: what to leave out, and when the clock itself has moved."""
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from swath_sysid.common.errors import InputError
+
+DUPLICATE = 'duplicate-stamp'
+OUT_OF_ORDER = 'out-of-order'
+STRAY = 'stray-stamp'
+JUMPED_BACK = 'clock-jumped-back'
+GAP = 'gap'
+LONG_GAP = 'gap-too-long'
+RATE_CHANGED = 'rate-changed'
+STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, GAP, LONG_GAP, RATE_CHANGED)
+"""Everything that is counted; the first three leave the sample out."""
+
+NANOSECOND = 1e-9
+GAP_INTERVALS = 2.5
+LONG_GAP_INTERVALS = 5.0
+FOLLOWING = {True: 0.02, False: 0.1}
+"""Largest relative step of the tracked interval a sample, settled or not; it stays near the median of jitter."""
+
+SETTLING_SAMPLES = 50
+SETTLED = 1.15
+"""The interval is settled when it has moved by less than this factor over so many samples."""
+
+RATE_CHANGE = 1.4
+
+
+@dataclass(frozen=True)
+class StampSettings:
+    """What counts as late, and what as a gap.
+
+    Attributes
+    ----------
+    backward_jump : float
+        s; a stamp less far back is late, those further back are a clock that was set back (a bag that looped).
+    gap_limit : float
+        s; a longer silence is a new beginning.
+    """
+
+    backward_jump: float = 1.0
+    gap_limit: float = 1.0
+
+    def __post_init__(self):
+        for name in ('backward_jump', 'gap_limit'):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f'{name} must be positive, not {getattr(self, name)}')
+
+
+class Placed(NamedTuple):
+    """Whether a sample follows those before it.
+
+    Attributes
+    ----------
+    kept : bool
+    reasons : tuple of str
+        From `STAMP_REASONS`: what is to be counted. One may be about the sample before.
+    """
+
+    kept: bool
+    reasons: tuple[str, ...] = ()
+
+
+FOLLOWS = Placed(True)
+
+
+class StampOrder:
+    """Places each stamp of one sensor behind those before it.
+
+    A stamp that does not follow (a second or more back, or far ahead) is suspect: it is left out
+    until the next one shows whether it was a stray packet, or of another publisher, or whether
+    the clock has moved.
+
+    Parameters
+    ----------
+    settings : StampSettings
+    """
+
+    def __init__(self, settings=None):
+        self._settings = settings or StampSettings()
+        self._last = None
+        self._suspect = None
+        self._interval = None
+        self._settled_interval = None
+        self._looked_at = None
+        self._until_look = SETTLING_SAMPLES
+
+    @property
+    def interval(self):
+        """Typical time between samples, s; None before the second."""
+        return self._interval
+
+    def place(self, stamp_ns):
+        """Place the next stamp.
+
+        Parameters
+        ----------
+        stamp_ns : int
+
+        Returns
+        -------
+        Placed
+        """
+        if self._last is None:
+            self._last = stamp_ns
+            return FOLLOWS
+        elapsed = (stamp_ns - self._last) * NANOSECOND
+        if stamp_ns == self._last or stamp_ns == self._suspect:
+            return Placed(False, (DUPLICATE,))
+        if -self._settings.backward_jump <= elapsed < 0.0:
+            return Placed(False, (OUT_OF_ORDER,))
+        if elapsed < 0.0 or self._is_long(elapsed):
+            return self._doubt(stamp_ns, elapsed)
+        reasons = self._judge_interval(elapsed)
+        if self._suspect is not None:
+            reasons = self._refuted() + reasons
+        self._last = stamp_ns
+        return Placed(True, reasons) if reasons else FOLLOWS
+
+    def _is_long(self, elapsed):
+        if self._interval is None:
+            return False
+        return elapsed > max(self._settings.gap_limit, LONG_GAP_INTERVALS * self._interval)
+
+    def _doubt(self, stamp_ns, elapsed):
+        if self._suspect is not None and stamp_ns > self._suspect:
+            self._last, self._suspect = stamp_ns, None
+            return Placed(True, (JUMPED_BACK if elapsed < 0.0 else LONG_GAP,))
+        reasons = self._refuted()
+        self._suspect = stamp_ns
+        return Placed(False, reasons)
+
+    def _refuted(self):
+        """What the suspect turns out to have been, now that the next stamp does not follow it."""
+        if self._suspect is None:
+            return ()
+        reason = OUT_OF_ORDER if self._suspect < self._last else STRAY
+        self._suspect = None
+        return (reason,)
+
+    def _judge_interval(self, elapsed):
+        if self._interval is None:
+            self._interval = self._looked_at = elapsed
+            return ()
+        is_gap = elapsed > GAP_INTERVALS * self._interval
+        step = FOLLOWING[self._settled_interval is not None]
+        self._interval *= min(max(elapsed / self._interval, 1.0 - step), 1.0 + step)
+        reasons = (GAP,) if is_gap else ()
+        return reasons + (RATE_CHANGED,) if self._has_changed() else reasons
+
+    def _has_changed(self):
+        if self._settled_interval is not None:
+            if _alike(self._interval, self._settled_interval, RATE_CHANGE):
+                return False
+            self._settled_interval, self._looked_at, self._until_look = None, self._interval, SETTLING_SAMPLES
+            return True
+        self._until_look -= 1
+        if self._until_look == 0:
+            if _alike(self._interval, self._looked_at, SETTLED):
+                self._settled_interval = self._interval
+            self._looked_at, self._until_look = self._interval, SETTLING_SAMPLES
+        return False
+
+
+def _alike(first, second, factor):
+    return second < factor * first and first < factor * second

@@ -1,0 +1,153 @@
+"""Trials: the measured motion of a craft, whatever file or topic it came from."""
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+AXES = ('roll', 'pitch')
+
+CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
+"""What an IMU gives of roll and pitch: the columns of a window on the wire, in this order."""
+
+FURTHER_CHANNELS = ('yaw_rate', 'heave')
+"""What some records hold beside `CHANNELS`: more of the wave, for a forecast."""
+
+
+@dataclass(frozen=True)
+class AxisMotion:
+    """The motion about one axis, every sample finite.
+
+    Attributes
+    ----------
+    axis : str
+        ``roll`` or ``pitch``.
+    time : ndarray, shape (N,)
+        Seconds, strictly increasing, not necessarily even.
+    angle : ndarray, shape (N,), or None
+        rad; None where the sensor gave no angle.
+    rate : ndarray, shape (N,), or None
+        Euler rate, rad/s; None where the sensor gave no rate.
+    source : str
+        Where it came from, for messages.
+    """
+
+    axis: str
+    time: np.ndarray
+    angle: np.ndarray | None
+    rate: np.ndarray | None
+    source: str = ''
+
+    @property
+    def size(self):
+        """Number of samples."""
+        return self.time.size
+
+    @property
+    def duration(self):
+        """Seconds from the first to the last sample."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def sample_interval(self):
+        """Median time between samples, s."""
+        return float(np.median(np.diff(self.time)))
+
+    def between(self, start, end):
+        """The samples with ``start <= time <= end`` (either may be None)."""
+        keep = np.ones(self.size, dtype=bool)
+        if start is not None:
+            keep &= self.time >= start
+        if end is not None:
+            keep &= self.time <= end
+        return self.only(keep)
+
+    def only(self, keep):
+        """The samples selected by a mask or a slice."""
+        return replace(
+            self,
+            time=self.time[keep],
+            angle=None if self.angle is None else self.angle[keep],
+            rate=None if self.rate is None else self.rate[keep],
+        )
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One recorded trial.
+
+    All channels are arrays of shape (N,) in SI units, or None where not measured. NaN
+    marks a missing value. Angles and rates are Euler angles and their time derivatives
+    (body axes x forward, y port, z up); accelerations are specific force in body axes,
+    so that a craft at rest reads about +9.81 m/s^2 on z.
+
+    Attributes
+    ----------
+    time : ndarray, shape (N,)
+        Seconds, strictly increasing.
+    roll, pitch : ndarray or None
+        rad.
+    roll_rate, pitch_rate : ndarray or None
+        Euler rates, rad/s.
+    accel_x, accel_y, accel_z : ndarray or None
+        m/s^2.
+    yaw_rate : ndarray or None
+        Euler rate, rad/s, positive to port.
+    heave : ndarray or None
+        m, positive up.
+    source : str
+        The file (or topic) the trial was read from.
+    draft : float or None
+        m, where known.
+    initial_angle : float or None
+        rad, where known.
+    advice : tuple of Advice
+        What the reader had to repair or leave out.
+    """
+
+    time: np.ndarray
+    roll: np.ndarray | None = None
+    pitch: np.ndarray | None = None
+    roll_rate: np.ndarray | None = None
+    pitch_rate: np.ndarray | None = None
+    accel_x: np.ndarray | None = None
+    accel_y: np.ndarray | None = None
+    accel_z: np.ndarray | None = None
+    yaw_rate: np.ndarray | None = None
+    heave: np.ndarray | None = None
+    source: str = ''
+    draft: float | None = None
+    initial_angle: float | None = None
+    advice: tuple[Advice, ...] = ()
+
+    @property
+    def channels(self):
+        """Name to array of every channel that was measured."""
+        names = (*CHANNELS, *FURTHER_CHANNELS)
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+
+    @property
+    def axes(self):
+        """The axes of which an angle or a rate was measured."""
+        return tuple(a for a in AXES if a in self.channels or f'{a}_rate' in self.channels)
+
+    def axis(self, name):
+        """The motion about one axis, without the samples in which a value is missing.
+
+        Raises
+        ------
+        InputError
+            The trial holds neither angle nor rate of that axis, or no finite sample of it.
+        """
+        if name not in AXES:
+            raise InputError(f"there is no axis '{name}': choose one of {', '.join(AXES)}")
+        measured = [c for c in (getattr(self, name), getattr(self, f'{name}_rate')) if c is not None]
+        if not measured:
+            held = ', '.join(self.axes) or 'none'
+            raise InputError(f'{self.source or "the trial"} holds no {name} motion (axes in it: {held})')
+        finite = np.all(np.isfinite(measured), axis=0)
+        if not finite.any():
+            raise InputError(f'{self.source or "the trial"} holds no finite sample of {name}')
+        whole = AxisMotion(name, self.time, getattr(self, name), getattr(self, f'{name}_rate'), self.source)
+        return whole.only(finite)

@@ -1,0 +1,301 @@
+"""What a forecast must beat: simple and standard forecasts, each from the record's past alone."""
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+REGRESSIONS = {'ar_40': 40, 'var_40': 40, 'var_60': 60}
+"""Order of each regression, given enough past; an autoregression reads its own angle, the others every channel."""
+
+BASELINES = ('persistence', 'constant_rate', 'mean', *REGRESSIONS)
+
+ORDERS = (60, 40, 20, 10, 5, 2, 1)
+ROWS_A_COEFFICIENT = 8
+"""A shorter past teaches a lower order: with fewer rows than these a regression learns the noise."""
+
+RIDGE = 1e-8
+"""A row, in standard deviations; a hundred times as much costs a clean IMU a tenth at the shortest lead."""
+
+REGRESSION_STEP = 0.1
+"""s between lags, about: forty of them reach a wave period back, whatever the sensor's rate."""
+
+REFIT_INTERVAL = 10.0
+"""s."""
+
+EVEN = 1.5
+"""Samples further apart than so many usual intervals have lost one between them."""
+
+ON_A_SAMPLE = 0.02
+"""Usual intervals: a time as near as this to a sample is the sample's."""
+
+_LEAST_SHARE = 0.5
+_STILL = 1e-12
+
+
+@dataclass(frozen=True)
+class Record:
+    """A trial read at any time.
+
+    Attributes
+    ----------
+    time : ndarray, shape (N,)
+        s.
+    values : ndarray, shape (N, M)
+        NaN where missing.
+    names : tuple of str
+        Channels.
+    """
+
+    time: np.ndarray
+    values: np.ndarray
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, trial):
+        """Every channel of a trial."""
+        return cls(trial.time, np.column_stack(list(trial.channels.values())), tuple(trial.channels))
+
+    @cached_property
+    def interval(self):
+        """The sensor's usual interval as its samples keep it, s: the nearest round figure would drift from them."""
+        intervals = np.diff(self.time)
+        even = np.abs(intervals - np.median(intervals)) < 0.5 * np.median(intervals)
+        return float(intervals[even].mean())
+
+    def column(self, name):
+        """One channel, or None."""
+        return self.values[:, self.names.index(name)] if name in self.names else None
+
+    def at(self, wanted, places=None):
+        """The channels at given times, linear between neighbouring samples.
+
+        Parameters
+        ----------
+        wanted : ndarray, shape (...)
+            s.
+        places : sequence of int, optional
+            Of the channels; all by default.
+
+        Returns
+        -------
+        ndarray, shape (..., M)
+            NaN before the first and after the last sample, and where a neighbour is missing.
+        """
+        values = self.values if places is None else self.values[:, list(places)]
+        near = ON_A_SAMPLE * self.interval
+        after = np.clip(np.searchsorted(self.time, wanted - near), 1, self.time.size - 1)
+        before = after - 1
+        width = self.time[after] - self.time[before]
+        fraction = ((wanted - self.time[before]) / width)[..., None]
+        result = (1.0 - fraction) * values[before] + fraction * values[after]
+        result[(width > EVEN * self.interval) | (fraction[..., 0] < 0.0) | (fraction[..., 0] > 1.0)] = np.nan
+        for neighbour in (before, after):
+            on = np.abs(wanted - self.time[neighbour]) <= near
+            result[on] = values[neighbour[on]]
+        return result
+
+    def after_gap(self, name, stamps, duration):
+        """Whether each stamp lies within a gap of a channel, or within `duration` after it.
+
+        A gap is where at least one sample of the channel was lost or is NaN; what is missing before
+        the first reading is none.
+        """
+        measured = self.time[np.isfinite(self.column(name))]
+        gaps = np.flatnonzero(np.diff(measured) > EVEN * self.interval)
+        last, first = np.append(measured[gaps], np.inf), np.append(-np.inf, measured[gaps + 1])
+        ended = np.searchsorted(first, stamps, side='right') - 1
+        return (stamps - first[ended] <= duration) | (stamps > last[ended])
+
+
+def baseline_forecasts(record, axes, stamps, leads, window):
+    """Forecasts of every baseline, issued at the stamps from the samples up to and with them.
+
+    Parameters
+    ----------
+    record : Record
+    axes : sequence of str
+        Those to forecast.
+    stamps : ndarray, shape (N,)
+        s, increasing.
+    leads : ndarray, shape (L,)
+        s; between whole steps of a regression its forecasts are joined linearly.
+    window : float
+        s of past that mean and regressions learn from.
+
+    Returns
+    -------
+    dict of str to dict of str to ndarray, shape (N, L)
+        By axis and baseline (those of `BASELINES`), NaN where there is none.
+    """
+    every = [k for k, name in enumerate(record.names)]
+    result = {axis: _simple_forecasts(record, axis, stamps, leads, window) for axis in axes}
+    targets = [record.names.index(axis) for axis in axes]
+    for name, order in REGRESSIONS.items():
+        groups = [[target] for target in targets] if name.startswith('ar') else [targets]
+        for group in groups:
+            channels = group if name.startswith('ar') else every
+            ahead = running_regression(record, channels, group, order, stamps, leads, window)
+            for k, target in enumerate(group):
+                result[record.names[target]][name] = ahead[:, :, k]
+    return result
+
+
+def _simple_forecasts(record, axis, stamps, leads, window):
+    """Persistence, constant rate and the mean of the past."""
+    measured = np.isfinite(record.column(axis))
+    time, angle = record.time[measured], record.column(axis)[measured]
+    none = np.full((stamps.size, leads.size), np.nan)
+    if not time.size:
+        return {'persistence': none, 'constant_rate': none, 'mean': none}
+    newest = np.searchsorted(time, stamps, side='right') - 1
+    rate = record.column(f'{axis}_rate')
+    if rate is None:
+        rate = np.diff(angle, prepend=np.nan) / np.diff(time, prepend=np.nan)
+    else:
+        rate = rate[measured]
+    total = np.append(0.0, np.cumsum(angle))
+    oldest = np.searchsorted(time, stamps - window)
+    mean = (total[newest + 1] - total[oldest]) / np.maximum(newest + 1 - oldest, 1)
+    known = (newest >= 0)[:, None]
+    flat = np.ones(leads.size)
+    return {
+        'persistence': np.where(known, angle[newest][:, None] * flat, np.nan),
+        'constant_rate': np.where(known, angle[newest][:, None] + rate[newest][:, None] * leads, np.nan),
+        'mean': np.where(known, mean[:, None] * flat, np.nan),
+    }
+
+
+def running_regression(record, channels, targets, order, stamps, leads, window):
+    """A vector autoregression by ridge least squares, iterated ahead and refitted as time goes on.
+
+    Parameters
+    ----------
+    record : Record
+    channels : sequence of int
+        Places of what it reads; those that do not move or are mostly missing are left out.
+    targets : sequence of int
+        Places of what it forecasts, T of them.
+    order : int
+        Lags, as far as the past at each refit supports them.
+    stamps, leads, window
+        As in `baseline_forecasts`.
+
+    Returns
+    -------
+    ndarray, shape (N, L, T)
+        NaN before the first fit and where a lag is missing.
+    """
+    step = record.interval * max(1, round(REGRESSION_STEP / record.interval))
+    start = float(record.time[0])
+    grid = record.at(start + step * np.arange(int((record.time[-1] - start) / step) + 1))
+    anchors = record.time[np.maximum(np.searchsorted(record.time, stamps, side='right') - 1, 0)]
+    result = np.full((stamps.size, leads.size, len(targets)), np.nan)
+    sums = None
+    refits = start + REFIT_INTERVAL * np.arange(1, int((record.time[-1] - start) / REFIT_INTERVAL) + 1)
+    for refit in refits:
+        now = slice(*np.searchsorted(stamps, (refit, refit + REFIT_INTERVAL)))
+        # a row of the grid may read the sample after it, which must have come by then
+        end = int((refit - start - EVEN * record.interval) / step) + 1
+        begin = max(0, end - int(window / step))
+        useful = _useful(grid[begin:end], channels)
+        supported = _supported_order(order, end - begin, len(useful))
+        if now.start == now.stop or not set(targets) <= set(useful) or supported is None:
+            continue
+        if sums is None or (sums.channels, sums.order) != (useful, supported):
+            sums = _RunningSums.begun(grid, useful, supported, begin, end)
+        sums.slide(begin, end)
+        if sums.count < supported * len(useful):
+            continue
+        places = [useful.index(target) for target in targets]
+        constant, matrix = _ahead(*sums.solve(), places, leads / step)
+        lags = record.at(anchors[now, None] - step * np.arange(supported), useful)
+        lags = ((lags - sums.centre) / sums.scale).reshape(lags.shape[0], -1)
+        ahead = (lags @ matrix.reshape(-1, lags.shape[1]).T).reshape(-1, *constant.shape) + constant
+        result[now] = ahead * sums.scale[places] + sums.centre[places]
+    return result
+
+
+def _useful(values, channels):
+    """Those channels that are mostly there and move."""
+    return tuple(
+        c for c in channels
+        if np.isfinite(values[:, c]).mean() > _LEAST_SHARE and np.nanstd(values[:, c]) > _STILL
+    )  # fmt: skip
+
+
+def _supported_order(order, rows, channels):
+    """The highest of `ORDERS`, up to the one wanted, that so many rows can teach; None where none."""
+    supported = (o for o in ORDERS if o <= order and rows - o >= ROWS_A_COEFFICIENT * channels * o)
+    return next(supported, None)
+
+
+@dataclass
+class _RunningSums:
+    """Sums of products of a constant, a row and the rows before it, over a window that slides along a grid."""
+
+    channels: tuple[int, ...]
+    order: int
+    centre: np.ndarray
+    scale: np.ndarray
+    values: np.ndarray
+    span: tuple[int, int]
+    count: int = 0
+    gram: np.ndarray = field(default=None)
+
+    @classmethod
+    def begun(cls, grid, channels, order, begin, end):
+        """Empty, in the standard deviations of the rows from `begin` to `end`."""
+        values = grid[:, channels]
+        centre, scale = np.nanmean(values[begin:end], axis=0), np.nanstd(values[begin:end], axis=0)
+        size = 1 + (order + 1) * len(channels)
+        return cls(
+            channels, order, centre, scale, (values - centre) / scale, (begin, begin), gram=np.zeros((size, size))
+        )
+
+    def slide(self, begin, end):
+        """Make the window that of the rows from `begin` to `end`."""
+        self._add(max(self.span[1], self.span[0] + self.order), end, 1)
+        self._add(self.span[0] + self.order, begin + self.order, -1)
+        self.span = begin, end
+
+    def _add(self, first, last, sign):
+        """Add or take away the rows from `first` to `last`, each with those before it; incomplete ones do not count."""
+        if last <= first:
+            return
+        windows = np.lib.stride_tricks.sliding_window_view(self.values[first - self.order:last], self.order + 1, axis=0)
+        rows = windows[:, :, ::-1].transpose(0, 2, 1).reshape(last - first, -1)
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        rows = np.column_stack([np.ones(rows.shape[0]), rows])
+        self.gram += sign * (rows.T @ rows)
+        self.count += sign * rows.shape[0]
+
+    def solve(self):
+        """Constant, shape (M,), and coefficients, shape (M p, M), of the next row."""
+        width = len(self.channels)
+        past = np.r_[0, 1 + width:self.gram.shape[0]]
+        ridge = np.full(past.size, RIDGE * max(self.count, 1))
+        coefficients = np.linalg.solve(
+            self.gram[np.ix_(past, past)] + np.diag(ridge), self.gram[past, 1:1 + width]
+        )
+        return coefficients[0], coefficients[1:]
+
+
+def _ahead(constant, coefficients, targets, steps):
+    """Constant, shape (L, T), and matrix, shape (L, T, M p), from the lags to the targets so many steps ahead."""
+    width = constant.size
+    row = np.zeros((len(targets), coefficients.shape[0]))
+    row[np.arange(len(targets)), targets] = 1.0
+    rows, constants = [row], [np.zeros(len(targets))]
+    for _ in range(int(np.ceil(steps[-1] - 1e-6))):
+        # one step of the companion matrix: the newest block is replaced by its regression, the rest shifts
+        newest = rows[-1][:, :width]
+        following = newest @ coefficients.T
+        following[:, :-width] += rows[-1][:, width:]
+        constants.append(constants[-1] + newest @ constant)
+        rows.append(following)
+    rows, constants = np.array(rows), np.array(constants)
+    below = np.minimum(np.floor(steps + 1e-6).astype(int), len(rows) - 1)
+    above = np.minimum(below + 1, len(rows) - 1)
+    share = np.where(steps - below > 1e-6, steps - below, 0.0)[:, None]
+    matrix = (1.0 - share[:, :, None]) * rows[below] + share[:, :, None] * rows[above]
+    return (1.0 - share) * constants[below] + share * constants[above], matrix

@@ -1,0 +1,263 @@
+"""Several forecasts made one, lead by lead, by their measured errors; and the spread that those errors call for."""
+import numpy as np
+
+# s, and as many leads, at most so many s; errors are forgotten with this time constant: those at short leads are many
+_MEMORY, _MEMORY_LEADS, _LONGEST_MEMORY = 15.0, 10.0, 60.0
+# weights go with the mean square error to this power: 5 % less error is twice the weight
+_POWER = 8.0
+# s of errors that the candidates' common level counts for, so that luck in the first errors decides nothing
+_TRUST = 5.0
+# s; the same for the candidates' own variances, and the time constant with which the scale of them is forgotten
+_TRUST_VARIANCE, _MEMORY_VARIANCE = 2.0, 60.0
+# a candidate without a forecast is taken to err as much more (mean square) as this than the blend: it must prove itself
+_UNPROVEN = 1.25
+# log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
+_TAIL_GAIN, _QUANTILE, _MISSES, _LARGEST_TAIL = 0.1, 1.6449, 0.1, 1.5
+# the variance of the true angle is at least this share of the reading's
+_LEAST_SHARE = 0.02
+# a squared error over its expected value counts as this much at the most: what nobody could foresee, such as a hand on
+# the craft, says little of the errors to come
+_CREDIBLE = 9.0
+# the candidate that knows its own uncertainty counts with what it claims, with a margin, while as many of its 90 %
+# intervals have held; to begin with, it has held them for so many s
+_PROVEN, _MARGIN, _FAITH = 0.7, 1.2, 20.0
+
+
+class Blend:
+    """Weights of E candidates and a variance scale for A axes, at every lead; learnt from errors against the readings.
+
+    Parameters
+    ----------
+    leads : ndarray, shape (L,)
+        s, increasing; each is scored at the nearest whole step, at least one.
+    step : float
+        s between rows.
+    axes : int
+    prior : sequence of float, length E
+        The candidates' weights where errors do not tell them apart: at long leads 60 s hold few independent errors, and
+        the candidate that knows most should speak until another one is shown to be better.
+    claimant : int, optional
+        The candidate whose variances follow what is known from moment to moment, as a filter on a known hull does. The
+        past minute's errors say little of it once a hand has let go of the craft: while its intervals hold, it counts
+        with the variance that it claims.
+
+    Attributes
+    ----------
+    steps : ndarray of int, shape (S,)
+        At which `take` wants the candidates' forecasts.
+    mean_square : ndarray, shape (E, S, A)
+        Of the candidates' errors; of what they would be taken to err where they had no forecast.
+    weights : ndarray, shape (E, S, A)
+    blended_square, coverage : ndarray, shape (S, A)
+        Mean square error of the blend, and the share of its 90 % intervals that held.
+    """
+
+    def __init__(self, leads, step, axes, prior, claimant=None):
+        self._step = step
+        self._claimant = claimant
+        whole = np.maximum(np.round(np.asarray(leads) / step), 1).astype(int)
+        self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
+        self._prior = np.asarray(prior, dtype=float)[:, None, None]
+        self._shape = self._prior.shape[0], self.steps.size, axes
+        self._places = np.arange(self.steps.size)
+        memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, _LONGEST_MEMORY)
+        self._keep = (1.0 - step / memory)[:, None]
+        self.restart()
+
+    def restart(self):
+        """Forget everything."""
+        depth = int(self.steps[-1]) + 1
+        self._row = 0
+        self._issued = np.full((depth, *self._shape), np.nan)
+        self._blended = np.full((depth, *self._shape[1:]), np.nan)
+        self._variance = np.full((depth, *self._shape[1:]), np.nan)
+        self.mean_square = np.zeros(self._shape)
+        self._time = np.zeros(self._shape[1:])
+        self._time_variance = np.zeros(self._shape[1:])
+        self._interval = np.full((depth, *self._shape[1:]), np.nan)
+        self._tail = np.zeros(self._shape[1:])
+        self._ratio = np.ones(self._shape[1:])
+        self._claimed = np.full((depth, *self._shape[1:]), np.nan)
+        self._held = np.full(self._shape[1:], 1.0 - _MISSES)
+        self.blended_square = np.zeros(self._shape[1:])
+        self.coverage = np.full(self._shape[1:], 1.0 - _MISSES)
+        self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
+
+    def take(self, reading, mean, variance, noise_variance=0.0, foreseeable=None):
+        """Score the forecasts that this row makes known, and keep those issued at it.
+
+        Parameters
+        ----------
+        reading : ndarray, shape (A,)
+            The row's angles, NaN where missing.
+        mean, variance : ndarray, shape (E, S, A)
+            The candidates' forecasts at `steps`, NaN where a candidate has none.
+        noise_variance : float or ndarray, shape (A,)
+            Of the sensor.
+        foreseeable : ndarray of int, shape (A,), optional
+            Rows since something acted on the craft that nothing foretold: the errors of forecasts issued before say
+            nothing of who forecasts best.
+        """
+        depth = self._issued.shape[0]
+        then = (self._row - self.steps) % depth
+        reading = np.broadcast_to(reading, self._shape[1:])
+        self._judge(reading - self._blended[then, self._places], self._interval[then, self._places])
+        if foreseeable is not None:
+            reading = np.where(self.steps[:, None] > foreseeable, np.nan, reading)
+        self._learn(
+            reading - self._issued[then, :, self._places].swapaxes(0, 1), reading - self._blended[then, self._places],
+            self._variance[then, self._places], self._interval[then, self._places], noise_variance,
+        )  # fmt: skip
+        now = self._row % depth
+        if self._claimant is not None:
+            error = reading - self._issued[then, self._claimant, self._places]
+            claims = np.where(np.isfinite(mean[self._claimant]), variance[self._claimant], np.nan)
+            self._weigh_claims(error, self._claimed[then, self._places], claims)
+            self._claimed[now] = claims
+        self._issued[now] = mean
+        weights = present_weights(self.weights, np.isfinite(mean))
+        self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
+        true = np.maximum(self._variance[now] - noise_variance, _LEAST_SHARE * self._variance[now])
+        self._interval[now] = _QUANTILE**2 * (self.scale * true + noise_variance)
+        self._row += 1
+
+    def _judge(self, blended, interval):
+        """How large the errors are and how many intervals hold, of all forecasts."""
+        known = np.isfinite(blended) & np.isfinite(interval)
+        gain = np.where(known, self._step / (_MEMORY_VARIANCE + self._step), 0.0)
+        square = np.where(known, blended, 0.0) ** 2
+        self.blended_square += gain * (square - self.blended_square)
+        self.coverage += gain * ((square <= interval) - self.coverage)
+
+    def _weigh_claims(self, error, claimed, claims):
+        known = np.isfinite(error) & np.isfinite(claimed)
+        held = error**2 <= _QUANTILE**2 * claimed
+        time = np.minimum(self._time_variance, _MEMORY_VARIANCE) + _FAITH
+        self._held += np.where(known, self._step / time * (held - self._held), 0.0)
+        square, own = self.mean_square.copy(), self.mean_square[self._claimant]
+        proven = (self._held > _PROVEN) & np.isfinite(claims)
+        square[self._claimant] = np.where(proven, np.fmin(own, _MARGIN * claims), own)
+        self.weights = error_weights(square, self._time, self._prior)
+
+    def renew(self, candidate, axis=slice(None)):
+        """A candidate has a new model: what its last one did wrong is held against it no more than against a new one.
+
+        Parameters
+        ----------
+        candidate : int
+        axis : int, optional
+            By default all.
+        """
+        square = self.mean_square[..., axis]
+        square[candidate] = np.minimum(square[candidate], _UNPROVEN * square.min(axis=0))
+        if candidate == self._claimant:
+            self._issued[:, candidate, :, axis] = self._claimed[..., axis] = np.nan
+            self._held[:, axis] = 1.0 - _MISSES
+
+    def skip(self, count):
+        """Pass over rows without readings or forecasts.
+
+        Parameters
+        ----------
+        count : int
+        """
+        for _ in range(min(count, self._issued.shape[0])):
+            now = self._row % self._issued.shape[0]
+            for issued in (self._issued, self._blended, self._variance, self._interval, self._claimed):
+                issued[now] = np.nan
+            self._row += 1
+        self._row += max(count - self._issued.shape[0], 0)
+
+    def _learn(self, errors, blended, variance, interval, noise_variance):
+        known = np.isfinite(blended)
+        if not known.any():
+            return
+        square = blended**2
+        self._time, gain = self._aged(self._time, known, self._keep)
+        squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
+        self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
+        self._time_variance, gain = self._aged(self._time_variance, known, 1.0 - self._step / _MEMORY_VARIANCE)
+        true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
+        # ratio by ratio: a mean of variances would remember the largest for minutes
+        ratio = (np.minimum(square, _CREDIBLE * variance) - noise_variance) / true
+        self._ratio += gain * np.where(known, ratio - self._ratio, 0.0)
+        # wide tails make the mean square say more than the 90 % interval wants
+        missed = np.where(known, (square > interval) - _MISSES, 0.0)
+        self._tail = np.clip(self._tail + _TAIL_GAIN * self._step * missed, -_LARGEST_TAIL, _LARGEST_TAIL)
+        self.weights = error_weights(self.mean_square, self._time, self._prior)
+
+    def _aged(self, time, known, keep):
+        """The time that an average stands for after one more row, and the weight of that row in it."""
+        time = np.where(known, keep * time + self._step, time)
+        return time, np.where(known, self._step / np.maximum(time, self._step), 0.0)
+
+    @property
+    def scale(self):
+        """Variance over the candidates' own, shape (S, A), by the errors' mean square and the intervals' coverage."""
+        time, trust = self._time_variance, _TRUST_VARIANCE
+        return np.exp(self._tail) * (trust + time * np.maximum(self._ratio, _LEAST_SHARE)) / (trust + time)
+
+    def combine(self, mean, covariance, axis_of, noise_variance=0.0):
+        """The blended forecast at the leads.
+
+        Parameters
+        ----------
+        mean, covariance : ndarray, shapes (E, L, M) and (E, L, M, M)
+            The candidates', of readings; NaN where a candidate has none.
+        axis_of : sequence of int, length M
+            The axis whose weights and scale a target has.
+        noise_variance : float or ndarray, shape (M,)
+            Of the sensor.
+
+        Returns
+        -------
+        mean, covariance : ndarray, shapes (L, M) and (L, M, M)
+            Of the true motion.
+        """
+        places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
+        weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
+        root = np.sqrt(weights)
+        blended = _weighted(root[..., :, None] * root[..., None, :], covariance)
+        variance = np.diagonal(blended, axis1=1, axis2=2)
+        true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
+        factor = np.sqrt(self.scale[places] * true / variance)
+        return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :]
+
+
+def error_weights(mean_square, time, prior):
+    """Weights from mean square errors, those of little experience drawn to their common level (geometric mean).
+
+    Parameters
+    ----------
+    mean_square : ndarray, shape (E, S, A)
+    time : ndarray, shape (S, A)
+        s of experience.
+    prior : ndarray, shape (E, 1, 1)
+        Weights at equal errors.
+
+    Returns
+    -------
+    ndarray, shape (E, S, A)
+    """
+    level = np.log(np.maximum(mean_square, 1e-300))
+    common = level.mean(axis=0)
+    drawn = np.log((time * np.exp(level - common) + _TRUST) / (time + _TRUST))
+    weights = prior * np.exp(-_POWER * (drawn - drawn.min(axis=0)))
+    return weights / weights.sum(axis=0)
+
+
+def present_weights(weights, present):
+    """Weights of those that are there: zero for the others, of sum one over the first dimension.
+
+    Parameters
+    ----------
+    weights, present : ndarray, shape (E, ...)
+    """
+    weights = np.maximum(weights, 1e-12) * present
+    return weights / np.maximum(weights.sum(axis=0), 1e-12)
+
+
+def _weighted(weights, values):
+    """Weighted sum over the first dimension; NaN where no weight is."""
+    total = np.where(weights > 0.0, weights * values, 0.0).sum(axis=0)
+    return np.where((weights > 0.0).any(axis=0), total, np.nan)

@@ -1,0 +1,259 @@
+"""The sea's moment on a known hull, learnt from a window of angle and rate: spectrum, autoregression, reduced model.
+
+1. The angle's Fourier transform from both sensors, weighted by their noise; the moment from it by the full
+   nonlinear hull, in time: m = angle'' + D(angle') + R(angle).
+2. Its spectrum by sine tapers (Riedel and Sidorenko 1995), smoothed; the sensors' noise, which the hull's inverse
+   amplifies by a known factor, is subtracted.
+3. An autoregression from the autocovariance (Yule and Walker).
+4. The few states of it that the angle's forecasts need: truncation balanced between what a filter comes to know of
+   the moment and what it then says of the angle up to `FORECAST_SPAN` ahead; in modal form.
+"""
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import eigh, expm, solve_discrete_lyapunov, solve_toeplitz, svd
+from scipy.ndimage import gaussian_filter1d
+
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter
+from swath_sysid.attitude.prediction.modal_moment import ModalMoment
+
+TAPERS = 5
+SMOOTHING = 0.04
+"""rad/s; standard deviation of the spectrum's smoothing."""
+
+HIGHEST_FREQUENCY = 20.0
+"""rad/s; beyond, no sea moves a craft and the hull's inverse amplifies noise only."""
+
+LEAST_SIGNAL = 1e-3
+"""The spectrum is at least so much of the noise's."""
+
+AUTOREGRESSION_SPAN = 12.0
+"""s of lags."""
+
+STATES = 20
+FORECAST_SPAN = 20.0
+"""s; forecasts up to there decide which states are kept."""
+
+LARGEST_RADIUS = 0.9995
+"""Of the reduced model's spectrum over a step."""
+
+DOUBLINGS = 11
+"""Of the steps after which the filter's covariance is taken to be steady: 2048."""
+
+FEWEST_SAMPLES = 300
+REPLAY_SPAN = 40.0
+"""s at the window's end that the new model's filter runs over, so that it starts knowing the sea's phase."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Of a moment, two-sided, at frequencies in rad/s, and that of the noise in it."""
+
+    frequency: np.ndarray
+    density: np.ndarray
+    noise: np.ndarray
+
+
+def fit_excitation(request):
+    """Learn the moment of a window.
+
+    Parameters
+    ----------
+    request : ExcitationRequest
+
+    Returns
+    -------
+    ExcitationFit or None
+        None: the window is too short.
+    """
+    if request.angle.size < FEWEST_SAMPLES or not np.isfinite(request.angle + request.rate).all():
+        return None
+    hull = _Hull.of(request.model, *request.hull_mean.tolist())
+    moment = reduced_moment(moment_spectrum(request, hull), request, hull)
+    return ExcitationFit(moment, *_state_at_end(request, moment))
+
+
+@dataclass(frozen=True)
+class _Hull:
+    """A hull about its trim, scaled."""
+
+    model: DecayModel
+    trim: float
+    restoring_scale: float
+    damping_scale: float
+
+    @classmethod
+    def of(cls, model, trim, stiffness, damping):
+        return cls(model, trim, math.exp(stiffness), math.exp(damping))
+
+    def moment(self, angle, rate, acceleration):
+        """The exciting moment that makes this motion, rad/s^2."""
+        still = self.model.trim
+        restoring = -self.model.acceleration(angle - self.trim + still, 0.0)
+        damping = -self.model.acceleration(still, rate)
+        return acceleration + self.restoring_scale * restoring + self.damping_scale * damping
+
+    def linearised(self, rates):
+        """Stiffness, 1/s^2, and the damping, 1/s, that takes as much energy from these rates."""
+        by_angle, _ = self.model.jacobian(self.model.trim, 0.0)
+        damping = -self.model.acceleration(self.model.trim, rates)
+        return -by_angle * self.restoring_scale, self.damping_scale * float(damping @ rates / (rates @ rates))
+
+
+def moment_spectrum(request, hull):
+    """Spectrum of the moment, noise subtracted.
+
+    Parameters
+    ----------
+    request : ExcitationRequest
+    hull : _Hull
+
+    Returns
+    -------
+    Spectrum
+    """
+    step, n = request.step, request.angle.size
+    ramp = max(20, n // 100)
+    ends = np.ones(n)
+    ends[:ramp] = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
+    ends[-ramp:] = ends[ramp - 1::-1]
+    length = next_fast_len(n, real=True)
+    w = 2.0 * np.pi * np.fft.rfftfreq(length, step)
+    centre = request.angle.mean()
+    angle, rate = rfft((request.angle - centre) * ends, length), rfft(request.rate * ends, length)
+    precision = 1.0 / request.angle_variance + w**2 / request.rate_variance
+    # the mean of the samples of a step attenuates what is fast (Dirichlet's kernel)
+    kept = np.sinc(w * step / (2.0 * np.pi)) / np.sinc(w * step / (2.0 * np.pi * request.samples))
+    best = (angle / request.angle_variance - 1j * w * rate / request.rate_variance) / precision / kept
+    precision *= kept**2
+    best[w > HIGHEST_FREQUENCY] = 0.0
+    parts = [irfft(factor * best, length)[ramp:n - ramp] for factor in (1.0, 1j * w, -w * w)]
+    moment = hull.moment(parts[0] + centre, parts[1], parts[2])
+    stiffness, damping = hull.linearised(parts[1])
+    noise = np.abs(stiffness - w * w + 1j * w * damping) ** 2 * step / precision
+    f, density = _sine_taper_spectrum(moment - moment.mean(), step)
+    f, density = f[1:], density[1:]
+    keep = f < HIGHEST_FREQUENCY
+    f, density, noise = f[keep], density[keep], np.interp(f[keep], w, noise)
+    smooth = gaussian_filter1d(density, SMOOTHING / (f[1] - f[0]), mode='nearest')
+    return Spectrum(f, np.maximum(smooth - noise, LEAST_SIGNAL * noise), noise)
+
+
+def _sine_taper_spectrum(values, step):
+    length = next_fast_len(values.size, real=True)
+    place = np.pi * np.arange(1, values.size + 1) / (values.size + 1)
+    tapers = np.sqrt(2.0 / (values.size + 1)) * np.sin(np.outer(np.arange(1, TAPERS + 1), place))
+    density = (np.abs(rfft(tapers * values, length, axis=1)) ** 2).mean(axis=0) * step
+    return 2.0 * np.pi * np.fft.rfftfreq(length, step), density
+
+
+def autoregression(covariance):
+    """Yule and Walker's equations.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (p + 1,)
+        At lags 0 .. p.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (p,)
+    noise : float
+        Variance of the innovations.
+    """
+    column = covariance[:-1].copy()
+    column[0] *= 1.0 + 1e-8
+    coefficients = solve_toeplitz(column, covariance[1:])
+    return coefficients, max(float(column[0] - coefficients @ covariance[1:]), 1e-12 * float(column[0]))
+
+
+def autocovariance(spectrum, step, lags):
+    """Of a process with that spectrum, at lags 0 .. ``lags`` - 1 times the step."""
+    f = spectrum.frequency
+    mass = spectrum.density * np.gradient(f) / np.pi
+    return np.cos(np.outer(np.arange(lags) * step, f)) @ mass
+
+
+def reduced_moment(spectrum, request, hull):
+    """The few states of the moment that forecasts of the angle need.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+    request : ExcitationRequest
+    hull : _Hull
+
+    Returns
+    -------
+    ModalMoment
+    """
+    step = request.step
+    order = min(round(AUTOREGRESSION_SPAN / step), request.angle.size // 10)
+    covariance = autocovariance(spectrum, step, order + 1)
+    coefficients, noise = autoregression(covariance)
+    rates = request.rate if np.isfinite(request.rate).all() else np.gradient(request.angle, step)
+    stiffness, damping = hull.linearised(rates)
+    p, first = order, np.eye(1, order)[0]
+    companion = np.zeros((p, p))
+    companion[0] = coefficients
+    companion[np.arange(1, p), np.arange(p - 1)] = 1.0
+    motion = expm(np.array([[0.0, 1.0, 0.0], [-stiffness, -damping, 1.0], [0.0, 0.0, 0.0]]) * step)[:2]
+    a, q = np.zeros((p + 2, p + 2)), np.zeros((p + 2, p + 2))
+    a[:2, :2], a[:2, 2:], a[2:, 2:] = motion[:, :2], np.outer(motion[:, 2], 0.5 * (first + coefficients)), companion
+    driven = np.array([*(0.5 * motion[:, 2]), 1.0])
+    q[:3, :3] = noise * np.outer(driven, driven)
+    q[0, 0] += 1e-14
+    q[1, 1] += 1e-14
+    known = _filtered_covariance(a, q, (request.angle_variance, request.rate_variance))
+    at_rest = covariance[np.abs(np.subtract.outer(np.arange(p), np.arange(p)))]
+    rows, row, grown = [], np.eye(1, p + 2)[0], 0.0
+    for _ in range(round(FORECAST_SPAN / step)):
+        grown += float(row @ q @ row)
+        row = row @ a
+        rows.append(row[2:] / math.sqrt(row @ known @ row + grown))
+    rows.append(first / math.sqrt(known[2, 2]))
+    weights, spread = np.array(rows), _root(at_rest - known[2:, 2:])
+    left, values, right = svd(weights @ spread, full_matrices=False)
+    n = min(STATES, int(np.count_nonzero(values > 1e-9 * values[0])))
+    to = (weights.T @ left[:, :n] / np.sqrt(values[:n])).T
+    back = spread @ right[:n].T / np.sqrt(values[:n])
+    transition = to @ companion @ back
+    transition *= min(1.0, LARGEST_RADIUS / np.abs(np.linalg.eigvals(transition)).max())
+    stationary = solve_discrete_lyapunov(transition, noise * np.outer(to[:, 0], to[:, 0]))
+    return ModalMoment.from_discrete(transition, back[0], 0.5 * (stationary + stationary.T), step)
+
+
+def _filtered_covariance(a, q, noise):
+    """Steady covariance after the update with the first two states measured, by structure-preserving doubling.
+
+    Chu, Fan, Lin and Wang (2004), Int. J. Control 77, 767.
+    """
+    c, r = np.eye(2, len(a)), np.diag(noise)
+    forward, g, h = a.T.copy(), c.T @ np.linalg.solve(r, c), q.copy()
+    identity = np.eye(len(a))
+    for _ in range(DOUBLINGS):
+        w = np.linalg.inv(identity + g @ h)
+        back = h @ w @ forward
+        left = forward @ w
+        g, h, forward = g + left @ g @ forward.T, h + forward.T @ back, left @ forward
+        g, h = 0.5 * (g + g.T), 0.5 * (h + h.T)
+    return h - h @ c.T @ np.linalg.solve(c @ h @ c.T + r, c @ h)
+
+
+def _root(matrix):
+    values, vectors = eigh(0.5 * (matrix + matrix.T))
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _state_at_end(request, moment):
+    """Mean, covariance and sizes of a filter with that moment after it has run over the window's end."""
+    r = request
+    fitted = HullFilter.for_window(r, moment)
+    begin = max(0, r.angle.size - round(REPLAY_SPAN / r.step))
+    fitted.start(float(r.angle[begin]), float(r.rate[begin]), r.angle_variance, r.rate_variance)
+    for angle, rate in zip(r.angle[begin + 1:].tolist(), r.rate[begin + 1:].tolist(), strict=True):
+        fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)
+    return fitted.x, fitted.P, tuple(fitted.levels.tolist())

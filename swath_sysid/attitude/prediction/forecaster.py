@@ -1,0 +1,660 @@
+"""From samples to calibrated forecasts: a hull filter an axis, state spaces of all channels, and one blend of them.
+
+The candidates are an oscillator an axis, for the first minute; the hull filter (constant rate while no hull is known);
+and a state space of all channels for each memory. They are weighted lead by lead by their measured errors; one that
+the newest samples contradict is left out.
+"""
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.blend import Blend
+from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
+from swath_sysid.attitude.prediction.history import History
+from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
+from swath_sysid.attitude.prediction.oscillator import oscillators
+from swath_sysid.attitude.prediction.quiescence import Quiescence, QuiescenceLimits
+from swath_sysid.attitude.prediction.sea_fit import (
+    ALL_CHANNELS,
+    EACH_ALONE,
+    SEA_MODELS,
+    SHORT_MEMORY,
+    SeaRequest,
+    newest_stretch,
+)
+from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter, NoiseSettings
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
+"""Of a sample, those that may tell of the waves; a record that lacks some is forecast from the others."""
+
+TARGETS = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
+AXIS_OF_TARGET = (0, 1, 0, 1)
+
+OSCILLATOR, HULL = 'oscillator', 'hull-filter'
+CANDIDATES = {OSCILLATOR: 0.3, HULL: 3.0, SHORT_MEMORY: 0.3, ALL_CHANNELS: 1.0, EACH_ALONE: 0.3}
+"""Each with its weight where errors do not tell them apart: the one that knows most, until another proves better."""
+
+_PLACE = {name: place for place, name in enumerate(CANDIDATES)}
+
+REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
+RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
+FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values())
+
+ROW_RATE = 10.0
+"""Hz; small craft move below 1.5 Hz. A slower sensor gives a row a sample."""
+
+LONGEST_BRIDGE = 60.0
+"""s; after a longer silence nothing is left of what was known of the motion, only of hull and sea."""
+
+SMOOTHED_FROM = 5
+"""Samples a row from which on the rows hold filtered values: fewer are too sparse to smooth without delay."""
+
+ANGLE_NOISE, RATE_NOISE = NoiseSettings(), NoiseSettings(0.005, 1e-4, 0.05)
+"""Of sensors that do not report theirs, rad and rad/s."""
+
+EXCITATION_WINDOW = 600.0
+"""s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes)."""
+
+_ROW = len(CHANNELS)
+_MEASURED = slice(_ROW, _ROW + 4)
+_BLOCK = slice(_ROW + 4, _ROW + 8)
+_COLUMNS = _ROW + 8
+_REGULAR = 0.5
+_IRREGULAR_SAMPLES = 10
+_NEW_STEP = 0.15
+_SETTLING_INTERVALS, _INEXACT_STEP = (5, 20, 60, 200), 2e-3
+_SEPARATING_ROWS = 200
+_SEEDED_FROM, _SEEDED_ROWS = 10.0, 80
+_REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 20.0
+_YOUNG = 60.0
+"""s; so long the oscillator is fitted anew each second."""
+_OSCILLATOR_WINDOW = 600.0
+_YOUNG_INTERVAL, _OLD_INTERVAL = 1.0, 20.0
+HEALTHY_STRAIN = 4.0
+"""Innovations squared over their expectation, lately: a model of the motion at hand stays below."""
+
+_LEAST_VARIANCE = 1e-10
+_ACTIVITY_TIME = 5.0
+_LEAST_ACTIVITY = 1e-4
+
+
+@dataclass(frozen=True)
+class ForecasterSettings:
+    """What is forecast, and how the sea is learnt.
+
+    Attributes
+    ----------
+    leads : tuple of float
+        s, increasing; the leads that are scored and calibrated.
+    horizon, horizon_step : float
+        s.
+    forecast_rate : float
+        Forecasts a second (never more often than samples come).
+    window : float
+        s; the past that the sea is learnt from.
+    first_refit, refit_interval : float
+        s; when the sea is first learnt, and the least time between fits.
+    refit_delay : float
+        s from a request's stamp to its fit's use: the time that the background has for it.
+    hull : HullFilterSettings
+    quiescence : QuiescenceLimits or None
+        Limits whose probability of being kept is forecast; None: it is not.
+    """
+
+    leads: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
+    horizon: float = 5.0
+    horizon_step: float = 0.1
+    forecast_rate: float = 10.0
+    window: float = 1200.0
+    first_refit: float = 8.0
+    refit_interval: float = 5.0
+    refit_delay: float = 0.5
+    hull: HullFilterSettings = HullFilterSettings()
+    quiescence: QuiescenceLimits | None = None
+
+    def __post_init__(self):
+        if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
+            raise InputError(f'leads must be positive and increasing, not {self.leads}')
+        for name in ('horizon', 'horizon_step', 'forecast_rate', 'window', 'first_refit', 'refit_interval'):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f'{name} must be positive, not {getattr(self, name)}')
+        if self.horizon < self.horizon_step:
+            raise InputError('horizon must be at least one horizon_step')
+        if self.quiescence is not None and not self.horizon_step <= self.quiescence.duration <= self.horizon:
+            raise InputError(
+                f'quiescence over {self.quiescence.duration:g} s needs a horizon at least as long ({self.horizon:g} s) '
+                f'and steps no longer ({self.horizon_step:g} s): lengthen the horizon or shorten the duration'
+            )
+        if not self.refit_delay >= 0.0:
+            raise InputError(f'refit_delay must not be negative, not {self.refit_delay}')
+
+
+class Observed(NamedTuple):
+    """What one sample led to.
+
+    Attributes
+    ----------
+    reasons : tuple of str
+        From `FORECASTER_REASONS`.
+    forecast, horizon : Forecast or None
+        At the leads and over the horizon, when due.
+    sea_request : SeaRequest or None
+        A past to learn from: give it to `fit_sea` and the result to `Forecaster.install`.
+    """
+
+    reasons: tuple[str, ...] = ()
+    forecast: Forecast | None = None
+    horizon: Forecast | None = None
+    sea_request: SeaRequest | None = None
+
+
+@dataclass(frozen=True)
+class ForecasterDiagnostics:
+    """The running state, for people.
+
+    Attributes
+    ----------
+    sample_interval : float
+        s; NaN before the second sample.
+    has_model : dict of str to bool
+        By axis.
+    has_waves : bool
+        Whether a state space of the waves is in use.
+    nis_ratio : dict of str to float
+        Innovations squared over their expectation, by axis; one is healthy.
+    nrmse, coverage : ndarray, shape (A, L)
+        Running error over the size of the motion, and share of the 90 % intervals that held.
+    candidate_nrmse, weights : ndarray, shape (K, A, L)
+        The running error of each of `CANDIDATES`, and what it contributes.
+    advice : tuple of Advice
+    """
+
+    sample_interval: float
+    has_model: dict[str, bool]
+    has_waves: bool
+    nis_ratio: dict[str, float]
+    nrmse: np.ndarray
+    coverage: np.ndarray
+    candidate_nrmse: np.ndarray
+    weights: np.ndarray
+    advice: tuple[Advice, ...]
+
+
+class Forecaster:
+    """Forecasts of both axes.
+
+    Pure and causal: its time is the sum of what elapsed between samples.
+
+    Parameters
+    ----------
+    settings : ForecasterSettings, optional
+    """
+
+    def __init__(self, settings=None):
+        self.settings = s = settings or ForecasterSettings()
+        self._hulls = {axis: HullFilter(s.hull) for axis in AXES}
+        self._models = dict.fromkeys(AXES)
+        self._meters = {axis: (NoiseMeter(ANGLE_NOISE), NoiseMeter(RATE_NOISE)) for axis in AXES}
+        self._noise = np.full((2, len(AXES)), math.nan)
+        self._reported_noise = np.zeros((2, len(AXES)))
+        leads = np.array(s.leads)
+        horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
+        self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
+        self._asked = np.searchsorted(self._leads, leads - 1e-6)
+        self._over_horizon = np.searchsorted(self._leads, horizon - 1e-6)
+        # the oldest forecast that is scored lies one longest lead behind the window
+        self._history = History(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
+        self._quiescence = None if s.quiescence is None else Quiescence(s.quiescence, horizon)
+        self._size = MotionSize(s.window)
+        self._time = 0.0
+        self._due = -math.inf
+        self._interval = self._step = math.nan
+        self._intervals = self._irregular = 0
+        self._is_linked = False
+        self._blend = None
+        self._spaces = {}
+        self._waiting = None
+        self._rows_since_surprise = np.full(len(AXES), 10**9)
+
+    # -- models and fits
+
+    def set_model(self, axis, identified):
+        """Swap the hull of an axis under the running filter.
+
+        Parameters
+        ----------
+        axis : str
+        identified : IdentifiedModel or None
+            None: none is known.
+        """
+        self._models[axis] = identified
+        if identified is None:
+            self._hulls[axis].set_hull(None)
+        else:
+            self._hulls[axis].set_hull(identified.model, HullUncertainty.of(identified))
+        if self._blend is not None:
+            self._blend.renew(_PLACE[HULL], AXES.index(axis))
+        self._refit_due = -math.inf
+
+    def install(self, fit):
+        """Take over what was learnt; it is used from its request's time plus ``refit_delay`` on.
+
+        So a live run whose background is quick enough forecasts what an offline run does.
+
+        Parameters
+        ----------
+        fit : SeaFit
+        """
+        self._waiting = fit
+
+    def set_quiescence(self, limits):
+        """Ask for the probability of keeping other limits, over the duration that was configured."""
+        self._quiescence.set_limits(limits)
+
+    def quiescence_reliability(self):
+        """How often the craft stayed quiet, by the probability issued; None where no limits are configured."""
+        return None if self._quiescence is None else self._quiescence.record.diagram()
+
+    # -- samples
+
+    def observe(self, sample, stamp, elapsed, publish_next=None):
+        """Take one sample.
+
+        Parameters
+        ----------
+        sample : CraftSample
+        stamp : float
+            s; of the forecasts that are issued.
+        elapsed : float or None
+            s since the sample before; None at the first, and where the clock was set back.
+        publish_next : callable, optional
+            Called with the sensor's interval, s, and, by axis, angle, rate and their covariance (three
+            numbers) one sample ahead, as soon as these are known.
+
+        Returns
+        -------
+        Observed
+        """
+        linked = self._is_linked and elapsed is not None and elapsed <= LONGEST_BRIDGE
+        if linked:
+            self._time += elapsed
+            self._follow_interval(elapsed)
+        else:
+            elapsed = 0.0
+            self._break_off()
+        reasons = self._follow_hulls(sample, elapsed, linked)
+        if publish_next is not None and self._interval == self._interval:
+            ahead = {axis: hull.ahead(self._interval) for axis, hull in self._hulls.items() if hull.is_started}
+            publish_next(self._interval, ahead)
+        self._size.follow(self._hulls.values(), elapsed)
+        if self._step != self._step:
+            return Observed(reasons)
+        if self._waiting is not None and self._time >= self._waiting.time + self.settings.refit_delay - 1e-9:
+            self._take_over()
+        self._follow_rows(sample, elapsed)
+        if self._time < self._due:
+            return Observed(reasons)
+        self._schedule()
+        return Observed(reasons, *self._issue(stamp), self._sea_request())
+
+    def _break_off(self):
+        """Nothing links the motion before to that to come; what is known of hull and sea stays."""
+        self._is_linked = True
+        self._due = -math.inf
+        self._size.restart()
+        if self._blend is not None:
+            self._skip_rows(_SEPARATING_ROWS)
+            self._since_row = self._step
+            self._restart_block()
+        if self._quiescence is not None:
+            self._quiescence.clear()
+
+    def _follow_interval(self, elapsed):
+        """The sensor's interval is the mean of those that resemble each other; a new rate is found by their lack."""
+        if abs(elapsed / self._interval - 1.0) < _REGULAR:
+            self._intervals = min(self._intervals + 1, 1000)
+            self._interval += (elapsed - self._interval) / self._intervals
+            self._irregular = 0
+        else:
+            self._irregular += 1
+            if self._interval == self._interval and self._irregular < _IRREGULAR_SAMPLES:
+                return
+            self._interval, self._intervals, self._irregular = elapsed, 1, 0
+        samples = max(1, round(1.0 / (ROW_RATE * self._interval)))
+        deviation = abs(samples * self._interval / self._step - 1.0)
+        if not deviation < _NEW_STEP:
+            self._begin_rows(samples)
+        elif self._intervals in _SETTLING_INTERVALS and deviation > _INEXACT_STEP:
+            self._correct_step()
+
+    def _follow_hulls(self, sample, elapsed, linked):
+        even = abs(elapsed - self._interval) < _REGULAR * self._interval
+        reasons = ()
+        for place, (axis, hull) in enumerate(self._hulls.items()):
+            angle, rate = sample[1 + place], sample[3 + place]
+            if not hull.is_started and angle != angle and rate != rate:
+                continue
+            variances = self._variances(axis, angle, rate, sample[8 + place], sample[10 + place], even)
+            self._noise[:, place] = variances
+            reported = sample[8 + place], sample[10 + place]
+            self._reported_noise[:, place] = [variance if variance > 0.0 else 0.0 for variance in reported]
+            if not (linked and hull.is_started):
+                hull.start(angle, rate, *variances)
+                continue
+            observed = hull.observe(elapsed, angle, rate, *variances)
+            if self._models[axis] is not None and (observed.surprised or observed.restarted):
+                self._rows_since_surprise[place] = 0
+            if observed.rejected:
+                reasons += (REJECTED[axis],)
+            elif observed.restarted:
+                reasons += (RESTARTED[axis],)
+        return reasons
+
+    def _variances(self, axis, angle, rate, angle_variance, rate_variance, even):
+        """Of the sensor's noise: what it reports; where it reports nothing, as measured."""
+        of_angle, of_rate = self._meters[axis]
+        if not even:
+            of_angle.restart()
+            of_rate.restart()
+        return (
+            angle_variance if angle_variance > 0.0 else of_angle.take(angle),
+            rate_variance if rate_variance > 0.0 else of_rate.take(rate),
+        )
+
+    # -- rows: the motion at even steps
+
+    def _begin_rows(self, samples):
+        """Rows of another step: nothing that was learnt in rows holds for them."""
+        self._samples_a_row = samples
+        self._step = samples * self._interval
+        self._history.clear()
+        self._spaces = {}
+        self._oscillator_due = -math.inf
+        self._waiting = None
+        self._score_anew()
+        self._rows_begun = self._time
+        self._refit_due = -math.inf
+        # the next sample is a row
+        self._since_row = self._step
+        self._restart_block()
+
+    def _correct_step(self):
+        """The first intervals of a sensor that jitters are no measure of the others; the rows themselves stay."""
+        self._step = self._samples_a_row * self._interval
+        self._spaces = {}
+        self._waiting = None
+        self._oscillator_due = self._refit_due = -math.inf
+        self._score_anew()
+
+    def _score_anew(self):
+        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()), _PLACE[HULL])
+        whole = self._leads / self._step
+        self._leads_are_rows = bool(np.all(np.abs(whole - np.round(whole)) < 0.02)) and whole[0] > 0.9
+
+    def _restart_block(self):
+        self._block_sum, self._block_count = np.zeros((2, 4))
+        self._smoothed = np.full(_ROW, math.nan)
+
+    def _follow_rows(self, sample, elapsed):
+        self._since_row += elapsed
+        measured = np.array((*sample[1:5], sample.yaw_rate, *sample[5:8], sample.heave))
+        known = np.isfinite(measured)
+        self._block_sum[known[:4]] += measured[:4][known[:4]]
+        self._block_count += known[:4]
+        is_smoothed = self._samples_a_row >= SMOOTHED_FROM
+        if is_smoothed:
+            before = np.where(np.isnan(self._smoothed), measured, self._smoothed)
+            gain = 2.0 / self._samples_a_row
+            self._smoothed = np.where(known, before + gain * (measured - before), self._smoothed)
+        steps = round(self._since_row / self._step)
+        if steps < 1 or self._since_row < self._step - 0.5 * self._interval:
+            return
+        # a row is a sample's, whatever the clocks of sensor and rows make of their steps
+        self._since_row = 0.0
+        self._skip_rows(steps - 1)
+        row = np.empty(_COLUMNS)
+        row[:_ROW] = self._smoothed if is_smoothed else measured
+        if is_smoothed:
+            for place, hull in enumerate(self._hulls.values()):
+                if hull.is_started:
+                    row[[place, place + 2]] = hull.x[:2]
+        row[_MEASURED] = measured[:4]
+        row[_BLOCK] = np.where(self._block_count > 0, self._block_sum / np.maximum(self._block_count, 1.0), math.nan)
+        self._block_sum[:] = self._block_count[:] = 0.0
+        self._history.append(row)
+        for space in self._spaces.values():
+            space.step(row[:_ROW])
+        self._follow_oscillator()
+        mean, covariance = self._candidates(self._step * self._blend.steps, 0.0)
+        variance = np.diagonal(covariance, axis1=2, axis2=3)
+        self._blend.take(
+            row[_MEASURED][:2], mean[..., :2], variance[..., :2], self._reported_noise[0], self._rows_since_surprise
+        )
+        self._rows_since_surprise += steps
+        self._at_row = mean, covariance
+
+    def _skip_rows(self, count):
+        if count > 0:
+            self._history.skip(count)
+            self._blend.skip(count)
+            for space in self._spaces.values():
+                space.skip(count)
+
+    def _follow_oscillator(self):
+        """An oscillator costs so little that it is fitted at once."""
+        if self._time < self._oscillator_due:
+            return
+        is_young = self._time - self._rows_begun < _YOUNG
+        self._oscillator_due = self._time + (_YOUNG_INTERVAL if is_young else _OLD_INTERVAL)
+        self._use(OSCILLATOR, oscillators(self._past(_OSCILLATOR_WINDOW), CHANNELS, self._step, AXES))
+
+    def _past(self, duration):
+        """The channels' rows of the last so many seconds."""
+        return self._history.last(int(duration / self._step) + 1)[:, :_ROW]
+
+    def _use(self, name, model):
+        if model is not None:
+            self._spaces[name] = space = InnovationsFilter(model, TARGETS, self._leads[-1] + 2.0 * self._step)
+            space.seed(self._past(max(_SEEDED_FROM, _SEEDED_ROWS * self._step)))
+
+    # -- what is learnt of the sea
+
+    def _sea_request(self):
+        """The past to learn from, when a fit is due; else None."""
+        s, age = self.settings, self._time - self._rows_begun
+        if self._time < self._refit_due or age < s.first_refit:
+            return None
+        # what a young fit knows grows quickly; one of a long past costs more and changes less
+        interval = max(s.refit_interval, min(_REFIT_SHARE * age, _LONGEST_REFIT_INTERVAL))
+        self._refit_due = self._time + interval
+        excitations = {axis: self._excitation_request(place, axis) for place, axis in enumerate(AXES)}
+        return SeaRequest(
+            self._time, self._step, CHANNELS, self._past(s.window).copy(),
+            {axis: request for axis, request in excitations.items() if request is not None},
+        )  # fmt: skip
+
+    def _excitation_request(self, place, axis):
+        hull = self._hulls[axis]
+        if self._models[axis] is None or not hull.is_started:
+            return None
+        rows = self._history.last(int(min(EXCITATION_WINDOW, self.settings.window) / self._step) + 1)
+        angle, rate = newest_stretch(rows[:, _BLOCK][:, [place, place + 2]].T, self._step)
+        samples = self._samples_a_row
+        noise = self._noise[:, place] / samples
+        return hull.excitation_request(self._step, angle, rate, *noise, samples)
+
+    def _take_over(self):
+        fit, self._waiting = self._waiting, None
+        for name, model in fit.waves.items():
+            self._use(name, model)
+            self._blend.renew(_PLACE[name])
+        for axis, excitation in fit.excitations.items():
+            if self._models[axis] is not None:
+                self._hulls[axis].set_excitation(excitation, self._time - fit.time)
+
+    # -- forecasts
+
+    def _schedule(self):
+        period = 1.0 / self.settings.forecast_rate
+        slack = 0.25 * min(period, self._interval)
+        following = self._due + period
+        self._due = following if self._time - slack < following <= self._time + period else self._time + period - slack
+
+    def _candidates(self, leads, age):
+        """Forecasts of every candidate, (K, L, 4), and their covariances, (K, L, 4, 4); NaN where there is none."""
+        mean = np.full((len(CANDIDATES), leads.size, len(TARGETS)), math.nan)
+        covariance = np.zeros((*mean.shape, len(TARGETS)))
+        hull_place = _PLACE[HULL]
+        for place, hull in enumerate(self._hulls.values()):
+            # without a hull it carries on the rate, which an oscillator does better
+            if not hull.is_started or (self._models[AXES[place]] is None and OSCILLATOR in self._spaces):
+                continue
+            pair = np.ix_(range(leads.size), [place, place + 2])
+            angle, rate, spread = hull.forecast(leads)
+            mean[hull_place][pair] = np.column_stack([angle, rate])
+            # of the readings to come, as the state spaces'
+            spread = spread + np.diag(self._noise[:, place])
+            covariance[hull_place][np.ix_(range(leads.size), [place, place + 2], [place, place + 2])] = spread
+        for name, space in self._spaces.items():
+            k = _PLACE[name]
+            mean[k], covariance[k] = space.forecast(leads, age)
+            if space.strain > HEALTHY_STRAIN:
+                mean[k][:, self._hull_vouches()] = math.nan
+        np.clip(mean[..., :2], -math.pi, math.pi, out=mean[..., :2])
+        return mean, covariance
+
+    def _hull_vouches(self):
+        """The targets of which an identified hull explains the newest samples."""
+        vouches = [
+            model is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
+            for model, hull in zip(self._models.values(), self._hulls.values(), strict=True)
+        ]
+        return [vouches[axis] for axis in AXIS_OF_TARGET]
+
+    def _issue(self, stamp):
+        if self._leads_are_rows and abs(self._since_row) < 0.5 * self._interval:
+            mean, covariance = (part[:, self._blend.place_of_lead] for part in self._at_row)
+        else:
+            mean, covariance = self._candidates(self._leads, self._since_row)
+        # a noise that is only measured is an upper bound, with which intervals would come out too narrow
+        mean, covariance = self._blend.combine(mean, covariance, AXIS_OF_TARGET, self._reported_noise.ravel())
+        known = [place for place in range(len(AXES)) if math.isfinite(mean[0, place])]
+        forecast, horizon = (self._forecast(stamp, chosen, mean, covariance, known)
+                             for chosen in (self._asked, self._over_horizon))
+        if self._quiescence is not None:
+            quiet = self._stays_quiet(horizon)
+            forecast, horizon = replace(forecast, quiescence=quiet), replace(horizon, quiescence=quiet)
+        return forecast, horizon
+
+    def _forecast(self, stamp, chosen, mean, covariance, known):
+        mean, covariance = mean[chosen], covariance[chosen]
+        axes = {}
+        for place in known:
+            pair = [place, place + 2]
+            axes[AXES[place]] = AxisForecast.normal(
+                mean[:, place], mean[:, place + 2], covariance[:, pair][:, :, pair]
+            )
+        joint = [*known, *(place + 2 for place in known)]
+        return Forecast(stamp, self._leads[chosen], axes, covariance[:, joint][:, :, joint])
+
+    def _stays_quiet(self, horizon):
+        motion, deviation = np.full((2, horizon.leads.size, len(AXES), 2), math.nan)
+        for place, axis in enumerate(AXES):
+            ahead = horizon.axes.get(axis)
+            if ahead is not None:
+                motion[:, place] = np.column_stack([ahead.angle, ahead.rate])
+                deviation[:, place] = np.sqrt(ahead.covariance[:, (0, 1), (0, 1)])
+        newest, time = self._history.newest, self._time - self._since_row
+        self._quiescence.learn(self._time, lambda times: (
+            self._history.at(newest + (times - time) / self._step)[:, _MEASURED][:, [[0, 2], [1, 3]]]
+        ))  # fmt: skip
+        return self._quiescence.probability(self._time, motion, deviation, self._size.activity)
+
+    # -- for people
+
+    def diagnostics(self):
+        """The running state, for people.
+
+        Returns
+        -------
+        ForecasterDiagnostics
+        """
+        started = {axis: hull for axis, hull in self._hulls.items() if hull.is_started}
+        advice = tuple(
+            Advice('no-model', f'no {axis} model has arrived, so no hull helps the forecast: identify the hull')
+            for axis in started
+            if self._models[axis] is None
+        )
+        has_waves = any(name in self._spaces for name in SEA_MODELS)
+        if not has_waves:
+            advice += (Advice('no-waves', 'the waves are not learnt yet: forecasts improve within a minute or two'),)
+        advice += tuple(note for hull in started.values() for note in hull.advice())
+        shape = len(CANDIDATES), len(AXES), self._asked.size
+        candidate, weights = np.full((2, *shape), math.nan)
+        nrmse, coverage = np.full((2, *shape[1:]), math.nan)
+        if self._blend is not None:
+            places = self._blend.place_of_lead[self._asked]
+            size = np.maximum(self._size.deviation, _LEAST_ACTIVITY)
+            candidate = np.sqrt(self._blend.mean_square[:, places]).transpose(0, 2, 1) / size[:, None]
+            weights = self._blend.weights[:, places].transpose(0, 2, 1)
+            nrmse = np.sqrt(self._blend.blended_square[places]).T / size[:, None]
+            coverage = self._blend.coverage[places].T
+        return ForecasterDiagnostics(
+            self._interval, {axis: self._models[axis] is not None for axis in AXES}, has_waves,
+            {axis: hull.strain for axis, hull in started.items()}, nrmse, coverage, candidate, weights, advice,
+        )  # fmt: skip
+
+
+class MotionSize:
+    """Running mean and size of the angles and rates.
+
+    Parameters
+    ----------
+    memory : float
+        s.
+    """
+
+    def __init__(self, memory):
+        self._memory = memory
+        self._elapsed = 0.0
+        self.mean = np.full(len(AXES), math.nan)
+        self._square, self._rate_square, self._recent = np.full((3, len(AXES)), _LEAST_VARIANCE)
+
+    def restart(self):
+        """Begin the recent size anew."""
+        self._recent[:] = _LEAST_VARIANCE
+
+    def follow(self, hulls, elapsed):
+        """Take the filtered motion one sample later."""
+        self._elapsed += elapsed
+        slow = elapsed / min(self._memory, self._elapsed) if elapsed > 0.0 else 0.0
+        quick = min(1.0, elapsed / min(_ACTIVITY_TIME, max(self._elapsed, elapsed, 1e-9)))
+        for place, hull in enumerate(hulls):
+            if not hull.is_started:
+                continue
+            angle, rate = hull.x[:2].tolist()
+            if self.mean[place] != self.mean[place]:
+                self.mean[place] = angle
+            self.mean[place] += slow * (angle - self.mean[place])
+            square = (angle - self.mean[place]) ** 2
+            self._square[place] += slow * (square - self._square[place])
+            self._rate_square[place] += slow * (rate * rate - self._rate_square[place])
+            # both halves of the oscillation's energy, so that the size does not swing with the phase
+            share = self._square[place] / max(self._rate_square[place], _LEAST_VARIANCE)
+            self._recent[place] += quick * (0.5 * (square + share * rate * rate) - self._recent[place])
+
+    @property
+    def deviation(self):
+        """Over the memory, by axis, rad."""
+        return np.sqrt(self._square)
+
+    @property
+    def activity(self):
+        """Over the last seconds, by axis, rad."""
+        return np.maximum(np.sqrt(self._recent), _LEAST_ACTIVITY)

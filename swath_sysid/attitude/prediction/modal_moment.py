@@ -1,0 +1,193 @@
+"""A stationary exciting moment as a linear state space in real modal form: exact over any interval.
+
+In continuous time, with w white noise,
+
+    dz/dt = A z + w,    moment = h z,    E[z z'] = Pi,
+
+A block diagonal with blocks [[s, v], [-v, s]] (a pair of poles s +- i v) or diag(s1, s2) (two real poles). Over an
+interval t the transition is F(t) = exp(A t), two numbers a block, and the noise Q(t) = Pi - F(t) Pi F(t)': no matrix
+exponential and no Lyapunov equation has to be solved while the filter runs, however uneven the samples are.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag, eig, solve_continuous_lyapunov
+
+SLOWEST_DECAY = 1e-4
+"""1/s; a pole decays at least so fast, so that the stationary covariance exists."""
+
+FASTEST_DECAY = 200.0
+"""1/s; what a discrete model forgets within a step (a pole at zero or of a negative real number) decays so fast."""
+
+WORST_CONDITION = 300.0
+"""Of the modal coordinates; where poles coincide more closely, the matrix is nudged."""
+
+
+@dataclass(frozen=True)
+class ModalMoment:
+    """A moment in modal form; n = 2 B states.
+
+    Attributes
+    ----------
+    blocks : ndarray, shape (B, 3)
+        First and second decay rate, 1/s (negative; equal for a pair of complex poles), and frequency, rad/s
+        (zero for two real poles).
+    output : ndarray, shape (n,)
+        From the state to the moment over inertia, rad/s^2.
+    stationary : ndarray, shape (n, n)
+        Covariance of the state.
+    """
+
+    blocks: np.ndarray
+    output: np.ndarray
+    stationary: np.ndarray
+
+    @property
+    def size(self):
+        """Number of states."""
+        return self.output.size
+
+    @property
+    def variance(self):
+        """Of the moment, rad^2/s^4."""
+        return float(self.output @ self.stationary @ self.output)
+
+    @property
+    def generator(self):
+        """The matrix A, shape (n, n)."""
+        return block_diag(*[[[first, v], [-v, second]] for first, second, v in self.blocks])
+
+    @classmethod
+    def from_continuous(cls, generator, output, stationary):
+        """Bring a stable continuous state space into modal form.
+
+        Parameters
+        ----------
+        generator : ndarray, shape (n, n)
+        output : ndarray, shape (n,)
+        stationary : ndarray, shape (n, n)
+
+        Returns
+        -------
+        ModalMoment
+            With one state more where the number of real poles is odd.
+        """
+        poles, vectors = _separate_poles(generator)
+        return cls._of_poles(poles, vectors, output, stationary)
+
+    @classmethod
+    def from_discrete(cls, transition, output, stationary, step):
+        """Bring a stable discrete state space into continuous modal form.
+
+        Parameters
+        ----------
+        transition : ndarray, shape (n, n)
+            Over a step.
+        output : ndarray, shape (n,)
+        stationary : ndarray, shape (n, n)
+        step : float
+            s.
+
+        Returns
+        -------
+        ModalMoment
+        """
+        values, vectors = _separate_poles(transition)
+        # a negative real number has no real continuous counterpart: what alternates from step to step is forgotten
+        values = np.where((np.abs(values.imag) < 1e-9) & (values.real <= 0.0), np.exp(-FASTEST_DECAY * step), values)
+        return cls._of_poles(np.log(values) / step, vectors, output, stationary)
+
+    @classmethod
+    def _of_poles(cls, poles, vectors, output, stationary):
+        decay = np.clip(poles.real, -FASTEST_DECAY, -SLOWEST_DECAY)
+        real = np.flatnonzero(np.abs(poles.imag) < 1e-9)
+        pairs = np.flatnonzero(poles.imag >= 1e-9)
+        columns = [part for k in pairs for part in (vectors[:, k].real, vectors[:, k].imag)]
+        columns += [vectors[:, k].real for k in real]
+        blocks = [(decay[k], decay[k], poles[k].imag) for k in pairs]
+        real_decays = list(decay[real])
+        if len(real_decays) % 2:
+            real_decays.append(-FASTEST_DECAY)
+        blocks += [(*two, 0.0) for two in zip(real_decays[::2], real_decays[1::2], strict=True)]
+        # modal coordinates are known up to a scale: that of unit variance
+        to_modal = np.linalg.inv(np.array(columns).T)
+        spread = to_modal @ stationary @ to_modal.T
+        scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+        scale[:2 * pairs.size] = np.repeat(np.hypot(*scale[:2 * pairs.size].reshape(-1, 2).T), 2)
+        new_output, covariance = np.array(columns) @ output * scale, spread / np.outer(scale, scale)
+        if len(real) % 2:
+            new_output, covariance = np.append(new_output, 0.0), block_diag(covariance, 1.0)
+        found = cls(np.array(blocks), new_output, covariance)
+        return found._realisable(float(output @ stationary @ output))
+
+    def _realisable(self, variance):
+        """Let some white noise drive it: -(A Pi + Pi A') is made positive semidefinite, the variance kept."""
+        generator = self.generator
+        drive = -(generator @ self.stationary + self.stationary @ generator.T)
+        values, vectors = np.linalg.eigh(0.5 * (drive + drive.T))
+        drive = vectors * np.maximum(values, 1e-12 * values.max()) @ vectors.T
+        stationary = solve_continuous_lyapunov(generator, -drive)
+        stationary = 0.5 * (stationary + stationary.T)
+        made = self.output @ stationary @ self.output
+        return ModalMoment(self.blocks, self.output, stationary * (variance / made if made > 0.0 else 1.0))
+
+    def transition(self, interval):
+        """F over an interval, s; shape (n, n)."""
+        first, second, v = self.blocks.T
+        a, b = np.exp(first * interval), np.exp(second * interval)
+        c, s = a * np.cos(v * interval), a * np.sin(v * interval)
+        return block_diag(*[[[c1, s1], [-s1, c2]] for c1, s1, c2 in zip(c, s, np.where(v > 0.0, c, b), strict=True)])
+
+    def spectrum(self, frequency):
+        """Two-sided spectral density, shape (N,), at frequencies, rad/s; its integral over 2 pi is the variance."""
+        generator, identity = self.generator, np.eye(self.size)
+        drive = -(generator @ self.stationary + self.stationary @ generator.T)
+        rows = np.array([np.linalg.solve((1j * w * identity - generator).T, self.output) for w in frequency])
+        return np.real(np.einsum('ni,ij,nj->n', rows, drive, rows.conj()))
+
+    def scaled(self, factor):
+        """The same moment with that many times the variance."""
+        return ModalMoment(self.blocks, self.output, factor * self.stationary)
+
+
+def _separate_poles(matrix):
+    """Eigenvalues and eigenvectors; coinciding ones are nudged apart until the eigenvectors are a basis."""
+    nudge, size = 0.0, np.abs(matrix).max()
+    ramp = np.diag(np.linspace(-1.0, 1.0, matrix.shape[0]))
+    for _ in range(12):
+        values, vectors = eig(matrix + nudge * size * ramp)
+        if np.linalg.cond(vectors) < WORST_CONDITION:
+            break
+        nudge = max(1e-9, 10.0 * nudge)
+    return values, vectors
+
+
+def markov_moment(variance, time):
+    """A moment of which nothing is known but its size and how long it lasts: second-order Markov.
+
+    Its spectrum is that of white noise through a low-pass of second order, damped a little less than critically.
+
+    Parameters
+    ----------
+    variance : float
+        rad^2/s^4.
+    time : float
+        One over the corner frequency, s.
+
+    Returns
+    -------
+    ModalMoment
+    """
+    corner = 1.0 / time
+    generator = np.array([[0.0, 1.0], [-corner * corner, -1.8 * corner]])
+    stationary = variance * np.diag([1.0, corner * corner])
+    return ModalMoment.from_continuous(generator, np.array([1.0, 0.0]), stationary)
+
+
+def joined(moments):
+    """The sum of independent moments as one."""
+    return ModalMoment(
+        np.concatenate([m.blocks for m in moments]),
+        np.concatenate([m.output for m in moments]),
+        block_diag(*[m.stationary for m in moments]),
+    )

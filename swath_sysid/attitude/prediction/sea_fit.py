@@ -1,0 +1,124 @@
+"""What is learnt of the sea from the recent past, beside the samples: a request as data, a pure function, a result."""
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
+from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
+from swath_sysid.attitude.prediction.state_space import InnovationsModel
+from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
+
+ALL_CHANNELS, SHORT_MEMORY, EACH_ALONE = 'waves', 'waves-short', 'axis-alone'
+SEA_MODELS = (SHORT_MEMORY, ALL_CHANNELS, EACH_ALONE)
+
+SHORT = 60.0
+"""s; a sea that has just changed is forecast from so short a past until the long one has learnt it."""
+
+LONGEST_FILLED = 2.0
+"""s; across a longer gap the motion before does not tell the phase after."""
+
+
+@dataclass(frozen=True)
+class SeaRequest:
+    """The past to learn from.
+
+    Attributes
+    ----------
+    time : float
+        When it was asked for, s of the forecaster's own time.
+    step : float
+        Between rows, s.
+    names : tuple of str
+        Of the channels.
+    values : ndarray, shape (N, C)
+        Oldest first; NaN where a sample or a channel is missing.
+    excitations : dict of str to ExcitationRequest
+        By axis with an identified hull.
+    """
+
+    time: float
+    step: float
+    names: tuple[str, ...]
+    values: np.ndarray
+    excitations: dict[str, ExcitationRequest] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SeaFit:
+    """What was learnt.
+
+    Attributes
+    ----------
+    time : float
+        Of the request.
+    waves : dict of str to InnovationsModel
+        Of `SEA_MODELS`; one that the past does not suffice for is left out.
+    excitations : dict of str to ExcitationFit
+        By axis; likewise.
+    """
+
+    time: float
+    waves: dict[str, InnovationsModel]
+    excitations: dict[str, ExcitationFit]
+
+
+def fit_sea(request):
+    """Identify the waves from a short and a long past, each axis alone, and the exciting moment of each hull.
+
+    Parameters
+    ----------
+    request : SeaRequest
+
+    Returns
+    -------
+    SeaFit
+    """
+    past, names, step = request.values, request.names, request.step
+    waves = {
+        SHORT_MEMORY: identify(past[-round(SHORT / step):], names, step),
+        ALL_CHANNELS: identify(past, names, step),
+        EACH_ALONE: identify_alone(past, names, step, AXES),
+    }
+    excitations = {axis: fit_excitation(asked) for axis, asked in request.excitations.items()}
+    return SeaFit(
+        request.time,
+        {name: model for name, model in waves.items() if model is not None},
+        {axis: fit for axis, fit in excitations.items() if fit is not None},
+    )
+
+
+def newest_stretch(channels, step):
+    """The newest stretch without a long gap; short gaps are filled along straight lines.
+
+    Parameters
+    ----------
+    channels : ndarray, shape (C, N)
+        Oldest first, NaN where missing.
+    step : float
+        s.
+
+    Returns
+    -------
+    ndarray, shape (C, M)
+        A channel that is not measured stays NaN; empty where nothing is measured.
+    """
+    measured = np.isfinite(channels).any(axis=1)
+    seen = np.flatnonzero(np.isfinite(channels[measured]).all(axis=0) & measured.any())
+    if not seen.size:
+        return channels[:, :0]
+    breaks = np.flatnonzero(np.diff(seen) * step > LONGEST_FILLED)
+    seen = seen[breaks[-1] + 1:] if breaks.size else seen
+    even = np.arange(seen[0], seen[-1] + 1)
+    return np.array([
+        np.interp(even, seen, channel[seen]) if known else np.full(even.size, math.nan)
+        for channel, known in zip(channels, measured, strict=True)
+    ])
+
+
+def warm_up():
+    """A small fit of simulated waves, so that the next one finds everything loaded."""
+    time = np.arange(0.0, 30.0, 0.1)
+    values = np.stack([np.sin((1.0 + 0.3 * c) * time + np.sin((2.0 + c) * time)) for c in range(7)], axis=1)
+    fit_sea(SeaRequest(float(time[-1]), 0.1, tuple('abcdefg'), values))

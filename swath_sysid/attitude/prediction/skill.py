@@ -1,0 +1,322 @@
+"""Skill, measured honestly: every forecast that was issued counts, beside what it must beat."""
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.baselines import BASELINES, Record, baseline_forecasts
+from swath_sysid.attitude.prediction.forecast import LEVELS
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+FORECAST = 'forecast'
+METHODS = (FORECAST, *BASELINES)
+
+AFTER_GAP = 4.0
+"""s after lost samples for which the forecasts have scores of their own."""
+
+CONFIDENCE = 0.95
+"""Of the intervals of the scores."""
+
+_BLOCK = 30.0
+"""s: several wave groups, so that the errors of one block tell little of the next."""
+
+_FEWEST_BLOCKS = 8
+_REPLICATES = 2000
+_SELDOM = 2.0
+"""Standard deviations: so rarely passed that staying below for some seconds is an open question."""
+_LEAST_LIMIT = 1e-4
+_LEAST_WARMUP = 30.0
+"""s from which limits of quiescence can be taken."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A predictor run through a record.
+
+    Attributes
+    ----------
+    steps : tuple
+        Those that issued a forecast, each with ``stamp`` (s, in the record's time), ``forecast`` (at the leads)
+        and ``horizon``, both `Forecast`.
+    step_times, refit_times : tuple of float
+        s.
+    reliability : Reliability or None
+        Of the quiescence that was forecast.
+    quiescence_limits : QuiescenceLimits or None
+        Whose keeping was forecast.
+    """
+
+    steps: tuple
+    step_times: tuple[float, ...] = ()
+    refit_times: tuple[float, ...] = ()
+    reliability: Reliability | None = None
+    quiescence_limits: QuiescenceLimits | None = None
+
+
+@dataclass(frozen=True)
+class AxisSkill:
+    """Scores of one axis; errors are root mean squares over ``deviation``.
+
+    Attributes
+    ----------
+    deviation : float
+        Standard deviation of the measured angle while it was scored, rad.
+    counted, unmeasured : ndarray of int, shape (L,)
+        Forecasts that count, and those that cannot because nothing was measured at their time.
+    nrmse : dict of str to ndarray, shape (L,)
+        By `METHODS`.
+    stood_in : dict of str to ndarray, shape (L,)
+        Share of the counted for which the method had no value, so that persistence stood in.
+    coverage : ndarray, shape (L, 3)
+        Share of the 50, 90 and 99 % intervals that held the measured angle.
+    interval : ndarray, shape (L, 2)
+        Of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
+    best : tuple of str
+        The baseline with the least error, by lead.
+    ratio : ndarray, shape (L,)
+        Error of the forecast over that of the best baseline.
+    ratio_interval : ndarray, shape (L, 2)
+    gap_share : ndarray, shape (L,)
+        Share of the counted that were issued in a gap or within `AFTER_GAP` after it.
+    gap_nrmse : dict of str to ndarray, shape (L,)
+        Their own error, of ``forecast`` and ``persistence``.
+    """
+
+    deviation: float
+    counted: np.ndarray
+    unmeasured: np.ndarray
+    nrmse: dict[str, np.ndarray]
+    stood_in: dict[str, np.ndarray]
+    coverage: np.ndarray
+    interval: np.ndarray
+    best: tuple[str, ...]
+    ratio: np.ndarray
+    ratio_interval: np.ndarray
+    gap_share: np.ndarray
+    gap_nrmse: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Skill:
+    """Scores of a record.
+
+    Attributes
+    ----------
+    leads : ndarray, shape (L,)
+        s.
+    axes : dict of str to AxisSkill
+    warmup, until : float
+        s from the record's start; forecasts issued between them were scored.
+    window : float
+        s of past that the baselines learnt from.
+    step_time, refit_time : dict of str to float
+        Seconds ('median', 'most') of the run; NaN where not measured.
+    quiescence : Reliability or None
+    quiescence_limits : QuiescenceLimits or None
+    advice : tuple of Advice
+    """
+
+    leads: np.ndarray
+    axes: dict[str, AxisSkill]
+    warmup: float
+    until: float
+    window: float
+    step_time: dict[str, float]
+    refit_time: dict[str, float]
+    quiescence: Reliability | None = None
+    quiescence_limits: QuiescenceLimits | None = None
+    advice: tuple[Advice, ...] = ()
+
+
+def usual_limits(trial, limits, warmup):
+    """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up.
+
+    Parameters
+    ----------
+    trial : Trial
+    limits : QuiescenceLimits
+    warmup : float
+        s.
+
+    Returns
+    -------
+    QuiescenceLimits or None
+        None where none are given and the warm-up is too short to suggest any.
+    """
+    if np.isfinite(limits.as_array).any():
+        return limits
+    seen = trial.time < trial.time[0] + warmup
+    warm = {axis: trial.channels[axis][seen] for axis in AXES if axis in trial.channels}
+    warm = {axis: angle for axis, angle in warm.items() if np.isfinite(angle).any()}
+    if warmup < _LEAST_WARMUP or not warm:
+        return None
+    usual = {axis: abs(np.nanmean(angle)) + _SELDOM * np.nanstd(angle) for axis, angle in warm.items()}
+    return replace(limits, **{axis: float(max(limit, _LEAST_LIMIT)) for axis, limit in usual.items()})
+
+
+def score(trial, run, leads, warmup, window, until=None, seed=0):
+    """Score the forecasts of a run and the baselines at the same instants.
+
+    Every forecast issued between `warmup` and `until` counts, unless nothing was measured at the time that it is
+    for; where a method has no value the last angle measured, persistence, stands in for it.
+
+    Parameters
+    ----------
+    trial : Trial
+    run : Run
+    leads : sequence of float
+        s, of those that the forecasts are for.
+    warmup : float
+        s from the record's start that are not scored.
+    window : float
+        s of past that the baselines learn from.
+    until : float, optional
+        s from the record's start; by default to its end.
+    seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    Skill
+
+    Raises
+    ------
+    InputError
+        The record has no angle, or no forecast was issued in time for one of the leads.
+    """
+    leads = np.array(sorted({float(lead) for lead in leads}))
+    axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
+    if not axes:
+        raise InputError(f'{name} has no angles to score forecasts on: give roll or pitch')
+    start, end = float(trial.time[0]), float(trial.time[-1])
+    until = end - start if until is None else float(until)
+    if min(until, end - start) <= warmup or end - start <= warmup + leads[-1]:
+        raise InputError(
+            f'{name} lasts {end - start:.0f} s and nothing of it is scored after the warm-up of {warmup:.0f} s at the '
+            f'longest lead of {leads[-1]:g} s: shorten the warm-up'
+        )
+    scored = tuple(s for s in run.steps if start + warmup <= s.stamp <= start + until)
+    if not scored:
+        raise InputError(f'no forecast of {name} was issued between {warmup:.0f} and {until:.0f} s: score more of it')
+    record, stamps = Record.of(trial), np.array([s.stamp for s in scored])
+    baselines = baseline_forecasts(record, axes, stamps, leads, window)
+    results, advice = {}, []
+    for axis in axes:
+        angle, half_width = _issued(scored, axis, leads)
+        span = (trial.time >= start + warmup) & (trial.time <= start + until + leads[-1])
+        deviation = float(np.nanstd(trial.channels[axis][span]))
+        methods = {FORECAST: angle, **baselines[axis]}
+        results[axis] = _score_axis(record, axis, stamps, leads, methods, half_width, deviation, seed)
+        advice += _advice_on(axis, results[axis])
+    return Skill(
+        leads, results, warmup, until, window, _spread(run.step_times), _spread(run.refit_times), run.reliability,
+        run.quiescence_limits, tuple(advice),
+    )  # fmt: skip
+
+
+def _issued(steps, axis, leads):
+    """Angles, shape (N, L), and half widths, shape (N, L, 3), as issued; NaN where the axis was not forecast."""
+    given = steps[0].forecast.leads
+    places = np.abs(given[:, None] - leads).argmin(axis=0)
+    if np.any(np.abs(given[places] - leads) > 1e-9):
+        raise InputError(f'the forecasts are for leads of {given.tolist()} s, not {leads.tolist()} s: choose of these')
+    none = np.full(given.size, np.nan), np.full((given.size, LEVELS.size), np.nan)
+    issued = [s.forecast.axes.get(axis) for s in steps]
+    angle = np.array([none[0] if ahead is None else ahead.angle for ahead in issued])
+    half_width = np.array([none[1] if ahead is None else ahead.half_width for ahead in issued])
+    return angle[:, places], half_width[:, places]
+
+
+def _score_axis(record, axis, stamps, leads, methods, half_width, deviation, seed):
+    truth = record.at(stamps[:, None] + leads, [record.names.index(axis)])[..., 0]
+    resting = methods['persistence']
+    counts = np.isfinite(truth) & np.isfinite(resting)
+    counted = counts.sum(axis=0)
+    share = np.where(counted > 0, 1.0 / np.maximum(counted, 1), np.nan)
+    absent = {name: counts & ~np.isfinite(values) for name, values in methods.items()}
+    errors = {name: np.where(absent[name], resting, values) - truth for name, values in methods.items()}
+    squares = {name: np.where(counts, error**2, 0.0) for name, error in errors.items()}
+    scale = deviation if deviation > 0.0 else math.nan
+    nrmse = {name: np.sqrt(square.sum(axis=0) * share) / scale for name, square in squares.items()}
+    held = counts[..., None] & ~absent[FORECAST][..., None] & (np.abs(errors[FORECAST])[..., None] <= half_width)
+    best = tuple(min(BASELINES, key=lambda name: nrmse[name][i]) for i in range(leads.size))
+    of_best = np.column_stack([squares[name][:, i] for i, name in enumerate(best)])
+    sums = block_sums(stamps, np.stack([squares[FORECAST], of_best, counts.astype(float)]))
+    ours, theirs, samples = resampled(sums, seed)
+    after = counts & record.after_gap(axis, stamps, AFTER_GAP)[:, None]
+    with np.errstate(invalid='ignore', divide='ignore'):
+        gap_nrmse = {
+            name: np.sqrt((squares[name] * after).sum(axis=0) / after.sum(axis=0)) / scale
+            for name in (FORECAST, 'persistence')
+        }
+        ratio = nrmse[FORECAST] / np.array([nrmse[name][i] for i, name in enumerate(best)])
+        interval, ratio_interval = _middle(np.sqrt(ours / samples) / scale), _middle(np.sqrt(ours / theirs))
+    return AxisSkill(
+        deviation=deviation, counted=counted, unmeasured=stamps.size - counted, nrmse=nrmse,
+        stood_in={name: missing.sum(axis=0) * share for name, missing in absent.items()},
+        coverage=held.sum(axis=0) * share[:, None], interval=interval, best=best, ratio=ratio,
+        ratio_interval=ratio_interval, gap_share=after.sum(axis=0) * share, gap_nrmse=gap_nrmse,
+    )  # fmt: skip
+
+
+def block_sums(stamps, values):
+    """Sums over blocks of time.
+
+    Parameters
+    ----------
+    stamps : ndarray, shape (N,)
+        s, increasing.
+    values : ndarray, shape (K, N, L)
+
+    Returns
+    -------
+    ndarray, shape (K, B, L)
+        Over the B blocks in which there is a stamp.
+    """
+    blocks = ((stamps - stamps[0]) // _BLOCK).astype(int)
+    return np.add.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
+
+
+def resampled(sums, seed):
+    """Totals of blocks drawn with replacement, again and again (Kuensch 1989, with blocks that do not overlap).
+
+    Parameters
+    ----------
+    sums : ndarray, shape (K, B, L)
+    seed : int
+
+    Returns
+    -------
+    ndarray, shape (K, R, L)
+        NaN where there are too few blocks to tell.
+    """
+    count = sums.shape[1]
+    if count < _FEWEST_BLOCKS:
+        return np.full((sums.shape[0], _REPLICATES, sums.shape[2]), np.nan)
+    return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), _REPLICATES) @ sums
+
+
+def _middle(values):
+    """The central interval over replicates, shape (L, 2)."""
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    return np.quantile(values, (tail, 1.0 - tail), axis=0).T
+
+
+def _advice_on(axis, scores):
+    missing = int(round(float(np.max(np.nan_to_num(scores.stood_in[FORECAST] * scores.counted)))))
+    if not missing:
+        return []
+    return [Advice('forecast-missing', (
+        f'{missing} forecasts were issued without a value for {axis} at a lead, and persistence stood in for them: '
+        'see at which samples the sensor gave too little'
+    ))]  # fmt: skip
+
+
+def _spread(times):
+    finite = [t for t in times if t == t]
+    if not finite:
+        return {'median': math.nan, 'most': math.nan}
+    return {'median': float(np.median(finite)), 'most': float(max(finite))}

@@ -1,0 +1,388 @@
+"""A linear state space in innovations form: one class of models, one filter that steps and forecasts them all.
+
+    x[t+1] = A x[t] + K e[t],    y[t] = C x[t] + e[t],    cov e = S
+
+(Anderson and Moore 1979, section 9.2).  While every sample is complete, x is a function of the past and known without
+error.  Where a sample or a channel is lost, the Kalman update with the noises K e and e, which are correlated, says
+how much is not known.
+"""
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+# rows before the newest that the interpolation and the differences at a lead of zero reach back to
+_PAST = 4
+# fourth-order central difference: 4 % low at six samples a period, where the second-order one is 17 % low
+_DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
+# a state whose errors are this much less than the innovations (in variance) is known
+_KNOWN = 1e-4
+# s over which the innovations of the targets are averaged
+_STRAIN_TIME = 1.0
+# an error as many times (in variance) what was expected is no innovation: the motion was broken off, the past is void
+_BREAK = 400.0
+
+
+@dataclass(frozen=True)
+class InnovationsModel:
+    """A state space of C channels, n states, on rows one step apart.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Names of the channels that the model reads and forecasts.
+    places : tuple of int, length C
+        Their columns in the rows that a filter is given.
+    step : float
+        s between rows.
+    mean, scale : ndarray, shape (C,)
+        The state space is of ``(y - mean) / scale``.
+    a, k, c, s : ndarray, shapes (n, n), (n, C), (C, n), (C, C)
+        A, K, C and S above.
+    prior : ndarray, shape (n, n)
+        Covariance of the state before any row.
+    from_lags : ndarray, shape (n, j C), or None
+        The state at the next row from the j newest rows, newest first: a start without a transient.
+    """
+
+    channels: tuple[str, ...]
+    places: tuple[int, ...]
+    step: float
+    mean: np.ndarray
+    scale: np.ndarray
+    a: np.ndarray
+    k: np.ndarray
+    c: np.ndarray
+    s: np.ndarray
+    prior: np.ndarray
+    from_lags: np.ndarray | None = None
+
+    @property
+    def lags(self):
+        """Complete rows that a start from lags needs."""
+        return 0 if self.from_lags is None else self.from_lags.shape[1] // len(self.channels)
+
+
+class InnovationsFilter:
+    """Steps a model through rows, complete or not, and forecasts from where it is.
+
+    Parameters
+    ----------
+    model : InnovationsModel
+    targets : sequence of str
+        What is forecast: channels of the model, or ``X_rate`` where it has only the channel ``X``, whose difference is
+        taken.  A target that the model does not have is NaN.
+    horizon : float
+        s; the longest lead and age together.
+    """
+
+    def __init__(self, model, targets, horizon):
+        self.model = model
+        self.targets = tuple(targets)
+        self.horizon = horizon
+        self._places = np.array(model.places, dtype=int)
+        self._scale = 1.0 / model.scale
+        self._driven = model.k @ model.s @ model.k.T
+        self._floor = _KNOWN * np.diag(model.s)
+        watched = [name in self.targets for name in model.channels]
+        self._watched = np.flatnonzero(watched if any(watched) else np.ones(len(watched), dtype=bool))
+        self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
+        self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
+        self._largest = _BREAK * np.diag(model.s)
+        self._prepare()
+        self.restart()
+
+    def restart(self):
+        """Forget all rows."""
+        self._x = np.zeros(self.model.a.shape[0])
+        self._p = self.model.prior
+        self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
+        self._told = None
+        self._strain = 1.0
+
+    @property
+    def strain(self):
+        """Running mean of the targets' innovations squared over their expectation; one is healthy."""
+        return self._strain
+
+    @property
+    def settled(self):
+        """Whether the state is known without error: the rows have been complete for long enough."""
+        return self._p is None
+
+    def seed(self, rows):
+        """Start anew and step through the recent past.
+
+        From the first run of complete rows that gives the state by its lags; where there is none, from nothing.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (N, width)
+            Oldest first, NaN where missing.
+        """
+        self.restart()
+        count = self.model.lags
+        first = first_complete(np.isfinite(rows[:, self._places]).all(axis=1), count) if count else None
+        if first is not None:
+            lags = (rows[first:first + count, self._places] - self.model.mean) * self._scale
+            self._x, self._p = self.model.from_lags @ lags[::-1].ravel(), None
+            self._recent.extend(lags[-_PAST:])
+            rows = rows[first + count:]
+        for row in rows:
+            self.step(row)
+
+    def step(self, row):
+        """Take in the next row.
+
+        Parameters
+        ----------
+        row : ndarray, shape (width,)
+            NaN where missing.
+        """
+        z = (row[self._places] - self.model.mean) * self._scale
+        self._told = None
+        if self._p is None:
+            error = z - self.model.c @ self._x
+            self._follow_strain(error)
+            # false for NaN, too
+            if (error * error < self._largest).all():
+                self._x = self.model.a @ self._x + self.model.k @ error
+                self._recent.append(z)
+                return
+            self._p = np.zeros_like(self.model.a)
+        self._update(z, np.isfinite(z))
+
+    def _follow_strain(self, error):
+        error = error[self._watched]
+        square = float(error @ self._precision @ error) / error.size
+        if square == square:
+            self._strain += self._strain_gain * (square - self._strain)
+
+    def _update(self, z, seen):
+        """The Kalman update with the channels that were seen; all or none of them, too.
+
+        With V = C P C' + S of the seen, G = (A P C' + K S) V^-1:  x <- A x + G e,  P <- A P A' + K S K' - G V G'.
+        """
+        m = self.model
+        c = m.c[seen]
+        error = z[seen] - c @ self._x
+        pc = self._p @ c.T
+        v = c @ pc + m.s[np.ix_(seen, seen)]
+        if (error * error > _BREAK * np.diag(v)).any() and self._p is not m.prior:
+            self._x, self._p = np.zeros_like(self._x), m.prior
+            self._update(z, seen)
+            return
+        expected = m.c @ self._x
+        self._x, covariance = m.a @ self._x, m.a @ self._p @ m.a.T + self._driven
+        if seen.any():
+            both = np.vstack([m.a @ pc + m.k @ m.s[:, seen], m.c @ pc + m.s[:, seen]])
+            gain = np.linalg.solve(v, both.T).T
+            states = self._x.size
+            self._x += gain[:states] @ error
+            expected = expected + gain[states:] @ error
+            covariance -= gain[:states] @ both[:states].T
+        covariance = 0.5 * (covariance + covariance.T)
+        known = seen.all() and (np.einsum('ij,jk,ik->i', m.c, covariance, m.c) <= self._floor).all()
+        self._p = None if known else covariance
+        self._recent.append(np.where(seen, z, expected))
+
+    def skip(self, count):
+        """Step over rows that are all missing, however many, at the price of a few.
+
+        A^count x and the covariance are found by doubling: with Q_n = sum of A^i Q A^i' below n,
+        Q_2n = Q_n + A^n Q_n A^n'.
+
+        Parameters
+        ----------
+        count : int
+        """
+        missing = np.full(int(self._places.max(initial=0)) + 1, np.nan)
+        doubled = max(count - _PAST, 0)
+        if doubled:
+            power, noise = self.model.a, self._driven
+            p = np.zeros_like(power) if self._p is None else self._p
+            while doubled:
+                if doubled & 1:
+                    self._x, p = power @ self._x, power @ p @ power.T + noise
+                doubled >>= 1
+                if doubled:
+                    power, noise = power @ power, noise + power @ noise @ power.T
+            self._p = 0.5 * (p + p.T)
+        for _ in range(min(count, _PAST)):
+            self.step(missing)
+
+    def forecast(self, leads, age=0.0):
+        """The targets at leads, with the covariance of each lead's targets.
+
+        Between whole steps the mean is interpolated by cubics, the covariance linearly.
+
+        Parameters
+        ----------
+        leads : ndarray, shape (L,)
+            s from now; any values from 0 to the horizon less the age.
+        age : float
+            s from the newest row to now.
+
+        Returns
+        -------
+        mean : ndarray, shape (L, M)
+        covariance : ndarray, shape (L, M, M)
+            Of the readings: the sensor's noise is part of the innovations.
+        """
+        means, covariances = self._whole_steps()
+        steps = (np.asarray(leads, dtype=float) + age) / self.model.step
+        near = np.round(steps)
+        whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
+        part = steps - whole
+        if not (np.abs(part) > 1e-6).any():
+            return means[whole + 1], covariances[whole]
+        weights = cubic_weights(part)
+        mean = np.einsum('lw,lwm->lm', weights, means[whole[:, None] + np.arange(4)])
+        part = part[:, None, None]
+        return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._steps + 1)]
+
+    def at_steps(self, steps):
+        """As `forecast`, at whole steps from the newest row: what a score needs.
+
+        Parameters
+        ----------
+        steps : ndarray of int, shape (L,)
+        """
+        means, covariances = self._whole_steps()
+        return means[steps + 1], covariances[steps]
+
+    def _whole_steps(self):
+        """Means at steps -1, 0, ... and covariances at steps 0, 1, ... of the targets, until the next row comes."""
+        if self._told is None:
+            path = np.concatenate([np.array(self._recent)[:, self._used], self._ahead @ self._x])
+            covariances = self._free
+            if self._p is not None:
+                covariances = self._free + self._of_state @ self._p @ self._of_state.transpose(0, 2, 1)
+            self._told = self._as_targets(path) + self._offset, covariances
+        return self._told
+
+    def _find_targets(self):
+        """Which channels the targets need, and how: ``_direct`` as they are, ``_differenced`` by their difference."""
+        model = self.model
+        place_of = {name: place for place, name in enumerate(model.channels)}
+        sources = [place_of.get(name, place_of.get(name.removesuffix('_rate'))) for name in self.targets]
+        self._used = sorted({source for source in sources if source is not None})
+        self._direct, self._differenced = [], []
+        self._unit, self._offset = np.full((2, len(sources)), np.nan)
+        for place, (name, source) in enumerate(zip(self.targets, sources, strict=True)):
+            if source is None:
+                continue
+            if name in place_of:
+                self._direct.append((place, self._used.index(source)))
+                self._unit[place], self._offset[place] = model.scale[source], model.mean[source]
+            else:
+                self._differenced.append((place, self._used.index(source)))
+                self._unit[place], self._offset[place] = model.scale[source] / model.step, 0.0
+
+    def _as_targets(self, path):
+        """A linear function of the used channels at consecutive steps, as that of the targets two steps further in.
+
+        Parameters
+        ----------
+        path : ndarray, shape (T, used, ...)
+
+        Returns
+        -------
+        ndarray, shape (T - 4, M, ...)
+        """
+        result = np.full((path.shape[0] - 4, len(self.targets), *path.shape[2:]), np.nan)
+        for place, source in self._direct:
+            result[:, place] = path[2:-2, source]
+        for place, source in self._differenced:
+            result[:, place] = sum(f * path[2 + k:path.shape[0] - 2 + k, source] for k, f in _DIFFERENCE.items())
+        return result * self._unit.reshape(-1, *(1,) * (path.ndim - 2))
+
+    def _prepare(self):
+        """What every forecast needs of the model: its response, ahead of time.
+
+        The error of a forecast h steps ahead is the sum of psi_j e over j < h, psi_0 = 1, psi_j = C A^(j-1) K, and
+        C A^(h-1) times the state's own error.
+        """
+        self._find_targets()
+        m, states = self.model, self.model.a.shape[0]
+        self._steps = steps = int(np.ceil(self.horizon / m.step - 1e-6))
+        ahead = np.empty((steps + 4, len(self._used), states))
+        row = m.c[self._used]
+        for h in range(steps + 4):
+            ahead[h] = row
+            row = row @ m.a
+        self._ahead = ahead
+        nothing = np.zeros((_PAST, len(self._used), states))
+        self._of_state = np.ascontiguousarray(self._as_targets(np.concatenate([nothing, ahead]))[1:-1])
+        now = np.eye(len(m.channels))[None, self._used]
+        response = np.concatenate([np.zeros((_PAST, *now.shape[1:])), now, ahead[:-1] @ m.k])
+        response = self._as_targets(response)[:-1]
+        self._free = np.cumsum(response @ m.s @ response.transpose(0, 2, 1), axis=0)[1:]
+
+
+def side_by_side(models):
+    """Models of different channels as one, without any coupling.
+
+    Parameters
+    ----------
+    models : sequence of InnovationsModel
+        Of the same step.
+
+    Returns
+    -------
+    InnovationsModel
+        With a start from lags where all of them have one.
+    """
+    whole = {name: block_diag(*(getattr(m, name) for m in models)) for name in ('a', 'k', 'c', 's', 'prior')}
+    from_lags = None
+    if all(m.lags for m in models):
+        from_lags = np.zeros((whole['a'].shape[0], max(m.lags for m in models), whole['c'].shape[0]))
+        state = channel = 0
+        for m in models:
+            states, channels = m.k.shape
+            own = m.from_lags.reshape(states, m.lags, channels)
+            from_lags[state:state + states, :m.lags, channel:channel + channels] = own
+            state, channel = state + states, channel + channels
+        from_lags = from_lags.reshape(from_lags.shape[0], -1)
+    return replace(
+        models[0], channels=sum((m.channels for m in models), ()), places=sum((m.places for m in models), ()),
+        mean=np.concatenate([m.mean for m in models]), scale=np.concatenate([m.scale for m in models]),
+        from_lags=from_lags, **whole,
+    )  # fmt: skip
+
+
+def first_complete(complete, count):
+    """The first place from which ``count`` rows are complete; None where there is none.
+
+    Parameters
+    ----------
+    complete : ndarray of bool, shape (N,)
+    count : int
+    """
+    if complete.size < count:
+        return None
+    runs = np.cumsum(np.concatenate([[0], complete]))
+    found = np.flatnonzero(runs[count:] - runs[:-count] == count)
+    return int(found[0]) if found.size else None
+
+
+def cubic_weights(part):
+    """Weights of the values at -1, 0, 1, 2 for the cubic through them at ``part``: Lagrange's formula.
+
+    Parameters
+    ----------
+    part : ndarray, shape (L,)
+        From 0 to 1.
+
+    Returns
+    -------
+    ndarray, shape (L, 4)
+    """
+    p = np.asarray(part)
+    return np.stack([
+        -p * (p - 1.0) * (p - 2.0) / 6.0,
+        (p + 1.0) * (p - 1.0) * (p - 2.0) / 2.0,
+        -(p + 1.0) * p * (p - 2.0) / 2.0,
+        (p + 1.0) * p * (p - 1.0) / 6.0,
+    ], axis=-1)  # fmt: skip

@@ -1,0 +1,300 @@
+"""A state space from a window of rows by canonical variate analysis.
+
+The state is what the past has to say of the future: the leading canonical variates of the lags behind and the rows
+ahead (Larimore 1990; Van Overschee and De Moor 1996, chapter 4, the CVA weighting).  A, K, C and S are then regressions
+of rows and of next states on states; all of them need only the Gram matrix of the lags.
+"""
+from dataclasses import replace
+
+import numpy as np
+from scipy import fft
+from scipy.linalg import cholesky, eigh, solve_triangular
+
+from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side
+
+# of the Gram matrix's unit diagonal: more costs .1 s ahead (1e-6: 5 to 20 %)
+_RIDGE = 1e-8
+# lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
+_MOST_LAGS, _LONGEST_REACH, _LEAST_LAGS = 40, 20.0, 2
+_MOST_STATES, _MOST_STATES_A_CHANNEL = 50, 10
+_ROWS_A_COEFFICIENT = 8.0
+_LAGS_A_STATE = 2.0
+_LEAST_SHARE = 0.5
+# where losses break up more of the lags than this, gaps of few rows are filled from both sides
+_WHOLE_ENOUGH = 0.5
+_LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
+_FLAT = 1e-9
+# third differences as many times their median size are no motion of a craft: a spike, or one record joined to another
+_BREAK = 60.0
+_LARGEST_RADIUS = 0.9999
+
+
+def identify(values, names, step):
+    """The innovations model of a window.
+
+    Pure: the same window gives the same model, in whatever process.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, width)
+        Oldest first, one row a step, NaN where missing.
+    names : sequence of str, length width
+    step : float
+        s.
+
+    Returns
+    -------
+    InnovationsModel or None
+        None where the window is too short or the model would not be stable.
+    """
+    places = useful_channels(values)
+    if not places:
+        return None
+    rows = values[:, places]
+    mean, scale = np.nanmean(rows, axis=0), np.nanstd(rows, axis=0)
+    rows = without_breaks((rows - mean) / scale)
+    if broken(rows, step):
+        rows = fill_short_gaps(rows)
+    half = lags_for(rows, step)
+    if half is None:
+        return None
+    gram, count = lag_gram(rows, 2 * half)
+    width = len(places)
+    states = min(_MOST_STATES, _MOST_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
+    space = canonical_state_space(gram / count, width, states)
+    if space is None:
+        return None
+    a, k, c, s, prior, from_lags = space
+    return InnovationsModel(
+        tuple([names[p] for p in places]), tuple(places), step, mean, scale, a, k, c, s, prior, from_lags
+    )
+
+
+def identify_alone(values, names, step, angles):
+    """As `identify`, each angle from itself and its rate alone: fewer coefficients, for little data.
+
+    Parameters
+    ----------
+    values, names, step
+        As of `identify`.
+    angles : sequence of str
+        Which of the names; ``X_rate`` is the rate of ``X``.
+
+    Returns
+    -------
+    InnovationsModel or None
+        Of the angles that have a model; None where none has.
+    """
+    models = []
+    for angle in angles:
+        columns = [place for place, name in enumerate(names) if name in (angle, f'{angle}_rate')]
+        model = identify(values[:, columns], [names[c] for c in columns], step)
+        if model is not None:
+            models.append(replace(model, places=tuple([columns[p] for p in model.places])))
+    return side_by_side(models) if models else None
+
+
+def useful_channels(values):
+    """Columns that are there most of the time and that vary.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, width)
+    """
+    finite = np.isfinite(values)
+    return [
+        place for place in range(values.shape[1])
+        if finite[:, place].sum() > _LEAST_SHARE * values.shape[0] and np.nanstd(values[:, place]) > _FLAT
+    ]  # fmt: skip
+
+
+def without_breaks(rows):
+    """Rows at which the motion is broken off become missing, so that no lags reach across.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+    """
+    if rows.shape[0] < 4:
+        return rows
+    size = np.abs(np.diff(rows, 3, axis=0))
+    result = rows.copy()
+    result[2:-1][(size > _BREAK * np.nanmedian(size, axis=0)).any(axis=1)] = np.nan
+    return result
+
+
+def lags_for(rows, step):
+    """Lags on either side that the window can carry; None where it carries none.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+    step : float
+        s.
+    """
+    complete = np.isfinite(rows).all(axis=1)
+    for half in range(most_lags(step), _LEAST_LAGS - 1, -1):
+        if whole_lags(complete, 2 * half).sum() >= _ROWS_A_COEFFICIENT * half * rows.shape[1]:
+            return half
+    return None
+
+
+def most_lags(step):
+    """Lags on either side, however much data there is."""
+    return min(_MOST_LAGS, round(_LONGEST_REACH / step))
+
+
+def broken(rows, step):
+    """Whether losses have left few of the lags whole that the window would have without them.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+    step : float
+        s.
+    """
+    complete = np.isfinite(rows).all(axis=1)
+    count = 2 * most_lags(step)
+    return not complete.all() and whole_lags(complete, count).sum() < _WHOLE_ENOUGH * (complete.size - count + 1)
+
+
+def fill_short_gaps(rows):
+    """Lost rows by regression on those before and after, learnt where nothing is lost.
+
+    For a model's identification only: it looks ahead.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+
+    Returns
+    -------
+    ndarray, shape (N, C)
+        Gaps that are too long, or too near to another, are left.
+    """
+    width = rows.shape[1]
+    complete = np.isfinite(rows).all(axis=1)
+    result = rows.copy()
+    edges = np.diff(np.concatenate([[0], ~complete, [0]]).astype(int))
+    first, length = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
+    for lost in range(1, _LONGEST_FILLED + 1):
+        gaps = first[length == lost]
+        for side in _SIDES if gaps.size else ():
+            if whole_lags(complete, 2 * side + lost).sum() < _ROWS_A_COEFFICIENT * 2 * side * width:
+                continue
+            gram, count = lag_gram(rows, 2 * side + lost)
+            middle = np.arange(side * width, (side + lost) * width)
+            around = np.delete(np.arange(gram.shape[0]), middle)
+            ridge = _RIDGE * count * np.eye(around.size)
+            weights = np.linalg.solve(gram[np.ix_(around, around)] + ridge, gram[np.ix_(around, middle)])
+            inner = gaps[(gaps >= side) & (gaps + lost + side <= complete.size)]
+            lags = np.concatenate([np.arange(lost + side - 1, lost - 1, -1), np.arange(-1, -side - 1, -1)])
+            places = inner[:, None] + lags
+            seen = complete[places].all(axis=1)
+            filled = (rows[places[seen]].reshape(seen.sum(), around.size) @ weights).reshape(-1, lost, width)
+            result[inner[seen][:, None] + np.arange(lost - 1, -1, -1)] = filled
+            break
+    return result
+
+
+def whole_lags(complete, count):
+    """Whether a row and the ``count - 1`` before it are complete, shape (N,).
+
+    Parameters
+    ----------
+    complete : ndarray of bool, shape (N,)
+    count : int
+    """
+    runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
+    return runs[count:] - runs[:-count] == count
+
+
+def lag_gram(rows, count):
+    """Sum of z z' over z = [y[t], y[t-1], ..., y[t-count+1]], for all t where none of them is missing.
+
+    The matrix is nearly block Toeplitz: block (a+1, b+1) is block (a, b) with, for each run of such t, one product more
+    at its beginning and one less at its end.  So only the first row of blocks is summed, by one Fourier transform.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, C)
+    count : int
+
+    Returns
+    -------
+    gram : ndarray, shape (count C, count C)
+    used : int
+        Number of t.
+    """
+    length, width = rows.shape
+    complete = np.isfinite(rows).all(axis=1)
+    whole = whole_lags(complete, count)
+    filled = np.where(complete[:, None], rows, 0.0)
+    size = fft.next_fast_len(length + count, real=True)
+    newest, all_rows = fft.rfft(filled * whole[:, None], size, axis=0), fft.rfft(filled, size, axis=0)
+    # sum over t of newest[t] all_rows[t - b]': a correlation
+    first = fft.irfft(newest[:, :, None] * all_rows[:, None, :].conj(), size, axis=0)[:count]
+    edges = np.diff(np.concatenate([[0], whole.astype(np.int8), [0]]))
+    lags = np.arange(count - 1)
+    entering = filled[(np.flatnonzero(edges == 1) - 1)[:, None] - lags]
+    leaving = filled[(np.flatnonzero(edges == -1) - 1)[:, None] - lags]
+    added = np.concatenate([entering, leaving]).reshape(2 * entering.shape[0], (count - 1) * width)
+    signed = np.concatenate([entering, -leaving]).reshape(added.shape)
+    gram = np.empty((count * width, count * width))
+    gram[:width] = first.transpose(1, 0, 2).reshape(width, -1)
+    gram[width:, :width] = gram[:width, width:].T
+    for a in range(count - 1):
+        here, below = slice(a * width, (a + 1) * width), slice((a + 1) * width, (a + 2) * width)
+        gram[below, width:] = gram[here, :-width] + signed[:, here].T @ added
+    return gram, int(whole.sum())
+
+
+def canonical_state_space(gram, width, states):
+    """The innovations form from the mean Gram matrix of 2 j lags of C standardised channels.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (2 j C, 2 j C)
+        Newest lag first.
+    width : int
+        C.
+    states : int
+
+    Returns
+    -------
+    tuple (A, K, C, S, prior, from_lags), or None where either A or A - K C is not stable
+    """
+    half = gram.shape[0] // 2
+    lags = half // width
+    future = np.arange(half).reshape(lags, width)[::-1].ravel()
+    past = np.arange(half, 2 * half)
+    ridge = _RIDGE * np.eye(half)
+    try:
+        white_future = cholesky(gram[np.ix_(future, future)] + ridge, lower=True)
+        white_past = cholesky(gram[np.ix_(past, past)] + ridge, lower=True)
+        whitened = solve_triangular(
+            white_future, solve_triangular(white_past, gram[np.ix_(past, future)], lower=True).T, lower=True
+        )
+        squared, right = eigh(whitened.T @ whitened, subset_by_index=(half - states, half - 1))
+        weight = np.sqrt(np.sqrt(np.maximum(squared, 0.0)))
+        from_lags = weight[:, None] * solve_triangular(white_past, right, lower=True, trans='T').T
+        # both regressions need the Gram of half + 1 lags only: x[t] is of lags 1 .. j, x[t+1] of lags 0 .. j - 1
+        both = gram[:half + width, :half + width]
+        before = np.hstack([np.zeros((states, width)), from_lags])
+        after = np.hstack([from_lags, np.zeros((states, width))])
+        newest = np.eye(width, half + width)
+        before_gram = before @ both
+        prior = before_gram @ before.T
+        c = np.linalg.solve(prior, before_gram[:, :width]).T
+        innovation = newest - c @ before
+        regressors = np.vstack([before, innovation])
+        regressors_gram = regressors @ both
+        s = regressors_gram[states:] @ innovation.T
+        ak = np.linalg.solve(regressors_gram @ regressors.T, regressors_gram @ after.T).T
+    except np.linalg.LinAlgError:
+        return None
+    a, k = ak[:, :states], ak[:, states:]
+    radius = max(np.abs(np.linalg.eigvals(m)).max() for m in (a, a - k @ c))
+    if not radius < _LARGEST_RADIUS:
+        return None
+    return a, k, c, 0.5 * (s + s.T), 0.5 * (prior + prior.T), from_lags

@@ -1,0 +1,802 @@
+"""Campaigns: every record with every equation, repeats together, drafts together, and what follows.
+
+A campaign is worked off in four kinds of task, each a pure function of plain arguments, so that
+they can run in any process or on any machine and their results be kept:
+
+1. `fit_one`: one record, one equation, one objective; the full search.
+2. `settle`: all equations of one record put in order, where a search had failed one.
+3. `fit_together`: records of one condition, or of one draft, with common ratios, from the optima
+   found before.
+4. `judge`: how well the fits of a record step, simulate and forecast it, and another repeat.
+"""
+
+from dataclasses import asdict, dataclass, fields, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
+from swath_sysid.attitude.hull.terms import TERM_INDEX
+from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
+from swath_sysid.attitude.identification.identify import (
+    IdentificationSettings,
+    identify_problem,
+    motion_fit,
+    refit_from,
+)
+from swath_sysid.attitude.identification.motion_fit import InitialState, Noise
+from swath_sysid.attitude.identification.problem import FRICTION_RATE_SHARE, Problem
+from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.identification.search import SearchResult
+from swath_sysid.attitude.identification.selection import (
+    CRITERION_MARGIN,
+    HELD_OUT_MARGIN,
+    held_out_error,
+)
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.noise import weighting_noise
+
+CONFIDENCE = 0.95
+ROUNDING = 1e-12
+ORDER_TOLERANCE = 1e-9
+TIE = 1e-7
+"""Objective values this close, relatively, are one: the larger equation has made nothing of its terms."""
+
+
+@dataclass(frozen=True, order=True)
+class Condition:
+    """What the repeats of a trial have in common.
+
+    Attributes
+    ----------
+    axis : str
+    loading : float
+        Draft factor, draft or displacement: the same quantity throughout a campaign.
+    initial_angle_deg : float
+    """
+
+    axis: str
+    loading: float
+    initial_angle_deg: float
+
+    def __str__(self):
+        return f'{self.axis} {self.initial_angle_deg:g} deg at {self.loading:g}'
+
+
+@dataclass(frozen=True)
+class Record:
+    """One trial, ready to be fitted.
+
+    Attributes
+    ----------
+    name : str
+    condition : Condition
+    repeat : int
+    problem : Problem
+        Of this record alone.
+    """
+
+    name: str
+    condition: Condition
+    repeat: int
+    problem: Problem
+
+    def __str__(self):
+        return f'{self.condition}, repeat {self.repeat}'
+
+
+@dataclass(frozen=True)
+class FitSummary:
+    """What is kept of an identification: plain numbers, exact to the last bit when read back.
+
+    Attributes
+    ----------
+    equation : str
+    axis : str
+    terms : tuple of str
+    objective : str
+    ratios, std : tuple of float
+        Of the terms.
+    covariance : tuple of tuple of float
+    trim, trim_std, friction_rate : float
+        rad, rad, rad/s.
+    amplitude_range : tuple of float
+        rad.
+    states : tuple of tuple of float
+        Initial angle from trim, rad, rate, rad/s, and trim, rad, of each record.
+    objective_value, r2, rmse, rate_rmse : float
+        ``rmse`` in rad and ``rate_rmse`` in rad/s are None where not measured.
+    samples : int
+    effective_samples : float
+    amplitude, frequency, frequency_std, damping_ratio, damping_ratio_std : tuple of float
+        Curves with standard deviations; rad and rad/s.
+    generations, evaluations : int
+    stop : str
+    seed : int
+    advice : tuple of tuple of str
+        Code and message.
+    """
+
+    equation: str
+    axis: str
+    terms: tuple
+    objective: str
+    ratios: tuple
+    std: tuple
+    covariance: tuple
+    trim: float
+    trim_std: float
+    friction_rate: float
+    amplitude_range: tuple
+    states: tuple
+    objective_value: float
+    r2: float
+    rmse: float | None
+    rate_rmse: float | None
+    samples: int
+    effective_samples: float
+    amplitude: tuple
+    frequency: tuple
+    frequency_std: tuple
+    damping_ratio: tuple
+    damping_ratio_std: tuple
+    generations: int
+    evaluations: int
+    stop: str
+    seed: int
+    advice: tuple
+
+    @classmethod
+    def of(cls, identification):
+        """Summary of an `Identification`."""
+        found, model = identification, identification.model
+        curves = found.bands.curves
+        return cls(
+            equation=model.equation.name,
+            axis=model.axis,
+            terms=model.equation.terms,
+            objective=found.objective,
+            ratios=_floats(model.terms.values()),
+            std=_floats(found.std.values()),
+            covariance=tuple(_floats(row) for row in found.covariance),
+            trim=float(model.trim),
+            trim_std=float(found.trim_std),
+            friction_rate=float(model.friction_rate),
+            amplitude_range=_floats(found.amplitude_range),
+            states=tuple((r.state.x, r.state.rate, r.state.trim) for r in found.records),
+            objective_value=float(found.objective_value),
+            r2=float(found.r2),
+            rmse=found.rmse,
+            rate_rmse=found.rate_rmse,
+            samples=int(found.samples),
+            effective_samples=float(found.effective_samples),
+            amplitude=_floats(curves.amplitude),
+            frequency=_floats(curves.frequency),
+            frequency_std=_floats(found.bands.frequency_std),
+            damping_ratio=_floats(curves.damping_ratio),
+            damping_ratio_std=_floats(found.bands.damping_ratio_std),
+            generations=int(found.search.generations),
+            evaluations=int(found.search.evaluations),
+            stop=str(found.search.stop),
+            seed=int(found.settings.search.seed),
+            advice=tuple((a.code, a.message) for a in found.advice),
+        )
+
+    @classmethod
+    def from_plain(cls, plain):
+        """From what `plain` gave, also after a way through JSON."""
+        return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
+
+    def plain(self):
+        """Lists, numbers and strings."""
+        return asdict(self)
+
+    @property
+    def model(self):
+        """The decay model."""
+        values = dict(zip(self.terms, self.ratios, strict=True))
+        return DecayModel.from_terms(
+            Equation(self.equation, self.terms),
+            values,
+            trim=self.trim,
+            friction_rate=self.friction_rate,
+            axis=self.axis,
+        )
+
+    @property
+    def initial_states(self):
+        """Tuple of InitialState."""
+        return tuple(InitialState(*s) for s in self.states)
+
+    @property
+    def warnings(self):
+        """Tuple of Advice."""
+        return tuple(Advice(*a) for a in self.advice)
+
+    def ratio(self, term):
+        """Value and standard deviation of one ratio."""
+        index = self.terms.index(term)
+        return self.ratios[index], self.std[index]
+
+    def identified_model(self, provenance):
+        """The content of a model file."""
+        metrics = {
+            'r2': self.r2,
+            'rmse_rad': self.rmse,
+            'rate_rmse_rad_s': self.rate_rmse,
+            'objective': self.objective,
+            'objective_value': self.objective_value,
+            'samples': self.samples,
+            'effective_samples': self.effective_samples,
+        }
+        how = {'search_stop': self.stop, 'seed': self.seed, 'advice': [code for code, _ in self.advice]}
+        return IdentifiedModel(
+            self.model, np.array(self.covariance), self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
+        )
+
+
+def _floats(values):
+    return tuple(float(v) for v in values)
+
+
+def _tupled(value):
+    return tuple(_tupled(v) for v in value) if isinstance(value, list | tuple) else value
+
+
+def joined(problems):
+    """One problem of several of one axis, their records side by side.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+
+    Returns
+    -------
+    Problem
+    """
+    if len(problems) == 1:
+        return problems[0]
+    motions = tuple(m for p in problems for m in p.motions)
+    segments = tuple(s for p in problems for s in p.segments)
+    frequency = 2.0 * np.pi / float(np.median([s.period for s in segments]))
+    scales = Scales(max(p.scales.amplitude for p in problems), frequency)
+    noise = Noise(
+        angle=weighting_noise([m.angle for m in motions if m.angle is not None] or [np.zeros(1)]),
+        rate=weighting_noise([m.rate for m in motions if m.rate is not None] or [np.zeros(1)]),
+    )
+    return Problem(
+        axis=problems[0].axis,
+        motions=motions,
+        segments=segments,
+        observed=tuple(m for p in problems for m in p.observed),
+        states=tuple(s for p in problems for s in p.states),
+        scales=scales,
+        noise=noise,
+        friction_rate=FRICTION_RATE_SHARE * scales.rate,
+        advice=tuple(dict.fromkeys(a for p in problems for a in p.advice)),
+    )
+
+
+def fit_one(problem, settings):
+    """Identify one equation on one record; see `identify_problem`.
+
+    Returns
+    -------
+    FitSummary
+    """
+    return FitSummary.of(identify_problem(problem, settings))
+
+
+def settle(problem, settings, summaries):
+    """Put the fits of one problem in order: no equation worse than one that it contains.
+
+    Where a search ended worse than that of a smaller equation, it is refined again from there.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : IdentificationSettings
+        Objective and search; its equation is ignored.
+    summaries : sequence of FitSummary
+        One an equation.
+
+    Returns
+    -------
+    tuple of FitSummary
+        In the same order.
+    """
+    fits = list(summaries)
+    for k in sorted(range(len(fits)), key=lambda k: len(fits[k].terms)):
+        contained = [f for f in fits if f is not fits[k] and set(f.terms) <= set(fits[k].terms)]
+        best = min(contained, key=lambda f: f.objective_value, default=None)
+        if best is not None and best.objective_value < fits[k].objective_value * (1.0 - ROUNDING):
+            again = _refit(problem, settings, fits[k].equation, best.model.ratios, best.initial_states, fits[k])
+            fits[k] = min(again, fits[k], key=lambda f: f.objective_value)
+    return tuple(fits)
+
+
+def out_of_order(summaries):
+    """Pairs of equation names, larger and contained, of which the larger fits worse.
+
+    Differences below the rounding of a least-squares fit are none.
+    """
+    return tuple(
+        (big.equation, small.equation)
+        for big in summaries
+        for small in summaries
+        if set(small.terms) < set(big.terms) and big.objective_value > small.objective_value * (1.0 + ORDER_TOLERANCE)
+    )
+
+
+def fit_together(problem, settings, equation, starts):
+    """Fit common ratios to several records, each with its own initial state.
+
+    No new search: refinement begins at the optimum of the record with the largest motion, which
+    shows the most of every term.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of `joined`.
+    settings : IdentificationSettings
+        With the simulation objective.
+    equation : str
+    starts : sequence of FitSummary
+        Fits of this equation whose records are, together and in order, those of the problem.
+
+    Returns
+    -------
+    FitSummary
+    """
+    states = tuple(s for start in starts for s in start.initial_states)
+    largest = max(starts, key=lambda start: start.amplitude_range[1])
+    return _refit(problem, settings, equation, largest.model.ratios, states, None)
+
+
+def _refit(problem, settings, equation, ratios, states, summary):
+    """Refinement from given ratios and states, as a summary; it tells the search of ``summary``."""
+    chosen = replace(settings, equation=equation)
+    if summary is None:
+        search = SearchResult(np.empty(0), float('nan'), 0, 0, 'refined')
+    else:
+        search = SearchResult(np.empty(0), float('nan'), summary.generations, summary.evaluations, 'refined')
+    return FitSummary.of(refit_from(problem, chosen, chosen.chosen_equation, ratios, states, search))
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How well one fit of a record does what a model is for.
+
+    Attributes
+    ----------
+    equation : str
+    next_step : float
+        Root mean square error of the rate one sample ahead, rad/s.
+    simulation : float
+        Error of the simulated motion over the standard deviation of the measured one.
+    forecasts : tuple of float
+        The same for forecasts a quarter, a half and one period ahead; NaN on records too short.
+    held_out : float
+        Error of the simulated motion on another repeat, or, without one, on the second half of
+        the record by a model of the first; relative as above.
+    """
+
+    equation: str
+    next_step: float
+    simulation: float
+    forecasts: tuple
+    held_out: float
+
+    @classmethod
+    def from_plain(cls, plain):
+        """From plain data."""
+        return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
+
+    def plain(self):
+        """Lists, numbers and strings."""
+        return asdict(self)
+
+
+def judge(problem, settings, summaries, other):
+    """Judge the fits of one record.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : IdentificationSettings
+    summaries : sequence of FitSummary
+        Of this record.
+    other : Problem or None
+        Another repeat of the same condition.
+
+    Returns
+    -------
+    tuple of Judgement
+    """
+    return tuple(_judged(problem, settings, summary, other) for summary in summaries)
+
+
+def _judged(problem, settings, summary, other):
+    motion, segment = problem.motions[0], problem.segments[0]
+    state = summary.initial_states[0]
+    model = summary.model.with_trim(state.trim)
+    checked = next_step(model, motion)
+    chosen = replace(settings, equation=summary.equation)
+    return Judgement(
+        equation=summary.equation,
+        next_step=float(np.sqrt(np.mean(checked.error**2))),
+        simulation=simulation_error(model, state, motion),
+        forecasts=forecast_errors(model, motion, segment.period),
+        held_out=held_out_error(problem, chosen) if other is None else _on_other(summary, other),
+    )
+
+
+def _on_other(summary, other):
+    """Error of the simulated motion on another record, whose initial state is fitted and nothing else."""
+    fit = motion_fit(other, summary.model.equation)
+    parameters = fit.refine_states(fit.pack(summary.model.ratios, other.states))
+    _, states = fit.unpack(parameters)
+    return simulation_error(summary.model.with_trim(states[0].trim), states[0], other.motions[0])
+
+
+def best_repeats(records, fits):
+    """The best repeat of each condition.
+
+    The papers keep the best of three without saying how it is told. Here: the one whose motion
+    the equations explain best, by the median over the equations of R^2 of the simulated motion.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    fits : sequence of sequence of FitSummary
+        Of each record, with the simulation objective.
+
+    Returns
+    -------
+    dict of Condition to int
+        Index into the records.
+    """
+    best = {}
+    for index, record in enumerate(records):
+        share = float(np.median([f.r2 for f in fits[index]]))
+        held = best.get(record.condition)
+        if held is None or share > held[0]:
+            best[record.condition] = (share, index)
+    return {condition: index for condition, (_, index) in sorted(best.items())}
+
+
+def tied_best(summaries):
+    """Places of the fits with the best objective value, and of those as good; tuple of int."""
+    least = min(f.objective_value for f in summaries)
+    return tuple(k for k, f in enumerate(summaries) if f.objective_value <= least * (1.0 + TIE))
+
+
+def beyond_noise(summaries):
+    """Which equations fit one record worse than the best by more than noise explains.
+
+    The likelihood ratio n ln(F^2 / F_best^2), with n the effective samples, is compared with the
+    95 % quantile of chi squared, its degrees of freedom the difference in terms (at least one).
+
+    Parameters
+    ----------
+    summaries : sequence of FitSummary
+        Of one record, by one objective.
+
+    Returns
+    -------
+    tuple of bool
+        One an equation, False for the best.
+    """
+    best = min(summaries, key=lambda f: f.objective_value)
+    found = []
+    for fit in summaries:
+        ratio = 2.0 * best.effective_samples * np.log(fit.objective_value / best.objective_value)
+        freedom = max(1, len(best.terms) - len(fit.terms))
+        found.append(bool(ratio > chi2.ppf(CONFIDENCE, freedom)))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class RankedEquation:
+    """How one equation stands in the whole campaign.
+
+    Attributes
+    ----------
+    equation : str
+    terms : tuple of str
+    criterion : float
+        Sum over the drafts of the Bayesian information criterion of the joint fits.
+    r2 : float
+        Smallest of the joint fits' R^2.
+    held_out : float
+        Root mean square over the records of the error on held-out motion.
+    forecast : float
+        The same of the forecasts one period ahead.
+    best_of : int
+        Records that it fits best; of equations that fit one alike, the smallest counts.
+    """
+
+    equation: str
+    terms: tuple
+    criterion: float
+    r2: float
+    held_out: float
+    forecast: float
+    best_of: int
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Equations over the whole campaign, best criterion first.
+
+    Attributes
+    ----------
+    axis : str
+    ranked : tuple of RankedEquation
+    choice : RankedEquation
+        The simplest adequate one.
+    reason : str
+    findings : tuple of Advice
+        What the comparison says of friction, and of equations.
+    """
+
+    axis: str
+    ranked: tuple
+    choice: RankedEquation
+    reason: str
+    findings: tuple
+
+
+def rank_campaign(axis, by_draft, by_record, judgements):
+    """Rank the equations of one axis over a whole campaign.
+
+    Parameters
+    ----------
+    axis : str
+    by_draft : sequence of sequence of FitSummary
+        For each draft, the joint fits of all its records, one an equation, in one order.
+    by_record : sequence of sequence of FitSummary
+    judgements : sequence of sequence of Judgement
+
+    Returns
+    -------
+    Ranking
+    """
+    if not by_draft or not by_draft[0]:
+        raise InputError(f'no equation could be fitted to any {axis} record')
+    count = len(by_draft[0])
+    best_of = [min(tied_best(fits), key=lambda k, fits=fits: len(fits[k].terms)) for fits in by_record]
+    ranked = []
+    for k in range(count):
+        first = by_draft[0][k]
+        ranked.append(
+            RankedEquation(
+                equation=first.equation,
+                terms=first.terms,
+                criterion=sum(_criterion(fits, k) for fits in by_draft),
+                r2=min(fits[k].r2 for fits in by_draft),
+                held_out=_root_mean_square([j[k].held_out for j in judgements]),
+                forecast=_root_mean_square([j[k].forecasts[-1] for j in judgements]),
+                best_of=best_of.count(k),
+            )
+        )
+    ranked.sort(key=lambda r: r.criterion)
+    likely = [r for r in ranked if r.criterion <= ranked[0].criterion + CRITERION_MARGIN]
+    smallest = min(r.held_out for r in ranked)
+    adequate = [r for r in likely if r.held_out <= HELD_OUT_MARGIN * smallest]
+    choice = min(adequate or likely, key=lambda r: (len(r.terms), r.criterion))
+    return Ranking(axis, tuple(ranked), choice, _reason(choice, ranked, likely, adequate), _findings(ranked, by_draft))
+
+
+def _criterion(fits, k):
+    """n ln(mean squared residual) + terms ln n of one of several fits of the same records."""
+    n = min(fits, key=lambda f: f.objective_value).effective_samples
+    return float(2.0 * n * np.log(fits[k].objective_value) + len(fits[k].terms) * np.log(n))
+
+
+def _root_mean_square(values):
+    values = np.asarray(values, dtype=float)
+    values = values[~np.isnan(values)]
+    return float(np.sqrt(np.mean(values**2))) if values.size else float('nan')
+
+
+def _reason(choice, ranked, likely, adequate):
+    if len(ranked) == 1:
+        return f'{choice.equation} is the only equation asked for.'
+    if len(likely) == 1:
+        return (
+            f'{choice.equation} is the only equation whose criterion, with one set of ratios a draft for all angles '
+            f'and repeats, is within {CRITERION_MARGIN:g} of the best: the others fit worse, or need more terms for it.'
+        )
+    words = (
+        f'{choice.equation} has {len(choice.terms)} terms, the fewest of the {len(adequate or likely)} equations whose '
+        f'criterion, with one set of ratios a draft for all angles and repeats, is within {CRITERION_MARGIN:g} of '
+        'the best '
+        f'({ranked[0].equation})'
+    )
+    if adequate:
+        return (
+            f'{words} and whose error on held-out motion is within {100 * (HELD_OUT_MARGIN - 1):.0f} % of the smallest.'
+        )
+    return (
+        f'{words}; none of them predicts the held-out motion as well as '
+        f'{min(ranked, key=lambda r: r.held_out).equation}.'
+    )
+
+
+def _findings(ranked, by_draft):
+    by_terms = {frozenset(r.terms): r for r in ranked}
+    found = []
+    for item in ranked:
+        without = by_terms.get(frozenset(item.terms) - {'b0'})
+        if 'b0' not in item.terms or without is None:
+            continue
+        gain = without.criterion - item.criterion
+        if gain > CRITERION_MARGIN:
+            found.append(
+                Advice(
+                    'friction-necessary',
+                    f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} '
+                    f'(more than {CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; '
+                    'look for it in the bearings or the mooring of the rig, and leave it out for the craft afloat',
+                )
+            )
+        elif gain < 0:
+            found.append(
+                Advice(
+                    'no-friction',
+                    f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}',
+                )
+            )
+    return tuple(found)
+
+
+def _damping_without(without, item, by_draft):
+    """What leaving friction out does to the quadratic damping."""
+    if 'b2' not in without.terms:
+        return ''
+    values = []
+    for fits in by_draft:
+        named = {f.equation: f for f in fits}
+        values.append((named[without.equation].ratio('b2')[0], named[item.equation].ratio('b2')[0]))
+    before, after = np.mean(values, axis=0)
+    return f', and without it the quadratic damping comes out as {before:.3g} instead of {after:.3g} 1/rad'
+
+
+def schedule_of(by_draft, equation, loadings, quantity, provenances):
+    """The model scheduled on draft, of the joint fits of one equation.
+
+    Parameters
+    ----------
+    by_draft : sequence of sequence of FitSummary
+    equation : str
+    loadings : sequence of float
+        Of each draft, increasing.
+    quantity : str
+        One of ``QUANTITIES``.
+    provenances : sequence of dict
+        Of each draft.
+
+    Returns
+    -------
+    ScheduledModel
+    """
+    chosen = [next(f for f in fits if f.equation == equation) for fits in by_draft]
+    models = tuple(fit.identified_model(p) for fit, p in zip(chosen, provenances, strict=True))
+    return ScheduledModel(quantity, tuple(loadings), models)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How repeats of one condition agree on one quantity.
+
+    Attributes
+    ----------
+    condition : Condition
+    quantity : str
+        ``natural_period_s``, ``damping_ratio`` or a ratio's name.
+    mean, spread : float
+        Over the repeats, standard deviation with n - 1.
+    stated : float
+        Standard deviation that the single fits state, root mean square; NaN where they state none.
+    repeats : int
+    """
+
+    condition: Condition
+    quantity: str
+    mean: float
+    spread: float
+    stated: float
+    repeats: int
+
+
+def spread_of_repeats(condition, fits):
+    """Spread between the fits of one equation to the repeats of one condition.
+
+    Parameters
+    ----------
+    condition : Condition
+    fits : sequence of FitSummary
+        At least two.
+
+    Returns
+    -------
+    tuple of Spread
+    """
+    low = max(f.amplitude[0] for f in fits)
+    high = min(f.amplitude[-1] for f in fits)
+    at = np.sqrt(low * high)
+    columns = {
+        'natural_period_s': [_curve(f, 'frequency', at, inverse=True) for f in fits],
+        'damping_ratio': [_curve(f, 'damping_ratio', at) for f in fits],
+        **{term: [f.ratio(term) for f in fits] for term in fits[0].terms},
+    }
+    found = []
+    for quantity, pairs in columns.items():
+        values, stds = np.array(pairs).T
+        stated = float(np.sqrt(np.mean(stds**2)))
+        found.append(Spread(condition, quantity, float(values.mean()), float(values.std(ddof=1)), stated, len(fits)))
+    return tuple(found)
+
+
+def _curve(fit, name, amplitude, inverse=False):
+    """Value and standard deviation of a curve at an amplitude; of its period where asked for."""
+    value = float(np.interp(amplitude, fit.amplitude, getattr(fit, name)))
+    std = float(np.interp(amplitude, fit.amplitude, getattr(fit, f'{name}_std')))
+    if inverse:
+        return 2.0 * np.pi / value, 2.0 * np.pi / value**2 * std
+    return value, std
+
+
+def noise_statement(records, fits, best):
+    """One sentence on whether the differences between equations exceed the noise.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    fits : sequence of sequence of FitSummary
+        Of each record, by one objective.
+    best : dict of Condition to int
+        Of `best_repeats`.
+
+    Returns
+    -------
+    str
+    """
+    beyond = total = 0
+    ranges, between = [], []
+    for condition, index in best.items():
+        values = np.array([f.objective_value for f in fits[index]])
+        ranges.append(values.max() / values.min() - 1.0)
+        exceeds = beyond_noise(fits[index])
+        beyond += sum(exceeds)
+        total += len(exceeds) - 1
+        same = [min(f.objective_value for f in fits[k]) for k, r in enumerate(records) if r.condition == condition]
+        if len(same) > 1:
+            between.append(np.std(same, ddof=1) / np.mean(same))
+    words = [
+        f'Within a condition the objective values of the equations differ by {100 * np.median(ranges):.2g} % (median; '
+        f'largest {100 * max(ranges):.2g} %)'
+    ]
+    if between:
+        words.append(f'between repeats of one condition by {100 * np.median(between):.2g} % (standard deviation)')
+    verdict = (
+        'no difference exceeds the noise: these values do not tell the equations apart'
+        if beyond == 0
+        else f'{beyond} of {total} differences from the best exceed the noise (95 %); they are marked'
+    )
+    return ', '.join(words) + f'; {verdict}.'
+
+
+def settings_for(equation, objective, search):
+    """Identification settings of one task."""
+    return IdentificationSettings(equation, objective, search)
+
+
+def term_values(summary):
+    """Name to value and standard deviation, in the order of the terms of all models."""
+    order = sorted(summary.terms, key=TERM_INDEX.get)
+    return {term: summary.ratio(term) for term in order}

@@ -1,0 +1,129 @@
+"""Where work is done: in this process, on all cores, or on a Dask cluster; all by futures."""
+
+import asyncio
+import concurrent.futures
+import contextlib
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+
+from swath_sysid.common.errors import InputError
+
+try:
+    import distributed
+except ImportError:
+    distributed = None
+
+RETRIES = 10
+"""How often a task is begun again on another worker when its worker died."""
+CONNECT_S = 20
+
+
+def connection_losses():
+    """What distributed raises where the connection to its scheduler is lost.
+
+    The futures of its executor are cancelled then (``distributed.cfexecutor``); handing in more raises
+    ``CommClosedError`` or ``ClosedClientError``.
+
+    Returns
+    -------
+    tuple of exception types
+    """
+    cancelled = concurrent.futures.CancelledError, asyncio.CancelledError
+    if distributed is None:
+        return cancelled
+    return (*cancelled, distributed.comm.CommClosedError, distributed.client.ClosedClientError)
+
+
+class SerialExecutor(Executor):
+    """Does the work at once, in this process."""
+
+    def submit(self, function, /, *args, **kwargs):
+        """Call the function; the future that is returned is done."""
+        future = Future()
+        try:
+            future.set_result(function(*args, **kwargs))
+        except Exception as error:  # noqa: BLE001 - handed to whoever asks for the result
+            future.set_exception(error)
+        return future
+
+
+@contextlib.contextmanager
+def executor_of(jobs, scheduler=None):
+    """An executor for independent tasks.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes on this machine.
+    scheduler : str, optional
+        Address of a Dask scheduler, which then does the work.
+
+    Yields
+    ------
+    concurrent.futures.Executor
+
+    Raises
+    ------
+    InputError
+        ``jobs`` below one; distributed is not installed; the scheduler does not answer.
+    """
+    if jobs < 1:
+        raise InputError('--jobs must be at least 1')
+    if scheduler is not None:
+        with _cluster(scheduler) as executor:
+            yield executor
+    elif jobs == 1:
+        yield SerialExecutor()
+    else:
+        # read when a worker imports numpy: more threads than cores would only get in each other's way
+        os.environ.setdefault('OMP_NUM_THREADS', '1')
+        context = multiprocessing.get_context('spawn')
+        executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_worker)
+        try:
+            yield executor
+        except BaseException:
+            # what they are at is lost in any case, and waiting for it can last long
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
+        finally:
+            executor.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin_worker():
+    """Leave Ctrl-C to the parent, and end when the parent does, however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
+
+
+def _end_with(parent):
+    parent.join()
+    os._exit(1)
+
+
+@contextlib.contextmanager
+def _cluster(address):
+    if distributed is None:
+        raise InputError(
+            "--scheduler needs the package distributed: install it with pip install 'swath_sysid[cluster]'"
+        )
+    try:
+        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f'no Dask scheduler answers at {address}: start one with dask scheduler, and give its address, such as '
+            'tcp://host:8786'
+        ) from error
+    try:
+        if not client.scheduler_info()['workers']:
+            raise InputError(f'the Dask scheduler at {address} has no workers: start some with dask worker {address}')
+        # the loss of the connection is told in one sentence, not by its tracebacks
+        logging.getLogger('distributed').setLevel(logging.CRITICAL)
+        yield client.get_executor(pure=False, retries=RETRIES)
+    finally:
+        with contextlib.suppress(OSError, TimeoutError, *connection_losses()):
+            client.close()

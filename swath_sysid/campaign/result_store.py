@@ -1,0 +1,93 @@
+"""Results of long work, kept one by one so that work that was stopped goes on where it was."""
+
+import fcntl
+import hashlib
+import json
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+
+LEFTOVERS = '.writing-*'
+LOCK = '.lock'
+
+
+def key_of(*parts):
+    """Key of a result: the SHA-256 of everything that it depends on.
+
+    Parameters
+    ----------
+    *parts : str, number, None, or lists, tuples and dicts of such
+
+    Returns
+    -------
+    str
+        Hexadecimal.
+    """
+    text = json.dumps(parts, sort_keys=True, separators=(',', ':'), allow_nan=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+class ResultStore:
+    """A folder of results by key; each is written whole or not at all.
+
+    Killed at any moment, it holds every result that was put before, and no half of one.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made where it does not exist.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made.
+    """
+
+    def __init__(self, folder):
+        self._folder = Path(folder)
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
+
+    @contextmanager
+    def alone(self):
+        """Hold the store for one process; what a killed one left half-written is cleared away.
+
+        Raises
+        ------
+        InputError
+            Another process holds it.
+        """
+        with open(self._folder / LOCK, 'w') as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise InputError(
+                    f'another campaign is writing to {self._folder.parent}: wait for it, or choose another --output'
+                ) from error
+            for leftover in self._folder.rglob(LEFTOVERS):
+                shutil.rmtree(leftover, ignore_errors=True)
+            yield self
+
+    def get(self, key):
+        """The result of a key, or None; one that cannot be read counts as not there."""
+        try:
+            return json.loads(self._path(key).read_text(encoding='utf-8'))
+        except (FileNotFoundError, json.JSONDecodeError, UnicodeDecodeError):
+            return None
+        except OSError as error:
+            raise InputError(f'cannot read {self._path(key)}: {error.strerror}; check the disk') from error
+
+    def put(self, key, result):
+        """Keep a result: plain data, which comes back bit by bit the same."""
+        path = self._path(key)
+        path.parent.mkdir(exist_ok=True)
+        with replacing(path) as temporary:
+            temporary.write_text(json.dumps(result, allow_nan=True), encoding='utf-8')
+
+    def _path(self, key):
+        return self._folder / key[:2] / f'{key}.json'

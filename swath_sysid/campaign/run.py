@@ -1,0 +1,635 @@
+"""Running a campaign: what is asked for by the manifest, what is known already, and the rest."""
+
+import concurrent.futures
+import math
+import time
+from collections import Counter
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict, dataclass, field
+
+from swath_sysid import __version__
+from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
+from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.campaign.evaluation import (
+    Condition,
+    FitSummary,
+    Judgement,
+    Ranking,
+    Record,
+    Spread,
+    best_repeats,
+    fit_one,
+    fit_together,
+    joined,
+    judge,
+    rank_campaign,
+    schedule_of,
+    settings_for,
+    settle,
+    spread_of_repeats,
+)
+from swath_sysid.campaign.executors import connection_losses
+from swath_sysid.campaign.manifest import Manifest, TrialEntry
+from swath_sysid.campaign.result_store import key_of
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.reading import read_trial, source_hash
+
+RESULT_FORMAT = 1
+"""To be raised when results of before can no longer be used."""
+POLL_S = 0.2
+ANGLE_STEP_DEG = 0.5
+"""Initial angles that nobody gave are taken from the decay, rounded to this."""
+
+
+@dataclass(frozen=True)
+class TrialOutcome:
+    """What became of one trial.
+
+    Attributes
+    ----------
+    entry : TrialEntry
+    name : str
+        File name.
+    sha256 : str
+        Empty where the file could not be read.
+    record : Record or None
+    reason : str
+        Why it was left out; empty where it was used.
+    advice : tuple of Advice
+    """
+
+    entry: TrialEntry
+    name: str
+    sha256: str = ''
+    record: Record | None = None
+    reason: str = ''
+    advice: tuple[Advice, ...] = ()
+
+
+@dataclass(frozen=True)
+class AxisOutcome:
+    """What a campaign found about one axis.
+
+    Attributes
+    ----------
+    axis : str
+    records : tuple of Record
+    names : tuple of str
+        Of the equations.
+    fits : dict of str to tuple of tuple of FitSummary
+        Objective to record to equation.
+    judgements : tuple of tuple of Judgement
+        Record to equation, with the simulation objective.
+    best : dict of Condition to int
+        Index of the best repeat.
+    together : dict of Condition to tuple of FitSummary
+        Repeats of a condition jointly.
+    by_draft : dict of float to tuple of FitSummary
+        All records of a draft jointly.
+    ranking : Ranking
+    schedule : ScheduledModel
+        Of the choice.
+    spreads : tuple of Spread
+        Of the choice, between repeats.
+    """
+
+    axis: str
+    records: tuple[Record, ...]
+    names: tuple[str, ...]
+    fits: dict
+    judgements: tuple
+    best: dict
+    together: dict
+    by_draft: dict
+    ranking: Ranking
+    schedule: ScheduledModel
+    spreads: tuple[Spread, ...]
+
+    @property
+    def choice(self):
+        """Index of the chosen equation."""
+        return self.names.index(self.ranking.choice.equation)
+
+
+@dataclass(frozen=True)
+class CampaignOutcome:
+    """A campaign worked off.
+
+    Attributes
+    ----------
+    manifest : Manifest
+    quantity : str
+        What tells the loading.
+    trials : tuple of TrialOutcome
+    axes : tuple of AxisOutcome
+    failures : tuple of str
+        Tasks that failed, with their reason.
+    computed, kept : int
+        Tasks done now, and known from before.
+    cpu_s : float
+        Processor time of all tasks, also of those known from before.
+    """
+
+    manifest: Manifest
+    quantity: str
+    trials: tuple[TrialOutcome, ...]
+    axes: tuple[AxisOutcome, ...]
+    failures: tuple[str, ...]
+    computed: int
+    kept: int
+    cpu_s: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """Something to compute: a function of plain arguments, its key, and what to call it."""
+
+    key: str
+    label: str
+    function: object
+    arguments: tuple = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a campaign stands: tasks done and in all, and the labels of those running."""
+
+    done: int
+    total: int
+    running: tuple[str, ...]
+
+
+def run_campaign(manifest, store, executor, tell=lambda progress: None):
+    """Work a campaign off.
+
+    Parameters
+    ----------
+    manifest : Manifest
+    store : ResultStore
+        Results in it are not computed again.
+    executor : concurrent.futures.Executor
+    tell : callable, optional
+        Called with `Progress`.
+
+    Returns
+    -------
+    CampaignOutcome
+
+    Raises
+    ------
+    InputError
+        Nothing could be used, or a worker process was killed.
+    """
+    quantity = loading_quantity(manifest)
+    trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
+    axes = {t.record.condition.axis for t in trials if t.record is not None}
+    if not axes:
+        told = '; '.join(f'{t.name}: {t.reason}' for t in trials[:3])
+        raise InputError(f'no trial of the campaign can be used: {told}')
+    work = _Work(store, executor, tell)
+    plans = [_AxisPlan(axis, manifest, trials, work) for axis in sorted(axes)]
+    work.expect(sum(plan.task_count for plan in plans))
+    found = [plan.carry_out(quantity) for plan in plans]
+    if not any(found):
+        raise InputError(f'no fit of the campaign succeeded: {"; ".join(work.failures[:3])}')
+    left_out = {name: reason for plan in plans for name, reason in plan.left_out.items()}
+    trials = [_with_failure(t, left_out) for t in trials]
+    return CampaignOutcome(
+        manifest,
+        quantity,
+        tuple(trials),
+        tuple(a for a in found if a),
+        tuple(work.failures),
+        work.computed,
+        work.kept,
+        work.cpu_s,
+    )
+
+
+def loading_quantity(manifest):
+    """The quantity that tells the loading in a campaign: what its first entry that names one uses."""
+    return next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
+
+
+def loading_of(entry, trial, craft, quantity):
+    """Loading of a trial in the campaign's quantity.
+
+    Parameters
+    ----------
+    entry : TrialEntry
+    trial : Trial
+    craft : Craft
+    quantity : str
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+        It is given in another quantity and the craft's particulars do not suffice to convert it.
+    """
+    given = entry.loading
+    if given is None and trial.draft is not None and quantity != 'displacement_kg':
+        given = ('draft_m', trial.draft)
+        if quantity == 'draft_factor' and craft.draft_m is None:
+            given = None
+    if given is None:
+        design = {'draft_factor': 1.0, 'draft_m': craft.draft_m, 'displacement_kg': craft.displacement_kg}[quantity]
+        if design is None:
+            raise InputError(f"its {quantity} is not given: write it beside the file, or the craft's design value")
+        return design
+    name, value = given
+    if name == quantity:
+        return value
+    if craft.draft_m is not None and {name, quantity} == {'draft_factor', 'draft_m'}:
+        return value * craft.draft_m if quantity == 'draft_m' else value / craft.draft_m
+    raise InputError(
+        f"its {name} cannot be told as {quantity}, which the campaign's other trials give: give {quantity}, or "
+        "the craft's draft_m for drafts and draft factors"
+    )
+
+
+def _prepared(entry, manifest, quantity):
+    """Read, cut and check one trial; whatever is wrong becomes the reason to leave it out."""
+    name = entry.path.name
+    try:
+        sha256 = source_hash(entry.path)
+        trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame)
+        refuse_contradictions(trial, entry.axis)
+        problem = prepare([trial.axis(entry.axis)], entry.start, entry.end)
+        angle = entry.initial_angle_deg
+        if angle is None:
+            angle = _rounded_angle(trial, problem)
+        loading = round(loading_of(entry, trial, manifest.craft, quantity), 9)
+    except InputError as error:
+        return TrialOutcome(entry, name, reason=_with_line(entry, error))
+    except Exception as error:  # noqa: BLE001 - one damaged file must not stop the others; its reason is reported
+        return TrialOutcome(entry, name, reason=_with_line(entry, f'{type(error).__name__} while reading it: {error}'))
+    record = Record(name, Condition(entry.axis, loading, float(angle)), entry.repeat or 0, problem)
+    return TrialOutcome(entry, name, sha256, record, '', tuple(dict.fromkeys((*trial.advice, *problem.advice))))
+
+
+def _with_line(entry, reason):
+    return f'line {entry.line}: {reason}'
+
+
+def _rounded_angle(trial, problem):
+    """Initial angle that the file tells, or that the decay began with, deg."""
+    if trial.initial_angle is not None:
+        return round(math.degrees(trial.initial_angle), 6)
+    return round(math.degrees(problem.scales.amplitude) / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
+
+
+def _without_copies(trials):
+    """Leave out what has the very content, axis and bounds of a trial before: a copy is no repeat."""
+    found, first = [], {}
+    for t in trials:
+        if t.record is not None:
+            what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic
+            original = first.setdefault(what, t)
+            if original is not t:
+                reason = f'it has the same content as {original.name}, and would count twice as a repeat that it is not'
+                t = TrialOutcome(t.entry, t.name, t.sha256, None, _with_line(t.entry, reason))
+        found.append(t)
+    return found
+
+
+def _numbered(trials):
+    """Give repeats without a number the next free one of their condition; refuse those taken twice."""
+    taken = {}
+    for t in trials:
+        if t.record is not None and t.record.repeat:
+            taken.setdefault(t.record.condition, Counter())[t.record.repeat] += 1
+    found, seen = [], set()
+    for t in trials:
+        if t.record is None:
+            found.append(t)
+            continue
+        r, used = t.record, taken.setdefault(t.record.condition, Counter())
+        number = r.repeat or next(k for k in range(1, len(trials) + 2) if not used[k])
+        if (r.condition, number) in seen:
+            reason = f'its condition and repeat ({r}) are those of another trial: give it another repeat'
+            found.append(TrialOutcome(t.entry, t.name, t.sha256, None, _with_line(t.entry, reason)))
+            continue
+        seen.add((r.condition, number))
+        used[number] += 1
+        record = Record(r.name, r.condition, number, r.problem)
+        found.append(TrialOutcome(t.entry, t.name, t.sha256, record, '', t.advice))
+    return found
+
+
+def _with_failure(trial, left_out):
+    if trial.record is None or str(trial.record) not in left_out:
+        return trial
+    return TrialOutcome(
+        trial.entry, trial.name, trial.sha256, None, _with_line(trial.entry, left_out[str(trial.record)])
+    )
+
+
+def _timed(function, arguments):
+    """Result in plain data and the processor time that it took, s; runs in the worker."""
+    began = time.process_time()
+    return _plain(function(*arguments)), time.process_time() - began
+
+
+def _plain(result):
+    return [r.plain() for r in result] if isinstance(result, tuple) else result.plain()
+
+
+class _Work:
+    """Gets results of tasks: from the store, or by the executor and then into the store."""
+
+    def __init__(self, store, executor, tell):
+        self._store, self._executor, self._tell = store, executor, tell
+        self._done = self._total = 0
+        self.computed = self.kept = 0
+        self.cpu_s = 0.0
+        self.failures = []
+
+    def expect(self, tasks):
+        """Say how many tasks there are in all."""
+        self._total = tasks
+
+    def results(self, tasks):
+        """Key to plain result of every task that succeeded."""
+        tasks = list({task.key: task for task in tasks}.values())
+        found, pending = {}, {}
+        for task in tasks:
+            kept = self._store.get(task.key)
+            if kept is not None:
+                found[task.key] = kept['result']
+                self._count(kept['cpu_s'])
+                self.kept += 1
+        try:
+            for task in tasks:
+                if task.key not in found:
+                    future = self._executor.submit(_timed, task.function, task.arguments)
+                    if future.done():
+                        self._finish(future, task, found)
+                    else:
+                        pending[future] = task
+                    self._say(pending)
+            while pending:
+                finished, _ = concurrent.futures.wait(pending, POLL_S, concurrent.futures.FIRST_COMPLETED)
+                for future in finished:
+                    self._finish(future, pending.pop(future), found)
+                self._say(pending)
+        except connection_losses() as error:
+            raise InputError(
+                'the connection to the Dask scheduler was lost: start it again, and give the same command again; '
+                'it goes on from the results that are kept'
+            ) from error
+        except BrokenProcessPool as error:
+            raise InputError(
+                'a worker process was killed, perhaps because memory ran out: give the same command again, with '
+                'fewer --jobs; '
+                'it goes on from the results that are kept'
+            ) from error
+        return found
+
+    def _finish(self, future, task, found):
+        try:
+            result, cpu_s = future.result()
+        except (BrokenProcessPool, *connection_losses()):
+            raise
+        except InputError as error:
+            self._fail(task, str(error))
+        except Exception as error:  # noqa: BLE001 - one failed fit must not stop the others; its reason is reported
+            self._fail(task, f'{type(error).__name__}: {error}')
+        else:
+            self._store.put(task.key, {'label': task.label, 'cpu_s': cpu_s, 'result': result})
+            # read back, so that a result is the same whether it was computed now or before
+            found[task.key] = self._store.get(task.key)['result']
+            self._count(cpu_s)
+            self.computed += 1
+
+    def _fail(self, task, reason):
+        self.failures.append(f'{task.label}: {reason}')
+        self._count(0.0)
+
+    def _count(self, cpu_s):
+        self._done += 1
+        self.cpu_s += cpu_s
+
+    def _say(self, pending):
+        running = tuple(task.label for future, task in pending.items() if future.running())
+        self._tell(Progress(self._done, max(self._total, self._done), running))
+
+
+class _AxisPlan:
+    """The tasks of one axis."""
+
+    def __init__(self, axis, manifest, trials, work):
+        used = [t for t in trials if t.record is not None and t.record.condition.axis == axis]
+        used.sort(key=lambda t: (t.record.condition, t.record.repeat))
+        self._axis, self._manifest, self._work = axis, manifest, work
+        self._records = [t.record for t in used]
+        self._ids = {str(t.record): _identity(t) for t in used}
+        self._sources = {str(t.record): {'file': t.name, 'sha256': t.sha256} for t in used}
+        self._names = [e.name for e in _equations(manifest, axis)]
+        self.left_out = {}
+
+    @property
+    def task_count(self):
+        """Tasks to come, at most."""
+        groups = [g for g in (*self._conditions().values(), *self._drafts().values()) if len(g) > 1]
+        return len(self._records) * (len(self._manifest.objectives) * (len(self._names) + 1) + 1) + len(groups) * (
+            len(self._names) + 1
+        )
+
+    def carry_out(self, quantity):
+        """Do everything; None where nothing succeeded."""
+        single = self._single_fits()
+        self._drop_failed(single)
+        if not self._records or not self._names:
+            return None
+        settled = self._settled(single)
+        simulated = settled['simulation']
+        groups = self._conditions() | self._drafts()
+        together = self._together(groups, simulated)
+        judgements = self._judged(simulated)
+        records = tuple(self._records)
+        order = [str(r) for r in records]
+        fits = {objective: tuple(kept[o][1] for o in order) for objective, kept in settled.items()}
+        by_draft = {k: v for k, v in together.items() if not isinstance(k, Condition)}
+        ranking = rank_campaign(self._axis, list(by_draft.values()), fits['simulation'], judgements)
+        choice = self._names.index(ranking.choice.equation)
+        return AxisOutcome(
+            axis=self._axis,
+            records=records,
+            names=tuple(self._names),
+            fits=fits,
+            judgements=judgements,
+            best=best_repeats(records, fits['simulation']),
+            together={k: v for k, v in together.items() if isinstance(k, Condition)},
+            by_draft=by_draft,
+            ranking=ranking,
+            schedule=schedule_of(
+                list(by_draft.values()),
+                ranking.choice.equation,
+                list(by_draft),
+                quantity,
+                [self._provenance(group) for group in self._drafts().values()],
+            ),
+            spreads=tuple(
+                spread
+                for condition, group in self._conditions().items()
+                if len(group) > 1
+                for spread in spread_of_repeats(
+                    condition, [fits['simulation'][order.index(str(r))][choice] for r in group]
+                )
+            ),
+        )
+
+    def _settings(self, objective, equation=None):
+        return settings_for(equation, objective, self._manifest.search)
+
+    def _conditions(self):
+        groups = {}
+        for record in self._records:
+            groups.setdefault(record.condition, []).append(record)
+        return groups
+
+    def _drafts(self):
+        groups = {}
+        for record in self._records:
+            groups.setdefault(record.condition.loading, []).append(record)
+        return dict(sorted(groups.items()))
+
+    def _fit_key(self, record, objective, name):
+        terms = equation_named(name).terms
+        return key_of('fit', self._ids[str(record)], name, terms, objective, asdict(self._manifest.search))
+
+    def _single_fits(self):
+        """(record, objective, equation) to key and summary."""
+        tasks = {}
+        for record in self._records:
+            for objective in self._manifest.objectives:
+                for name in self._names:
+                    key = self._fit_key(record, objective, name)
+                    arguments = (record.problem, self._settings(objective, name))
+                    tasks[str(record), objective, name] = Task(
+                        key, f'{record}, {name}, {objective}', fit_one, arguments
+                    )
+        results = self._work.results(list(tasks.values()))
+        return {
+            place: (task.key, FitSummary.from_plain(results[task.key]))
+            for place, task in tasks.items()
+            if task.key in results
+        }
+
+    def _drop_failed(self, single):
+        """Leave out equations that failed on every record, and records on which another failed."""
+
+        def failed(record, name):
+            return any((str(record), objective, name) not in single for objective in self._manifest.objectives)
+
+        self._names = [n for n in self._names if not all(failed(r, n) for r in self._records)]
+        for record in list(self._records):
+            names = [n for n in self._names if failed(record, n)]
+            if names:
+                self.left_out[str(record)] = f'the fit of {", ".join(names)} failed; see the failures'
+                self._records.remove(record)
+
+    def _settled(self, single):
+        """Objective to record to key and summaries, in the order of the equations."""
+        tasks = {}
+        for record in self._records:
+            for objective in self._manifest.objectives:
+                kept = [single[str(record), objective, name] for name in self._names]
+                key = key_of('settle', [k for k, _ in kept])
+                arguments = (record.problem, self._settings(objective), tuple(s for _, s in kept))
+                tasks[objective, str(record)] = Task(key, f'{record}, nested equations, {objective}', settle, arguments)
+        return self._grouped_summaries(tasks)
+
+    def _grouped_summaries(self, tasks):
+        results = self._work.results(list(tasks.values()))
+        found = {}
+        for (group, member), task in tasks.items():
+            if task.key not in results:
+                raise InputError(f'{task.label} failed: {self._work.failures[-1]}')
+            summaries = tuple(FitSummary.from_plain(p) for p in results[task.key])
+            found.setdefault(group, {})[member] = (task.key, summaries)
+        return found
+
+    def _together(self, groups, simulated):
+        """Condition or draft to summaries, in the order of the equations."""
+        settings = self._settings('simulation')
+        several = {place: group for place, group in groups.items() if len(group) > 1}
+        problems = {place: joined([r.problem for r in group]) for place, group in several.items()}
+        tasks = {}
+        for place, group in several.items():
+            kept = [simulated[str(r)] for r in group]
+            for index, name in enumerate(self._names):
+                key = key_of('together', name, [k for k, _ in kept])
+                arguments = (problems[place], settings, name, tuple(summaries[index] for _, summaries in kept))
+                tasks[place, name] = Task(
+                    key, f'{_place_name(place)}, {len(group)} records, {name}', fit_together, arguments
+                )
+        results = self._work.results(list(tasks.values()))
+        orders = {}
+        for place in several:
+            own = [tasks[place, name] for name in self._names]
+            missing = [t.label for t in own if t.key not in results]
+            if missing:
+                raise InputError(f'{missing[0]} failed: {self._work.failures[-1]}')
+            arguments = (problems[place], settings, tuple(FitSummary.from_plain(results[t.key]) for t in own))
+            key = key_of('settle', [t.key for t in own])
+            orders['together', place] = Task(key, f'{_place_name(place)}, nested equations', settle, arguments)
+        settled = self._grouped_summaries(orders).get('together', {})
+        return {
+            place: settled[place][1] if place in settled else simulated[str(group[0])][1]
+            for place, group in groups.items()
+        }
+
+    def _judged(self, simulated):
+        """Record to judgements, in the order of the records."""
+        tasks = {}
+        for group in self._conditions().values():
+            for index, record in enumerate(group):
+                other = group[(index + 1) % len(group)] if len(group) > 1 else None
+                key, summaries = simulated[str(record)]
+                tasks[str(record)] = Task(
+                    key_of('judge', key, self._ids[str(other)] if other else None),
+                    f'{record}, forecasts',
+                    judge,
+                    (record.problem, self._settings('simulation'), summaries, other.problem if other else None),
+                )
+        found = self._work.results(list(tasks.values()))
+        missing = [t.label for t in tasks.values() if t.key not in found]
+        if missing:
+            raise InputError(f'{missing[0]} failed: {self._work.failures[-1]}')
+        return tuple(tuple(Judgement.from_plain(p) for p in found[tasks[str(record)].key]) for record in self._records)
+
+    def _provenance(self, group):
+        return {
+            'software': f'swath_sysid {__version__}',
+            'campaign': self._manifest.title,
+            'sources': [self._sources[str(r)] for r in group],
+            'segments_s': [[float(s.start), float(s.end)] for r in group for s in r.problem.segments],
+            'search': asdict(self._manifest.search),
+        }
+
+
+def _equations(manifest, axis):
+    if manifest.equations:
+        return [equation_named(name) for name in manifest.equations]
+    chosen = equations_of_axis(axis)
+    if manifest.search.preset:
+        return [e for e in chosen if 'b0' not in e.terms]
+    return list(chosen)
+
+
+def _place_name(place):
+    return str(place) if isinstance(place, Condition) else f'all at {place:g}'
+
+
+def _identity(trial):
+    """All that a prepared record depends on."""
+    e = trial.entry
+    return [RESULT_FORMAT, __version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic]

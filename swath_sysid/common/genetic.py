@@ -1,0 +1,164 @@
+"""A real-coded genetic algorithm with ask and tell: it never calls the objective.
+
+The papers name its parameters without defining them; they are read here as follows.
+
+- *crossover* 0.8: probability that a pair of parents is recombined, else the first is copied.
+- *mutation* 0.15: probability that a variable of a child is disturbed.
+- *genetic factor* 0.05: share of the population that is inherited unchanged (elitism).
+- *evolution weight* 0.9: probability that the better of two wins the tournament for parenthood.
+
+Recombination places the child on the line through its parents, up to 0.6 of their distance
+beyond each: the blend crossover of Eshelman and Schaffer, taken along the line so that correlated
+variables stay correlated, a little wider than their 0.5 so that a narrow valley is not left
+early. Mutation is scaled by the spread of the population, so that the search sharpens as it
+converges, whatever the budget.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import qmc
+
+from swath_sysid.common.stopping import Stagnation, stop_reason
+
+BLEND = 0.6
+MUTATION_SCALE = 1.0
+
+
+@dataclass(frozen=True)
+class GeneticSettings:
+    """Parameters of the genetic algorithm, by the papers' names.
+
+    Attributes
+    ----------
+    generations, population : int
+    crossover, mutation, genetic_factor, evolution_weight : float
+        See the module.
+    final_mutation : float or None
+        Where given, mutation falls geometrically from ``mutation`` to this over the budget.
+    patience : int
+        Generations without improvement before it stops; 0: never.
+    tolerance : float
+        Relative improvement of the objective that counts as one.
+    spread_tolerance : float
+        Spread of the population, as a share of the range, below which it has converged.
+    """
+
+    generations: int = 300
+    population: int = 80
+    crossover: float = 0.8
+    mutation: float = 0.15
+    genetic_factor: float = 0.05
+    evolution_weight: float = 0.9
+    final_mutation: float | None = None
+    patience: int = 25
+    tolerance: float = 1e-4
+    spread_tolerance: float = 1e-4
+
+
+class GeneticSearch:
+    """Minimise by genetic algorithm within bounds.
+
+    Parameters
+    ----------
+    lower, upper : array_like, shape (n,)
+    settings : GeneticSettings
+    seed : int
+    first : array_like, shape (k, n), optional
+        Candidates to include in the first generation.
+
+    Examples
+    --------
+    >>> search = GeneticSearch([-1, -1], [1, 1], GeneticSettings(), seed=1)
+    >>> while not search.should_stop():
+    ...     candidates = search.ask()
+    ...     search.tell((candidates**2).sum(axis=1))
+    """
+
+    def __init__(self, lower, upper, settings, seed, first=()):
+        self._lower = np.asarray(lower, dtype=float)
+        self._upper = np.asarray(upper, dtype=float)
+        self._settings = settings
+        self._rng = np.random.default_rng(seed)
+        self._first = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)
+        self._elite = max(1, round(settings.genetic_factor * settings.population))
+        self._stagnation = Stagnation(settings.patience, settings.tolerance)
+        self._asked = None
+        self._population = np.empty((0, self._lower.size))
+        self._values = np.empty(0)
+        self.generation = 0
+        self.evaluations = 0
+
+    @property
+    def best(self):
+        """The best candidate so far, shape (n,)."""
+        return self._population[0]
+
+    @property
+    def best_value(self):
+        """Its objective value."""
+        return float(self._values[0])
+
+    def ask(self):
+        """Candidates of the next generation, shape (P, n)."""
+        self._asked = self._children() if self.generation else self._first_generation()
+        return self._asked
+
+    def tell(self, values):
+        """Objective values of the candidates asked for, shape (P,); not finite counts as worst."""
+        values = np.where(np.isfinite(values), values, np.inf)
+        kept = self._elite if self.generation else 0
+        population = np.concatenate([self._population[:kept], self._asked])
+        values = np.concatenate([self._values[:kept], values])
+        order = np.argsort(values, kind='stable')[: self._settings.population]
+        self._population, self._values = population[order], values[order]
+        self.evaluations += len(self._asked)
+        self.generation += 1
+        self._stagnation.note(self._values[0])
+
+    def should_stop(self):
+        """Name of the rule that stops the search, or None; see `stop_reason`."""
+        if not self.generation:
+            return None
+        spread = np.ptp(self._population, axis=0) / (self._upper - self._lower)
+        return stop_reason(self.generation, self._settings, self._stagnation, spread.max())
+
+    def _first_generation(self):
+        sample = qmc.LatinHypercube(self._lower.size, seed=self._rng).random(self._settings.population)
+        population = self._lower + sample * (self._upper - self._lower)
+        population[: len(self._first)] = self._first[: len(population)]
+        return population
+
+    def _children(self):
+        count = self._settings.population - self._elite
+        first, second = self._parents(count), self._parents(count)
+        children = np.where(
+            self._rng.random((count, 1)) < self._settings.crossover,
+            first + self._rng.uniform(-BLEND, 1.0 + BLEND, (count, 1)) * (second - first),
+            first,
+        )
+        disturbed = self._rng.random(children.shape) < self._mutation_probability()
+        children += np.where(disturbed, MUTATION_SCALE * self._mutation_steps(count), 0.0)
+        return self._reflected(children)
+
+    def _parents(self, count):
+        """Binary tournaments, won by the better with probability ``evolution_weight``."""
+        pair = np.sort(self._rng.integers(0, len(self._population), (2, count)), axis=0)
+        better_wins = self._rng.random(count) < self._settings.evolution_weight
+        return self._population[np.where(better_wins, pair[0], pair[1])]
+
+    def _mutation_probability(self):
+        start, end = self._settings.mutation, self._settings.final_mutation
+        if end is None:
+            return start
+        return start * (end / start) ** (self.generation / self._settings.generations)
+
+    def _mutation_steps(self, count):
+        """Normal steps of the population's own spread."""
+        return self._rng.normal(size=(count, self._lower.size)) * self._population.std(axis=0)
+
+    def _reflected(self, children):
+        """Bring children that left the range back in by reflection at its bounds."""
+        children = np.where(children < self._lower, 2 * self._lower - children, children)
+        children = np.where(children > self._upper, 2 * self._upper - children, children)
+        return np.clip(children, self._lower, self._upper)

@@ -1,0 +1,109 @@
+"""Particle swarm optimisation with ask and tell: it never calls the objective.
+
+The constriction form of Clerc and Kennedy (2002): inertia weight 0.7298, acceleration
+coefficients 1.49618, whole-swarm neighbourhood.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import qmc
+
+from swath_sysid.common.stopping import Stagnation, stop_reason
+
+
+@dataclass(frozen=True)
+class SwarmSettings:
+    """Parameters of the swarm.
+
+    Attributes
+    ----------
+    generations, population : int
+        Iterations and particles.
+    inertia_weight : float
+        Share of its velocity that a particle keeps.
+    own_weight, swarm_weight : float
+        Pull of the particle's own best place and of the swarm's.
+    fastest : float
+        Greatest velocity as a share of the range.
+    patience, tolerance, spread_tolerance
+        Stop rules, as `GeneticSettings`.
+    """
+
+    generations: int = 300
+    population: int = 80
+    inertia_weight: float = 0.7298
+    own_weight: float = 1.49618
+    swarm_weight: float = 1.49618
+    fastest: float = 0.3
+    patience: int = 25
+    tolerance: float = 1e-4
+    spread_tolerance: float = 1e-4
+
+
+class ParticleSwarm:
+    """Minimise by particle swarm within bounds; the same use as `GeneticSearch`."""
+
+    def __init__(self, lower, upper, settings, seed, first=()):
+        self._lower = np.asarray(lower, dtype=float)
+        self._upper = np.asarray(upper, dtype=float)
+        self._range = self._upper - self._lower
+        self._settings = settings
+        self._rng = np.random.default_rng(seed)
+        sample = qmc.LatinHypercube(self._lower.size, seed=self._rng).random(settings.population)
+        self._place = self._lower + sample * self._range
+        first = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)
+        self._place[: len(first)] = first[: settings.population]
+        self._velocity = self._rng.uniform(-0.1, 0.1, self._place.shape) * self._range
+        self._own_best = self._place.copy()
+        self._own_value = np.full(settings.population, np.inf)
+        self._stagnation = Stagnation(settings.patience, settings.tolerance)
+        self.generation = 0
+        self.evaluations = 0
+
+    @property
+    def best(self):
+        """The best candidate so far, shape (n,)."""
+        return self._own_best[np.argmin(self._own_value)]
+
+    @property
+    def best_value(self):
+        """Its objective value."""
+        return float(self._own_value.min())
+
+    def ask(self):
+        """Places of the particles, shape (P, n)."""
+        if self.generation:
+            self._move()
+        return self._place.copy()
+
+    def tell(self, values):
+        """Objective values of the places asked for, shape (P,); not finite counts as worst."""
+        values = np.where(np.isfinite(values), values, np.inf)
+        better = values < self._own_value
+        self._own_best[better] = self._place[better]
+        self._own_value[better] = values[better]
+        self.evaluations += len(values)
+        self.generation += 1
+        self._stagnation.note(self.best_value)
+
+    def should_stop(self):
+        """Name of the rule that stops the search, or None; see `stop_reason`."""
+        if not self.generation:
+            return None
+        spread = (np.ptp(self._own_best, axis=0) / self._range).max()
+        return stop_reason(self.generation, self._settings, self._stagnation, spread)
+
+    def _move(self):
+        s = self._settings
+        own, swarm = self._rng.random((2, *self._place.shape))
+        self._velocity = (
+            s.inertia_weight * self._velocity
+            + s.own_weight * own * (self._own_best - self._place)
+            + s.swarm_weight * swarm * (self.best - self._place)
+        )
+        self._velocity = np.clip(self._velocity, -s.fastest * self._range, s.fastest * self._range)
+        self._place = self._place + self._velocity
+        outside = (self._place < self._lower) | (self._place > self._upper)
+        self._velocity[outside] *= -0.5
+        self._place = np.clip(self._place, self._lower, self._upper)

@@ -1,1 +1,0 @@
-"""Bags, CSV trials, MTi exports and model files."""

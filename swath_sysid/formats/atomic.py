@@ -1,0 +1,67 @@
+"""Writing files so that nobody ever sees half of one."""
+import os
+import shutil
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+from swath_sysid.common.errors import InputError
+
+
+@contextmanager
+def replacing(path):
+    """A temporary name to write a file or a folder under, which takes the final name at the end.
+
+    The temporary lies in a hidden folder beside the final place, and bears the final name there.
+    If the block raises, nothing is left behind and what was at `path` before stays. A symbolic link
+    stays one: what it points at is replaced.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where the file or folder shall be at the end.
+
+    Yields
+    ------
+    Path
+        Where to write; nothing is there yet.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist or cannot be written to, the disk is full, or a folder stands at
+        `path` already (folders are never replaced).
+    """
+    if not Path(path).name:
+        raise InputError(f"'{path}' names no file: give one")
+    try:
+        path = Path(os.path.realpath(path))
+    except ValueError as error:
+        raise InputError(f'a file cannot have this name ({error}): choose another') from error
+    if path.is_dir():
+        raise InputError(f'{path} is a folder that exists already: choose another name, or remove it first')
+    if path.exists() and not path.is_file():
+        raise InputError(f'{path} is a device or a pipe: give the name of a file')
+    if path.is_symlink():
+        raise InputError(f'{path} is a symbolic link that leads back to itself: choose another name')
+    try:
+        workshop = Path(tempfile.mkdtemp(prefix='.writing-', dir=path.parent))
+    except OSError as error:
+        raise InputError(f'cannot write {path}: {error.strerror} ({path.parent}); choose a folder that exists '
+                         f'and may be written to') from error
+    try:
+        temporary = workshop / path.name
+        yield temporary
+        if temporary.is_file():
+            _flush_to_disk(temporary)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f'cannot write {path}: {error.strerror or error}; choose another place') from error
+    finally:
+        shutil.rmtree(workshop, ignore_errors=True)
+
+
+def _flush_to_disk(path):
+    """Wait until the content is on the disk: a rename may outlive a power cut that the content does not."""
+    with open(path, 'rb+') as file:
+        os.fsync(file.fileno())

@@ -1,0 +1,409 @@
+"""CSV trials: a line of column names that say their units, and lines of numbers."""
+import math
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.sensor_mount import ACCEL, QUATERNION, Installation, assemble_trial
+from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.tables import listed_names, read_columns, read_head, shown
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, ISO 80000-3."""
+
+EPOCH_SECONDS = 1e8
+"""A time column that begins beyond this counts from an epoch, and is told from its first sample instead."""
+
+TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
+SAMPLES = 'samples'
+"""The unit of a time column that numbers the samples; a comment line says how many a second."""
+
+ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
+RATE_UNITS = {'rad_s': 1.0, 'deg_s': np.pi / 180}
+ACCELERATION_UNITS = {'m_s2': 1.0, 'g': STANDARD_GRAVITY}
+LENGTH_UNITS = {'m': 1.0}
+
+TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
+QUANTITIES = (
+    (('roll', 'roll_angle'), 'roll', ANGLE_UNITS),
+    (('pitch', 'pitch_angle'), 'pitch', ANGLE_UNITS),
+    (('yaw', 'yaw_angle'), 'yaw', ANGLE_UNITS),
+    (('heading',), 'heading', ANGLE_UNITS),
+    (('roll_rate',), 'roll_rate', RATE_UNITS),
+    (('pitch_rate',), 'pitch_rate', RATE_UNITS),
+    (('yaw_rate',), 'yaw_rate', RATE_UNITS),
+    (('heave',), 'heave', LENGTH_UNITS),
+    *(((f'gyro_{part}', f'gyr_{part}', f'angular_velocity_{part}'), f'gyro_{part}', RATE_UNITS) for part in 'xyz'),
+    *(((f'accel_{part}', f'acc_{part}', f'linear_acceleration_{part}'), f'accel_{part}', ACCELERATION_UNITS)
+      for part in 'xyz'),
+    *(((f'quaternion_{part}', f'orientation_{part}', f'q{part}'), f'quaternion_{part}', {'': 1.0})
+      for part in 'xyzw'),
+)
+"""Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
+
+TIMES = ('time', 'time_sec', 'time_nanosec')
+
+LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}
+"""rad, with some rounding: beyond these there is no roll or pitch."""
+
+BROKEN_PACKETS, BROKEN_SHARE = 3, 0.002
+"""So many values beyond all limits, or this part of them, may be broken packets."""
+
+LEAST_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7
+"""Half the range of angles in rad of a craft that moves by 2 to 40 deg."""
+
+LEAST_SAMPLES_A_CYCLE = 8
+"""Noise of a sensor at rest turns faster."""
+
+SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3
+"""Two columns of one quantity may differ by this part of its size, or by as much in SI units: rounding."""
+
+MOTION = frozenset(('roll', 'pitch', 'roll_rate', 'pitch_rate', 'gyro_x', 'gyro_y', 'quaternion_x'))
+"""Readings without any of which there is no roll or pitch."""
+
+UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
+
+LOOKED_FOR = ('roll_rad', 'pitch_rad', 'roll_deg', 'pitch_deg', 'roll_rate_rad_s', 'pitch_rate_rad_s',
+              'gyro_x_rad_s', 'gyro_y_rad_s (or _deg_s)')
+
+WRITTEN_UNITS = {'roll': 'rad', 'pitch': 'rad', 'roll_rate': 'rad_s', 'pitch_rate': 'rad_s',
+                 'accel_x': 'm_s2', 'accel_y': 'm_s2', 'accel_z': 'm_s2', 'yaw_rate': 'rad_s', 'heave': 'm'}
+
+LINES_AT_ONCE = 100_000
+
+
+def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
+    """Read a trial from a CSV file.
+
+    Columns are found by name, in any order; capitals, spaces, brackets and slashes do not matter:
+    ``Roll rate [deg/s]`` is ``roll_rate_deg_s``. Delimiters are comma, semicolon, tab or spaces;
+    with the others than the comma, numbers may have decimal commas.
+
+    ===================================== ======================= ===========================
+    column                                units                   reading
+    ===================================== ======================= ===========================
+    time, t, stamp, timestamp             s, ms, us, ns, samples  needed
+    roll, pitch, yaw                      rad, deg                Euler angles
+    heading                               rad, deg                clockwise from north
+    quaternion_x, _y, _z, _w              (none)                  orientation
+    roll_rate, pitch_rate, yaw_rate       rad_s, deg_s            Euler rates
+    gyro_x, _y, _z                        rad_s, deg_s            body rates
+    accel_x, _y, _z                       m_s2, g                 specific force
+    heave                                 m                       along the frame's vertical
+    ===================================== ======================= ===========================
+
+    Comment lines above (``# key: value``) may give ``draft_m``, ``initial_angle_deg`` or
+    ``initial_angle_rad``, ``frame``, ``mounting_deg`` (roll, pitch, yaw of the sensor, as in ``180, 0, 0``), and
+    ``sample_rate_hz``, which goes with ``time_samples``.
+
+    A quantity that stands in two columns is read where both agree.
+
+    Parameters
+    ----------
+    path : str or Path
+    frame : str, optional
+        ``flu`` or ``frd``; by default what the file says of itself, else ``flu``.
+    mounting : tuple of 3 floats
+        Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, what the file says of itself.
+
+    Returns
+    -------
+    Trial
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, lacks a time column or any roll or pitch motion, names a column
+        without its unit, holds columns that contradict each other or values that their unit cannot
+        have, or holds too few usable rows.
+    """
+    path = Path(path)
+    try:
+        head = read_head(path)
+        columns, unitless = _find_columns(path, head.names)
+        values, advice = read_columns(path, head, [column.index for column in columns])
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from error
+    check_units(path, columns, values)
+    readings = _agreeing(path, columns, values)
+    if unitless:
+        advice += (Advice('unit-missing', (
+            f'columns without a unit left out ({listed_names(unitless)}): {UNIT_ADVICE}'
+        )),)
+    times = [column for column in columns if column.reading in TIMES]
+    time = _time([readings.pop(name) for name in TIMES if name in readings])
+    if times[0].unit == SAMPLES:
+        time = time / _sample_rate(path, head.remarks)
+    trial = assemble_trial(
+        time, readings, _installation(path, head.remarks, frame, mounting), source=str(path),
+        draft=_remark(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks),
+        advice=(*advice, *small_angle_advice(columns, values)),
+    )
+    swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
+    start = _first_finite(values[columns.index(times[0])]) * times[0].scale
+    moved = trial.time + (start - trial.time[0]) if times[0].unit == 's' else trial.time
+    told = check_time_base(moved, swinging, path, times[0].name, times[0].unit)
+    return replace(trial, advice=(*trial.advice, *told))
+
+
+def write_csv(path, trial):
+    """Write a trial as a CSV file that `read_csv` reads back exactly.
+
+    Parameters
+    ----------
+    path : str or Path
+    trial : Trial
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    names = ['time_s', *(f'{name}_{WRITTEN_UNITS[name]}' for name in trial.channels)]
+    columns = [np.asarray(values, dtype=float) for values in (trial.time, *trial.channels.values())]
+    remarks = {'frame': 'flu', 'draft_m': trial.draft, 'initial_angle_rad': trial.initial_angle}
+    with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
+        for key, value in remarks.items():
+            if value is not None:
+                file.write(f'# {key}: {value}\n')
+        file.write(','.join(names) + '\n')
+        for start in range(0, trial.time.size, LINES_AT_ONCE):
+            rows = zip(*(column[start:start + LINES_AT_ONCE].tolist() for column in columns), strict=True)
+            file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that is read: what it holds, where it stands, and in which unit."""
+
+    reading: str
+    name: str
+    index: int
+    unit: str
+    scale: float
+
+
+def _find_columns(path, names):
+    """The columns to read, those of the time first, and the names of those that lack a unit."""
+    known = {f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
+             for aliases, reading, units in QUANTITIES for alias in aliases for unit, scale in units.items()}
+    bare = {alias for aliases, _, units in QUANTITIES for alias in aliases if '' not in units}
+    plain = [_plain_name(name) for name in names]
+    columns, unitless = _time_columns(plain, names), []
+    if not columns:
+        _refuse_without_time(path, names, plain)
+    for index, name in enumerate(plain):
+        if name in known:
+            reading, unit, scale = known[name]
+            columns.append(Column(reading, names[index], index, unit, scale))
+        elif name in bare:
+            unitless.append(names[index])
+    if not any(column.reading in MOTION for column in columns):
+        if unitless:
+            raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}")
+        raise InputError(f'{path} has no roll or pitch motion: looked for {", ".join(LOOKED_FOR)}, '
+                         f'found {listed_names(names)}; name the columns so')
+    refuse_doubled(path, [column.name for column in columns])
+    return columns, unitless
+
+
+def refuse_doubled(path, names):
+    """Refuse a table in which a column that is read stands twice.
+
+    Parameters
+    ----------
+    path : Path
+    names : sequence of str
+        Of the columns that are read, as written.
+
+    Raises
+    ------
+    InputError
+    """
+    plain = [_plain_name(name) for name in names]
+    twice = next((name for place, name in enumerate(names) if plain[place] in plain[:place]), None)
+    if twice is not None:
+        raise InputError(f"{path} has two columns '{shown(twice)}': leave one out, or rename it")
+
+
+def _agreeing(path, columns, values):
+    """Reading to values in SI units, of the first column of each; columns that contradict it are refused."""
+    readings, first = {}, {}
+    for column, row in zip(columns, values, strict=True):
+        row = row if column.scale == 1 else row * column.scale
+        if column.reading not in readings:
+            readings[column.reading], first[column.reading] = row, column
+        elif column.reading != 'yaw' and not _agree(readings[column.reading], row):
+            raise InputError(f"{path}: its columns '{shown(first[column.reading].name)}' and '{shown(column.name)}' "
+                             f'contradict each other: leave out the one that is wrong')
+    _refuse_contradicting_orientation(path, readings)
+    return readings
+
+
+def _agree(one, other):
+    """Whether two columns say the same, as far as rounding and a few broken packets allow."""
+    apart = np.abs(one - other)
+    known = np.isfinite(apart)
+    if not known.any():
+        return True
+    size = np.percentile(np.abs(one[known] - np.median(one[known])), 95)
+    return float(np.percentile(apart[known], 90)) <= max(SAME_SHARE * float(size), SAME_AT_LEAST)
+
+
+def _refuse_contradicting_orientation(path, readings):
+    """Hold roll and pitch against the quaternion."""
+    if not all(part in readings for part in QUATERNION):
+        return
+    roll, pitch, _ = euler_angles(*(readings[part] for part in QUATERNION))
+    for name, angle in (('roll', roll), ('pitch', pitch)):
+        if name in readings and np.isfinite(angle).any() and not _agree(readings[name], angle):
+            raise InputError(f'{path}: its {name} and its quaternion contradict each other: leave out the one that is '
+                             f'wrong')
+
+
+def check_units(path, columns, values):
+    """Refuse angles that are called rad and can only be degrees.
+
+    Parameters
+    ----------
+    path : Path
+    columns : sequence of Column
+    values : sequence of ndarray, shape (N,)
+        As written.
+
+    Raises
+    ------
+    InputError
+    """
+    for column, row in zip(columns, values, strict=True):
+        limit = LARGEST_ANGLES.get(column.reading)
+        known = row[np.isfinite(row)]
+        if column.unit != 'rad' or limit is None or not known.size:
+            continue
+        beyond = np.count_nonzero(np.abs(known) > limit)
+        if beyond > max(BROKEN_PACKETS, BROKEN_SHARE * known.size):
+            name = re.sub('rad', 'deg', column.name, flags=re.IGNORECASE)
+            raise InputError(f"{path}: '{shown(column.name)}' goes to {np.abs(known).max():.4g} in {beyond} rows, more "
+                             f"than an angle in rad can be: if it is in degrees, call it '{shown(name)}'")
+
+
+def small_angle_advice(columns, values):
+    """What to tell where all angles are called degrees and move as little as angles in rad do.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+    values : sequence of ndarray, shape (N,)
+        As written.
+
+    Returns
+    -------
+    tuple of Advice
+        Code ``hardly-moves``.
+    """
+    angles = {column.name: row[np.isfinite(row)] for column, row in zip(columns, values, strict=True)
+              if column.reading in LARGEST_ANGLES and column.unit == 'deg'}
+    swings = {name: float(np.subtract(*np.percentile(row, [99, 1]))) / 2 for name, row in angles.items() if row.size}
+    if not swings or not LEAST_SWING_RAD < max(swings.values()) < LARGEST_SWING_RAD:
+        return ()
+    name = max(swings, key=swings.get)
+    samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
+    if samples_a_cycle is None or samples_a_cycle < LEAST_SAMPLES_A_CYCLE:
+        return ()
+    return (Advice('hardly-moves', (
+        f"'{shown(name)}' swings by {swings[name]:.2g} deg only: if it is in rad, call it "
+        f"'{shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE))}'"
+    )),)
+
+
+def _sample_rate(path, remarks):
+    rate = _remark(path, remarks, 'sample_rate_hz')
+    if rate is None or not 0.0 < rate < math.inf:
+        raise InputError(f"{path} numbers its samples and does not say how many come a second: put a line "
+                         f"'# sample_rate_hz: 100' above the columns")
+    return rate
+
+
+def _refuse_without_time(path, names, plain):
+    """Say what is wrong where no time column was found."""
+    for name, simple in zip(names, plain, strict=True):
+        if simple in TIME_NAMES:
+            raise InputError(f"{path} has a column '{shown(name)}' without a unit: call it time_s, time_ms, time_us "
+                             f'or time_ns')
+    raise InputError(f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, '
+                     f'timestamp_), found {listed_names(names)}; name the columns so')
+
+
+def _time_columns(plain, names):
+    """The column (or the two columns, seconds and nanoseconds) of the time, by any of its names."""
+    for alias in TIME_NAMES:
+        for unit, scale in {**TIME_UNITS, SAMPLES: 1.0}.items():
+            found = [index for index, name in enumerate(plain) if name == f'{alias}_{unit}']
+            if found:
+                return [Column(TIMES[0], names[index], index, unit, scale) for index in found]
+    for alias in ('', *(f'{name}_' for name in TIME_NAMES)):
+        if f'{alias}sec' in plain and f'{alias}nanosec' in plain:
+            places = plain.index(f'{alias}sec'), plain.index(f'{alias}nanosec')
+            scales = 1.0, TIME_UNITS['ns']
+            return [Column(reading, names[index], index, 's', scale)
+                    for reading, index, scale in zip(TIMES[1:], places, scales, strict=True)]
+    return []
+
+
+def _time(parts):
+    """Seconds, from the first sample where the column counts from an epoch."""
+    seconds = parts[0]
+    start = _first_finite(seconds)
+    if abs(start) <= EPOCH_SECONDS:
+        return sum(parts[1:], seconds)
+    # subtracted before the nanoseconds are added: a double resolves an epoch to 0.2 us only
+    time = sum(parts[1:], seconds - start)
+    return time - _first_finite(time)
+
+
+def _first_finite(values):
+    finite = np.flatnonzero(np.isfinite(values))
+    return values[finite[0]] if finite.size else 0.0
+
+
+def _plain_name(name):
+    """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
+    plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
+    plain = re.sub('[^a-z0-9]+', '_', plain).strip('_')
+    return re.sub('_(per|p)_', '_', plain)
+
+
+def _installation(path, remarks, frame, mounting):
+    """How the sensor sits: as given, else as the file says of itself."""
+    if remarks.get('mounting_deg') and not any(mounting):
+        parts = re.split(r'[,;\s]+', remarks['mounting_deg'].strip('[]() '))
+        try:
+            mounting = tuple(float(part) * ANGLE_UNITS['deg'] for part in parts)
+        except ValueError as error:
+            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which are no three "
+                             f'angles: write it as 180, 0, 0') from error
+    return Installation(frame or remarks.get('frame', 'flu').lower(), mounting)
+
+
+def _remark(path, remarks, key):
+    """The number in a ``# key: value`` line, None where there is none."""
+    if not remarks.get(key):
+        return None
+    try:
+        return float(remarks[key].replace(',', '.'))
+    except ValueError as error:
+        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is no number: "
+                         f'correct that line') from error
+
+
+def _initial_angle(path, remarks):
+    angle = _remark(path, remarks, 'initial_angle_rad')
+    if angle is None and (degrees := _remark(path, remarks, 'initial_angle_deg')) is not None:
+        return degrees * ANGLE_UNITS['deg']
+    return angle

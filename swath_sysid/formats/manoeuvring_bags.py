@@ -1,0 +1,381 @@
+"""Rosbag2 records of manoeuvres: odometry, IMU, and thrusters as VRX names them or as a JointState."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.bags import opened_bag
+from swath_sysid.formats.mcap_checksums import add_checksums
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
+
+ODOMETRY, IMU, JOINTS = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/Imu', 'sensor_msgs/msg/JointState'
+NUMBERS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
+SIDES = {'port': re.compile(r'left|port', re.I), 'starboard': re.compile(r'right|starboard|stbd', re.I)}
+THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
+STORAGES = {'.mcap': StoragePlugin.MCAP, '.db3': StoragePlugin.SQLITE3}
+
+LARGEST_COMMAND = 1.0 + 1e-6
+CLOCKS_APART = 1.0
+"""s by which header stamps and times of arrival may wander against each other."""
+
+SAME_TIME = 3
+"""Decimals, s, to which two messages count as simultaneous."""
+
+TWIST_SPAN = 3.0
+"""s over which velocity and change of position are compared."""
+
+LONGEST_HOLD = 1.0
+"""s for which one thruster's last message still counts beside the other's."""
+
+
+def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=None, thrust_input=None):
+    """Read a record of a manoeuvre from a bag.
+
+    Pose and twist come from nav_msgs/Odometry (pose in ENU, twist in body axes x forward, y to port), yaw rate from
+    sensor_msgs/Imu where there is one, thrust from two std_msgs/Float64 (or Float32) topics with left or port, right or
+    starboard in their names, or from a sensor_msgs/JointState with two such joints (effort, else velocity).
+
+    Parameters
+    ----------
+    path : str or Path
+        A bag folder, or a single .mcap or .db3 file.
+    odometry, imu, port, starboard : str, optional
+        Topics, where several could be meant.
+    thrust_input : str, optional
+        ``force`` or ``command``; by default commands if all values are within -1 and 1.
+
+    Returns
+    -------
+    ManoeuvringTrial
+
+    Raises
+    ------
+    InputError
+        There is no such bag or topic, or the choice is open.
+    """
+    path = Path(path)
+    with opened_bag(path) as (readers, advice):
+        advice = list(advice)
+        connections = [(reader, c) for reader in readers for c in reader.connections]
+        topics = {}
+        for _, connection in connections:
+            topics.setdefault(connection.msgtype, set()).add(connection.topic)
+        chosen = _choose(path, topics, odometry, imu, port, starboard)
+        tables = _read(path, readers, set(chosen.values()), advice)
+    pose = tables[chosen['odometry']]
+    offset = _clock_offset(pose, path, advice)
+    shifted = {topic: _times(table, offset) for topic, table in tables.items()}
+    sides, effort = _thrust(chosen, tables, shifted, path)
+    time, left, right = _together(*sides)
+    most = max(np.max(np.abs(left), initial=0.0), np.max(np.abs(right), initial=0.0))
+    if thrust_input is None:
+        thrust_input = FORCE if effort or most > LARGEST_COMMAND else COMMAND
+        if thrust_input == COMMAND:
+            advice.append(Advice('taken-as-commands', (
+                f'{path}: the thrusters stay within -1 and 1 and are taken as normalised commands; if they are N, say '
+                f'so (--thrust-input force)')))  # fmt: skip
+    motion = _motion(pose['values'], shifted[chosen['odometry']], path, advice)
+    series = {name: (shifted[chosen['odometry']], values) for name, values in motion.items()}
+    if 'imu' in chosen and tables[chosen['imu']]['values'].size:
+        series['yaw_rate'] = (shifted[chosen['imu']], tables[chosen['imu']]['values'][:, 0])
+    start = min(time[0], *(t[0] for t, _ in series.values()))
+    series = {name: (np.round(t - start, SAME_TIME), values) for name, (t, values) in series.items()}
+    time = np.round(time - start, SAME_TIME)
+    everything = np.unique(np.concatenate([time, *(t for t, _ in series.values())]))
+
+    def on_all(times, values):
+        found = np.full(everything.size, np.nan)
+        found[np.searchsorted(everything, times)] = values
+        return found
+
+    return ManoeuvringTrial(
+        everything, on_all(time, left), on_all(time, right), thrust_input,
+        **{name: on_all(times, values) for name, (times, values) in series.items()}, frame='enu', source=str(path),
+        advice=tuple(advice),
+    )  # fmt: skip
+
+
+def holds_manoeuvres(path):
+    """Whether a bag holds odometry and thrust, and whether it holds an IMU.
+
+    Parameters
+    ----------
+    path : str or Path
+        A bag.
+
+    Returns
+    -------
+    manoeuvres, imu : bool
+    """
+    path = Path(path)
+    with opened_bag(path) as (readers, _):
+        topics = {}
+        for reader in readers:
+            for connection in reader.connections:
+                topics.setdefault(connection.msgtype, set()).add(connection.topic)
+    numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
+    sides = all(any(p.search(t) and THRUSTER.search(t) for t in numbers) for p in SIDES.values())
+    return bool(topics.get(ODOMETRY) and (sides or topics.get(JOINTS))), bool(topics.get(IMU))
+
+
+def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0):
+    """Write a simulated manoeuvre as VRX would have recorded it.
+
+    Topics ``/NAMESPACE/thrusters/left/thrust`` and ``right/thrust`` (std_msgs/Float64), ``/NAMESPACE/odometry``
+    (nav_msgs/Odometry) and ``/NAMESPACE/sensors/imu/imu/data`` (sensor_msgs/Imu).
+
+    Parameters
+    ----------
+    path : str or Path
+        ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
+    manoeuvre : Manoeuvre
+    namespace : str
+    start_stamp_ns : int
+        Stamp of the first sample.
+    """
+    path = Path(path)
+    kind = path.suffix if path.suffix in STORAGES else None
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with replacing(path) as temporary:
+        folder = temporary.with_suffix('') if kind else temporary
+        with Writer(folder, version=9, storage_plugin=STORAGES[kind or '.mcap']) as writer:
+            names = {
+                'odometry': (f'/{namespace}/odometry', ODOMETRY), 'imu': (f'/{namespace}/sensors/imu/imu/data', IMU),
+                'left': (f'/{namespace}/thrusters/left/thrust', NUMBERS[0]),
+                'right': (f'/{namespace}/thrusters/right/thrust', NUMBERS[0]),
+            }  # fmt: skip
+            opened = {key: (writer.add_connection(*name, typestore=store), name[1]) for key, name in names.items()}
+            for stamp, messages in _messages(store.types, manoeuvre, namespace, int(start_stamp_ns)):
+                for key, message in messages.items():
+                    connection, msgtype = opened[key]
+                    writer.write(connection, stamp, store.serialize_cdr(message, msgtype))
+        if kind != '.db3':
+            add_checksums(folder / f'{folder.name}.mcap')
+        if kind:
+            os.replace(folder / f'{folder.name}{kind}', temporary)
+
+
+def _choose(path, topics, odometry, imu, port, starboard):
+    """Topic of each role."""
+    chosen = {'odometry': _only(path, topics.get(ODOMETRY, set()), odometry, ODOMETRY, '--odometry')}
+    if imu or topics.get(IMU):
+        chosen['imu'] = _only(path, topics.get(IMU, set()), imu, IMU, '--imu')
+    numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
+    for side, given in (('port', port), ('starboard', starboard)):
+        if given is not None:
+            if given not in numbers:
+                raise InputError(f'{path} has no topic {given} of {NUMBERS[0]}: it has {_listed(numbers)}')
+            chosen[side] = given
+            continue
+        found = [t for t in numbers if SIDES[side].search(t) and THRUSTER.search(t)]
+        # a thruster may have an angle topic (.../pos) beside its thrust
+        found = [t for t in found if not re.search(r'(pos|angle|position)$', t)] or found
+        if len(found) > 1:
+            raise InputError(f'{path} has several topics for the {side} thruster ({_listed(found)}): choose one with '
+                             f'--{side}-topic')  # fmt: skip
+        if found:
+            chosen[side] = found[0]
+    if 'port' in chosen and 'starboard' in chosen:
+        return chosen
+    if topics.get(JOINTS):
+        chosen = {k: v for k, v in chosen.items() if k in ('odometry', 'imu')}
+        chosen['joints'] = _only(path, topics[JOINTS], None, JOINTS, '--port-topic and --starboard-topic')
+        return chosen
+    raise InputError(f'{path} has no thrust of both sides: looked for two topics of {NUMBERS[0]} with left or port and '
+                     f'right or starboard in their names, or one of {JOINTS}; choose with --port-topic and '
+                     f'--starboard-topic')  # fmt: skip
+
+
+def _only(path, topics, given, msgtype, option):
+    if given is not None:
+        if given not in topics:
+            raise InputError(f'{path} has no topic {given} of {msgtype}: it has {_listed(topics)}')
+        return given
+    if len(topics) != 1:
+        what = f'several topics ({_listed(topics)})' if topics else 'no topic'
+        raise InputError(f'{path} has {what} of {msgtype}: choose one with {option}' if topics else
+                         f'{path} has no topic of {msgtype}: record one')  # fmt: skip
+    return next(iter(topics))
+
+
+def _listed(topics):
+    return ', '.join(sorted(topics)) or 'none'
+
+
+def _read(path, readers, topics, advice):
+    """Stamps (NaN without a header), times of arrival, s, and numbers of the messages of some topics."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    rows = {topic: [] for topic in topics}
+    names = {}
+    damaged = 0
+    for reader in readers:
+        connections = [c for c in reader.connections if c.topic in topics]
+        if not connections:
+            continue
+        for connection, received, raw in reader.messages(connections):
+            try:
+                message = store.deserialize_cdr(raw, connection.msgtype)
+                numbers = _numbers(message, connection.msgtype, names)
+            except InputError:
+                raise
+            except Exception:  # the library raises whatever a broken byte leads it to; counted and told below
+                damaged += 1
+                continue
+            header = getattr(message, 'header', None)
+            stamp = np.nan if header is None else header.stamp.sec + 1e-9 * header.stamp.nanosec
+            rows[connection.topic].append((stamp, 1e-9 * received, *numbers))
+    if damaged:
+        advice.append(Advice('damaged-messages', (
+            f'{path}: {damaged} messages cannot be read and were left out: check the recorder')))  # fmt: skip
+    tables = {}
+    for topic, found in rows.items():
+        if not found:
+            raise InputError(f'{path} holds no readable message on {topic}: record it again')
+        table = np.array(found, dtype=float)
+        tables[topic] = {'stamps': table[:, 0], 'received': table[:, 1], 'values': table[:, 2:]}
+    return tables
+
+
+def _numbers(message, msgtype, names):
+    if msgtype == ODOMETRY:
+        pose, twist = message.pose.pose, message.twist.twist
+        q = pose.orientation
+        yaw = np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        return pose.position.x, pose.position.y, yaw, twist.linear.x, twist.linear.y, twist.angular.z
+    if msgtype == IMU:
+        return (message.angular_velocity.z,)
+    if msgtype == JOINTS:
+        places = names.get('joints')
+        if places is None:
+            places = names['joints'] = _joints(message)
+        source = message.effort if len(message.effort) == len(message.name) else message.velocity
+        return *(float(source[k]) for k in places), float(source is message.effort)
+    return (float(message.data),)
+
+
+def _joints(message):
+    places = []
+    for side, pattern in SIDES.items():
+        found = [k for k, name in enumerate(message.name) if pattern.search(name)]
+        if len(found) != 1:
+            held = ', '.join(message.name)
+            raise InputError(f'the joints {held} hold {len(found)} for the {side} thruster: record a JointState with '
+                             f'one joint a thruster, left or port and right or starboard')  # fmt: skip
+        places += found
+    return places
+
+
+def _clock_offset(odometry, path, advice):
+    """What to add to times of arrival so that they compare with header stamps; None: use arrival throughout."""
+    difference = odometry['stamps'] - odometry['received']
+    if not np.all(np.isfinite(difference)) or np.ptp(odometry['stamps']) == 0.0:
+        return None
+    if np.ptp(difference) > CLOCKS_APART:
+        advice.append(Advice('clocks-apart', (
+            f'{path}: header stamps and times of arrival run apart, so that times of arrival are used for all topics: '
+            f'record with one clock')))  # fmt: skip
+        return None
+    # the least delayed messages tell the offset of the clocks
+    return float(np.quantile(difference, 0.9))
+
+
+def _times(table, offset):
+    if offset is None:
+        return table['received']
+    stamps = table['stamps']
+    return stamps if np.all(np.isfinite(stamps)) else table['received'] + offset
+
+
+def _thrust(chosen, tables, times, path):
+    if 'joints' in chosen:
+        table = tables[chosen['joints']]['values']
+        if table.shape[1] != 3:
+            raise InputError(f'{path}: {chosen["joints"]} holds neither effort nor velocity of two thrusters')
+        effort = bool(table[:, 2].all())
+        values = table[:, :2]
+        if not effort:
+            values = values / max(np.max(np.abs(values)), 1e-9)
+        clock = times[chosen['joints']]
+        return ((clock, values[:, 0]), (clock, values[:, 1])), effort
+    return tuple((times[chosen[s]], tables[chosen[s]]['values'][:, 0]) for s in SIDES), False
+
+
+def _together(port, starboard):
+    """Both thrusters at every message of either, the other held for a while."""
+    time = np.unique(np.concatenate([port[0], starboard[0]]))
+    held = []
+    for clock, values in (port, starboard):
+        order = np.argsort(clock, kind='stable')
+        clock, values = clock[order], values[order]
+        last = np.searchsorted(clock, time, side='right') - 1
+        age = time - clock[np.maximum(last, 0)]
+        held.append(np.where((last >= 0) & (age <= LONGEST_HOLD), values[np.maximum(last, 0)], np.nan))
+    known = np.isfinite(held[0]) & np.isfinite(held[1])
+    return time[known], held[0][known], held[1][known]
+
+
+def _motion(values, time, path, advice):
+    """Channels of the odometry; a twist that is in world axes is turned into body axes."""
+    x, y, yaw, surge, sway, rate = values.T
+    span = max(1, round(TWIST_SPAN / max(float(np.median(np.diff(time))), 1e-6))) if time.size > 1 else 1
+    if time.size > 4 * span and np.ptp(x) + np.ptp(y) > 2.0:
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+
+        def missed(east, north):
+            """Median distance of the integrated velocity from the change of position."""
+            way = [np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time))]) for v in (east, north)]
+            return np.median(np.hypot(*((w[span:] - w[:-span]) - (p[span:] - p[:-span])
+                                        for w, p in zip(way, (x, y), strict=True))))  # fmt: skip
+
+        body, world = missed(surge * cosine - sway * sine, surge * sine + sway * cosine), missed(surge, sway)
+        if world < 0.5 * body:
+            advice.append(Advice('twist-in-world-axes', (
+                f'{path}: the twist of the odometry is in world axes and was turned into body axes: publish it in '
+                f'child_frame_id, as nav_msgs/Odometry defines')))  # fmt: skip
+            surge, sway = surge * np.cos(yaw) + sway * np.sin(yaw), -surge * np.sin(yaw) + sway * np.cos(yaw)
+    return {'x': x, 'y': y, 'heading': yaw, 'surge': surge, 'sway': sway, 'yaw_rate': rate}
+
+
+def _messages(types, manoeuvre, namespace, start):
+    """Stamp, ns, and the messages of every sample."""
+    make_time, make_header = types['builtin_interfaces/msg/Time'], types['std_msgs/msg/Header']
+    point, vector = types['geometry_msgs/msg/Point'], types['geometry_msgs/msg/Vector3']
+    quaternion, pose = types['geometry_msgs/msg/Quaternion'], types['geometry_msgs/msg/Pose']
+    pose_covariance = types['geometry_msgs/msg/PoseWithCovariance']
+    twist, twist_covariance = types['geometry_msgs/msg/Twist'], types['geometry_msgs/msg/TwistWithCovariance']
+    number, imu, odometry = types[NUMBERS[0]], types[IMU], types[ODOMETRY]
+    unknown, nine, absent = np.zeros(36), np.zeros(9), np.array([-1.0, *8 * [0.0]])
+    m = manoeuvre
+    rows = zip(m.time, m.x, m.y, m.heading, m.surge, m.sway, m.yaw_rate, m.port, m.starboard, strict=True)
+    for t, x, y, psi, surge, sway, rate, left, right in rows:
+        stamp = start + round((t - m.time[0]) * 1e9)
+        seconds, nanoseconds = divmod(stamp, 1_000_000_000)
+
+        def header(frame, at=(seconds, nanoseconds)):
+            return make_header(stamp=make_time(sec=at[0], nanosec=at[1]), frame_id=frame)
+
+        facing = quaternion(x=0.0, y=0.0, z=float(np.sin(psi / 2)), w=float(np.cos(psi / 2)))
+        turning = vector(x=0.0, y=0.0, z=float(rate))
+        place = pose(position=point(x=float(x), y=float(y), z=0.0), orientation=facing)
+        speed = twist(linear=vector(x=float(surge), y=float(sway), z=0.0), angular=turning)
+        yield stamp, {
+            'left': number(data=float(left)),
+            'right': number(data=float(right)),
+            'odometry': odometry(
+                header=header('odom'), child_frame_id=f'{namespace}/base_link',
+                pose=pose_covariance(pose=place, covariance=unknown),
+                twist=twist_covariance(twist=speed, covariance=unknown),
+            ),
+            'imu': imu(
+                header=header(f'{namespace}/imu_link'), orientation=facing, orientation_covariance=nine,
+                angular_velocity=turning, angular_velocity_covariance=nine,
+                linear_acceleration=vector(x=0.0, y=0.0, z=0.0), linear_acceleration_covariance=absent,
+            ),
+        }  # fmt: skip

@@ -1,0 +1,163 @@
+"""CSV records of manoeuvres: thrusters, speeds, yaw, position."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.tables import listed_names, read_columns, read_head, shown
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
+
+TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
+_ANGLES = {'rad': 1.0, 'deg': np.pi / 180.0}
+_RATES = {'rad_s': 1.0, 'deg_s': np.pi / 180.0}
+_SPEEDS = {'m_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0}
+_METRES = {'m': 1.0}
+_FORCES = {'n': 1.0}
+_PURE = {'': 1.0}
+
+QUANTITIES = {
+    'time': (('time', 't', 'stamp', 'timestamp'), TIME_UNITS),
+    'port_thrust': (('port_thrust', 'left_thrust', 'thrust_port', 'thrust_left'), _FORCES),
+    'starboard_thrust': (('starboard_thrust', 'right_thrust', 'thrust_starboard', 'thrust_right'), _FORCES),
+    'port_command': (('port_command', 'left_command', 'command_port', 'command_left'), _PURE),
+    'starboard_command': (('starboard_command', 'right_command', 'command_starboard', 'command_right'), _PURE),
+    'surge': (('surge', 'u', 'surge_speed'), _SPEEDS),
+    'sway': (('sway', 'v', 'sway_speed'), _SPEEDS),
+    'yaw_rate': (('yaw_rate', 'r'), _RATES),
+    'heading': (('heading', 'yaw', 'psi'), _ANGLES),
+    'x': (('x',), _METRES),
+    'y': (('y',), _METRES),
+    'east': (('east',), _METRES),
+    'north': (('north',), _METRES),
+}
+"""Reading, the names its column may have, and its units with their size in SI."""
+
+FRAMES = ('enu', 'ned')
+LARGEST_COMMAND = 1.5
+"""A command beyond is not normalised."""
+
+
+def read_manoeuvring_csv(path, frame=None):
+    """Read a record of a manoeuvre.
+
+    Columns, in any order: ``time_s``; ``port_thrust_n`` and ``starboard_thrust_n``, or ``port_command`` and
+    ``starboard_command``; any of ``surge_m_s``, ``sway_m_s``, ``yaw_rate_rad_s`` or ``_deg_s``, ``heading_rad`` or
+    ``_deg``, ``x_m`` and ``y_m`` (or ``east_m`` and ``north_m``). Comment lines above may state
+    ``# frame: ned``, ``# lever_m: 1.0`` and ``# length_m: 4.9``. Empty cells are missing values.
+
+    Parameters
+    ----------
+    path : str or Path
+    frame : str, optional
+        ``enu`` or ``ned``; by default what the file states, else not stated.
+
+    Returns
+    -------
+    ManoeuvringTrial
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or lacks time, thrust or motion; the sentence names what was looked for.
+    """
+    path = Path(path)
+    try:
+        head = read_head(path)
+        columns = _find_columns(path, head.names)
+        values, advice = read_columns(path, head, [index for index, _ in columns.values()])
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from error
+    found = {name: row * scale for row, (name, (_, scale)) in zip(values, columns.items(), strict=True)}
+    thrust_input, port, starboard = _thrusters(path, found)
+    frame = (frame or head.remarks.get('frame', '')).lower() or None
+    if frame not in (None, *FRAMES):
+        raise InputError(f"{path} states the frame '{shown(frame)}': state enu or ned")
+    x, y = found.get('x'), found.get('y')
+    if x is None and 'east' in found and 'north' in found:
+        x, y = (found['north'], found['east']) if frame == 'ned' else (found['east'], found['north'])
+    time = found['time']
+    finite = time[np.isfinite(time)]
+    if not finite.size:
+        raise InputError(f'{path} has no readable time: check its time column')
+    return ManoeuvringTrial(
+        time - finite[0] if abs(finite[0]) > 1e8 else time, port, starboard, thrust_input,
+        *(found.get(name) for name in ('surge', 'sway', 'yaw_rate', 'heading')), x, y, frame,
+        _remark(path, head.remarks, 'lever_m'), _remark(path, head.remarks, 'length_m'), str(path), tuple(advice),
+    )  # fmt: skip
+
+
+def write_manoeuvring_csv(path, manoeuvre, model, water_track=False):
+    """Write a simulated manoeuvre as `read_manoeuvring_csv` reads it, in ENU.
+
+    Parameters
+    ----------
+    path : str or Path
+    manoeuvre : Manoeuvre
+    model : ManoeuvringModel
+    water_track : bool
+        Write u and v through the water for surge and sway instead of those over ground.
+    """
+    kind = 'thrust_n' if model.thrust_input == FORCE else 'command'
+    surge, sway = (manoeuvre.u, manoeuvre.v) if water_track else (manoeuvre.surge, manoeuvre.sway)
+    columns = {
+        'time_s': manoeuvre.time, f'port_{kind}': manoeuvre.port, f'starboard_{kind}': manoeuvre.starboard,
+        'surge_m_s': surge, 'sway_m_s': sway, 'yaw_rate_rad_s': manoeuvre.yaw_rate, 'heading_rad': manoeuvre.heading,
+        'x_m': manoeuvre.x, 'y_m': manoeuvre.y,
+    }  # fmt: skip
+    with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
+        file.write(f'# frame: enu\n# lever_m: {model["lever"]!r}\n# length_m: {model.length!r}\n')
+        file.write(','.join(columns) + '\n')
+        rows = zip(*(np.round(values, 9).tolist() for values in columns.values()), strict=True)
+        file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
+
+
+def _find_columns(path, names):
+    plain = [_plain_name(name) for name in names]
+    known = {
+        f'{alias}_{unit}' if unit else alias: (reading, scale)
+        for reading, (aliases, units) in QUANTITIES.items() for alias in aliases for unit, scale in units.items()
+    }  # fmt: skip
+    columns = {}
+    for index, name in enumerate(plain):
+        if name in known:
+            reading, scale = known[name]
+            columns.setdefault(reading, (index, scale))
+    if 'time' not in columns:
+        raise InputError(f'{path} has no time column: looked for time_s, time_ms, t_s; found {listed_names(names)}')
+    thrusters = [{f'port_{kind}', f'starboard_{kind}'} for kind in ('thrust', 'command')]
+    if not any(pair <= set(columns) for pair in thrusters):
+        raise InputError(f'{path} has no pair of thrusters: looked for port_thrust_n and starboard_thrust_n, or '
+                         f'port_command and starboard_command; found {listed_names(names)}')  # fmt: skip
+    motion = set(columns) & {'surge', 'sway', 'yaw_rate', 'heading', 'x', 'east'}
+    if not motion:
+        raise InputError(f'{path} has no motion: looked for surge_m_s, sway_m_s, yaw_rate_rad_s, heading_rad, '
+                         f'heading_deg, x_m and y_m; found {listed_names(names)}')  # fmt: skip
+    return columns
+
+
+def _thrusters(path, found):
+    if 'port_thrust' in found and 'starboard_thrust' in found:
+        return FORCE, found['port_thrust'], found['starboard_thrust']
+    port, starboard = found['port_command'], found['starboard_command']
+    most = max((float(np.nanmax(np.abs(c))) for c in (port, starboard) if np.isfinite(c).any()), default=0.0)
+    if most > LARGEST_COMMAND:
+        raise InputError(f'{path}: commands reach {most:g}: normalise them to -1 .. 1, or name them port_thrust_n and '
+                         f'starboard_thrust_n if they are forces')  # fmt: skip
+    return COMMAND, port, starboard
+
+
+def _plain_name(name):
+    """``Yaw rate [deg/s]`` as ``yaw_rate_deg_s``."""
+    return re.sub('[^a-z0-9]+', '_', name.lower().replace('°', 'deg')).strip('_')
+
+
+def _remark(path, remarks, key):
+    if not remarks.get(key):
+        return None
+    try:
+        return float(remarks[key])
+    except ValueError as error:
+        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is no number: correct it") from error

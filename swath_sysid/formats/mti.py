@@ -1,0 +1,125 @@
+"""Xsens MTi text exports, as MT Manager writes them."""
+import re
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.attitude.motion.attitude import tilt_angles
+from swath_sysid.attitude.motion.sensor_mount import ACCEL, GYRO, QUATERNION, Installation, assemble_trial
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.tables import listed_names, read_columns, read_head
+
+SAMPLE_TIME_FINE_HZ = 10_000
+"""Ticks a second of the sensor's clock."""
+
+SAMPLE_TIME_FINE_WRAP = 1 << 32
+PACKET_COUNTER_WRAP = 1 << 16
+
+COUNTERS = ('PacketCounter', 'Counter')
+READINGS = {
+    **dict(zip(('Roll', 'Pitch', 'Yaw'), ('roll', 'pitch', 'yaw'), strict=True)),
+    **dict(zip(('Quat_q1', 'Quat_q2', 'Quat_q3', 'Quat_q0'), QUATERNION, strict=True)),
+    **dict(zip(('Gyr_X', 'Gyr_Y', 'Gyr_Z'), GYRO, strict=True)),
+    **dict(zip(('Acc_X', 'Acc_Y', 'Acc_Z'), ACCEL, strict=True)),
+}
+"""Column to reading: angles in deg, the quaternion with its real part first, rates in rad/s, acceleration in m/s^2."""
+
+MATRIX_LAST_ROW = ('Mat[3][1]', 'Mat[3][2]', 'Mat[3][3]')
+"""Mat[row][column] turns sensor vectors into world vectors; its last row is the world's up in sensor axes."""
+
+LOOKED_FOR = 'Roll, Pitch, Quat_q0..3, Mat[3][1..3], Gyr_X, Gyr_Y'
+
+
+def is_mti(names):
+    """Whether a table with columns of these names is an MTi export."""
+    if 'SampleTimeFine' in names or 'PacketCounter' in names:
+        return True
+    return 'Counter' in names and any(name in names for name in (*READINGS, *MATRIX_LAST_ROW))
+
+
+def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)):
+    """Read a trial from an Xsens MTi text export.
+
+    Time comes from SampleTimeFine (0.1 ms), or else from PacketCounter and the update rate that
+    the comment lines give; both are unwrapped, and lost packets show as gaps. It counts from the
+    first sample.
+
+    Parameters
+    ----------
+    path : str or Path
+    frame : str, optional
+        ``flu`` (default: what an MTi sends as delivered, in ENU) or ``frd``.
+    mounting : tuple of 3 floats
+        Roll, pitch, yaw of the sensor in the craft, rad.
+
+    Returns
+    -------
+    Trial
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, holds no time or no roll or pitch motion, or too few usable rows.
+    """
+    path = Path(path)
+    try:
+        head = read_head(path)
+        wanted = [name for name in ('SampleTimeFine', *COUNTERS, *READINGS, *MATRIX_LAST_ROW) if name in head.names]
+        if not any(name in wanted for name in (*READINGS, *MATRIX_LAST_ROW) if not name.startswith('Acc')):
+            raise InputError(f'{path} holds no roll or pitch motion: looked for {LOOKED_FOR}, '
+                             f'found {listed_names(head.names)}; export them in MT Manager')
+        if not any(name in wanted for name in ('SampleTimeFine', *COUNTERS)):
+            raise InputError(f'{path} holds no time: looked for SampleTimeFine, PacketCounter, '
+                             f'found {listed_names(head.names)}; export one of them in MT Manager')
+        values, advice = read_columns(path, head, [head.names.index(name) for name in wanted])
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from error
+    columns = dict(zip(wanted, values, strict=True))
+    time = _time(path, columns, head.remarks)
+    return assemble_trial(
+        time, _readings(columns), Installation(frame or 'flu', mounting), source=str(path), advice=advice)
+
+
+def _readings(columns):
+    """What the sensor read, by our names and in SI units."""
+    readings = {reading: columns[name] for name, reading in READINGS.items() if name in columns}
+    for angle in ('roll', 'pitch', 'yaw'):
+        if angle in readings:
+            readings[angle] = np.radians(readings[angle])
+    if 'roll' not in readings and all(name in columns for name in MATRIX_LAST_ROW):
+        readings['roll'], readings['pitch'] = tilt_angles(*(columns[name] for name in MATRIX_LAST_ROW))
+    return readings
+
+
+def _time(path, columns, remarks):
+    """Seconds from the first sample."""
+    if 'SampleTimeFine' in columns:
+        ticks = _unwrapped(columns['SampleTimeFine'], SAMPLE_TIME_FINE_WRAP)
+        if np.isfinite(ticks).any():
+            return ticks / SAMPLE_TIME_FINE_HZ
+    rate = update_rate(remarks)
+    counter = next((columns[name] for name in COUNTERS if name in columns), None)
+    if counter is None or rate is None:
+        raise InputError(f"{path} holds no time: its SampleTimeFine is empty or missing, so give PacketCounter and a "
+                         f"line '// Update Rate: 100.0Hz' above the columns")
+    return _unwrapped(counter, PACKET_COUNTER_WRAP) / rate
+
+
+def update_rate(remarks):
+    """The update rate that the comment lines give, Hz, or None."""
+    for key in ('update rate', 'sample rate', 'output rate'):
+        number = re.match(r'\d+([.,]\d+)?', remarks.get(key, ''))
+        if number and float(number[0].replace(',', '.')) > 0:
+            return float(number[0].replace(',', '.'))
+    return None
+
+
+def _unwrapped(counter, period):
+    """A counter that starts again at `period`, from its first value on, without the jumps."""
+    unwrapped = counter.copy()
+    counted = np.isfinite(counter)
+    if counted.any():
+        unwrapped[counted] = np.unwrap(counter[counted], period=period)
+        unwrapped -= unwrapped[counted][0]
+    unwrapped[~counted] = np.nan
+    return unwrapped

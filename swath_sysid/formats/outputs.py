@@ -1,0 +1,195 @@
+"""Where results are to go, looked at before the work begins: what would destroy something is refused."""
+import errno
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import is_bag
+from swath_sysid.formats.tables import read_head
+
+TIME_WORDS = ('time', 'stamp', 'packetcounter', 'sampletimefine')
+"""A table with a column of which the name begins so is a recording."""
+
+KINDS = {stat.S_ISCHR: 'a device', stat.S_ISBLK: 'a device', stat.S_ISFIFO: 'a pipe', stat.S_ISSOCK: 'a socket'}
+
+
+@dataclass(frozen=True)
+class Output:
+    """One result that a verb writes.
+
+    Attributes
+    ----------
+    option : str
+        Of the command line, for messages: ``--output``.
+    path : str or Path
+    is_folder : bool
+        Whether it is a folder to write into, which may exist already.
+    is_recording : bool
+        Whether it holds motion itself, and so may replace an earlier one of its kind.
+    endings : tuple of str
+        What the name may end in, without the dot; none: anything.
+    """
+
+    option: str
+    path: str | Path
+    is_folder: bool = False
+    is_recording: bool = False
+    endings: tuple[str, ...] = ()
+
+
+def check_outputs(outputs, inputs=()):
+    """Refuse outputs that cannot be written, or would destroy what is read or was measured.
+
+    Parameters
+    ----------
+    outputs : iterable of Output
+        All of one command; those of which the path is None were not asked for.
+    inputs : iterable of str or Path
+        All files and folders that the command reads, None among them left aside.
+
+    Raises
+    ------
+    InputError
+        A name is empty or cannot be a name; an output is an input, lies in a bag that is an input, is another
+        output, a folder (or, where a folder is wanted, none), a device or a pipe; it would replace a recording by
+        something else; or its folder is missing or may not be written to.
+    """
+    outputs = [output for output in outputs if output.path is not None]
+    inputs = [Path(path) for path in inputs if path is not None and os.path.lexists(_name(path))]
+    for place, output in enumerate(outputs):
+        _check_name(output)
+        _check_ending(output)
+        _check_target(output)
+        for path in inputs:
+            _refuse_input(output, path)
+        for other in outputs[:place]:
+            if _are_same(output.path, other.path):
+                raise InputError(
+                    f'{output.option} and {other.option} both name {output.path}: give each a name of its own')
+        _check_folder(output)
+        if not (output.is_folder or output.is_recording) and _is_recording(output.path):
+            raise InputError(
+                f'{output.option} {output.path} is a recording, which it would replace: choose another name, or remove '
+                f'it first'
+            )
+
+
+def refuse_inputs_among(paths, inputs):
+    """Refuse to write files of fixed names where one of them, or a folder of them, holds what is read.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        Files and folders that will be written.
+    inputs : iterable of str or Path
+
+    Raises
+    ------
+    InputError
+    """
+    for path in paths:
+        for read in inputs:
+            if _are_same(path, read) or Path(os.path.realpath(path)) in Path(os.path.realpath(read)).parents:
+                raise InputError(
+                    f'{read} is read and lies where {path} is to be written: choose another folder with --output')
+
+
+def _name(path):
+    """The path, where the system can look for it at all."""
+    try:
+        os.lstat(path)
+    except ValueError:
+        return ''
+    except OSError:
+        pass
+    return path
+
+
+def _check_name(output):
+    if not str(output.path).strip():
+        raise InputError(f'{output.option} is empty: give a name')
+    try:
+        os.stat(output.path)
+    except ValueError as error:
+        raise InputError(f'{output.option} is no name ({error}): choose another') from error
+    except OSError as error:
+        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.ENOTDIR):
+            shown = str(output.path)
+            shown = shown if len(shown) <= 80 else f'{shown[:80]}...'
+            raise InputError(f'cannot write {shown}: {error.strerror}; choose another name') from error
+
+
+def _check_ending(output):
+    ending = Path(output.path).suffix.lower().lstrip('.')
+    if output.endings and ending not in output.endings:
+        raise InputError(
+            f"{output.option} cannot be written as '{output.path}': end the name in .{', .'.join(output.endings)}")
+
+
+def _check_target(output):
+    path = Path(output.path)
+    if output.is_folder:
+        if path.exists() and not path.is_dir():
+            raise InputError(f'{output.option} {path} is no folder: choose another name')
+        if path.is_dir() and is_bag(path):
+            raise InputError(f'{output.option} {path} is a rosbag2 bag: choose a folder of its own')
+        return
+    if path.is_dir():
+        raise InputError(f'{output.option} {path} is a folder that exists already: choose another name, or remove it '
+                         f'first')
+    if not path.name or str(output.path).endswith(os.sep):
+        raise InputError(f"{output.option} '{output.path}' names no file: give one")
+    if path.exists():
+        mode = path.stat().st_mode
+        what = next((kind for test, kind in KINDS.items() if test(mode)), None)
+        if what:
+            raise InputError(f'{output.option} {path} is {what}: give the name of a file')
+
+
+def _refuse_input(output, path):
+    if not output.is_folder and _are_same(output.path, path):
+        raise InputError(f'{output.option} {output.path} is read by this command, and would be lost: choose another '
+                         f'name')
+    if path.is_dir() and is_bag(path):
+        bag = Path(os.path.realpath(path))
+        place = Path(os.path.realpath(output.path))
+        if bag == place or bag in place.parents:
+            raise InputError(f'{output.option} {output.path} lies in the bag {path}, which is read: choose a place '
+                             f'outside of it')
+
+
+def _check_folder(output):
+    folder = Path(os.path.realpath(output.path))
+    if not output.is_folder:
+        folder = folder.parent
+        if not folder.is_dir():
+            raise InputError(f'cannot write {output.path}: there is no folder {folder}; choose one that exists')
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f'cannot write {output.path}: {folder} is no folder that may be written to; choose another')
+
+
+def _are_same(first, second):
+    if os.path.realpath(first) == os.path.realpath(second):
+        return True
+    try:
+        return os.path.samefile(first, second)
+    except OSError:
+        return False
+
+
+def _is_recording(path):
+    """Whether a file that exists holds a recording: a storage file of a bag, or a table with a time."""
+    path = Path(path)
+    try:
+        if not path.is_file():
+            return False
+        if is_bag(path):
+            return True
+        names = [name.lower().lstrip('_ ') for name in read_head(path).names]
+    except (InputError, OSError):
+        return False
+    return len(names) > 1 and any(name.startswith(TIME_WORDS) or name in ('t_s', 't_ms') for name in names)

@@ -1,0 +1,110 @@
+"""Reading trials, whatever file they are in."""
+import hashlib
+from pathlib import Path
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import is_bag, read_bag
+from swath_sysid.formats.csv_trials import read_csv
+from swath_sysid.formats.mti import is_mti, read_mti
+from swath_sysid.formats.tables import read_head
+
+FOREIGN = {
+    b'#ROSBAG V': 'a ROS 1 bag: convert it with rosbags-convert --src OLD.bag --dst NEW',
+    b'PK\x03\x04': 'a zip archive or a spreadsheet: unpack it, or save it as CSV',
+    b'\x1f\x8b': 'compressed with gzip: unpack it first',
+    b'\x28\xb5\x2f\xfd': 'compressed with zstd: unpack it, or give its bag folder',
+    b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as CSV',
+    b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
+}
+"""First bytes of files that are none of ours, and what to do with them."""
+
+HASH_BYTES = 1 << 20
+
+
+def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
+    """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
+
+    What it is shows from its content, not from its name.
+
+    Parameters
+    ----------
+    path : str or Path
+    topic : str, optional
+        The IMU topic, for bags that hold several.
+    frame : str, optional
+        ``flu`` or ``frd``: the sensor's axes; by default what a CSV file says of itself, else
+        ``flu``.
+    mounting : tuple of 3 floats
+        Roll, pitch, yaw of the sensor in the craft, rad.
+
+    Returns
+    -------
+    Trial
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is none of these, or holds no usable motion.
+    """
+    path = Path(path)
+    try:
+        if not path.exists():
+            raise InputError(f'there is no file {path}: check the name')
+        if not path.is_file() and not path.is_dir():
+            raise InputError(f'{path} is no regular file: give a trial file or a bag folder')
+        if is_bag(path):
+            return read_bag(path, topic, frame, mounting)
+        if path.is_dir():
+            raise InputError(f'{path} is a folder without a rosbag2 bag in it: give a trial file or a bag folder')
+        if topic:
+            raise InputError(f'{path} is no bag, so it has no topic {topic}: leave the topic out, or give a bag')
+        _refuse_foreign(path)
+        head = read_head(path)
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from error
+    return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
+
+
+def source_hash(path):
+    """The SHA-256 of a file, or of the names and contents of the files in a bag folder.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    str
+        Hexadecimal.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    """
+    path = Path(path)
+    digest = hashlib.sha256()
+    try:
+        if path.is_dir():
+            for file in sorted(file for file in path.iterdir() if file.is_file()):
+                digest.update(f'{file.name}\0{file.stat().st_size}\0'.encode())
+                _add_content(digest, file)
+        else:
+            _add_content(digest, path)
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from error
+    return digest.hexdigest()
+
+
+def _add_content(digest, path):
+    with open(path, 'rb') as file:
+        while block := file.read(HASH_BYTES):
+            digest.update(block)
+
+
+def _refuse_foreign(path):
+    with open(path, 'rb') as file:
+        start = file.read(16)
+    for magic, what in FOREIGN.items():
+        if start.startswith(magic):
+            raise InputError(f'{path} is {what}')

@@ -1,0 +1,339 @@
+"""Tables in text files: named columns of numbers, whatever separates them, however damaged."""
+import io
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+
+COMMENT_MARKS = ('#', '//', '%')
+"""A line that begins with one of these is a comment."""
+
+BLOCK_BYTES = 1 << 22
+"""How much text is parsed at once."""
+
+HEAD_BYTES = 1 << 16
+"""How much text is looked at to find the columns."""
+
+LARGEST_RECODED = 1 << 27
+"""Bytes of a file in UTF-16 that are read; a longer one is to be saved in UTF-8."""
+
+LONGEST_LINE = 1 << 20
+"""Bytes; a longer line is no row of a table."""
+
+UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
+
+TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))
+"""Bytes that a text may hold."""
+
+QUOTED = re.compile(r'"([^"\n]*)"')
+
+EXTRA_ROWS = 20
+"""Rows looked at to find whether they hold more cells than there are names."""
+
+MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
+"""How a missing value may be written, beside nan."""
+
+
+@dataclass(frozen=True)
+class TableHead:
+    """What stands above the numbers of a table, and how they are written.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The names of the columns, as written.
+    remarks : dict of str to str
+        ``key: value`` of the comment lines, keys in lower case.
+    delimiter : str or None
+        None: any white space.
+    decimal_comma : bool
+        Whether numbers are written 0,5 rather than 0.5.
+    first_line : int
+        The number of the first line of data, from 1.
+    offset : int
+        Where it begins, bytes.
+    """
+
+    names: tuple[str, ...]
+    remarks: dict[str, str]
+    delimiter: str | None
+    decimal_comma: bool
+    first_line: int
+    offset: int
+
+
+def read_head(path):
+    """What stands above the numbers of a table.
+
+    The names are on the first line that is no comment; if that line is numbers already, on the
+    last comment line (as numpy.savetxt writes them).
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    TableHead
+
+    Raises
+    ------
+    InputError
+        The file is empty, not text, or has no line of names.
+    """
+    with _opened(path) as file:
+        head = file.read(HEAD_BYTES)
+    if not head.strip():
+        raise InputError(f'{path} is empty: record or export it again')
+    if head.translate(None, TEXT_BYTES):
+        raise InputError(f'{path} is not a text file in UTF-8 or UTF-16: give a CSV, an MTi text export, or a '
+                         f'rosbag2 bag')
+    lines = head.splitlines(keepends=True)
+    first = next((at for at, line in enumerate(lines) if line.strip() and not _is_comment(line)), None)
+    if first is None:
+        raise InputError(f'{path} holds only comments and no table: give a file with a line of column names and '
+                         f'lines of numbers')
+    comments = [_text(line).strip() for line in lines[:first] if line.strip()]
+    line, names_line = _text(lines[first]).strip(), ''
+    if not _is_numbers(line):
+        names_line, first = line, first + 1
+        line = _text(lines[first]).strip() if first < len(lines) else ''
+    elif comments:
+        names_line = _without_mark(comments.pop())
+    offset = sum(map(len, lines[:first]))
+    if offset == HEAD_BYTES:
+        raise InputError(f'{path} has a first line longer than {HEAD_BYTES} bytes: give a table with a line a sample')
+    names = tuple(name.strip().strip('"\'').strip() for name in names_line.split(_delimiter(names_line)))
+    if not any(re.search('[A-Za-z]', name) for name in names):
+        raise InputError(f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'")
+    delimiter = _delimiter_of_numbers(line, _delimiter(names_line))
+    sample = _text(head[offset:])
+    _refuse_extra_cells(path, sample, names, delimiter)
+    return TableHead(
+        names=names, remarks=_remarks(comments), delimiter=delimiter,
+        decimal_comma=delimiter != ',' and _has_decimal_commas(sample, delimiter), first_line=first + 1, offset=offset,
+    )
+
+
+def read_columns(path, head, indices):
+    """Some columns of a table, as numbers.
+
+    Empty cells and text become NaN, rows that end early are filled with NaN.
+
+    Parameters
+    ----------
+    path : Path
+    head : TableHead
+    indices : sequence of int
+        Which columns, from 0.
+
+    Returns
+    -------
+    columns : ndarray, shape (len(indices), N)
+    advice : tuple of Advice
+        Codes ``text-in-numbers``, ``short-rows``.
+    """
+    parser = _BlockParser(head, tuple(indices))
+    with _opened(path) as file:
+        file.seek(head.offset)
+        while block := file.read(BLOCK_BYTES):
+            rest = file.readline(LONGEST_LINE)
+            if len(rest) == LONGEST_LINE:
+                raise InputError(f'{path} has a line longer than {LONGEST_LINE} bytes: give a table with a line a '
+                                 f'sample')
+            parser.parse(block + rest)
+    return parser.columns(), parser.advice()
+
+
+def listed_names(names):
+    """The names of columns, fit for one line of a message."""
+    listed = ', '.join(shown(name) for name in names[:12])
+    return f'{listed} and {len(names) - 12} more' if len(names) > 12 else listed
+
+
+def shown(text):
+    """Text from a file, short and printable."""
+    clear = ''.join(letter if letter.isprintable() else '?' for letter in text)
+    return clear if len(clear) <= 40 else clear[:40] + '...'
+
+
+class _BlockParser:
+    """Parses a table block by block: fast where it is clean, cell by cell where it is not."""
+
+    def __init__(self, head, indices):
+        self.head = head
+        self.indices = indices
+        self.blocks = [np.empty((len(indices), 0))]
+        self.line = head.first_line
+        self.text_cells = 0
+        self.first_text = None
+        self.short_rows = 0
+        self.first_short = None
+
+    def parse(self, block):
+        text = self._plain(block)
+        lines = text.split('\n')
+        for attempt in (self._parse_fast, self._parse_with_empty_cells):
+            try:
+                parsed = attempt(text)
+                break
+            except ValueError:
+                continue
+        else:
+            parsed = self._parse_cells(lines)
+        self.blocks.append(parsed.T)
+        self.line += len(lines) - (not lines[-1])
+
+    def columns(self):
+        return np.concatenate(self.blocks, axis=1)
+
+    def advice(self):
+        advice = []
+        if self.text_cells:
+            line, column, cell = self.first_text
+            advice.append(Advice('text-in-numbers', (
+                f"{self.text_cells} cells that are no numbers taken as missing, the first '{shown(cell)}' in line "
+                f'{line}, column {shown(column)}: correct them if they matter'
+            )))
+        if self.short_rows:
+            advice.append(Advice('short-rows', (
+                f'{self.short_rows} rows end early, the first in line {self.first_short}: their missing cells are '
+                f'taken as missing values; check that the file was written to the end'
+            )))
+        return tuple(advice)
+
+    def _plain(self, block):
+        text = block.decode('latin-1')
+        if '\r' in text:
+            text = text.replace('\r\n', '\n').replace('\r', '\n')
+        if '"' in text:
+            if self.head.delimiter == ',':
+                text = QUOTED.sub(lambda cell: cell[1].replace(',', '.'), text)
+            text = text.replace('"', '')
+        return text.replace(',', '.') if self.head.decimal_comma else text
+
+    def _parse_fast(self, text):
+        if not text or text.isspace():
+            return np.empty((0, len(self.indices)))
+        return np.loadtxt(
+            text.split('\n'), delimiter=self.head.delimiter, usecols=self.indices, comments=None, ndmin=2)
+
+    def _parse_with_empty_cells(self, text):
+        mark = self.head.delimiter
+        if mark is None:
+            raise ValueError('white space cannot hold an empty cell')
+        for _ in range(2):  # a cell between two empty cells shares both its marks
+            text = text.replace(2 * mark, f'{mark}nan{mark}')
+        return self._parse_fast(text.replace(f'{mark}\n', f'{mark}nan\n').replace(f'\n{mark}', f'\nnan{mark}'))
+
+    def _parse_cells(self, lines):
+        rows = []
+        needed = max(self.indices) + 1
+        for number, line in enumerate(lines, self.line):
+            cells = line.split(self.head.delimiter)
+            is_comment = line.lstrip().startswith(COMMENT_MARKS) and cells[0].strip().lower() not in MISSING
+            if not line.strip() or is_comment:
+                continue
+            if len(cells) < needed:
+                self.short_rows += 1
+                self.first_short = self.first_short or number
+                cells += [''] * (needed - len(cells))
+            rows.append([self._number(cells[index], number, index) for index in self.indices])
+        return np.array(rows, dtype=float).reshape(-1, len(self.indices))
+
+    def _number(self, cell, line, index):
+        try:
+            return float(cell)
+        except ValueError:
+            if cell.strip().lower() not in MISSING:
+                self.text_cells += 1
+                self.first_text = self.first_text or (line, self.head.names[index], cell.strip())
+            return np.nan
+
+
+def _opened(path):
+    """A file of text as UTF-8, whatever it was written in."""
+    file = open(path, 'rb')  # noqa: SIM115 - handed on
+    start = file.read(64)
+    marked = (name for mark, name in UTF16_MARKS.items() if start.startswith(mark))
+    encoding = next(marked, _encoding_without_mark(start))
+    file.seek(0)
+    if encoding is None:
+        return file
+    with file:
+        raw = file.read(LARGEST_RECODED + 1)
+    if len(raw) > LARGEST_RECODED:
+        raise InputError(f'{path} is a long text in UTF-16: save it in UTF-8')
+    try:
+        return io.BytesIO(raw.decode(encoding).removeprefix('\ufeff').encode('utf-8'))
+    except UnicodeError as error:
+        raise InputError(f'{path} looks like a text in UTF-16 and is damaged ({error.reason}): save it again, in '
+                         f'UTF-8') from error
+
+
+def _encoding_without_mark(start):
+    """UTF-16 that nothing announces: every other byte of Latin text is zero."""
+    if len(start) < 8 or start.count(0) < 0.4 * len(start):
+        return None
+    if not any(start[0::2]) or not any(start[1::2]):
+        return 'utf-16-be' if not any(start[0::2]) else 'utf-16-le'
+    return None
+
+
+def _refuse_extra_cells(path, sample, names, delimiter):
+    """Refuse rows with more cells than names: decimal commas between commas, or columns without a name."""
+    if delimiter != ',':
+        return
+    rows = [line for line in sample.splitlines()[:EXTRA_ROWS] if line.strip() and not line.startswith(COMMENT_MARKS)]
+    counts = [len(QUOTED.sub('0', row).rstrip(', \t').split(',')) for row in rows]
+    most = int(np.median(counts)) if counts else 0
+    if most > len(names):
+        raise InputError(f'{path} has {len(names)} column names and {most} cells a row: if its numbers have decimal '
+                         f'commas, export it with semicolons between them; else name every column')
+
+
+def _has_decimal_commas(sample, delimiter):
+    """Whether a cell holds a comma and none a comma beside a point, as numbers with thousands marked do."""
+    cells = [cell for line in sample.splitlines()[:EXTRA_ROWS] for cell in line.split(delimiter) if ',' in cell]
+    return bool(cells) and not any('.' in cell for cell in cells)
+
+
+def _text(raw):
+    try:
+        return raw.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        return raw.decode('latin-1')
+
+
+def _is_comment(raw):
+    return _text(raw).strip().startswith(COMMENT_MARKS)
+
+
+def _without_mark(line):
+    for mark in COMMENT_MARKS:
+        if line.startswith(mark):
+            return line[len(mark):].strip()
+    return line
+
+
+def _is_numbers(line):
+    cells = [cell for cell in re.split(r'[;\t ]|,', line.replace('"', '')) if cell]
+    return all(re.fullmatch(r'[-+]?[\d.]+([eE][-+]?\d+)?|[-+]?nan|[-+]?inf', cell, re.IGNORECASE) for cell in cells)
+
+
+def _delimiter(line):
+    return next((mark for mark in (';', '\t', ',') if mark in line), None)
+
+
+def _delimiter_of_numbers(line, delimiter_of_names):
+    """The delimiter of the names, unless the numbers below use another one."""
+    present = line.split(delimiter_of_names)
+    return delimiter_of_names if len(present) > 1 or not line else _delimiter(line)
+
+
+def _remarks(comments):
+    pairs = (_without_mark(line).partition(':') for line in comments)
+    return {key.strip().lower(): value.strip() for key, colon, value in pairs if colon}

@@ -1,0 +1,292 @@
+"""From a YAML text that anyone may have written to plain data.
+
+A model may come from the network, from a file that a stick has half lost, or from a stranger.
+Size, nesting and number of values are limited before anything is built, so that no text costs
+more than some tens of milliseconds; what is understood is plain data only: mappings, lists,
+texts, finite numbers, true and false, null. Anchors and aliases (a short text that expands to a
+long one), tags (a value of a type of one's own) and directives are refused, and so is a name
+given twice. Dates stay text.
+"""
+
+import os
+import re
+import stat
+
+import yaml
+
+from swath_sysid.common.errors import InputError
+
+LARGEST_TEXT = 256 * 1024
+"""Bytes. A model of both axes scheduled on five drafts has about 32,000."""
+
+DEEPEST = 20
+"""Lists and mappings inside each other; the deepest that is written here has nine."""
+
+MOST_VALUES = 8_000
+"""A model of both axes scheduled on five drafts has about 2,200; so many are read within 25 ms."""
+
+LONGEST_NUMBER = 40
+"""Characters; a float has at most 24, and nothing that is counted here has 39 digits."""
+
+LONGEST_SHOWN = 80
+
+_PARSER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+_NULLS = {'', '~', 'null', 'Null', 'NULL'}
+# those of YAML 1.1, as ROS parameter files use them
+_TRUE = {'true', 'True', 'TRUE', 'yes', 'Yes', 'YES', 'on', 'On', 'ON'}
+_FALSE = {'false', 'False', 'FALSE', 'no', 'No', 'NO', 'off', 'Off', 'OFF'}
+_INTEGER = re.compile(r'[-+]?[0-9]+')
+_FLOAT = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?')
+_NOT_FINITE = re.compile(r'[-+]?\.(?:inf|Inf|INF|nan|NaN|NAN)')
+_LIKE_A_NUMBER = re.compile(r'[-+]?\.?[0-9][-+.0-9eE]*')
+_DIRECTIVE = re.compile(r'^%', re.MULTILINE)
+_BRANCHES = (yaml.SequenceStartEvent, yaml.MappingStartEvent)
+
+
+def shown(value):
+    """A value as an error message shows it: on one line, at most 80 characters."""
+    text = ' '.join(str(value)[: 4 * LONGEST_SHOWN].split())
+    return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
+
+
+def text_of(path, what='model file'):
+    """Text of a file.
+
+    Parameters
+    ----------
+    path : str or Path
+    what : str
+        What it should be, for the errors.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        It cannot be read, is no regular file, is larger than `LARGEST_TEXT`, or is not UTF-8.
+    """
+    try:
+        # before it is opened: a pipe would wait for ever
+        status = os.stat(path)
+        if not stat.S_ISREG(status.st_mode):
+            kind = 'a folder' if stat.S_ISDIR(status.st_mode) else 'no regular file'
+            raise InputError(f'{path} is {kind}, not a {what}: give the name of the file')
+        with open(path, 'rb') as file:
+            content = file.read(LARGEST_TEXT + 1)
+    except OSError as error:
+        raise InputError(f'cannot read the {what} {shown(path)}: {error.strerror}') from error
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f'cannot read the {what} {shown(repr(str(path)))}: no file has such a name') from error
+    if len(content) > LARGEST_TEXT:
+        raise InputError(f'{path} is no {what}: it is larger than {LARGEST_TEXT // 1024} kB')
+    try:
+        return content.decode('utf-8')
+    except UnicodeDecodeError as error:
+        raise InputError(f'{path} is no {what}: it is not text in UTF-8') from error
+
+
+def plain_content(text, source):
+    """Plain data of a YAML text.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Named in the errors.
+
+    Returns
+    -------
+    dict, list, str, int, float, bool or None
+        Names are texts, numbers finite.
+
+    Raises
+    ------
+    InputError
+        The text is too large, too deep, no YAML, or uses what is not understood here.
+    """
+    root = parsed(text, source)
+    return None if root is None else _plain(root, source)
+
+
+def parsed(text, source):
+    """The nodes of a YAML text, each with its line; for those who tell of lines.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Named in the errors.
+
+    Returns
+    -------
+    yaml.Node or None
+        None for a text without content. Tags are not set: `scalar_value` says what a scalar is.
+
+    Raises
+    ------
+    InputError
+        As `plain_content`, but for what concerns names and numbers.
+    """
+    _check_text(text, source)
+    root, open_nodes, values = None, [], 0
+    try:
+        for event in yaml.parse(text, Loader=_PARSER):
+            if isinstance(event, yaml.NodeEvent):
+                values += 1
+                _check_event(event, values, len(open_nodes), source)
+                node = _node_of(event)
+                if open_nodes:
+                    open_nodes[-1].value.append(node)
+                elif root is not None:
+                    raise InputError(f'{source}, {_line(node)}: a second document begins: give one alone')
+                else:
+                    root = node
+                if isinstance(event, _BRANCHES):
+                    open_nodes.append(node)
+            elif isinstance(event, yaml.CollectionEndEvent):
+                ended = open_nodes.pop()
+                if isinstance(ended, yaml.MappingNode):
+                    ended.value = list(zip(ended.value[::2], ended.value[1::2], strict=True))
+    except yaml.YAMLError as error:
+        # what is missing at the end is missing in the last line
+        last = max(1, len(text.splitlines()))
+        line = min(getattr(getattr(error, 'problem_mark', None), 'line', 0) + 1, last)
+        what = getattr(error, 'problem', None) or 'it holds characters that no text has'
+        raise InputError(
+            f'{source}, line {line}: this is not YAML ({what}): check indentation, colons and quotes'
+        ) from error
+    return root
+
+
+def scalar_value(node):
+    """The value of a scalar node: text, finite number, bool, or None.
+
+    Parameters
+    ----------
+    node : yaml.ScalarNode
+
+    Raises
+    ------
+    InputError
+        A number that is not finite, or too long; the sentence does not say where.
+    """
+    text = node.value
+    if node.style not in (None, ''):
+        return text
+    if text in _NULLS:
+        return None
+    if text in _TRUE or text in _FALSE:
+        return text in _TRUE
+    if len(text) > LONGEST_NUMBER:
+        if _LIKE_A_NUMBER.fullmatch(text):
+            told = f'{shown(text)} is a number of {len(text)} characters'
+            raise InputError(f'{told}: {LONGEST_NUMBER} are enough for any')
+        return text
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    if _NOT_FINITE.fullmatch(text):
+        raise InputError(f'{text} is not a finite number: write null for what is not known')
+    if not _FLOAT.fullmatch(text):
+        return text
+    value = float(text)
+    if value in (float('inf'), -float('inf')):
+        raise InputError(f'{text} is not a finite number: it is too large')
+    return value
+
+
+def dumped(content):
+    """The text of plain data, without anchors, that `plain_content` reads back as it is.
+
+    Numbers that are not finite become null: not known.
+    """
+    return yaml.dump(
+        _finite_or_null(content), Dumper=_PlainDumper, sort_keys=False, default_flow_style=None, width=120,
+    )  # fmt: skip
+
+
+class _PlainDumper(yaml.SafeDumper):
+    def ignore_aliases(self, data):
+        return True
+
+
+# texts that would be read back as numbers are quoted, also those that YAML 1.1 takes for texts, such as 1e5
+_PlainDumper.add_implicit_resolver('tag:yaml.org,2002:float', _LIKE_A_NUMBER, list('-+.0123456789'))
+
+
+def _finite_or_null(value):
+    if isinstance(value, dict):
+        return {key: _finite_or_null(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite_or_null(item) for item in value]
+    # not a number, or further than any
+    if isinstance(value, float) and not abs(value) < float('inf'):
+        return None
+    return value
+
+
+def _check_text(text, source):
+    too_large = f'{source} is larger than {LARGEST_TEXT // 1024} kB: that is no file of this software'
+    if len(text) > LARGEST_TEXT:
+        raise InputError(too_large)
+    try:
+        size = len(text.encode('utf-8'))
+    except UnicodeEncodeError as error:
+        raise InputError(f'{source} is not YAML: it holds characters that no text has') from error
+    if size > LARGEST_TEXT:
+        raise InputError(too_large)
+    # a text of nothing but %TAG costs the parser seconds
+    if _DIRECTIVE.search(text):
+        raise InputError(f'{source}: directives (lines that begin with %) are not understood: leave them out')
+
+
+def _check_event(event, values, depth, source):
+    wrong = None
+    if event.anchor is not None:
+        wrong = 'anchors (&) and aliases (*) are not understood: write the values out'
+    elif event.tag is not None:
+        wrong = f'the tag {shown(event.tag)} is not understood: leave it out'
+    elif values > MOST_VALUES:
+        wrong = f'more than {MOST_VALUES} values: that is no file of this software'
+    elif depth >= DEEPEST and isinstance(event, _BRANCHES):
+        wrong = f'lists and mappings lie more than {DEEPEST} deep: that is no file of this software'
+    if wrong is not None:
+        raise InputError(f'{source}, {_line(event)}: {wrong}')
+
+
+def _node_of(event):
+    if isinstance(event, yaml.ScalarEvent):
+        return yaml.ScalarNode(None, event.value, event.start_mark, style=event.style)
+    kind = yaml.MappingNode if isinstance(event, yaml.MappingStartEvent) else yaml.SequenceNode
+    return kind(None, [], event.start_mark)
+
+
+def _plain(node, source, name=None):
+    # recursion is safe here: the depth is limited
+    if isinstance(node, yaml.ScalarNode):
+        try:
+            return scalar_value(node)
+        except InputError as error:
+            raise InputError(f'{_place(node, source, name)}: {error}') from error
+    if isinstance(node, yaml.SequenceNode):
+        return [_plain(item, source, name) for item in node.value]
+    found = {}
+    for name_node, value_node in node.value:
+        inner = _plain(name_node, source, name) if isinstance(name_node, yaml.ScalarNode) else None
+        if not isinstance(inner, str):
+            raise InputError(f'{_place(name_node, source, name)}: names must be texts')
+        if inner in found:
+            raise InputError(f"{_place(name_node, source, name)}: '{shown(inner)}' is given twice: leave one out")
+        found[inner] = _plain(value_node, source, inner)
+    return found
+
+
+def _place(node, source, name):
+    return f'{source}, {_line(node)}' + ('' if name is None else f', {shown(name)}')
+
+
+def _line(marked):
+    return f'line {marked.start_mark.line + 1}'

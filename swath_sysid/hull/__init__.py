@@ -1,1 +1,0 @@
-"""What is believed: the decay models, the published catalogue, simulation."""

@@ -1,1 +1,0 @@
-"""Manoeuvring of a twin-thruster craft: surge, sway and yaw."""

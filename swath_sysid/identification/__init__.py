@@ -1,1 +1,0 @@
-"""From measured to believed: objectives, search, refinement, uncertainty, selection."""

@@ -1,1 +1,0 @@
-"""From measured manoeuvres to a manoeuvring model."""

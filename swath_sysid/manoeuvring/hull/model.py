@@ -1,0 +1,112 @@
+"""A manoeuvring model: which terms, with which values."""
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.terms import (
+    INDEX,
+    NAMES,
+    NEUTRAL,
+    PARAMETERS,
+    THRUST,
+    accelerations,
+)
+
+FORCE, COMMAND = 'force', 'command'
+INPUTS = (FORCE, COMMAND)
+
+
+@dataclass(frozen=True)
+class ManoeuvringModel:
+    """A craft in surge, sway and yaw under two thrusters.
+
+    Attributes
+    ----------
+    values : ndarray, shape (39,)
+        Of every parameter in `terms.NAMES`; what is not in use has its neutral value.
+    thrust_input : str
+        ``force`` (N a thruster) or ``command`` (-1 to 1).
+    name : str
+    length : float
+        Of the hulls, m: for the prime system and the standard tests.
+    largest_input : float
+        Largest thrust (N) or command ahead.
+    current : tuple of 2 floats
+        East and north, m/s.
+    """
+
+    values: np.ndarray
+    thrust_input: str = FORCE
+    name: str = ''
+    length: float = 4.88
+    largest_input: float = 1.0
+    current: tuple[float, float] = (0.0, 0.0)
+    active: tuple[bool, ...] = field(init=False)
+
+    def __post_init__(self):
+        if self.thrust_input not in INPUTS:
+            raise InputError(f"there is no thrust input '{self.thrust_input}': choose from {', '.join(INPUTS)}")
+        values = np.asarray(self.values, dtype=float)
+        if values.shape != NEUTRAL.shape or not np.all(np.isfinite(values)):
+            raise InputError(f'a manoeuvring model needs {len(NAMES)} finite values: give each parameter a number')
+        if self['m'] - self['Xu_dot'] <= 0 or self['m'] - self['Yv_dot'] <= 0 or self['Iz'] - self['Nr_dot'] <= 0:
+            raise InputError('mass and inertia, added mass included, must be positive: added mass is negative or zero')
+        object.__setattr__(self, 'active', active_terms(values))
+
+    def __getitem__(self, name):
+        return float(self.values[INDEX[name]])
+
+    @property
+    def terms(self):
+        """Names of the parameters that differ from neutral, in catalogue order."""
+        return tuple(n for n, used in zip(NAMES, self.active, strict=True) if used)
+
+    def with_values(self, **values):
+        """The model with some parameters changed.
+
+        Raises
+        ------
+        InputError
+            A name is not in the catalogue.
+        """
+        return replace(self, values=parameter_values(values, self.values))
+
+    def accelerations(self, u, v, r, port, starboard):
+        """du/dt, dv/dt, dr/dt under acting thrusts in N; scalars or arrays of shape (P,)."""
+        return accelerations(u, v, r, port, starboard, self.values, self.active)
+
+    def jacobian(self, u, v, r, port=0.0, starboard=0.0):
+        """Derivatives of the accelerations by u, v and r, shape (3, 3), by central differences."""
+        step = 1e-5
+        state = np.array([u, v, r], dtype=float)[:, None]
+        moves = np.concatenate([np.eye(3), -np.eye(3)], axis=1) * step
+        found = np.array(self.accelerations(*(state + moves), port, starboard))
+        return (found[:, :3] - found[:, 3:]) / (2.0 * step)
+
+
+def parameter_values(values, base=NEUTRAL):
+    """A full parameter vector, shape (39,), from some values by name.
+
+    Raises
+    ------
+    InputError
+        A name is not in the catalogue.
+    """
+    unknown = [name for name in values if name not in INDEX]
+    if unknown:
+        raise InputError(f"there is no manoeuvring parameter '{unknown[0]}': choose from {', '.join(NAMES)}")
+    full = np.array(base, dtype=float)
+    for name, value in values.items():
+        full[INDEX[name]] = value
+    return full
+
+
+def active_terms(values):
+    """Which parameters differ from their neutral value, as a tuple of bools."""
+    return tuple((np.asarray(values) != NEUTRAL).tolist())
+
+
+def derivative_names():
+    """The hydrodynamic derivatives and inertias, without the thrusters."""
+    return tuple(p.name for p in PARAMETERS if p.kind != THRUST)

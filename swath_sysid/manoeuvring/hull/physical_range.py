@@ -1,0 +1,46 @@
+"""What no twin-thruster craft exceeds: the ranges outside of which a manoeuvring model is a mistake."""
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, THRUST, YR_DOT, YV_DOT, M
+
+LARGEST = 1e12
+"""Of any mass, inertia or derivative, in SI units: the largest ships come near it."""
+
+LIGHTEST = 1e-3
+"""kg and kg m^2."""
+
+_THRUST_RANGES = {
+    'gain': (1e-6, 1e9), 'reverse_ratio': (1e-3, 10.0), 'dead_band': (0.0, 0.95), 'exponent': (0.1, 10.0),
+    'balance': (-0.99, 0.99), 'advance': (0.0, 10.0), 'lag': (0.0, 60.0), 'delay': (0.0, 60.0),
+    'deduction': (-1.0, 0.99), 'lever': (1e-3, 1000.0), 'moment_factor': (-0.99, 10.0),
+}  # fmt: skip
+
+PARAMETER_RANGES = {
+    p.name: _THRUST_RANGES[p.name] if p.kind == THRUST
+    else (LIGHTEST, LARGEST) if p.name in ('m', 'Iz') else (-LARGEST, LARGEST)
+    for p in PARAMETERS
+}  # fmt: skip
+"""Least and largest value of each parameter; wider than what an identification may find."""
+
+
+def check_physical(model):
+    """Refuse a manoeuvring model that no craft can have.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+
+    Raises
+    ------
+    InputError
+        A parameter lies outside its range, or the mass matrix of sway and yaw is not positive definite.
+    """
+    for name, (lowest, highest) in PARAMETER_RANGES.items():
+        if not lowest <= model[name] <= highest:
+            raise InputError(f'the parameter {name} of {model[name]:g} is no craft\'s: it lies within {lowest:g} and '
+                             f'{highest:g}')  # fmt: skip
+    p = model.values
+    # symmetric part: what the kinetic energy has
+    coupling = 0.5 * (p[YR_DOT] + p[NV_DOT])
+    if not (p[M] - p[YV_DOT]) * (p[IZ] - p[NR_DOT]) > max(coupling * coupling, p[YR_DOT] * p[NV_DOT]):
+        raise InputError('the masses of sway and yaw, with Yr_dot and Nv_dot between them, are not positive: reduce '
+                         'these two')  # fmt: skip

@@ -1,0 +1,68 @@
+"""The prime system: derivatives without dimensions (SNAME 1950).
+
+Units: length L, speed U, mass rho L^3 / 2, thus force rho L^2 U^2 / 2 and moment rho L^3 U^2 / 2.
+"""
+from dataclasses import dataclass
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS, THRUST
+
+SEA_WATER = 1025.0
+"""kg/m^3."""
+
+
+@dataclass(frozen=True)
+class PrimeUnits:
+    """What the prime system measures with.
+
+    Attributes
+    ----------
+    length : float
+        Of the hulls, m.
+    speed : float
+        m/s.
+    density : float
+        kg/m^3.
+    """
+
+    length: float
+    speed: float
+    density: float = SEA_WATER
+
+    def __post_init__(self):
+        if not (self.length > 0.0 and self.speed > 0.0 and self.density > 0.0):
+            raise InputError('length, speed and density of the prime system must be positive: give positive numbers')
+
+    def unit(self, name):
+        """The dimensional size of a derivative whose prime value is one.
+
+        A derivative is a force (or moment) over the velocities and accelerations it multiplies.
+
+        Raises
+        ------
+        InputError
+            The name is not a derivative.
+        """
+        parameter = PARAMETERS[INDEX[name]] if name in INDEX else None
+        if parameter is None or parameter.kind == THRUST:
+            raise InputError(f"'{name}' is no derivative of the prime system: give one such as Xuu or Nr")
+        length, speed = self.length, self.speed
+        mass = 0.5 * self.density * length**3
+        if name in ('m', 'Iz'):
+            return mass * (length**2 if name == 'Iz' else 1.0)
+        load = mass * speed**2 / length * (length if parameter.row == 'N' else 1.0)
+        sizes = {
+            'u': speed, 'v': speed, 'r': speed / length,
+            'U': speed**2 / length, 'V': speed**2 / length, 'R': speed**2 / length**2,
+        }  # fmt: skip
+        for factor in parameter.factors:
+            load /= sizes[factor]
+        return load
+
+    def to_prime(self, name, value):
+        """Prime value of a dimensional derivative."""
+        return value / self.unit(name)
+
+    def from_prime(self, name, prime):
+        """Dimensional value of a prime derivative."""
+        return prime * self.unit(name)

@@ -1,0 +1,101 @@
+"""Simulated trials: a programme of runs, and what sensors would have recorded of them."""
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
+from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
+
+STEP = 0.1
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Standard deviations of white noise: speeds, m/s, yaw rate, rad/s, heading, rad, position, m."""
+
+    speed: float = 0.05
+    yaw_rate: float = 0.005
+    heading: float = 0.005
+    position: float = 0.3
+
+    def __post_init__(self):
+        for name, value in vars(self).items():
+            if not value >= 0.0:
+                raise InputError(f'the noise of {name} must not be negative: give zero or a positive number')
+
+
+def trial_programme(model, step=STEP):
+    """Straight runs with thrust steps, turns to both sides at several speeds, zig-zags; about 15 min.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+    step : float
+        s.
+
+    Returns
+    -------
+    dict of str to Manoeuvre
+    """
+    full = model.largest_input
+    return {
+        'speed_up': _steps(model, step, [(s, s, 25.0) for s in (0.15, 0.3, 0.5, 0.7, 1.0)], full),
+        'speed_down': _steps(model, step, [(s, s, 25.0) for s in (0.9, 0.4, 0.8, 0.2, 0.0)], full),
+        'turns_slow': _steps(model, step, _turns(0.25, (0.1, -0.1, 0.25, -0.2), 25.0), full),
+        'turns_fast': _steps(model, step, _turns(0.6, (0.1, -0.1, 0.35, -0.25), 25.0), full),
+        'zigzag_10': _zigzag(model, step, 0.5, 0.15, np.radians(10.0), 90.0),
+        'zigzag_20': _zigzag(model, step, 0.65, 0.3, np.radians(20.0), 90.0),
+        'reverse': _steps(model, step, [(0.5, 0.5, 15), (-0.4, -0.4, 20), (0.6, -0.3, 20), (-0.3, 0.6, 20)], full),
+        'mixed': _steps(model, step, [(0.8, 0.4, 15), (0.3, 0.7, 15), (0.9, 0.9, 15), (0.2, 0.6, 15), (0.7, 0.1, 15),
+                                      (0.1, 0.1, 15), (0.5, 0.95, 15)], full),
+    }  # fmt: skip
+
+
+def with_noise(manoeuvre, noise, seed):
+    """The manoeuvre as sensors would have recorded it; inputs and time are exact.
+
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+    noise : SensorNoise
+    seed : int
+
+    Returns
+    -------
+    Manoeuvre
+        ``u`` and ``v`` stay what they were.
+    """
+    rng = np.random.default_rng(seed)
+
+    def disturbed(values, std):
+        return values + std * rng.standard_normal(values.size)
+
+    return replace(
+        manoeuvre,
+        surge=disturbed(manoeuvre.surge, noise.speed), sway=disturbed(manoeuvre.sway, noise.speed),
+        yaw_rate=disturbed(manoeuvre.yaw_rate, noise.yaw_rate), heading=disturbed(manoeuvre.heading, noise.heading),
+        x=disturbed(manoeuvre.x, noise.position), y=disturbed(manoeuvre.y, noise.position),
+    )  # fmt: skip
+
+
+def _turns(base, differences, duration):
+    return [(base + d, base - d, duration) for d in differences]
+
+
+def _steps(model, step, stages, full) -> Manoeuvre:
+    craft = SteeredCraft(model, step, 0.0, at_rest=True)
+    for port, starboard, duration in stages:
+        craft.hold(port * full, starboard * full, duration)
+    return craft.manoeuvre()
+
+
+def _zigzag(model, step, base, difference, angle, duration):
+    full = model.largest_input
+    craft = SteeredCraft(model, step, base * full)
+    turn = 1.0
+    while craft.time < duration:
+        craft.advance((base + turn * difference) * full, (base - turn * difference) * full)
+        if -turn * craft.heading >= angle:
+            turn = -turn
+    return craft.manoeuvre()

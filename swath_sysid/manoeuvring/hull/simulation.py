@@ -1,0 +1,172 @@
+"""Simulation of manoeuvres: one craft, or many windows of many candidates at once."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.accelerator import accelerated
+from swath_sysid.manoeuvring.hull import terms
+from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+
+STABLE_STEP = 2.0
+"""Largest product of step and fastest damping rate; the classical scheme is stable up to 2.78."""
+
+_accelerations = terms.accelerations
+
+
+@accelerated
+def runge_kutta_columns(state, port, starboard, p, active, step, substeps):
+    """Integrate C craft side by side with the classical Runge-Kutta scheme.
+
+    Parameters
+    ----------
+    state : ndarray, shape (3, C)
+        u, v, r at the start.
+    port, starboard : ndarray, shape (S, C)
+        Thrust over each step, N.
+    p : ndarray, shape (39, C)
+    active : tuple of 39 bools
+        Terms that any column uses.
+    step : float
+        s.
+    substeps : int
+        Runge-Kutta steps a step.
+
+    Returns
+    -------
+    ndarray, shape (S + 1, 3, C)
+        Not finite from where a craft has run away.
+    """
+    steps = port.shape[0]
+    states = np.empty((steps + 1, 3, state.shape[1]))
+    states[0] = state
+    h = step / substeps
+    half, sixth = 0.5 * h, h / 6.0
+    u, v, r = state[0].copy(), state[1].copy(), state[2].copy()
+    for k in range(steps):
+        left, right = port[k], starboard[k]
+        for _ in range(substeps):
+            u1, v1, r1 = _accelerations(u, v, r, left, right, p, active)
+            u2, v2, r2 = _accelerations(u + half * u1, v + half * v1, r + half * r1, left, right, p, active)
+            u3, v3, r3 = _accelerations(u + half * u2, v + half * v2, r + half * r2, left, right, p, active)
+            u4, v4, r4 = _accelerations(u + h * u3, v + h * v3, r + h * r3, left, right, p, active)
+            u = u + sixth * (u1 + 2.0 * (u2 + u3) + u4)
+            v = v + sixth * (v1 + 2.0 * (v2 + v3) + v4)
+            r = r + sixth * (r1 + 2.0 * (r2 + r3) + r4)
+        states[k + 1, 0], states[k + 1, 1], states[k + 1, 2] = u, v, r
+    return states
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """A simulated manoeuvre; all arrays have shape (N,), N one more than the steps of thrust.
+
+    Attributes
+    ----------
+    time : ndarray
+        s.
+    u, v : ndarray
+        Through the water, m/s.
+    yaw_rate, heading : ndarray
+        rad/s, and rad from east to north, not wrapped.
+    x, y : ndarray
+        East and north, m.
+    surge, sway : ndarray
+        Over ground, m/s.
+    port, starboard : ndarray
+        Inputs as given, the last one repeated.
+    """
+
+    time: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    yaw_rate: np.ndarray
+    heading: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    surge: np.ndarray
+    sway: np.ndarray
+    port: np.ndarray
+    starboard: np.ndarray
+
+
+def simulate(model, port, starboard, step, state=(0.0, 0.0, 0.0), heading=0.0, position=(0.0, 0.0), current=None):
+    """Simulate a craft under given inputs.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+    port, starboard : ndarray, shape (S,)
+        Inputs held over each step, N or commands as the model's `thrust_input` says.
+    step : float
+        s.
+    state : sequence of 3 floats
+        u, v, r at the start.
+    heading : float
+        rad.
+    position : sequence of 2 floats
+        East, north, m.
+    current : sequence of 2 floats, optional
+        East and north, m/s; the model's own by default.
+
+    Returns
+    -------
+    Manoeuvre
+    """
+    port, starboard = np.asarray(port, dtype=float), np.asarray(starboard, dtype=float)
+    thrust = acting_thrust(port, starboard, model.values, step)
+    substeps = substeps_for(model, step, state, thrust)
+    with np.errstate(over='ignore', invalid='ignore'):
+        states = runge_kutta_columns(
+            np.array(state, dtype=float)[:, None], np.ascontiguousarray(thrust[0][:, None]),
+            np.ascontiguousarray(thrust[1][:, None]), model.values[:, None], model.active, step, substeps,
+        )[:, :, 0]  # fmt: skip
+        u, v, r = states.T
+        drift = model.current if current is None else current
+        psi, x, y = track(u, v, r, step, heading, position, drift)
+        east, north = drift
+        surge = u + east * np.cos(psi) + north * np.sin(psi)
+        sway = v - east * np.sin(psi) + north * np.cos(psi)
+    return Manoeuvre(
+        time=step * np.arange(u.size), u=u, v=v, yaw_rate=r, heading=psi, x=x, y=y, surge=surge, sway=sway,
+        port=np.append(port, port[-1:]), starboard=np.append(starboard, starboard[-1:]),
+    )  # fmt: skip
+
+
+def track(u, v, r, step, heading, position, current):
+    """Heading and position by the trapezoidal rule, along the first axis of u, v, r.
+
+    Returns
+    -------
+    heading, x, y : ndarray, shape of u
+    """
+    psi = heading + _integral(r, step)
+    x = position[0] + _integral(u * np.cos(psi) - v * np.sin(psi) + current[0], step)
+    y = position[1] + _integral(u * np.sin(psi) + v * np.cos(psi) + current[1], step)
+    return psi, x, y
+
+
+def substeps_for(model, step, state=(0.0, 0.0, 0.0), thrust=((0.0,), (0.0,))):
+    """Runge-Kutta steps that the fastest damping of the craft needs within a step, 1 to 50.
+
+    The damping is taken at the state given and at a speed that the largest thrust could drive.
+    """
+    most = float(max(np.max(np.abs(t)) for t in thrust)) if len(thrust[0]) else 0.0
+    fastest = steady_speed(model, 2.0 * most)
+    speeds = {float(state[0]), fastest, -fastest}
+    rate = max(np.max(np.abs(np.linalg.eigvals(model.jacobian(u, state[1], state[2])))) for u in speeds)
+    return int(np.clip(np.ceil(step * rate / STABLE_STEP), 1, 50))
+
+
+def steady_speed(model, total_thrust):
+    """Speed on a straight course at which the hull resists a total thrust, m/s, at most 30; by bisection."""
+    low, high = 0.0, 30.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        push = model.accelerations(middle, 0.0, 0.0, 0.5 * total_thrust, 0.5 * total_thrust)[0]
+        low, high = (middle, high) if push > 0.0 else (low, middle)
+    return low
+
+
+def _integral(values, step):
+    middle = 0.5 * step * (values[1:] + values[:-1])
+    return np.concatenate([np.zeros_like(values[:1]), np.cumsum(middle, axis=0)])

@@ -1,0 +1,173 @@
+"""Whether a craft stays within bounds at the speeds and inputs that it was identified at."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, steady_speed, substeps_for
+from swath_sysid.manoeuvring.hull.terms import ADVANCE, DEDUCTION, XU_DOT, M, accelerations
+from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+
+SPEEDS = 9
+INPUTS = 4
+DURATION = 60.0
+STEP = 0.1
+DIFFERENCE = 1e-5
+EXCESS = 2.0
+"""A motion that leaves this multiple of what was seen has run away."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """Motion and inputs that were seen.
+
+    Attributes
+    ----------
+    slowest, fastest : float
+        m/s.
+    largest_sway, largest_yaw_rate : float
+        m/s, rad/s.
+    least_input, most_input, largest_difference : float
+        Of one thruster, and starboard less port; N or commands.
+    """
+
+    slowest: float
+    fastest: float
+    largest_sway: float
+    largest_yaw_rate: float
+    least_input: float
+    most_input: float
+    largest_difference: float
+
+
+@dataclass(frozen=True)
+class StabilityCheck:
+    """Outcome of `check_stability`.
+
+    Attributes
+    ----------
+    stable : bool
+    largest_growth : float
+        Largest real part of the eigenvalues of small motions about straight courses, 1/s; negative decays.
+    unstable_speed : float
+        Where it is not negative, m/s; NaN if nowhere.
+    largest_excess : float
+        Largest motion under held inputs, as a multiple of what was seen.
+    """
+
+    stable: bool
+    largest_growth: float
+    unstable_speed: float
+    largest_excess: float
+
+
+def check_stability(model, region):
+    """Small motions about every straight course, and free motion under every held input.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+    region : Region
+
+    Returns
+    -------
+    StabilityCheck
+    """
+    speeds = straight_speeds(region)
+    growth = growth_rates(model.values[:, None], model.active, speeds)[:, 0]
+    worst = int(np.argmax(growth))
+    excess = _largest_excess(model, region)
+    decays = growth[worst] < 0.0
+    return StabilityCheck(
+        stable=bool(decays and excess < EXCESS), largest_growth=float(growth[worst]),
+        unstable_speed=float('nan') if decays else float(speeds[worst]), largest_excess=excess,
+    )  # fmt: skip
+
+
+def straight_speeds(region):
+    """Speeds ahead at which straight courses are examined, m/s, shape (9,)."""
+    return np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), SPEEDS)
+
+
+def growth_rates(p, active, speeds):
+    """Largest real part of the eigenvalues of small motions about steady straight courses.
+
+    Parameters
+    ----------
+    p : ndarray, shape (39, K)
+        Parameters of K candidates.
+    active : tuple of 39 bools
+    speeds : ndarray, shape (S,)
+        m/s.
+
+    Returns
+    -------
+    ndarray, shape (S, K)
+        1/s; negative decays.
+    """
+    count, candidates = speeds.size, p.shape[1]
+    columns = np.tile(p, count)
+    u = np.repeat(speeds, candidates)
+    nothing = np.zeros_like(u)
+    resistance = -accelerations(u, nothing, nothing, nothing, nothing, columns, active)[0]
+    slip = (1.0 - columns[DEDUCTION]) * np.maximum(1.0 - columns[ADVANCE] * u, 0.1)
+    thrust = 0.5 * resistance * (columns[M] - columns[XU_DOT]) / slip
+    jacobian = np.empty((u.size, 3, 3))
+    for j in range(3):
+        sides = []
+        for sign in (DIFFERENCE, -DIFFERENCE):
+            state = [u.copy(), nothing.copy(), nothing.copy()]
+            state[j] += sign
+            sides.append(np.array(accelerations(*state, thrust, thrust, columns, active)))
+        jacobian[:, :, j] = ((sides[0] - sides[1]) / (2.0 * DIFFERENCE)).T
+    usable = np.all(np.isfinite(jacobian), axis=(1, 2))
+    jacobian[~usable] = np.eye(3)
+    return np.linalg.eigvals(jacobian).real.max(axis=1).reshape(count, candidates)
+
+
+def _largest_excess(model, region):
+    port, starboard = np.meshgrid(*2 * [np.linspace(region.least_input, region.most_input, INPUTS)])
+    held = np.abs(starboard - port) <= region.largest_difference * (1.0 + 1e-9)
+    inputs = np.stack([port[held], starboard[held]])
+    thrust = np.array([
+        [side[-1] for side in acting_thrust(np.full(2, a), np.full(2, b), model.values, STEP)]
+        for a, b in inputs.T
+    ]).T  # fmt: skip
+    starts = np.array([
+        [u, v, r]
+        for u in (region.slowest, region.fastest)
+        for v, r in ((0.0, 0.0), (region.largest_sway, region.largest_yaw_rate),
+                     (region.largest_sway, -region.largest_yaw_rate))
+    ]).T  # fmt: skip
+    state = np.repeat(starts, thrust.shape[1], axis=1)
+    columns = np.tile(thrust, starts.shape[1])
+    steps = int(DURATION / STEP)
+    substeps = substeps_for(model, STEP, (region.fastest, 0.0, region.largest_yaw_rate), thrust)
+    with np.errstate(over='ignore', invalid='ignore'):
+        states = runge_kutta_columns(
+            state, np.ascontiguousarray(np.broadcast_to(columns[0], (steps, columns.shape[1]))),
+            np.ascontiguousarray(np.broadcast_to(columns[1], (steps, columns.shape[1]))),
+            np.repeat(model.values[:, None], columns.shape[1], axis=1), model.active, STEP, substeps,
+        )  # fmt: skip
+    limits = _limits(model, region, thrust)
+    share = np.max(np.abs(states), axis=(0, 2)) / limits
+    return float(np.max(share)) if np.all(np.isfinite(share)) else float('inf')
+
+
+def _limits(model, region, thrust):
+    """Speed, sway and yaw rate that these inputs may rightly drive: seen ones, or the steady ones of the hull."""
+    ahead = steady_speed(model, float(np.max(thrust.sum(axis=0))))
+    speed = max(abs(region.slowest), region.fastest, ahead, 0.1)
+    seen = max(region.largest_yaw_rate, 0.05)
+    # manoeuvres are shorter than this check: inputs held for long may rightly turn a craft faster than was seen
+    turning = float(np.clip(_steady_yaw_rate(model, float(np.max(np.abs(thrust[1] - thrust[0])))), seen, 2.0 * seen))
+    return np.array([speed, max(region.largest_sway, 0.7 * speed), turning])
+
+
+def _steady_yaw_rate(model, difference):
+    """Yaw rate at which the hull's damping alone resists a difference of the thrusts, rad/s, at most 10."""
+    low, high = 0.0, 10.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        push = model.accelerations(0.0, 0.0, middle, -0.5 * difference, 0.5 * difference)[2]
+        low, high = (middle, high) if push > 0.0 else (low, middle)
+    return low

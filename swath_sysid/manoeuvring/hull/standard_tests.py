@@ -1,0 +1,259 @@
+"""The standard manoeuvring tests (ITTC 7.5-04-02-01) of a craft that steers by thrust difference."""
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
+from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
+
+STEP = 0.1
+"""s."""
+
+LONGEST = 900.0
+"""s; a test that has not ended by then is reported as far as it went."""
+
+APPROACH = 5.0
+"""s of steady approach shown before a test."""
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """How hard a craft is driven; shares are of its largest input.
+
+    Attributes
+    ----------
+    base : float
+        Mean input of both thrusters, share.
+    difference : float
+        Half the difference of the inputs, share; positive turns to starboard.
+    angle : float
+        Heading of a zig-zag at which the difference is reversed, rad.
+    """
+
+    base: float = 0.6
+    difference: float = 0.3
+    angle: float = math.radians(20.0)
+
+    def __post_init__(self):
+        if not 0.0 < self.base <= 1.0:
+            raise InputError(f'the base input must be within 0 and 1, not {self.base}: give a share of the largest')
+        if not 0.0 < abs(self.difference) <= 1.0:
+            raise InputError(f'the difference must be within -1 and 1 and not zero, not {self.difference}')
+        if not 0.0 < self.angle < math.pi / 2:
+            raise InputError('the zig-zag angle must be between 0 and 90 degrees')
+
+
+@dataclass(frozen=True)
+class ManoeuvringTest:
+    """A test and what it reports.
+
+    Attributes
+    ----------
+    name : str
+    manoeuvre : Manoeuvre
+    numbers : dict of str to float
+        Units in the names; NaN for what the test did not reach.
+    curve : dict of str to ndarray
+        Steady states, for the tests that make a curve of them.
+    """
+
+    name: str
+    manoeuvre: Manoeuvre
+    numbers: dict[str, float]
+    curve: dict[str, np.ndarray]
+
+
+def _inputs(model, settings, turn=1.0):
+    """Port and starboard inputs; ``turn`` 1 to starboard, -1 to port."""
+    base, difference = settings.base * model.largest_input, settings.difference * model.largest_input
+    return base + turn * difference, base - turn * difference
+
+
+def turning_circle(model, settings):
+    """Advance, transfer, tactical and steady diameter, m, of a turn after a straight approach."""
+    still = _still(model)
+    base = settings.base * model.largest_input
+    craft = SteeredCraft(still, STEP, base)
+    craft.hold(base, base, APPROACH)
+    begin = len(craft.manoeuvre().time) - 1
+    port, starboard = _inputs(model, settings)
+    while abs(craft.heading) < math.radians(720.0) and craft.time < LONGEST:
+        craft.advance(port, starboard)
+    run = craft.manoeuvre()
+    side = -1.0 if settings.difference > 0 else 1.0
+    turned = side * (run.heading[begin:] - run.heading[begin])
+    ahead, aside = run.x[begin:] - run.x[begin], side * (run.y[begin:] - run.y[begin])
+    time = run.time[begin:] - run.time[begin]
+    speed = np.hypot(run.u, run.v)
+    last = turned > turned[-1] - 2.0 * math.pi
+    steady = float('nan')
+    if turned[-1] > 3.0 * math.pi:
+        steady = float(2.0 * np.mean(speed[begin:][last]) / np.mean(np.abs(run.yaw_rate[begin:][last])))
+    numbers = {
+        'approach_speed_m_s': float(run.u[begin]),
+        'advance_m': _when(turned, math.pi / 2, ahead),
+        'transfer_m': _when(turned, math.pi / 2, aside),
+        'tactical_diameter_m': _when(turned, math.pi, aside),
+        'steady_diameter_m': steady,
+        'time_to_90deg_s': _when(turned, math.pi / 2, time),
+        'time_to_180deg_s': _when(turned, math.pi, time),
+        'steady_speed_m_s': float(np.mean(speed[begin:][last])),
+        'steady_yaw_rate_deg_s': float(np.degrees(np.mean(run.yaw_rate[begin:][last]))),
+        'drift_angle_deg': float(np.degrees(np.mean(np.arctan2(-run.v[begin:][last], run.u[begin:][last])))),
+    }
+    return ManoeuvringTest('turning-circle', run, numbers, {})
+
+
+def zigzag(model, settings, reversals=6):
+    """Overshoots, deg, and period, s, of a zig-zag."""
+    still = _still(model)
+    base = settings.base * model.largest_input
+    craft = SteeredCraft(still, STEP, base)
+    craft.hold(base, base, APPROACH)
+    turn, ends = 1.0, []
+    forward = -1.0 if settings.difference > 0 else 1.0
+    while len(ends) < reversals and craft.time < LONGEST:
+        craft.advance(*_inputs(model, settings, turn))
+        if forward * turn * craft.heading >= settings.angle:
+            turn = -turn
+            ends.append(craft.time)
+    run = craft.manoeuvre()
+    overshoots = []
+    for start, end in zip(ends, ends[1:], strict=False):
+        span = (run.time >= start) & (run.time <= end)
+        overshoots.append(np.degrees(np.max(np.abs(run.heading[span])) - settings.angle))
+    numbers = {
+        'angle_deg': math.degrees(settings.angle),
+        'first_overshoot_deg': float(overshoots[0]) if overshoots else float('nan'),
+        'second_overshoot_deg': float(overshoots[1]) if len(overshoots) > 1 else float('nan'),
+        'initial_turning_time_s': ends[0] - APPROACH if ends else float('nan'),
+        'period_s': float(ends[2] - ends[0]) if len(ends) > 2 else float('nan'),
+    }
+    return ManoeuvringTest('zigzag', run, numbers, {})
+
+
+def speed_test(model, settings, steps=8):
+    """Steady speed against input, from rest up to the largest input; ``settings`` are not needed."""
+    craft = SteeredCraft(_still(model), STEP, 0.0, at_rest=True)
+    inputs, speeds, times = [], [], []
+    for share in np.arange(1, steps + 1) / steps:
+        value, before, start = share * model.largest_input, craft.u, craft.time
+        _hold_until_steady(craft, value, value)
+        run = craft.manoeuvre()
+        goal = before + (1.0 - math.exp(-1.0)) * (craft.u - before)
+        rise = (run.u - before) / ((goal - before) or 1.0)
+        after = run.time >= start
+        inputs.append(value)
+        speeds.append(craft.u)
+        times.append(_when(rise[after], 1.0, run.time[after]) - start)
+    numbers = {'largest_input': float(inputs[-1]), 'largest_speed_m_s': float(speeds[-1]),
+               'half_input_speed_m_s': float(np.interp(0.5 * inputs[-1], inputs, speeds)),
+               'first_time_constant_s': float(times[0]), 'last_time_constant_s': float(times[-1])}
+    curve = {'input': np.array(inputs), 'speed_m_s': np.array(speeds), 'time_constant_s': np.array(times)}
+    return ManoeuvringTest('speed', craft.manoeuvre(), numbers, curve)
+
+
+def crash_stop(model, settings):
+    """Way and time from full ahead to a stop under full astern; the base input is not needed."""
+    full = model.largest_input
+    craft = SteeredCraft(_still(model), STEP, full)
+    craft.hold(full, full, APPROACH)
+    begin = len(craft.manoeuvre().time) - 1
+    speed = craft.u
+    while craft.u > 0.0 and craft.time < LONGEST:
+        craft.advance(-full, -full)
+    run = craft.manoeuvre()
+    stopped = craft.u <= 0.0
+    way = float(np.sum(np.hypot(np.diff(run.x[begin:]), np.diff(run.y[begin:]))))
+    numbers = {
+        'initial_speed_m_s': speed,
+        'stopping_time_s': float(run.time[-1] - run.time[begin]) if stopped else float('nan'),
+        'track_reach_m': way if stopped else float('nan'),
+        'head_reach_m': float(run.x[-1] - run.x[begin]) if stopped else float('nan'),
+        'lateral_deviation_m': float(run.y[-1] - run.y[begin]),
+    }
+    return ManoeuvringTest('crash-stop', run, numbers, {})
+
+
+def spiral(model, settings, steps=6):
+    """Dieudonne's spiral: steady yaw rate against the thrust difference, from starboard to port and back."""
+    down = np.linspace(1.0, -1.0, 2 * steps + 1)
+    turns = np.concatenate([down, down[::-1][1:]])
+    craft = SteeredCraft(_still(model), STEP, settings.base * model.largest_input)
+    rates = []
+    for turn in turns:
+        _hold_until_steady(craft, *_inputs(model, settings, turn))
+        rates.append(craft.yaw_rate)
+    rates = np.degrees(rates)
+    difference = turns * settings.difference * model.largest_input
+    there, back = rates[: 2 * steps + 1], rates[2 * steps :][::-1]
+    slope = np.gradient(there, difference[: 2 * steps + 1])
+    numbers = {
+        'loop_height_deg_s': float(np.max(np.abs(there - back))),
+        'yaw_rate_at_full_difference_deg_s': float(there[0]),
+        'yaw_rate_without_difference_deg_s': float(there[steps]),
+        'slope_at_zero_deg_s_per_input': float(slope[steps]),
+    }
+    return ManoeuvringTest('spiral', craft.manoeuvre(), numbers, {'difference': difference, 'yaw_rate_deg_s': rates})
+
+
+TESTS = {
+    'turning-circle': turning_circle,
+    'zigzag': zigzag,
+    'speed': speed_test,
+    'crash-stop': crash_stop,
+    'spiral': spiral,
+}
+
+
+def run_test(name, model, settings=None):
+    """Run a standard test in still water.
+
+    Parameters
+    ----------
+    name : str
+        A key of ``TESTS``.
+    model : ManoeuvringModel
+    settings : DriveSettings, optional
+
+    Returns
+    -------
+    ManoeuvringTest
+
+    Raises
+    ------
+    InputError
+        There is no such test.
+    """
+    if name not in TESTS:
+        raise InputError(f"there is no test '{name}': choose from {', '.join(TESTS)}")
+    return TESTS[name](model, settings or DriveSettings())
+
+
+def _still(model: ManoeuvringModel):
+    return replace(model, current=(0.0, 0.0))
+
+
+def _hold_until_steady(craft, port, starboard, longest=120.0):
+    """Hold inputs until neither speed nor yaw rate changes by a thousandth of itself in 5 s."""
+    before = None
+    end = craft.time + longest
+    while craft.time < end:
+        craft.hold(port, starboard, 5.0)
+        now = np.array([craft.u, craft.yaw_rate])
+        if before is not None and np.all(np.abs(now - before) < 1e-3 * np.abs(now) + 1e-5):
+            return
+        before = now
+
+
+def _when(rising, level, values):
+    """Value at the first passage of a level, linear between samples; NaN where it is not reached."""
+    above = np.flatnonzero(np.asarray(rising) >= level)
+    if not above.size or above[0] == 0:
+        return float('nan')
+    k = above[0]
+    share = (level - rising[k - 1]) / (rising[k] - rising[k - 1])
+    return float(values[k - 1] + share * (values[k] - values[k - 1]))

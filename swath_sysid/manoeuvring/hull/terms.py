@@ -1,0 +1,200 @@
+"""The catalogue of manoeuvring parameters, and the accelerations that they cause.
+
+Body axes x forward, y to port, z up: surge u and sway v through the water, m/s, yaw rate r, rad/s,
+positive to port. The derivatives of a laterally symmetric craft are the same numbers in axes with
+y to starboard and z down.
+
+The equations of motion are those of the MMG kind of PAPERS E, with further terms of the same make:
+
+    (m - Xu_dot) du/dt - m v r                 = X(u, v, r) + X_thrust
+    (m - Yv_dot) dv/dt - Yr_dot dr/dt + m u r  = Y(u, v, r)
+    (Iz - Nr_dot) dr/dt - Nv_dot dv/dt         = N(u, v, r) + N_thrust
+    X_thrust = (1 - deduction) (1 - advance u) (T_starboard + T_port)
+    N_thrust = (1 + moment_factor) lever (1 - advance u) (T_starboard - T_port)
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.accelerator import accelerated
+
+INERTIA, DAMPING, CROSS, OFFSET, THRUST = 'inertia', 'damping', 'cross', 'offset', 'thrust'
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One named number of a manoeuvring model.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        ``inertia``, ``damping``, ``cross``, ``offset`` or ``thrust``.
+    row : str
+        The equation it stands in: ``X``, ``Y``, ``N``, or empty for thrust.
+    factors : str
+        What it multiplies, as powers of u, v, r and of their time derivatives U, V, R: ``uu``, ``vr``, ``R``.
+    unit : str
+    neutral : float
+        Its value where it is not in use.
+    separated_by : str
+        The manoeuvre that tells it from its neighbours.
+    """
+
+    name: str
+    kind: str
+    row: str
+    factors: str
+    unit: str
+    neutral: float
+    separated_by: str
+
+
+_STEPS = 'thrust steps up and down on a straight course'
+_SPEEDS = 'steady straight runs at several speeds, the slowest to the fastest'
+_ZIGZAG = 'zig-zags with quick changes of the thrust difference'
+_TURNS = 'steady turns at several thrust differences'
+_TURNS_AT_SPEEDS = 'turns with the same thrust difference at several speeds'
+_REVERSE = 'runs and turns with one and with both thrusters in reverse'
+_COMMANDS = 'steady runs at many commands, small ones among them'
+
+PARAMETERS = (
+    Parameter('m', INERTIA, 'X', '', 'kg', 1.0, _STEPS),
+    Parameter('Iz', INERTIA, 'N', '', 'kg m2', 1.0, _ZIGZAG),
+    Parameter('Xu_dot', INERTIA, 'X', 'U', 'kg', 0.0, _STEPS),
+    Parameter('Yv_dot', INERTIA, 'Y', 'V', 'kg', 0.0, _ZIGZAG),
+    Parameter('Yr_dot', INERTIA, 'Y', 'R', 'kg m', 0.0, _ZIGZAG),
+    Parameter('Nv_dot', INERTIA, 'N', 'V', 'kg m', 0.0, _ZIGZAG),
+    Parameter('Nr_dot', INERTIA, 'N', 'R', 'kg m2', 0.0, _ZIGZAG),
+    Parameter('Xu', DAMPING, 'X', 'u', 'N s/m', 0.0, _SPEEDS),
+    Parameter('Xuu', DAMPING, 'X', 'uu', 'N s2/m2', 0.0, _SPEEDS),
+    Parameter('Xuuu', DAMPING, 'X', 'uuu', 'N s3/m3', 0.0, _SPEEDS),
+    Parameter('Xvr', CROSS, 'X', 'vr', 'kg', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Xvv', CROSS, 'X', 'vv', 'N s2/m2', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Xrr', CROSS, 'X', 'rr', 'N s2', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Yv', DAMPING, 'Y', 'v', 'N s/m', 0.0, _TURNS),
+    Parameter('Yvv', DAMPING, 'Y', 'vv', 'N s2/m2', 0.0, _TURNS),
+    Parameter('Yvvv', DAMPING, 'Y', 'vvv', 'N s3/m3', 0.0, _TURNS),
+    Parameter('Yr', CROSS, 'Y', 'r', 'N s', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Yur', CROSS, 'Y', 'ur', 'kg', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Yuv', CROSS, 'Y', 'uv', 'N s2/m2', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Nr', DAMPING, 'N', 'r', 'N m s', 0.0, _TURNS),
+    Parameter('Nrr', DAMPING, 'N', 'rr', 'N m s2', 0.0, _TURNS),
+    Parameter('Nrrr', DAMPING, 'N', 'rrr', 'N m s3', 0.0, _TURNS),
+    Parameter('Nur', DAMPING, 'N', 'ur', 'N s2', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Nv', CROSS, 'N', 'v', 'N s', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Nvvv', CROSS, 'N', 'vvv', 'N s3/m2', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Nuv', CROSS, 'N', 'uv', 'kg', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('X0', OFFSET, 'X', '', 'N', 0.0, _SPEEDS),
+    Parameter('N0', OFFSET, 'N', '', 'N m', 0.0, 'runs in both directions, to port and to starboard'),
+    Parameter('gain', THRUST, '', '', 'N', 1.0, _STEPS),
+    Parameter('reverse_ratio', THRUST, '', '', '-', 1.0, _REVERSE),
+    Parameter('dead_band', THRUST, '', '', '-', 0.0, _COMMANDS),
+    Parameter('exponent', THRUST, '', '', '-', 1.0, _COMMANDS),
+    Parameter('balance', THRUST, '', '', '-', 0.0, 'turns with equal thrust differences to port and to starboard'),
+    Parameter('advance', THRUST, '', '', 's/m', 0.0, _SPEEDS),
+    Parameter('lag', THRUST, '', '', 's', 0.0, _ZIGZAG),
+    Parameter('delay', THRUST, '', '', 's', 0.0, _ZIGZAG),
+    Parameter('deduction', THRUST, '', '', '-', 0.0, 'a bollard pull test'),
+    Parameter('lever', THRUST, '', '', 'm', 1.0, 'measuring it'),
+    Parameter('moment_factor', THRUST, '', '', '-', 0.0, 'a bollard pull test'),
+)
+NAMES = tuple(p.name for p in PARAMETERS)
+INDEX = {name: i for i, name in enumerate(NAMES)}
+NEUTRAL = np.array([p.neutral for p in PARAMETERS])
+
+(
+    M, IZ, XU_DOT, YV_DOT, YR_DOT, NV_DOT, NR_DOT,
+    XU, XUU, XUUU, XVR, XVV, XRR,
+    YV, YVV, YVVV, YR, YUR, YUV,
+    NR, NRR, NRRR, NUR, NV, NVVV, NUV,
+    X0, N0,
+    GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, ADVANCE, LAG, DELAY, DEDUCTION, LEVER, MOMENT_FACTOR,
+) = range(len(NAMES))  # fmt: skip
+
+
+@accelerated
+def surge_force(u, v, r, p, active):
+    """X of the hull, N; products of the same velocity keep its sign.
+
+    ``p`` is (39, P) or (39,), ``active`` a tuple of 39 bools, u, v and r broadcast with a row of p.
+    """
+    force = p[XU] * u + p[XUU] * np.abs(u) * u
+    if active[XUUU]:
+        force = force + p[XUUU] * u * u * u
+    if active[XVR]:
+        force = force + p[XVR] * v * r
+    if active[XVV]:
+        force = force + p[XVV] * v * v
+    if active[XRR]:
+        force = force + p[XRR] * r * r
+    if active[X0]:
+        force = force + p[X0]
+    return force
+
+
+@accelerated
+def sway_force(u, v, r, p, active):
+    """Y of the hull, N; see `surge_force`. Yuv multiplies abs(u) v, so that it damps ahead and astern."""
+    force = p[YV] * v
+    if active[YVV]:
+        force = force + p[YVV] * np.abs(v) * v
+    if active[YVVV]:
+        force = force + p[YVVV] * v * v * v
+    if active[YR]:
+        force = force + p[YR] * r
+    if active[YUR]:
+        force = force + p[YUR] * u * r
+    if active[YUV]:
+        force = force + p[YUV] * np.abs(u) * v
+    return force
+
+
+@accelerated
+def yaw_moment(u, v, r, p, active):
+    """N of the hull, N m; see `surge_force`. Nur multiplies abs(u) r, so that it damps ahead and astern."""
+    moment = p[NR] * r
+    if active[NRR]:
+        moment = moment + p[NRR] * np.abs(r) * r
+    if active[NRRR]:
+        moment = moment + p[NRRR] * r * r * r
+    if active[NUR]:
+        moment = moment + p[NUR] * np.abs(u) * r
+    if active[NV]:
+        moment = moment + p[NV] * v
+    if active[NVVV]:
+        moment = moment + p[NVVV] * v * v * v
+    if active[NUV]:
+        moment = moment + p[NUV] * u * v
+    if active[N0]:
+        moment = moment + p[N0]
+    return moment
+
+
+@accelerated
+def accelerations(u, v, r, port, starboard, p, active):
+    """du/dt, dv/dt, dr/dt under thrusts that act, N.
+
+    Parameters
+    ----------
+    u, v, r, port, starboard : ndarray, shape (P,)
+    p : ndarray, shape (39, P)
+    active : tuple of 39 bools
+
+    Returns
+    -------
+    tuple of 3 ndarray, shape (P,)
+        m/s^2, m/s^2, rad/s^2.
+    """
+    left = 1.0 - p[ADVANCE] * u
+    x = surge_force(u, v, r, p, active) + p[M] * v * r + (1.0 - p[DEDUCTION]) * left * (starboard + port)
+    y = sway_force(u, v, r, p, active) - p[M] * u * r
+    lever = (1.0 + p[MOMENT_FACTOR]) * p[LEVER]
+    n = yaw_moment(u, v, r, p, active) + lever * left * (starboard - port)
+    sway_mass, yaw_inertia = p[M] - p[YV_DOT], p[IZ] - p[NR_DOT]
+    determinant = sway_mass * yaw_inertia - p[YR_DOT] * p[NV_DOT]
+    return (
+        x / (p[M] - p[XU_DOT]),
+        (yaw_inertia * y + p[YR_DOT] * n) / determinant,
+        (sway_mass * n + p[NV_DOT] * y) / determinant,
+    )

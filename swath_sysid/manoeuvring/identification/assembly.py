@@ -1,0 +1,384 @@
+"""From runs and settings to a problem: what is known, what is free, where the search begins."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.noise import white_noise
+from swath_sysid.manoeuvring.hull.model import parameter_values
+from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.hull.terms import INDEX
+from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.identification.scaling import Scales
+from swath_sysid.manoeuvring.identification.settings import AUTO, DEFAULT_LENGTH, DEFAULT_LEVER, SHARED
+from swath_sysid.manoeuvring.identification.shooting import CURRENT, Unknowns
+from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
+from swath_sysid.manoeuvring.motion.trial import COMMAND
+
+AT_ANCHOR_SPEED = 0.15
+AT_ANCHOR_YAW_RATE = 0.03
+NO_TURN = 0.02
+"""rad/s; a yaw rate that stays below identifies nothing of a turn."""
+
+SWAY_SEEN = 0.03
+"""m/s."""
+
+USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0}
+"""s; time constants taken where the runs tell nothing."""
+
+FIRST_DELAY = 0.15
+"""s, where the search for lag and delay of the thrusters begins."""
+
+LARGEST_DRIFT = 2.0
+"""m/s."""
+
+DRIFT_SPREAD = 0.5
+FIRST_DRIFT_SPREAD = 0.02
+"""m/s by which the currents of the runs are first taken to differ, until the fit tells."""
+
+_CANDIDATES = {
+    'X': ('Xvr', 'Xvv', 'Xrr', 'Xuuu', 'X0'),
+    'Y': ('Yvv', 'Yvvv', 'Yr', 'Yur', 'Yuv', 'Yr_dot'),
+    'N': ('Nrr', 'Nrrr', 'Nur', 'N0'),
+    'N-sway': ('Nv', 'Nvvv', 'Nuv', 'Nv_dot'),
+}
+_BASE = {'X': ('Xu', 'Xuu'), 'Y': ('Yv_dot', 'Yv'), 'N': ('Nr',)}
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is to be identified.
+
+    Attributes
+    ----------
+    runs : tuple of Run
+    thrust_input : str
+    base : ndarray, shape (39,)
+        Known parameters, and first guesses of the others.
+    free : tuple of str
+        Unknowns that are always searched.
+    tentative : tuple of str
+        Unknowns that are searched from the start, and dropped where they turn out weak: lag and delay, which
+        stand in for each other where only one of them is offered.
+    candidates : tuple of tuple of str
+        Groups of unknowns that may be added.
+    scales : Scales
+    length : float
+        m.
+    towards : dict of str to (value, std)
+    assumed : tuple of str
+        Parameters that these runs tell nothing of and that have usual values.
+    flags : dict of str to str
+        Parameters that need a warning, and its code.
+    region : Region
+    noise : ndarray, shape (3,)
+    drift_spread : float
+        m/s, by how much the currents of the runs differ, beside their noise; 0: one current, or none.
+    advice : tuple of Advice
+    """
+
+    runs: tuple
+    thrust_input: str
+    base: np.ndarray
+    free: tuple[str, ...]
+    tentative: tuple[str, ...]
+    candidates: tuple[tuple[str, ...], ...]
+    scales: Scales
+    length: float
+    towards: dict
+    assumed: tuple[str, ...]
+    flags: dict[str, str]
+    region: Region
+    noise: np.ndarray
+    drift_spread: float
+    advice: tuple[Advice, ...]
+
+    def unknowns(self, names):
+        """Units, bounds and regularisation of some unknowns."""
+        rows = [self._unknown(name) for name in names]
+        return Unknowns(tuple(names), *np.array(rows).reshape(-1, 5).T)
+
+    def start(self, names):
+        """First guesses of some unknowns, shape (n,)."""
+        return np.array([self.base[INDEX[n]] if n in INDEX else 0.0 for n in names])
+
+    def _unknown(self, name):
+        if name in CURRENT:
+            return 0.1, -LARGEST_DRIFT, LARGEST_DRIFT, 0.0, DRIFT_SPREAD
+        low, high = self.scales.bounds(name)
+        target, spread = self.towards.get(name, (None, None))
+        if target is None:
+            target, spread = float(parameter_values({})[INDEX[name]]), self.scales.prior(name)
+        return self.scales.unit(name), low, high, target, spread
+
+
+def moving_runs(runs):
+    """Runs that moved, and advice for those at anchor.
+
+    Raises
+    ------
+    InputError
+        None did.
+    """
+    kept, advice = [], []
+    for run in runs:
+        speed, rate = _largest(run.smooth[0]), _largest(run.smooth[2])
+        if speed < AT_ANCHOR_SPEED and rate < AT_ANCHOR_YAW_RATE:
+            advice.append(Advice('at-anchor', (
+                f'{run.source}: never faster than {speed:.2f} m/s and {np.degrees(rate):.1f} deg/s, as if at anchor '
+                f'or drifting: left out; give runs under way')))  # fmt: skip
+        elif not np.any((run.port != 0.0) | (run.starboard != 0.0)):
+            advice.append(Advice('no-thrust', (
+                f'{run.source}: the thrust is always zero: left out; give runs under way')))  # fmt: skip
+        else:
+            kept.append(run)
+    if not kept:
+        raise InputError(' '.join(a.message for a in advice))
+    return tuple(kept), tuple(advice)
+
+
+def assemble(runs, settings):
+    """Make a problem of runs.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        See `moving_runs`.
+    settings : ManoeuvringSettings
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    InputError
+        Forces and commands are mixed, or nothing can be identified.
+    """
+    inputs = {run.thrust_input for run in runs}
+    if len(inputs) > 1:
+        raise InputError('some runs hold thrust in N and some commands: identify them separately')
+    thrust_input = inputs.pop()
+    advice, flags = [], {}
+    speeds = np.concatenate([run.smooth[0] for run in runs])
+    rates = np.concatenate([run.smooth[2] for run in runs])
+    sways = np.concatenate([run.smooth[1] for run in runs])
+    rows = _rows_told(runs, speeds, sways, rates, advice, flags)
+    lever, length = _craft(runs, settings, advice)
+    values, free, assumed = _anchors(runs, thrust_input, settings, lever, rows, advice)
+    scales = Scales(max(_largest(speeds), 0.2), max(_largest(rates), 0.05), values['m'], values['Iz'])
+    free += [name for row in rows for name in _BASE[row]]
+    for row, names in _BASE.items():
+        if row not in rows:
+            assumed += [n for n in names if n != 'Xuu']
+    if 'Y' not in rows:
+        assumed.remove('Yv_dot')
+    candidates = _candidates(runs, thrust_input, rows, settings)
+    if settings.terms is not None:
+        keep = {n for n in free if n in ('m', 'Iz', 'gain')} | set(settings.terms)
+        free = [n for n in dict.fromkeys([*free, *settings.terms]) if n in keep]
+        candidates = []
+        if settings.current == AUTO and all(run.heading is not None for run in runs):
+            candidates = [CURRENT]
+    tentative = [n for n in ('lag', 'delay') if n not in settings.fixed] if settings.terms is None else []
+    values.update({n: FIRST_DELAY for n in tentative})
+    if settings.current == SHARED:
+        if any(run.heading is None for run in runs):
+            raise InputError('a current can be found only where the heading is known: add heading_rad or heading_deg')
+        free = [*free, *CURRENT]
+        candidates = [c for c in candidates if c != CURRENT]
+    drift_spread = 0.0
+    if settings.current == AUTO and CURRENT in candidates and len(runs) > 1:
+        free, drift_spread = [*free, *CURRENT], FIRST_DRIFT_SPREAD
+        candidates.remove(CURRENT)
+    free = [n for n in dict.fromkeys(free) if n not in settings.fixed]
+    candidates = [c for c in candidates if not set(c) & set(settings.fixed)]
+    values.update(settings.fixed)
+    region = seen_region(runs)
+    noise = np.array([max(0.05 * scale, _white(runs, c)) for c, scale in enumerate(
+        (scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))])  # fmt: skip
+    return Problem(
+        tuple(runs), thrust_input, parameter_values(values), tuple(free), tuple(tentative), tuple(candidates), scales,
+        length, dict(settings.towards), tuple(assumed), flags, region, noise, drift_spread, tuple(advice),
+    )  # fmt: skip
+
+
+def seen_region(runs):
+    """The motion and inputs of some runs, their outermost half percent left out."""
+    surge, sway, rate = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
+    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
+    difference = np.concatenate([run.starboard - run.port for run in runs])
+    return Region(
+        slowest=float(np.nanquantile(surge, 0.005)) if np.isfinite(surge).any() else 0.0,
+        fastest=max(_largest(surge), 0.1), largest_sway=max(_largest(sway), 0.05), largest_yaw_rate=_largest(rate),
+        least_input=float(np.quantile(inputs, 0.005)), most_input=float(np.quantile(inputs, 0.995)),
+        largest_difference=_largest(difference),
+    )  # fmt: skip
+
+
+def _rows_told(runs, speeds, sways, rates, advice, flags):
+    """Equations that the runs tell something of."""
+    rows = []
+    total = np.concatenate([run.port + run.starboard for run in runs])
+    difference = np.concatenate([run.starboard - run.port for run in runs])
+    size = max(_largest(total), 1e-12)
+    if np.isfinite(speeds).any():
+        rows.append('X')
+        moved = _largest(speeds) - float(np.nanquantile(speeds, 0.02))
+        if np.std(total) < 0.05 * size:
+            told = 'only its run-up from rest' if moved > 0.3 * _largest(speeds) else 'nothing'
+            advice.append(Advice('constant-thrust', (
+                f'the total thrust is constant, so that {told} tells inertia and resistance apart: add thrust steps '
+                f'up and down on a straight course')))  # fmt: skip
+            flags.update(dict.fromkeys(('m', 'Xu_dot', 'gain', 'Xu', 'Xuu', 'Xuuu'), 'constant-thrust'))
+    else:
+        advice.append(Advice('no-speed', (
+            'no run holds a speed: surge is assumed, not identified; add surge_m_s, or position and heading')))
+    if np.std(difference) < 0.05 * _largest(difference):
+        advice.append(Advice('constant-difference', (
+            'the difference of the thrusts is constant, so that nothing tells yaw inertia and added masses apart from '
+            'damping: add zig-zags and turns to both sides')))  # fmt: skip
+        names = ('Iz', 'Nr_dot', 'Yv_dot', 'Nr', 'Yv', 'lag', 'delay')
+        flags.update(dict.fromkeys(names, 'constant-difference'))
+    turning = np.isfinite(rates).any() and _largest(rates) > NO_TURN
+    if turning and _largest(difference) > 0.02 * size:
+        rows.append('N')
+        if np.isfinite(sways).any() and _largest(sways) > SWAY_SEEN:
+            rows.append('Y')
+        else:
+            advice.append(Advice('no-sway', (
+                'no run holds a sway velocity: what it does is assumed; add sway_m_s, or position and heading')))
+    else:
+        advice.append(Advice('no-turn', (
+            f'no run turns (yaw rate within {np.degrees(_largest(rates)):.1f} deg/s) under a difference of the '
+            f'thrusts: yaw and sway are assumed, not identified; add turns and zig-zags')))  # fmt: skip
+    if not rows:
+        raise InputError('nothing can be identified: ' + '; '.join(a.message for a in advice))
+    return rows
+
+
+def _craft(runs, settings, advice):
+    """Lever and length: given, stated in a record, or those of a WAM-V 16."""
+    stated = [run.lever for run in runs if run.lever is not None]
+    lever = settings.lever or (stated[0] if stated else None)
+    lengths = [run.length for run in runs if run.length is not None]
+    length = settings.length or (lengths[0] if lengths else None)
+    missing = [text for value, text in (
+        (lever, f'half the distance between the thrusters ({DEFAULT_LEVER:.2f} m; --lever), to which all yaw '
+                f'derivatives are proportional'),
+        (length, f'the length ({DEFAULT_LENGTH:.2f} m; --length), which only the prime system needs'),
+    ) if value is None]  # fmt: skip
+    if missing:
+        advice.append(Advice('craft-assumed', 'those of a WAM-V 16 are taken for ' + ' and '.join(missing)))
+    return lever or DEFAULT_LEVER, length or DEFAULT_LENGTH
+
+
+def _anchors(runs, thrust_input, settings, lever, rows, advice):
+    """Scale of mass and thrust: what is given, what follows, what cannot be told apart.
+
+    Returns
+    -------
+    values : dict
+        Known values and first guesses.
+    free, assumed : list of str
+    """
+    values = {'lever': lever}
+    unit = parameter_values(values)
+    acting = [acting_thrust(run.port, run.starboard, unit, run.step) for run in runs]
+    gain_ratio, linear, quadratic = surge_ratios(runs, acting) if 'X' in rows else (0.0, 0.0, 0.0)
+    fallback = 1.0 / (10.0 * USUAL_RESPONSE['surge'] * max(_largest(np.concatenate([a[0] for a in acting])), 1e-9))
+    gain_ratio = gain_ratio or fallback
+    free, assumed = [], []
+    if thrust_input == COMMAND and settings.thrust_per_command is None:
+        if settings.mass is None:
+            advice.append(Advice('scale-not-given', (
+                'free running tells only ratios to mass: all derivatives are per kg of craft; give the mass (--mass) '
+                'or the thrust of one thruster at full command (--thrust-per-command)')))  # fmt: skip
+        else:
+            advice.append(Advice('surge-inertia-assumed', (
+                'thrust scale and added mass in surge cannot be told apart with commands: Xu_dot is taken as '
+                f'{settings.fixed.get("Xu_dot", 0.0):g} kg; give the thrust of one thruster at full command '
+                '(--thrust-per-command) to identify it')))  # fmt: skip
+        mass = settings.mass or 1.0
+        values.update(m=mass, gain=gain_ratio * mass)
+        thrust_scale = values['gain']
+        free.append('gain')
+        heavy = mass
+    else:
+        thrust_scale = settings.thrust_per_command or 1.0
+        values['gain'] = thrust_scale
+        heavy = thrust_scale / gain_ratio
+        if settings.mass is None:
+            values['m'] = heavy
+            free.append('m')
+            advice.append(Advice('mass-not-given', (
+                'm is mass and added mass in surge together, which free running cannot tell apart: give the mass '
+                '(--mass)')))  # fmt: skip
+        else:
+            values['m'] = settings.mass
+            values['Xu_dot'] = float(np.clip(settings.mass - heavy, -2.0 * settings.mass, 0.4 * settings.mass))
+            heavy = settings.mass - values['Xu_dot']
+            free.append('Xu_dot')
+    if 'X' not in rows:
+        free, linear = [], -1.0 / USUAL_RESPONSE['surge']
+        assumed.append('m' if settings.mass is None else 'Xu_dot')
+    values.update(Xu=linear * heavy, Xuu=quadratic * heavy)
+    yaw_gain, yaw_damping = yaw_ratios(runs, acting) if 'N' in rows else (0.0, 0.0)
+    inertia = lever * thrust_scale / yaw_gain if yaw_gain > 0.0 else values['m'] * (1.5 * lever) ** 2
+    if settings.inertia is None:
+        values['Iz'] = inertia
+        (free if 'N' in rows else assumed).append('Iz')
+        if 'N' in rows:
+            advice.append(Advice('inertia-includes-added', (
+                'Iz is yaw inertia and added inertia together, which free running cannot tell apart: give the inertia '
+                '(--inertia) to see Nr_dot')))  # fmt: skip
+    else:
+        values['Iz'] = settings.inertia
+        values['Nr_dot'] = float(np.clip(settings.inertia - inertia, -2 * settings.inertia, 0.4 * settings.inertia))
+        inertia = settings.inertia - values['Nr_dot']
+        if 'N' in rows:
+            free.append('Nr_dot')
+    values['Nr'] = inertia * (yaw_damping if yaw_damping < 0.0 else -1.0 / USUAL_RESPONSE['yaw'])
+    mass = values['m']
+    sway_gain, sway_damping = sway_ratios(runs, acting) if 'Y' in rows else (0.0, 0.0)
+    sway_mass = float(np.clip(mass / sway_gain, 0.6 * mass, 4.0 * mass)) if sway_gain > 0.0 else mass
+    values['Yv_dot'] = mass - sway_mass
+    values['Yv'] = sway_mass * (sway_damping if sway_damping < 0.0 else -1.0 / USUAL_RESPONSE['sway'])
+    return values, free, assumed
+
+
+def _candidates(runs, thrust_input, rows, settings):
+    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
+    backward = np.mean(inputs < -0.02 * max(_largest(inputs), 1e-12))
+    found = [(name,) for row in rows for name in _CANDIDATES[row]]
+    if 'Y' in rows:
+        found += [(name,) for name in _CANDIDATES['N-sway']]
+    elif 'N' in rows and 'X' in rows:
+        found += [(name,) for name in ('Yv', *_CANDIDATES['N-sway'][:3])]
+    found.append(('advance',))
+    if 'N' in rows:
+        found.append(('balance',))
+    if backward > 0.02:
+        found.append(('reverse_ratio',))
+    if thrust_input == COMMAND:
+        found += [('dead_band',), ('exponent',)]
+    if settings.current == AUTO and 'X' in rows and all(run.heading is not None for run in runs):
+        found.append(CURRENT)
+    return found
+
+
+def _largest(values):
+    values = np.abs(np.asarray(values, dtype=float))
+    return float(np.nanquantile(values, 0.995)) if np.isfinite(values).any() else 0.0
+
+
+def _white(runs, channel):
+    found = [white_noise(c[np.isfinite(c)]) for c in (run.channels[channel] for run in runs)]
+    return max(float(np.median(found)), 1e-6)
+
+
+def model_values(problem, names, values):
+    """Full parameter vector from unknowns by name."""
+    return parameter_values({n: v for n, v in zip(names, values, strict=True) if n in INDEX}, problem.base)
+

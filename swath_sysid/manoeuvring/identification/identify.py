@@ -1,0 +1,373 @@
+"""Identification of a manoeuvring model from several runs jointly."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
+from swath_sysid.common.noise import white_noise
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.prime import PrimeUnits
+from swath_sysid.manoeuvring.hull.stability import StabilityCheck, check_stability
+from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs
+from swath_sysid.manoeuvring.identification.selection import (
+    currents_of,
+    fit,
+    model_of,
+    regularised_to_stable,
+    renewed,
+    select,
+    shooting_of,
+    with_drift_spread,
+    with_noise,
+    with_usual_hull,
+    without,
+)
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.identification.shooting import CURRENT
+from swath_sysid.manoeuvring.identification.validation import Scores, score
+from swath_sysid.manoeuvring.motion.trial import CHANNELS
+
+UNCERTAIN = 0.5
+"""A standard deviation beyond this share of a value makes it uncertain."""
+
+STRANGE_MASS = 0.6
+"""No hull of a small craft has more added mass in surge than this share of its mass."""
+
+MORE_THAN_NOISE = 2.0
+"""A simulation within so many times the sensor's own noise is not called poor."""
+
+LEAST_DIFFERENCE = 0.02
+"""m/s; runs whose currents differ by less have one current."""
+
+GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """One identified number.
+
+    Attributes
+    ----------
+    value, std : float
+        In the unit of the parameter; std NaN where it was given or assumed.
+    prime : float or None
+        Without dimensions; None for the thrusters' parameters.
+    unit : str
+    flags : tuple of str
+        Codes of the warnings that concern it.
+    """
+
+    value: float
+    std: float
+    prime: float | None
+    unit: str
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ManoeuvringIdentification:
+    """Outcome of `identify_manoeuvring`.
+
+    Attributes
+    ----------
+    model : ManoeuvringModel
+    names : tuple of str
+        What was identified, thrusters and current included.
+    values : ndarray, shape (n,)
+    covariance : ndarray, shape (n, n)
+    derivatives : dict of str to Derivative
+    fixed : dict of str to float
+        What was given or assumed, by name.
+    prime_units : PrimeUnits
+    noise : ndarray, shape (3,)
+        Residual standard deviation of surge, sway, yaw rate.
+    identification, validation : Scores or None
+    identified_on, validated_on : tuple of Run
+    stability : StabilityCheck
+    rejected : dict of str to str
+        Terms that were tried and refused, and why.
+    currents, validation_currents : ndarray, shape (R, 2)
+        East and north, m/s, of each run, by its own motion.
+    effective_samples : float
+    evaluations : int
+    advice : tuple of Advice
+    """
+
+    model: ManoeuvringModel
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    derivatives: dict[str, Derivative]
+    fixed: dict[str, float]
+    prime_units: PrimeUnits
+    noise: np.ndarray
+    identification: Scores
+    validation: Scores | None
+    identified_on: tuple
+    validated_on: tuple
+    stability: StabilityCheck
+    rejected: dict[str, str]
+    currents: np.ndarray
+    validation_currents: np.ndarray
+    effective_samples: float
+    evaluations: int
+    advice: tuple[Advice, ...]
+
+    @property
+    def has_currents_by_run(self):
+        """Whether each run has a current of its own."""
+        currents = np.concatenate([self.currents, self.validation_currents])
+        return bool(np.any(currents != self.model.current))
+
+
+def identify_manoeuvring(runs, settings=None, validation=None, progress=None, should_cancel=None):
+    """Identify a craft from its runs.
+
+    Linear regression and a genetic search give the start; multiple shooting refines it; terms are
+    added while they are worth it and the craft stays stable.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    settings : ManoeuvringSettings, optional
+    validation : sequence of Run, optional
+        Kept out of the fit and scored; by default a third of the runs, where there are three or more.
+        Empty: none.
+    progress : callable, optional
+        Called with the share of the work done, 0 to 1.
+    should_cancel : callable, optional
+        Asked between steps.
+
+    Returns
+    -------
+    ManoeuvringIdentification
+
+    Raises
+    ------
+    InputError
+        The runs cannot be used together, or tell nothing.
+    Cancelled
+        ``should_cancel`` said so.
+    """
+    settings = settings or ManoeuvringSettings()
+    if not runs:
+        raise InputError('there is no run to identify from: give at least one')
+
+    def note(share):
+        if progress is not None:
+            progress(share)
+        if should_cancel is not None and should_cancel():
+            raise Cancelled
+
+    note(0.0)
+    runs, advice = moving_runs(runs)
+    if validation is None:
+        runs, held_out = split(runs)
+    else:
+        held_out, more = moving_runs(validation) if len(validation) else ((), ())
+        advice += more
+    problem = assemble(runs, settings)
+    shooting = shooting_of(problem, settings.window)
+    start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
+    names = (*problem.free, *problem.tentative)
+    now = fit(problem, shooting, names, np.concatenate([start, problem.start(problem.tentative)]))
+    now = with_usual_hull(problem, now)
+    problem = with_drift_spread(with_noise(problem, now), now)
+    now = fit(problem, renewed(problem, now), now.names, now.values)
+    note(0.5)
+    found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
+    dropped = tuple(n for n in problem.tentative if n not in found.names)
+    problem = with_drift_spread(with_noise(without(problem, dropped), found), found)
+    rejected, evaluations = found.rejected, now.evaluations + found.evaluations
+    found = fit(problem, renewed(problem, found), found.names, found.values)
+    found, stability_advice = regularised_to_stable(problem, found)
+    note(0.95)
+    model = model_of(problem, found.names, found.values)
+    stability = check_stability(model, problem.region)
+    currents, held_out_currents = (
+        currents_of(problem, model, some, settings.window) for some in (runs, held_out))
+    currents, held_out_currents = _worth_telling(model, currents, held_out_currents)
+    scores = score(model, runs, settings.window, currents)
+    validated = score(model, held_out, settings.window, held_out_currents) if held_out else None
+    units = PrimeUnits(problem.length, float(np.clip(np.nanmedian(np.concatenate(
+        [np.abs(run.smooth[0]) for run in runs])), 0.05, None)) if 'Xu' in found.names else 1.0)  # fmt: skip
+    advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
+    derivatives, more = _derivatives(problem, found, units)
+    advice += more + stability_advice + _drifts(model, currents, held_out_currents)
+    advice += _verdicts(stability, scores, validated, _white(runs))
+    fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
+    fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
+    note(1.0)
+    return ManoeuvringIdentification(
+        model, found.names, found.values, found.covariance.matrix, derivatives, fixed, units, problem.noise,
+        scores, validated, tuple(runs), tuple(held_out), stability, rejected, currents, held_out_currents,
+        found.covariance.effective_samples, evaluations + found.evaluations, advice,
+    )  # fmt: skip
+
+
+def split(runs, share=1.0 / 3.0):
+    """Runs to identify from, and runs held out: those without which the others still span the motion.
+
+    Returns
+    -------
+    kept, held_out : tuple of Run
+        Nothing is held out of fewer than three.
+    """
+    if len(runs) < 3:
+        return tuple(runs), ()
+    kept = list(range(len(runs)))
+    spans = np.array([_span(run) for run in runs])
+    for _ in range(max(1, round(share * len(runs)))):
+        whole = np.nanmax(spans[kept], axis=0)
+
+        def rank(k, whole=whole):
+            rest = np.nanmax(spans[[j for j in kept if j != k]], axis=0)
+            size = np.where(whole == 0.0, 1.0, np.abs(whole))
+            # first what the others would lack, in steps of a tenth; then the livelier run makes the better test
+            return round(float(np.nansum((whole - rest) / size)), 1), -float(np.nansum(spans[k] / size))
+
+        kept.remove(min(kept, key=rank))
+    return tuple(runs[k] for k in kept), tuple(run for k, run in enumerate(runs) if k not in kept)
+
+
+def _span(run):
+    """Extremes of speed, yaw rate and thrust difference to both sides, lowest input, and duration."""
+    speed, _, rate = run.smooth
+    difference = run.starboard - run.port
+
+    def most(values):
+        return float(np.nanquantile(values, 0.99)) if np.isfinite(values).any() else float('nan')
+
+    least = np.minimum(run.port, run.starboard)
+    return [most(speed), most(rate), most(-rate), most(difference), most(-difference), most(-least), run.duration]
+
+
+def _searched(problem, shooting, settings, note):
+    """The better of the regression's start and the best of a genetic search around it."""
+    start = problem.start(problem.free)
+    unknowns = problem.unknowns(problem.free)
+    start = np.clip(start, unknowns.lower, unknowns.upper)
+    if settings.generations == 0:
+        return start
+    reach = np.maximum(2.0 * np.abs(start), 0.5 * unknowns.units)
+    low, high = np.maximum(start - reach, unknowns.lower), np.minimum(start + reach, unknowns.upper)
+    budget = GeneticSettings(generations=settings.generations, population=settings.population, patience=5)
+    search = GeneticSearch(low, high, budget, settings.seed, [start])
+    while not search.should_stop():
+        search.tell(shooting.objective_of_population(search.ask()))
+        note(min(1.0, search.generation / settings.generations))
+    return search.best.copy()
+
+
+def _derivatives(problem, found, units):
+    """Derivatives with their flags, and advice for what cannot be told apart."""
+    std = np.sqrt(np.diag(found.covariance.matrix))
+    unknowns = problem.unknowns(found.names)
+    flags = {name: [] for name in found.names}
+    advice = []
+    matrix = correlation(found.covariance.matrix)
+    for i, name in enumerate(found.names):
+        for j in range(i):
+            if abs(matrix[i, j]) > NOT_SEPARABLE:
+                other = found.names[j]
+                flags[name].append('not-separable')
+                flags[other].append('not-separable')
+                advice.append(Advice('not-separable', (
+                    f'{other} and {name} cannot be told apart on these runs (correlation {matrix[i, j]:+.3f}): use '
+                    f'them together only, or add {_separating(other, name)}')))  # fmt: skip
+    for k, name in enumerate(found.names):
+        value = found.values[k]
+        margin = 1e-3 * (unknowns.upper[k] - unknowns.lower[k])
+        at_bound = value - unknowns.lower[k] < margin or unknowns.upper[k] - value < 1e-3 * unknowns.units[k]
+        if at_bound and name not in CURRENT:
+            flags[name].append('at-bound')
+            advice.append(Advice('at-bound', (
+                f'{name} ended at the limit of its range ({value:.3g}): the runs do not tell it; leave it out, or add '
+                f'{_separating(name)}')))  # fmt: skip
+        size = max(abs(value), 0.1 * unknowns.units[k])
+        if name not in CURRENT and not std[k] < UNCERTAIN * size:
+            flags[name].append('uncertain')
+            advice.append(Advice('uncertain', (
+                f'{name} is uncertain by {std[k]:.3g} beside a value of {value:.3g}: add {_separating(name)}')))
+        if name in problem.flags:
+            flags[name].append(problem.flags[name])
+        if name == 'Xu_dot' and not -STRANGE_MASS * problem.scales.mass < value < 0.2 * problem.scales.mass:
+            flags[name].append('strange-inertia')
+            advice.append(Advice('strange-inertia', (
+                f'the craft answers to thrust as if it weighed {problem.scales.mass - value:.4g} kg, not '
+                f'{problem.scales.mass:.4g} kg: check the mass and the scale of the thrust')))  # fmt: skip
+    derivatives = {}
+    for k, name in enumerate(found.names):
+        if name in CURRENT:
+            continue
+        parameter = PARAMETERS[INDEX[name]]
+        prime = None if parameter.kind == THRUST else float(units.to_prime(name, found.values[k]))
+        derivatives[name] = Derivative(
+            float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name])))
+    return derivatives, tuple(advice)
+
+
+def _worth_telling(model, currents, held_out_currents):
+    """The currents of the runs, or the model's for all where they hardly differ."""
+    everything = np.concatenate([currents, held_out_currents])
+    if np.max(np.hypot(*(everything - model.current).T), initial=0.0) > LEAST_DIFFERENCE:
+        return currents, held_out_currents
+    return tuple(np.tile(model.current, (len(some), 1)) for some in (currents, held_out_currents))
+
+
+def _drifts(model, currents, held_out_currents):
+    """Advice that the runs were given a current each."""
+    everything = np.concatenate([currents, held_out_currents])
+    if np.all(everything == model.current):
+        return ()
+    strength = np.hypot(*everything.T)
+    told = ', of the validation runs from theirs' if len(held_out_currents) else ''
+    return (Advice('current-by-run', (
+        f'the drift of each run ({strength.min():.2f} to {strength.max():.2f} m/s: current, and what wind does like '
+        f'it) was found from its own motion{told}; the model holds the mean: for one current for all say --current '
+        f'shared')),)  # fmt: skip
+
+
+def _white(runs):
+    """Noise of the sensors by channel, by differences."""
+    found = {}
+    for c, name in enumerate(CHANNELS):
+        series = [run.channels[c][np.isfinite(run.channels[c])] for run in runs]
+        found[name] = float(np.median([white_noise(s) for s in series]))
+    return found
+
+
+def _separating(*names):
+    """The manoeuvre that would tell terms apart."""
+    found = dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX)
+    return ' and '.join(found) or 'runs in opposite directions'
+
+
+def _verdicts(stability, scores, validated, white):
+    """Advice on stability and on how well the runs are reproduced."""
+    advice = []
+    if not stability.stable:
+        where = '' if np.isnan(stability.unstable_speed) else f' (at {stability.unstable_speed:.2f} m/s)'
+        advice.append(Advice('unstable', (
+            f'the model is unstable at speeds it was identified at{where}: do not use it; add turns at several '
+            f'speeds')))  # fmt: skip
+    for label, found in (('identification', scores), ('validation', validated)):
+        if found is None:
+            continue
+        if found.diverged:
+            advice.append(Advice('diverged', (
+                f'{found.diverged} of {found.windows} windows of the {label} runs ran away in free simulation: look at '
+                f'their thrust and speed')))  # fmt: skip
+        low = [f'{name} {found.r2[name]:.2f}' for name, good in GOOD_R2.items()
+               if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white[name]]  # fmt: skip
+        if low:
+            advice.append(Advice('poor-fit', (
+                f'free simulation explains little of the {label} runs ({", ".join(low)}; r2): wind, waves, a wrong '
+                f'thrust or a reversed channel; look at the pictures')))  # fmt: skip
+    return tuple(advice)
+

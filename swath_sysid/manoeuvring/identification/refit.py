@@ -1,0 +1,193 @@
+"""Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, believed, and the way back."""
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs, seen_region
+from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.selection import currents_of
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.identification.validation import score
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, prepare
+
+LONGEST_HISTORY = 20
+LEAST_DURATION = 60.0
+"""s of motion, below which nothing is identified."""
+
+PIECE = 60.0
+"""s; the window is cut into such runs, a third of which validates."""
+
+GAP = 2.0
+"""s; over a longer gap in the odometry the craft is not simulated."""
+
+
+@dataclass(frozen=True)
+class ManoeuvreRefitRequest:
+    """All that a refit needs, wherever it runs.
+
+    Attributes
+    ----------
+    trial : ManoeuvringTrial
+    current : IdentifiedManoeuvringModel or None
+        The model held.
+    settings : ManoeuvringSettings
+    least_improvement : float
+        Part by which the new model must miss the held-out motion less than the current one.
+    provenance : dict
+    """
+
+    trial: ManoeuvringTrial
+    current: IdentifiedManoeuvringModel | None
+    settings: ManoeuvringSettings = ManoeuvringSettings()
+    least_improvement: float = 0.001
+    provenance: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ManoeuvreRefitOutcome:
+    """What a refit found.
+
+    Attributes
+    ----------
+    model : IdentifiedManoeuvringModel or None
+        To be published; None: the current one stays.
+    message : str
+        One line for people.
+    misfit, current_misfit : float
+        Root mean square of the errors of free simulation on the held-out motion, in units of the new model's noise;
+        NaN where there is no model.
+    """
+
+    model: IdentifiedManoeuvringModel | None
+    message: str
+    misfit: float = float('nan')
+    current_misfit: float = float('nan')
+
+
+def refit_manoeuvring(request, *, progress=None, should_cancel=None):
+    """Identify on a window, and compare with the current model on the part of it that was held out.
+
+    Parameters
+    ----------
+    request : ManoeuvreRefitRequest
+    progress : callable, optional
+        Called with 0 to 1.
+    should_cancel : callable, optional
+        Asked between steps.
+
+    Returns
+    -------
+    ManoeuvreRefitOutcome
+
+    Raises
+    ------
+    InputError
+        The window is too short, or tells nothing.
+    Cancelled
+        ``should_cancel`` said so.
+    """
+    runs = pieces(prepare(request.trial))
+    found = identify_manoeuvring(runs, request.settings, progress=progress, should_cancel=should_cancel)
+    held_out = found.validated_on or found.identified_on
+    scores = found.validation or found.identification
+    r2 = {name: scores.r2[name] for name in CHANNELS if np.isfinite(scores.r2[name])}
+    summary = f'{len(found.names)} numbers from {sum(run.duration for run in found.identified_on):.0f} s, r2 '
+    summary += ', '.join(f'{name.replace("_", " ")} {value:.3f}' for name, value in r2.items())
+    if not found.stability.stable or scores.diverged:
+        return ManoeuvreRefitOutcome(None, f'not published, the model is not stable at the speeds seen ({summary})')
+    held = request.current
+    misfit = _misfit(scores, found.noise)
+    current_misfit = float('nan')
+    if held is not None and held.model.thrust_input != found.model.thrust_input:
+        held = None
+    if held is not None:
+        problem = assemble(moving_runs(found.identified_on)[0], request.settings)
+        problem = replace(problem, noise=found.noise)
+        currents = currents_of(problem, held.model, held_out, request.settings.window)
+        current_misfit = _misfit(score(held.model, held_out, request.settings.window, currents), found.noise)
+        if not misfit < (1.0 - request.least_improvement) * current_misfit:
+            message = (f'not published, the current model explains the motion held out as well (misfit '
+                       f'{current_misfit:.4g}, new {misfit:.4g})')  # fmt: skip
+            return ManoeuvreRefitOutcome(None, message, misfit, current_misfit)
+    better = '' if held is None else f', misfit {misfit:.4g} instead of {current_misfit:.4g}'
+    model = IdentifiedManoeuvringModel(
+        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on),
+        {'r2': r2, 'held_out': bool(found.validated_on)}, request.provenance,
+    )  # fmt: skip
+    return ManoeuvreRefitOutcome(model, f'{summary}{better}', misfit, current_misfit)
+
+
+def pieces(run):
+    """One long run as several, cut at gaps in the odometry and about every `PIECE` seconds.
+
+    Raises
+    ------
+    InputError
+        It is shorter than `LEAST_DURATION`.
+    """
+    if run.duration < LEAST_DURATION:
+        raise InputError(f'{run.duration:.0f} s of motion are too short: drive for {LEAST_DURATION:.0f} s or more, '
+                         f'straight, in turns and zig-zags')  # fmt: skip
+    known = np.isfinite(run.channels).any(axis=0)
+    places = np.flatnonzero(known)
+    breaks = places[1:][np.diff(places) * run.step > GAP]
+    edges = [places[0], *breaks, places[-1] + 1]
+    found = []
+    for begin, end in zip(edges, edges[1:], strict=False):
+        last = places[places < end][-1] + 1
+        count = max(1, round((last - begin) * run.step / PIECE))
+        bounds = np.linspace(begin, last, count + 1).astype(int)
+        for a, b in zip(bounds, bounds[1:], strict=False):
+            found.append(_part(run, slice(a, b), len(found)))
+    return [part for part in found if part.duration >= 0.25 * PIECE]
+
+
+def _part(run, span, number):
+    cut = {name: getattr(run, name) for name in (
+        'time', 'port', 'starboard', 'driven', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')}  # fmt: skip
+    cut = {name: values if values is None else values[span] for name, values in cut.items()}
+    return replace(run, **cut, smooth=run.smooth[:, span], source=f'{run.source} part {number + 1}')
+
+
+def _misfit(scores, noise):
+    """Errors of free simulation over the noise, root mean square of the channels; infinite where a window diverged."""
+    if scores.diverged:
+        return float('inf')
+    shares = [scores.rmse[name] / size for name, size in zip(CHANNELS, noise, strict=True)]
+    return float(np.sqrt(np.nanmean(np.square(shares))))
+
+
+class ManoeuvreRefitter:
+    """The manoeuvring model of a craft as refits change it, with the way back.
+
+    Parameters
+    ----------
+    model : IdentifiedManoeuvringModel, optional
+        Known at the start.
+    """
+
+    def __init__(self, model=None):
+        self.model = model
+        self._history = []
+
+    def take(self, outcome):
+        """Believe a refit that found a better model; whether it did."""
+        if outcome.model is None:
+            return False
+        self._history = [*self._history, self.model][-LONGEST_HISTORY:]
+        self.model = outcome.model
+        return True
+
+    def rollback(self):
+        """Return to the model before; whether there was one."""
+        if not self._history or self._history[-1] is None:
+            return False
+        self.model = self._history.pop()
+        return True
+
+    @property
+    def described(self):
+        """The model held, for people."""
+        return 'no model' if self.model is None else ', '.join(self.model.names) or 'a model'

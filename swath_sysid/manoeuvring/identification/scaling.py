@@ -1,0 +1,97 @@
+"""Natural units of the parameters, their ranges, and what they are regularised towards."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, THRUST
+
+RESPONSE = 3.0
+"""s; within such a time a craft answers to its thrusters."""
+
+SWAY_SHARE = 0.3
+"""Sway at which sway terms count, as a share of the speed."""
+
+WIDE = 50.0
+"""Largest value of a term in its natural unit."""
+
+LEAST_DAMPING = 0.01
+"""Least linear damping in its natural unit, so that every motion dies away however small."""
+
+_THRUST_RANGES = {
+    'reverse_ratio': (0.05, 2.0), 'dead_band': (0.0, 0.6), 'exponent': (0.4, 3.0), 'balance': (-0.5, 0.5),
+    'advance': (0.0, 0.5), 'lag': (0.0, 3.0), 'delay': (0.0, 2.0), 'deduction': (0.0, 0.9),
+    'lever': (0.01, 100.0), 'moment_factor': (-0.9, 3.0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What a craft does at most, and how heavy it is.
+
+    Attributes
+    ----------
+    speed, yaw_rate : float
+        m/s, rad/s.
+    mass, inertia : float
+        kg, kg m^2.
+    """
+
+    speed: float
+    yaw_rate: float
+    mass: float
+    inertia: float
+
+    def unit(self, name):
+        """The size of a parameter that is one in natural units."""
+        parameter = PARAMETERS[INDEX[name]]
+        if name == 'gain':
+            return self.mass * self.speed / RESPONSE
+        if name == 'advance':
+            return 1.0 / self.speed
+        if parameter.kind == THRUST:
+            return 1.0
+        if name in ('m', 'Iz'):
+            return self.mass if name == 'm' else self.inertia
+        load = self.inertia * self.yaw_rate if parameter.row == 'N' else self.mass * self.speed
+        load /= RESPONSE
+        sizes = {'u': self.speed, 'v': SWAY_SHARE * self.speed, 'r': self.yaw_rate}
+        sizes.update({k.upper(): v / RESPONSE for k, v in sizes.items()})
+        for factor in parameter.factors:
+            load /= sizes[factor]
+        return load
+
+    def bounds(self, name):
+        """Range of a parameter: no craft feeds on its own motion, none is lighter than half its mass."""
+        parameter, unit = PARAMETERS[INDEX[name]], self.unit(name)
+        if name in ('m', 'Iz', 'gain'):
+            return 0.01 * unit, 100.0 * unit
+        if name in ('Xu_dot', 'Yv_dot'):
+            return -5.0 * self.mass, 0.6 * self.mass
+        if name == 'Nr_dot':
+            return -5.0 * self.inertia, 0.6 * self.inertia
+        if name in ('Yr_dot', 'Nv_dot'):
+            limit = 0.5 * np.sqrt(self.mass * self.inertia)
+            return -limit, limit
+        if name in ('Xu', 'Yv', 'Nr'):
+            return -WIDE * unit, -LEAST_DAMPING * unit
+        if parameter.kind == DAMPING:
+            return -WIDE * unit, 0.0
+        if parameter.kind in (CROSS, OFFSET):
+            return -WIDE * unit, WIDE * unit
+        low, high = _THRUST_RANGES[name]
+        if name == 'advance':
+            high = min(high, 0.6 / self.speed)
+        return low, high
+
+    def prior(self, name):
+        """Standard deviation around what a parameter is regularised towards; infinite for none."""
+        kind = PARAMETERS[INDEX[name]].kind
+        if name in ('m', 'Iz', 'gain'):
+            return np.inf
+        if name in ('Xu_dot', 'Yv_dot', 'Nr_dot'):
+            return self.mass if name != 'Nr_dot' else self.inertia
+        if kind == INERTIA:
+            return 0.2 * np.sqrt(self.mass * self.inertia)
+        if kind == THRUST:
+            return {'exponent': 0.7, 'balance': 0.3, 'reverse_ratio': 0.7, 'dead_band': 0.3}.get(name, 2.0)
+        return 10.0 * self.unit(name)

@@ -1,0 +1,400 @@
+"""The simplest adequate set of terms: forward selection by score tests, every step checked for stability."""
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
+from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.identification.assembly import model_values
+from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
+from swath_sysid.manoeuvring.identification.windows import cut
+
+MEMORY = 10
+"""Lags that must be small before a residual counts as forgotten (see noise.autocovariance)."""
+
+MOST_TERMS = 14
+MARGIN = 4.0
+"""On top of the information criterion's ln(N), so that chance seldom adds a term among twenty."""
+
+NOISE_FLOOR = 0.003
+"""No model is trusted closer than this share of the motion."""
+
+LEAST_DRIFT_SPREAD = 0.005
+"""m/s; no two runs have the same current more closely."""
+
+LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
+"""Tried only where nothing else helps: they imitate many other terms."""
+
+USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
+FAR_BETTER = 0.7
+BEYOND_DOUBT = 0.1
+"""A share of the whole misfit that no chance explains away."""
+
+HELD_OUT_SCATTER = 0.5
+"""Standard errors by which a term must help runs that were held out."""
+
+WEAK = 2.0
+"""A term smaller than this many standard deviations is dropped again."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted set of unknowns.
+
+    Attributes
+    ----------
+    names : tuple of str
+    values : ndarray, shape (n,)
+    cost : float
+    shooting : MultipleShooting
+    covariance : ParameterCovariance
+    stable : bool
+    rejected : dict of str to str
+        Terms tried and refused, and why.
+    evaluations : int
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    cost: float
+    shooting: MultipleShooting
+    covariance: ParameterCovariance
+    stable: bool
+    rejected: dict = field(default_factory=dict)
+    evaluations: int = 0
+
+
+def model_of(problem, names, values, name=''):
+    """The model that some values of the unknowns make."""
+    found = dict(zip(names, values, strict=True))
+    return ManoeuvringModel(
+        model_values(problem, names, values), thrust_input=problem.thrust_input, name=name, length=problem.length,
+        largest_input=float(problem.region.most_input), current=tuple(float(found.get(c, 0.0)) for c in CURRENT),
+    )  # fmt: skip
+
+
+def shooting_of(problem, window):
+    """Multiple shooting over the runs of a problem, with its always-free unknowns."""
+    return MultipleShooting(
+        cut(problem.runs, window), problem.base, problem.unknowns(problem.free), problem.noise, problem.scales.speed,
+        drift_spread=problem.drift_spread, speeds=straight_speeds(problem.region),
+    )  # fmt: skip
+
+
+def fit(problem, shooting, names, values, rounds=2):
+    """Refine some unknowns from a start, with robust weights taken anew in every round.
+
+    Returns
+    -------
+    Fit
+    """
+    shooting = shooting.with_unknowns(problem.unknowns(names), problem.base)
+    evaluations = 0
+    for _ in range(rounds):
+        found = shooting.refine(values)
+        values = found.values
+        evaluations += found.evaluations
+        shooting.weigh(values)
+    found = shooting.refine(values, max_evaluations=8)
+    values, cost = found.values, found.cost
+    return Fit(
+        tuple(names), values, cost, shooting, covariance_of(shooting, values),
+        _is_stable(problem, names, values), evaluations=evaluations + found.evaluations,
+    )  # fmt: skip
+
+
+def currents_of(problem, model, runs, window):
+    """Current of each of some runs, by its own motion under a model; m/s, shape (R, 2).
+
+    That of the model where the problem has one current for all, or a run holds no heading.
+    """
+    currents = np.tile(model.current, (len(runs), 1))
+    told = [k for k, run in enumerate(runs) if run.heading is not None]
+    if not problem.drift_spread or not told:
+        return currents
+    base = model.values
+    for k in told:
+        try:
+            windows = cut([runs[k]], window)
+        except InputError:
+            # too short for a window: nothing is simulated of it either
+            continue
+        shooting = MultipleShooting(
+            windows, base, problem.unknowns(CURRENT), problem.noise, problem.scales.speed,
+            drift_spread=problem.drift_spread,
+        )  # fmt: skip
+        shooting.settle(currents[k])
+        currents[k] += shooting.drift[:, 0]
+    return currents
+
+
+def with_usual_hull(problem, plain):
+    """A fit with `USUAL_HULL` from the start, where that is far better; else the plain one.
+
+    A hull that hardly keeps its course looks like a much heavier one without these terms, and one by one they
+    do not lead away from it.
+    """
+    names = tuple(n for n in USUAL_HULL if (n,) in problem.candidates and n not in plain.names)
+    if not names:
+        return plain
+    values = np.concatenate([problem.start(plain.names), problem.start(names)])
+    rich = fit(problem, plain.shooting, (*plain.names, *names), values)
+    better = _cost_with(rich, plain) < FAR_BETTER * plain.cost
+    return rich if better and (rich.stable or not plain.stable) else plain
+
+
+def covariance_of(shooting, values):
+    """Covariance of the unknowns, autocorrelation of the residuals accounted for; regularisation not counted in."""
+    residuals, jacobians = shooting.reports(values)
+    return sandwich_covariance(residuals, jacobians, MEMORY)
+
+
+def with_noise(problem, found):
+    """The problem with the noise that a fit has left, no smaller than `NOISE_FLOOR` of the motion.
+
+    Channels in which nothing was measured keep theirs.
+    """
+    residual = found.shooting.channel_residuals(found.values)
+    motion = [problem.scales.speed, 0.3 * problem.scales.speed, problem.scales.yaw_rate]
+    noise = []
+    for c in range(3):
+        known = residual[c][np.isfinite(residual[c])]
+        if not known.size:
+            noise.append(problem.noise[c])
+            continue
+        # between the robust and the plain size: outliers neither rule nor vanish
+        spread = np.sqrt(np.mean(np.minimum(np.abs(known), 4.0 * 1.4826 * np.median(np.abs(known)) + 1e-12) ** 2))
+        noise.append(max(spread, NOISE_FLOOR * motion[c]))
+    return replace(problem, noise=np.array(noise))
+
+
+def with_drift_spread(problem, found):
+    """The problem with the differences of the runs' currents as large as a fit found them (one step of EM).
+
+    Where autocorrelated residuals are worth less than their number, so is their word against equal currents.
+    """
+    if not problem.drift_spread:
+        return problem
+    inflation = _inflation(found)
+    variance = inflation * found.shooting.drift_variance(found.values)
+    spread = np.sqrt(np.mean(found.shooting.drift**2 + variance))
+    return replace(problem, drift_spread=float(max(spread, LEAST_DRIFT_SPREAD) / np.sqrt(inflation)))
+
+
+def renewed(problem, found):
+    """A shooting with the noise of the problem and the states of a fit."""
+    windows = found.shooting.windows
+    shooting = MultipleShooting(
+        windows, problem.base, problem.unknowns(found.names), problem.noise, problem.scales.speed,
+        found.shooting.states, found.shooting.drift, problem.drift_spread, straight_speeds(problem.region),
+    )  # fmt: skip
+    shooting.weigh(found.values)
+    return shooting
+
+
+def select(problem, first, note=None):
+    """Add terms one by one while they are worth it, then drop what has become weak.
+
+    Parameters
+    ----------
+    problem : Problem
+    first : Fit
+        Of the terms that are always free.
+    note : callable, optional
+        Called after each term with the number of terms so far.
+
+    Returns
+    -------
+    Fit
+    """
+    now = first
+    remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
+    rejected = {}
+    for _ in range(MOST_TERMS):
+        ranked = _ranked(problem, now, remaining)
+        best = next(((group, gain) for group, gain in ranked if gain > 0.0), None)
+        if best is None:
+            break
+        group, promised = best
+        names = (*now.names, *group)
+        start = np.concatenate([now.values, [_first_value(problem, n) for n in group]])
+        tried = fit(problem, now.shooting, names, start, rounds=1)
+        remaining.remove(group)
+        if now.stable and not tried.stable:
+            rejected[' '.join(group)] = 'unstable'
+            continue
+        reference = now.shooting.refine(now.values, max_evaluations=6).cost
+        inflation = _inflation(tried)
+        gain = reference - _cost_with(tried, now)
+        if gain * 2.0 / inflation < 0.5 * _threshold(tried, len(group)):
+            rejected[' '.join(group)] = 'no gain'
+            continue
+        # a thruster's curve may show in one run only: held out, that run cannot vouch for it; and a model that lacks
+        # much is too far from the truth for the linear view of what is held out
+        doubted = gain < BEYOND_DOUBT * reference and not all(
+            n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in group)
+        if doubted and not _helps_held_out(tried, now):
+            rejected[' '.join(group)] = 'no gain on runs held out'
+            continue
+        now = tried
+        if note is not None:
+            note(len(now.names))
+    now = _without_weak(problem, now)
+    return replace(now, rejected=rejected)
+
+
+def regularised_to_stable(problem, found):
+    """A stable fit: cross terms are taken out, the least certain first, until it is; with advice."""
+    removed = []
+    while not found.stable:
+        std = np.sqrt(np.diag(found.covariance.matrix))
+        with np.errstate(invalid='ignore', divide='ignore'):
+            certainty = np.nan_to_num(np.abs(found.values) / std)
+        cross = [k for k, n in enumerate(found.names)
+                 if n not in problem.free and n in INDEX and PARAMETERS[INDEX[n]].kind != THRUST]  # fmt: skip
+        if not cross:
+            break
+        weakest = min(cross, key=lambda k: certainty[k])
+        removed.append(found.names[weakest])
+        keep = [k for k in range(len(found.names)) if k != weakest]
+        problem = without(problem, removed[-1:])
+        found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
+    advice = ()
+    if removed:
+        advice = (Advice('made-stable', (
+            f'with {", ".join(removed)} the model was unstable at speeds it was identified at: taken out; add turns at '
+            f'several speeds to identify them')),)  # fmt: skip
+    return found, advice
+
+
+def _ranked(problem, now, candidates):
+    """Groups of terms by what they promise beyond their threshold, largest first."""
+    if not candidates:
+        return []
+    names = [n for group in candidates for n in group]
+    start = np.concatenate([now.values, [_first_value(problem, n) for n in names]])
+    wide = now.shooting.with_unknowns(problem.unknowns((*now.names, *names)), problem.base)
+    residuals, jacobians = wide.reports(start)
+    residual, jacobian = np.concatenate(residuals), np.concatenate(jacobians)
+    usable = np.all(np.isfinite(jacobian), axis=1) & np.isfinite(residual)
+    residual, jacobian = residual[usable], jacobian[usable]
+    n = len(now.names)
+    held, added = jacobian[:, :n], jacobian[:, n:]
+    size = np.sqrt(np.sum(held**2, axis=0))
+    basis, _ = np.linalg.qr(held[:, size > 0] / size[size > 0])
+    left = residual - basis @ (basis.T @ residual)
+    fresh = added - basis @ (basis.T @ added)
+    inflation = _inflation(now)
+    ranked, place = [], 0
+    for group in candidates:
+        columns = slice(place, place + len(group))
+        place += len(group)
+        part, whole = fresh[:, columns], added[:, columns]
+        # what is all but contained in the terms present would only blow them up
+        if np.any(np.sum(part**2, axis=0) <= 1e-4 * np.sum(whole**2, axis=0)) or not np.any(part):
+            continue
+        step = -np.linalg.lstsq(part, left, rcond=None)[0]
+        unknowns = problem.unknowns(group)
+        at = np.array([_first_value(problem, name) for name in group])
+        step = np.clip(at + step, unknowns.lower, unknowns.upper) - at
+        drop = np.sum(left**2) - np.sum((left + part @ step) ** 2)
+        ranked.append((group, drop / inflation - _threshold(now, len(group))))
+    return sorted(ranked, key=lambda pair: (pair[0][0] in LAST, -pair[1]))
+
+
+def _threshold(found, count):
+    """Weighted squares that a group of terms must explain: Schwarz's criterion and a margin."""
+    return count * (np.log(max(found.covariance.effective_samples, 10.0)) + MARGIN)
+
+
+def _inflation(found):
+    """By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares."""
+    residuals, _ = found.shooting.reports(found.values)
+    total = np.concatenate(residuals)
+    count = total.size
+    excess = float(np.mean(np.clip(np.nan_to_num(total, nan=1e3), -1e3, 1e3) ** 2))
+    return max(count / max(found.covariance.effective_samples, 1.0) * excess, 1e-9)
+
+
+def _cost_with(tried, now):
+    """Cost of a fit under the robust weights of another."""
+    shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
+    shooting.take_weights(now.shooting)
+    return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
+
+
+def _helps_held_out(tried, now):
+    """Whether a fit explains runs that it did not see better than another does, beyond the scatter of the runs."""
+    shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
+    shooting.take_weights(now.shooting)
+    gain = _held_out_costs(now.shooting, now.values) - _held_out_costs(shooting, tried.values)
+    return bool(gain.sum() > gain.std(ddof=1) * np.sqrt(gain.size) * HELD_OUT_SCATTER)
+
+
+def _held_out_costs(shooting, values):
+    """Half the weighted squares of each part of the runs under the values that the others alone would give.
+
+    To first order these are `values` less the step that the part itself was worth (the infinitesimal
+    jackknife's exact form for linear least squares; Cook 1977).
+
+    Returns
+    -------
+    ndarray, shape (K,)
+    """
+    parts = shooting.parts(values)
+    units, spread = shooting.unknowns.units, shooting.unknowns.spread
+    scaled = [(np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), np.nan_to_num(j, posinf=0.0, neginf=0.0) * units)
+              for r, j in parts]  # fmt: skip
+    prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
+    information = sum(j.T @ j for _, j in scaled) + np.diag(prior) + 1e-9 * np.eye(values.size)
+    costs = []
+    for residual, jacobian in scaled:
+        others = information - jacobian.T @ jacobian
+        move = np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0]
+        costs.append(0.5 * float(np.sum((residual + jacobian @ move) ** 2)))
+    return np.array(costs)
+
+
+def _first_value(problem, name):
+    return float(problem.start((name,))[0])
+
+
+def _without_weak(problem, now):
+    """Drop added and tentative terms that are insignificant beside the others."""
+    while True:
+        std = np.sqrt(np.diag(now.covariance.matrix))
+        with np.errstate(invalid='ignore', divide='ignore'):
+            shift = np.abs(now.values - _neutral(now.names))
+            certainty = np.where(std > 0.0, shift / std, 0.0)
+        kept = {*problem.free, *CURRENT}
+        weak = [k for k, n in enumerate(now.names) if n not in kept and not certainty[k] > WEAK]
+        if not weak:
+            return now
+        worst = min(weak, key=lambda k: np.nan_to_num(certainty[k]))
+        keep = [k for k in range(len(now.names)) if k != worst]
+        problem = without(problem, (now.names[worst],))
+        tried = fit(problem, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
+        if now.stable and not tried.stable:
+            return now
+        now = tried
+
+
+def without(problem, names):
+    """The problem with the first guesses of some unknowns at their neutral values."""
+    base = problem.base.copy()
+    for name in names:
+        if name in INDEX:
+            base[INDEX[name]] = NEUTRAL[INDEX[name]]
+    return replace(problem, base=base)
+
+
+def _neutral(names):
+    return np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in names])
+
+
+def _is_stable(problem, names, values):
+    return check_stability(model_of(problem, names, values), problem.region).stable

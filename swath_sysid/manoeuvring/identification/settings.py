@@ -1,0 +1,75 @@
+"""What the user may set of an identification."""
+from dataclasses import dataclass, field
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.presets import WAMV_LENGTH, WAMV_LEVER
+from swath_sysid.manoeuvring.hull.terms import INDEX
+
+AUTO, SHARED, NONE = 'auto', 'shared', 'none'
+CURRENT_CHOICES = (AUTO, SHARED, NONE)
+HIGHEST_GENERATIONS = 1000
+
+
+@dataclass(frozen=True)
+class ManoeuvringSettings:
+    """Settings of `identify_manoeuvring`.
+
+    Attributes
+    ----------
+    mass : float or None
+        kg, cargo included.
+    inertia : float or None
+        Yaw inertia of the craft alone, kg m^2.
+    thrust_per_command : float or None
+        Thrust of one thruster at full command ahead, N.
+    lever : float or None
+        Half the distance between the thrusters, m.
+    length : float or None
+        Of the hulls, m.
+    terms : tuple of str or None
+        Exactly these derivatives; None: the simplest adequate set.
+    fixed : dict of str to float
+        Parameters that are known.
+    towards : dict of str to (value, std)
+        What parameters are regularised towards.
+    current : str
+        ``auto`` (one for each of several runs with heading), ``shared`` (one for all), ``none``.
+    window : float
+        Length of the windows, s.
+    generations, population : int
+        Of the genetic search for a start; 0 generations: regression alone.
+    seed : int
+    """
+
+    mass: float | None = None
+    inertia: float | None = None
+    thrust_per_command: float | None = None
+    lever: float | None = None
+    length: float | None = None
+    terms: tuple[str, ...] | None = None
+    fixed: dict[str, float] = field(default_factory=dict)
+    towards: dict[str, tuple[float, float]] = field(default_factory=dict)
+    current: str = AUTO
+    window: float = 20.0
+    generations: int = 15
+    population: int = 24
+    seed: int = 1
+
+    def __post_init__(self):
+        for name in ('mass', 'inertia', 'thrust_per_command', 'lever', 'length', 'window'):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < 1e9:
+                raise InputError(f'{name} must be a positive number, not {value}')
+        for name in (*(self.terms or ()), *self.fixed, *self.towards):
+            if name not in INDEX:
+                raise InputError(f"there is no manoeuvring parameter '{name}': choose from {', '.join(INDEX)}")
+        if self.current not in CURRENT_CHOICES:
+            raise InputError(f"there is no choice '{self.current}' for the current: {', '.join(CURRENT_CHOICES)}")
+        if not 0 <= self.generations <= HIGHEST_GENERATIONS:
+            raise InputError(f'generations must be within 0 and {HIGHEST_GENERATIONS}')
+        if self.population < 8:
+            raise InputError('population must be at least 8')
+
+
+DEFAULT_LEVER = WAMV_LEVER
+DEFAULT_LENGTH = WAMV_LENGTH

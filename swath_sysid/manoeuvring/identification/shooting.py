@@ -1,0 +1,517 @@
+"""Multiple shooting: every window is simulated from its own initial state, all at once.
+
+The initial states are eliminated window by window, and the drift of each run run by run (variable projection,
+Golub and Pereyra 1973, with Kaufman's Jacobian), so that the least-squares problem is one in the shared parameters
+only.
+"""
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.manoeuvring.hull.model import active_terms
+from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns
+from swath_sysid.manoeuvring.hull.stability import growth_rates
+from swath_sysid.manoeuvring.hull.terms import (
+    BALANCE,
+    DEAD_BAND,
+    DELAY,
+    EXPONENT,
+    GAIN,
+    INDEX,
+    IZ,
+    LAG,
+    NR,
+    NR_DOT,
+    NRR,
+    NUR,
+    REVERSE_RATIO,
+    XU,
+    XU_DOT,
+    XUU,
+    YUV,
+    YV,
+    YV_DOT,
+    YVV,
+    M,
+)
+from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.identification.least_squares import minimise
+
+THRUSTER = {GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, LAG, DELAY}
+CURRENT = ('current_east', 'current_north')
+PERTURBATION = 1e-4
+STATE_STEPS = 3
+ROBUST_AT = 3.0
+"""Standard deviations at which a residual begins to count less (soft_l1)."""
+
+STABLE_STEP = 1.5
+LEAST_DECAY = 0.02
+"""1/s; slower decays of small motions on straight courses are held against a candidate."""
+
+STABILITY_WEIGHT = 20.0
+"""Of such a residual, 1/s beside the root of the number of samples."""
+
+LARGEST_INFORMATION = 1e14
+"""Beyond this a window has run away and tells nothing of its initial state."""
+
+FEWEST_PARTS = 3
+"""Into which runs are divided at least, to hold one out at a time."""
+
+UNKNOWN_SWAY = 0.3
+"""Spread of an unmeasured initial sway, as a share of the speed."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """What is searched.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Parameters, and ``current_east`` and ``current_north``.
+    units, lower, upper, target, spread : ndarray, shape (n,)
+        Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
+    """
+
+    names: tuple[str, ...]
+    units: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    target: np.ndarray
+    spread: np.ndarray
+
+
+@dataclass(frozen=True)
+class ShootingFit:
+    """Outcome of `MultipleShooting.refine`.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n,)
+        Of the unknowns.
+    cost : float
+        Half the weighted sum of squares, regularisation included.
+    evaluations : int
+    """
+
+    values: np.ndarray
+    cost: float
+    evaluations: int
+
+
+class MultipleShooting:
+    """Residuals of windows against a model.
+
+    Parameters
+    ----------
+    windows : Windows
+    base : ndarray, shape (39,)
+        Parameter values; those of the unknowns are replaced.
+    unknowns : Unknowns
+    noise : ndarray, shape (3,)
+        Standard deviation of the residuals of surge, sway, yaw rate.
+    speed : float
+        m/s, the scale of the initial states.
+    states : ndarray, shape (3, W), optional
+        First guess of the initial states.
+    drift : ndarray, shape (2, R), optional
+        First guess of what the current of each run differs by, east and north, m/s.
+    drift_spread : float
+        m/s, by how much the runs' currents are expected to differ; 0: they are the same.
+    speeds : ndarray
+        Speeds at which straight courses must be stable, m/s; empty: none.
+    """
+
+    def __init__(self, windows, base, unknowns, noise, speed, states=None, drift=None, drift_spread=0.0, speeds=()):
+        self.windows, self.unknowns = windows, unknowns
+        self._base = np.array(base, dtype=float)
+        self._noise = np.asarray(noise, dtype=float)
+        self._index = np.array([INDEX.get(name, -1) for name in unknowns.names], dtype=int)
+        self._known = np.isfinite(windows.measured)
+        self._measured = np.where(self._known, windows.measured, 0.0)
+        self._sides = np.cos(windows.heading), np.sin(windows.heading)
+        self._robust = np.ones_like(windows.measured)
+        floor = 3.0 * self._noise[:, None]
+        measured_start = np.isfinite(windows.initial)
+        self._expected = np.where(measured_start, windows.initial, 0.0)
+        unknown = np.array([speed, UNKNOWN_SWAY * speed, 0.3])[:, None]
+        self._expected_spread = np.where(measured_start, floor, unknown)
+        self.states = self._expected.copy() if states is None else states.copy()
+        self._state_units = np.maximum(self._noise, 1e-6)
+        self.drift = np.zeros((2, len(windows.runs))) if drift is None else drift.copy()
+        self._drift_spread = drift_spread
+        self._speeds = np.asarray(speeds, dtype=float)
+        self._member = (windows.run_index == np.arange(len(windows.runs))[:, None]).astype(float)
+        self._thrust_cache = {}
+
+    def with_unknowns(self, unknowns, base):
+        """The same windows, weights and states with other unknowns."""
+        other = copy(self)
+        other.unknowns, other._base = unknowns, np.array(base, dtype=float)
+        other._index = np.array([INDEX.get(name, -1) for name in unknowns.names], dtype=int)
+        return other
+
+    def parameters(self, values):
+        """Full parameter vector, shape (39,), and current, shape (2,)."""
+        p = self._base.copy()
+        inside = self._index >= 0
+        p[self._index[inside]] = values[inside]
+        found = dict(zip(self.unknowns.names, values, strict=True))
+        return p, np.array([found.get(name, 0.0) for name in CURRENT])
+
+    def simulate(self, p_columns, states, active=None):
+        """Simulate copies of all windows.
+
+        Parameters
+        ----------
+        p_columns : ndarray, shape (39, K)
+            Parameters of each copy.
+        states : ndarray, shape (3, K, W)
+            Initial states through the water.
+
+        Returns
+        -------
+        ndarray, shape (S + 1, 3, K, W)
+        """
+        copies, count = p_columns.shape[1], self.windows.count
+        port, starboard = (np.stack(side, axis=1) for side in zip(
+            *(self._thrust(p_columns[:, k]) for k in range(copies)), strict=True))  # fmt: skip
+        steps = port.shape[0]
+        active = active or active_terms(_union(p_columns))
+        with np.errstate(over='ignore', invalid='ignore'):
+            found = runge_kutta_columns(
+                np.ascontiguousarray(states.reshape(3, copies * count)), port.reshape(steps, copies * count),
+                starboard.reshape(steps, copies * count), np.repeat(p_columns, count, axis=1), active,
+                self.windows.step, self._substeps(p_columns[:, 0]),
+            )  # fmt: skip
+        return found.reshape(steps + 1, 3, copies, count)
+
+    def residuals(self, values):
+        """Weighted residuals at the best initial states and drifts, with priors; shape (rows,)."""
+        p, current = self.parameters(values)
+        for _ in range(STATE_STEPS):
+            residual, state_slopes = self._with_state_slopes(p, current)
+            move, drift_move = self._best_move(residual, state_slopes)
+            self.states = self.states + move
+            self.drift = self.drift + drift_move
+            if np.max(np.abs(move) / self._state_units[:, None]) < 0.05:
+                break
+        # the last move is small: its effect is linear
+        residual = residual + np.einsum('jcsw,jw->csw', state_slopes, move)
+        if self._drift_spread:
+            residual = residual + np.einsum('jcsw,jw->csw', self._drift_slopes(), drift_move @ self._member)
+        return np.concatenate([
+            residual.ravel(), self._state_residual().ravel(), self._drift_residual().ravel(), self._prior(values),
+            self._instability(p[:, None])[:, 0],
+        ])  # fmt: skip
+
+    def jacobian(self, values):
+        """Derivatives of `residuals` with the initial states and drifts eliminated, shape (rows, n)."""
+        projected, state_part, drift_part = self._eliminated(*self._slopes(values))
+        n = values.size
+        prior = np.diag(np.where(np.isfinite(self.unknowns.spread), 1.0 / self.unknowns.spread, 0.0))
+        parts = [part.reshape(n, -1).T for part in (projected, state_part, drift_part)]
+        return np.concatenate([*parts, prior, self._instability_slopes(values)])
+
+    def refine(self, values, max_evaluations=20, tolerance=1e-5):
+        """Bounded least squares over the unknowns."""
+        lower, upper, units = self.unknowns.lower, self.unknowns.upper, self.unknowns.units
+
+        def scaled_residuals(x):
+            found = self.residuals(x * units)
+            return np.where(np.isfinite(found), np.clip(found, -1e6, 1e6), 1e6)
+
+        def scaled_jacobian(x):
+            found = self.jacobian(x * units) * units
+            return np.where(np.isfinite(found), np.clip(found, -1e9, 1e9), 0.0)
+
+        found = minimise(
+            scaled_residuals, scaled_jacobian, values / units, lower / units, upper / units, max_evaluations, tolerance)
+        return ShootingFit(found.x * units, found.cost, found.evaluations)
+
+    def settle(self, values):
+        """Find the initial states, the drifts and the robust weights at these values."""
+        for _ in range(3):
+            self.residuals(values)
+            self.weigh(values)
+        self.residuals(values)
+
+    def weigh(self, values):
+        """Take the weights of the robust loss from the residuals at these values."""
+        self._robust = np.ones_like(self._robust)
+        p, current = self.parameters(values)
+        residual, _ = self._with_state_slopes(p, current)
+        residual = np.where(np.isfinite(residual), residual, 1e3)
+        # soft_l1: rho'(z) = 1 / sqrt(1 + z) at z = (residual / scale)^2
+        self._robust = (1.0 + (residual / ROBUST_AT) ** 2) ** -0.25
+
+    def channel_residuals(self, values):
+        """Unweighted residuals, simulated less measured over ground, shape (3, S + 1, W); NaN where not measured."""
+        p, current = self.parameters(values)
+        states = self.simulate(p[:, None], self.states[:, None, :])[:, :, 0]
+        return np.where(self._known, self._over_ground(states, current) - self._measured, np.nan)
+
+    def take_weights(self, other):
+        """Use the robust weights of another shooting over the same windows."""
+        self._robust = other._robust
+
+    def reports(self, values):
+        """Residuals and eliminated Jacobians by window and channel, for the covariance.
+
+        Returns
+        -------
+        residuals : list of ndarray, shape (N_k,)
+        jacobians : list of ndarray, shape (N_k, n)
+        """
+        p, current = self.parameters(values)
+        residual, _ = self._with_state_slopes(p, current)
+        projected = self._eliminated(*self._slopes(values))[0]
+        residuals, jacobians = [], []
+        for w in range(self.windows.count):
+            for c in range(3):
+                known = self._known[c, :, w]
+                if known.sum() >= 8:
+                    residuals.append(residual[c, known, w])
+                    jacobians.append(projected[:, c, known, w].T)
+        return residuals, jacobians
+
+    def parts(self, values):
+        """Residuals and eliminated Jacobians of parts that can be held out: the runs, or thirds of fewer than three.
+
+        Returns
+        -------
+        list of (ndarray of shape (N_k,), ndarray of shape (N_k, n))
+        """
+        p, current = self.parameters(values)
+        residual, _ = self._with_state_slopes(p, current)
+        projected = self._eliminated(*self._slopes(values))[0]
+        index = self.windows.run_index
+        if np.unique(index).size < FEWEST_PARTS:
+            index = np.arange(index.size) * FEWEST_PARTS // index.size
+        found = []
+        for part in np.unique(index):
+            known = self._known & (index == part)
+            found.append((residual[known], projected[:, known].T))
+        return found
+
+    def objective_of_population(self, candidates):
+        """Root mean square of the weighted residuals of candidates (P, n), from the present initial states."""
+        columns = np.stack([self.parameters(row)[0] for row in candidates], axis=1)
+        currents = np.stack([self.parameters(row)[1] for row in candidates], axis=1)
+        states = np.repeat(self.states[:, None, :], len(candidates), axis=1)
+        found = self.simulate(columns, states)
+        total = np.empty(len(candidates))
+        for k in range(len(candidates)):
+            residual = self._weighted(found[:, :, k], currents[:, k])
+            residual = np.minimum(np.abs(residual), 1e6)
+            total[k] = np.sqrt(np.mean(residual[self._known] ** 2))
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def _thrust(self, p):
+        key = p[sorted(THRUSTER)].tobytes()
+        if key not in self._thrust_cache:
+            if len(self._thrust_cache) > 100:
+                self._thrust_cache.clear()
+            acting = [acting_thrust(run.port, run.starboard, p, run.step) for run in self.windows.runs]
+            self._thrust_cache[key] = tuple(self.windows.gather([a[side] for a in acting]) for side in (0, 1))
+        return self._thrust_cache[key]
+
+    def _substeps(self, p):
+        speed = 1.0 if not self._known[0].any() else float(np.max(np.abs(self._measured[0])))
+        rate = 0.3 if not self._known[2].any() else float(np.max(np.abs(self._measured[2])))
+        fastest = max(
+            abs(p[XU] + 2.0 * p[XUU] * speed) / (p[M] - p[XU_DOT]),
+            abs(p[YV] + p[YVV] * speed + p[YUV] * speed) / (p[M] - p[YV_DOT]),
+            abs(p[NR] + 2.0 * p[NRR] * rate + p[NUR] * speed) / (p[IZ] - p[NR_DOT]),
+        )
+        return int(np.clip(np.ceil(self.windows.step * fastest / STABLE_STEP), 1, 10))
+
+    def _over_ground(self, states, current):
+        """Surge, sway, yaw rate over ground, shape (3, S + 1, W), of states (S + 1, 3, W)."""
+        cosine, sine = self._sides
+        east, north = current[:, None] + self.drift @ self._member
+        found = np.moveaxis(states, 1, 0).copy()
+        found[0] += east * cosine + north * sine
+        found[1] += -east * sine + north * cosine
+        return found
+
+    def _weighted(self, states, current):
+        found = (self._over_ground(states, current) - self._measured) / self._noise[:, None, None]
+        return np.where(self._known, found * self._robust, 0.0)
+
+    def _with_state_slopes(self, p, current):
+        columns = np.repeat(p[:, None], 4, axis=1)
+        states = np.repeat(self.states[:, None, :], 4, axis=1)
+        steps = PERTURBATION * np.maximum(self._state_units, 1e-2)
+        for j in range(3):
+            states[j, j + 1] += steps[j]
+        found = self.simulate(columns, states, active_terms(p))
+        residual = self._weighted(found[:, :, 0], current)
+        with np.errstate(over='ignore', invalid='ignore'):
+            slopes = np.stack([(self._weighted(found[:, :, j + 1], current) - residual) / steps[j] for j in range(3)])
+        return residual, slopes
+
+    def _state_residual(self):
+        return (self.states - self._expected) / self._expected_spread
+
+    def _drift_residual(self):
+        return self.drift / self._drift_spread if self._drift_spread else np.zeros((2, 0))
+
+    def _drift_slopes(self):
+        """Derivatives of the weighted residuals by a window's current, shape (2, 3, S + 1, W)."""
+        cosine, sine = self._sides
+        nothing = np.zeros_like(cosine)
+        turned = np.array([[cosine, -sine, nothing], [sine, cosine, nothing]]) / self._noise[:, None, None]
+        return np.where(self._known, turned * self._robust, 0.0)
+
+    def _best_move(self, residual, slopes):
+        """Gauss-Newton step of the initial states of every window, shape (3, W), and of the drifts, (2, R)."""
+        inverse, usable = self._state_information(slopes)
+        drift_move = np.zeros_like(self.drift)
+        pull = self._state_residual() / self._expected_spread
+        if self._drift_spread:
+            drifts = self._drift_slopes()
+            projected, _ = self._without_states(drifts, slopes, inverse, usable)
+            with np.errstate(over='ignore', invalid='ignore'):
+                # what projects out the states also takes out their pull
+                right = np.einsum('jcsw,csw->jw', projected, residual)
+                taken = np.einsum('wjk,kcsw,ncsw->njw', inverse, slopes, drifts)
+                right = np.nan_to_num(right - np.einsum('njw,jw->nw', taken, pull)) * usable
+            right = right @ self._member.T + self.drift / self._drift_spread**2
+            drift_move = -np.einsum('rjk,kr->jr', self._drift_information(projected, drifts), right)
+            limit = 1.0
+            drift_move = np.clip(drift_move, -limit, limit)
+            residual = residual + np.einsum('jcsw,jw->csw', drifts, drift_move @ self._member)
+        with np.errstate(over='ignore', invalid='ignore'):
+            right = np.einsum('jcsw,csw->jw', slopes, residual) + pull
+            move = -np.einsum('wjk,kw->jw', inverse, right)
+        move = np.where(usable & np.all(np.isfinite(move), axis=0), move, 0.0)
+        limit = 30.0 * self._state_units[:, None] + 0.2 * np.abs(self.states)
+        return np.clip(move, -limit, limit), drift_move
+
+    def _state_information(self, state_slopes):
+        """Inverse information of the initial states, shape (W, 3, 3), and where it could be computed."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            matrix = np.einsum('jcsw,kcsw->wjk', state_slopes, state_slopes)
+            matrix = matrix + np.eye(3) * (1.0 / self._expected_spread**2).T[:, None, :]
+            usable = np.max(np.abs(matrix), axis=(1, 2)) < LARGEST_INFORMATION
+        matrix[~usable] = np.eye(3)
+        return np.linalg.inv(matrix), usable
+
+    def _without_states(self, slopes, state_slopes, inverse, usable):
+        """Slopes (n, 3, S + 1, W) less what the best initial states take up, and what these take, (n, 3, W)."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            cross = np.einsum('jcsw,ncsw->wjn', state_slopes, slopes)
+            cross = np.where(usable[:, None, None] & np.isfinite(cross), cross, 0.0)
+            taken = inverse @ cross
+            projected = slopes - np.einsum('jcsw,wjn->ncsw', state_slopes, taken)
+        return projected, np.moveaxis(taken, 0, 2).transpose(1, 0, 2)
+
+    def _drift_information(self, projected, drifts):
+        """Inverse information of the drift of each run, shape (R, 2, 2)."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            # the projection is idempotent: one projected side is enough, and the states' priors are in it
+            each = np.nan_to_num(np.einsum('jcsw,kcsw->jkw', projected, drifts), posinf=0.0, neginf=0.0)
+        matrix = np.moveaxis(each @ self._member.T, 2, 0)
+        matrix = 0.5 * (matrix + np.moveaxis(matrix, 1, 2)) + np.eye(2) / self._drift_spread**2
+        return np.linalg.inv(matrix)
+
+    def drift_variance(self, values):
+        """Variance of the drift of each run by the weights alone, shape (2, R); regularisation counted in."""
+        p, current = self.parameters(values)
+        _, state_slopes = self._with_state_slopes(p, current)
+        drifts = self._drift_slopes()
+        projected, _ = self._without_states(drifts, state_slopes, *self._state_information(state_slopes))
+        return np.diagonal(self._drift_information(projected, drifts), axis1=1, axis2=2).T
+
+    def with_drift_spread(self, spread):
+        """The same with the runs' currents expected to differ by so much, m/s."""
+        other = copy(self)
+        other._drift_spread = spread
+        if not spread:
+            other.drift = np.zeros_like(self.drift)
+        return other
+
+    def _instability(self, columns):
+        """Weighted excess of growth over what is allowed, of candidates (39, K), shape (speeds, K)."""
+        if not self._speeds.size:
+            return np.zeros((0, columns.shape[1]))
+        growth = growth_rates(columns, active_terms(_union(columns)), self._speeds)
+        weight = STABILITY_WEIGHT * np.sqrt(self._known.sum())
+        return weight * np.maximum(growth + LEAST_DECAY, 0.0)
+
+    def _instability_slopes(self, values):
+        """Derivatives of `_instability` by the unknowns, shape (speeds, n)."""
+        p, _ = self.parameters(values)
+        searched = np.flatnonzero(self._index >= 0)
+        slopes = np.zeros((self._speeds.size, values.size))
+        if not self._speeds.size or not searched.size:
+            return slopes
+        steps = PERTURBATION * self.unknowns.units[searched]
+        columns = np.repeat(p[:, None], 1 + searched.size, axis=1)
+        columns[self._index[searched], 1 + np.arange(searched.size)] += steps
+        found = self._instability(columns)
+        slopes[:, searched] = (found[:, 1:] - found[:, :1]) / steps
+        return slopes
+
+    def _slopes(self, values):
+        """Derivatives of the weighted residuals by the unknowns (n, 3, S+1, W) and by the states (3, 3, S+1, W)."""
+        p, current = self.parameters(values)
+        searched = np.flatnonzero(self._index >= 0)
+        columns = np.repeat(p[:, None], 4 + searched.size, axis=1)
+        states = np.repeat(self.states[:, None, :], columns.shape[1], axis=1)
+        state_steps = PERTURBATION * np.maximum(self._state_units, 1e-2)
+        for j in range(3):
+            states[j, j + 1] += state_steps[j]
+        steps = PERTURBATION * self.unknowns.units
+        for place, j in enumerate(searched):
+            # from the side of the range that is open
+            if values[j] + steps[j] > self.unknowns.upper[j]:
+                steps[j] = -steps[j]
+            columns[self._index[j], 4 + place] += steps[j]
+        found = self.simulate(columns, states)
+        residual = self._weighted(found[:, :, 0], current)
+        state_slopes = np.stack(
+            [(self._weighted(found[:, :, j + 1], current) - residual) / state_steps[j] for j in range(3)])
+        slopes = np.zeros((values.size, *residual.shape))
+        for place, j in enumerate(searched):
+            slopes[j] = (self._weighted(found[:, :, 4 + place], current) - residual) / steps[j]
+        for j, name in enumerate(self.unknowns.names):
+            if name in CURRENT:
+                unit = np.array([name == c for c in CURRENT], dtype=float)
+                slopes[j] = np.einsum('j,jcsw->csw', unit, self._drift_slopes())
+        return slopes, state_slopes
+
+    def _eliminated(self, slopes, state_slopes):
+        """Slopes less the part that the best initial states and drifts take up, and these two parts.
+
+        Returns
+        -------
+        ndarray, shapes (n, 3, S + 1, W), (n, 3, W), (n, 2, R)
+        """
+        inverse, usable = self._state_information(state_slopes)
+        projected, taken = self._without_states(slopes, state_slopes, inverse, usable)
+        state_part = -taken / self._expected_spread
+        if not self._drift_spread:
+            return projected, state_part, np.zeros((len(slopes), 2, 0))
+        drifts, drifts_taken = self._without_states(self._drift_slopes(), state_slopes, inverse, usable)
+        with np.errstate(over='ignore', invalid='ignore'):
+            cross = np.einsum('jcsw,ncsw->njw', drifts, slopes)
+        cross = np.nan_to_num(cross, posinf=0.0, neginf=0.0) @ self._member.T
+        drift = np.einsum('rjk,nkr->njr', self._drift_information(drifts, self._drift_slopes()), cross)
+        with np.errstate(over='ignore', invalid='ignore'):
+            by_window = drift @ self._member
+            projected = projected - np.einsum('jcsw,njw->ncsw', drifts, by_window)
+            state_part = state_part + np.einsum('jkw,njw->nkw', drifts_taken / self._expected_spread, by_window)
+        return projected, state_part, -drift / self._drift_spread
+
+    def _prior(self, values):
+        spread = self.unknowns.spread
+        return np.where(np.isfinite(spread), (values - self.unknowns.target) / spread, 0.0)
+
+
+def _union(columns):
+    """A column in which every parameter that any column uses differs from neutral."""
+    spread = np.ptp(columns, axis=1)
+    return columns[:, 0] + np.where(spread > 0.0, spread * 1.2345 + 1e-9, 0.0)

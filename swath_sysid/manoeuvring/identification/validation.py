@@ -1,0 +1,226 @@
+"""Free simulation over windows, against what was measured."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, substeps_for, track
+from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.identification.windows import cut
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, smoothed
+
+LEADS = (5.0, 10.0, 20.0)
+"""s, at which the errors of position and heading are told."""
+
+LEAD_IN = 5.0
+"""s of simulation before a window, from which an unmeasured sway is taken."""
+
+RUN_AWAY = 3.0
+"""A simulated motion beyond this multiple of the largest measured one has diverged."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Free simulation of the windows of some runs.
+
+    Attributes
+    ----------
+    windows : Windows
+    states : ndarray, shape (S + 1, 3, W)
+        Surge and sway over ground, yaw rate; NaN behind the end of a window.
+    heading, x, y : ndarray, shape (S + 1, W)
+        rad, m; from zero where not measured.
+    """
+
+    windows: object
+    states: np.ndarray
+    heading: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How well a model simulates runs freely, window by window.
+
+    Attributes
+    ----------
+    r2 : dict of str to float
+        Of surge, sway, yaw_rate over all windows together; NaN where not measured.
+    rmse : dict of str to float
+        m/s and rad/s; NaN where not measured.
+    position_error : dict of float to float
+        Root mean square by lead, m; NaN where no window is as long.
+    heading_error : dict of float to float
+        rad.
+    windows, diverged : int
+        How many there are, and how many ran away.
+    """
+
+    r2: dict[str, float]
+    rmse: dict[str, float]
+    position_error: dict[float, float]
+    heading_error: dict[float, float]
+    windows: int
+    diverged: int
+
+
+def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
+    """Simulate every window of some runs from its measured initial state.
+
+    The initial state is the smoothed measurement at the start of the window; a sway that was not
+    measured is that of a simulation which began `LEAD_IN` seconds earlier.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+    runs : sequence of Run
+    length, shortest : float
+        Of the windows, s.
+    currents : ndarray, shape (R, 2), optional
+        East and north, m/s, of each run; that of the model by default.
+
+    Returns
+    -------
+    Simulated
+    """
+    windows = cut(runs, length, shortest)
+    currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
+    current = currents[windows.run_index].T
+    acting = [acting_thrust(run.port, run.starboard, model.values, run.step) for run in runs]
+    thrust = tuple(windows.gather([a[side] for a in acting]) for side in (0, 1))
+    heading = windows.heading
+    state = _through_water(windows.initial, heading[0], current)
+    state[1] = np.where(np.isfinite(windows.initial[1]), state[1], _lead_in_sway(model, windows, acting))
+    state = np.where(np.isfinite(state), state, 0.0)
+    substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), thrust)
+    with np.errstate(over='ignore', invalid='ignore'):
+        columns = np.repeat(model.values[:, None], windows.count, axis=1)
+        states = runge_kutta_columns(state, *thrust, columns, model.active, windows.step, substeps)
+        u, v, r = np.moveaxis(states, 1, 0)
+        start = np.stack([_at_start(windows, name) for name in ('x', 'y')])
+        psi, x, y = track(u, v, r, windows.step, heading[0], start, current)
+        east, north = current
+        over_ground = np.stack([
+            u + east * np.cos(psi) + north * np.sin(psi), v - east * np.sin(psi) + north * np.cos(psi), r], axis=1)
+    behind = np.arange(len(psi))[:, None] > windows.steps
+    over_ground[np.repeat(behind[:, None], 3, axis=1)] = np.nan
+    return Simulated(windows, over_ground, *(np.where(behind, np.nan, a) for a in (psi, x, y)))
+
+
+def score(model, runs, length=20.0, currents=None):
+    """Scores of a model on some runs; see `simulate_windows`.
+
+    Returns
+    -------
+    Scores
+    """
+    found = simulate_windows(model, runs, length, currents=currents)
+    windows = found.windows
+    r2, rmse = {}, {}
+    for c, name in enumerate(CHANNELS):
+        known = np.isfinite(windows.measured[c])
+        measured, simulated = windows.measured[c][known], found.states[:, c][known]
+        spread = np.sum((measured - measured.mean()) ** 2) if known.any() else 0.0
+        if spread <= 0.0:
+            r2[name] = rmse[name] = float('nan')
+            continue
+        with np.errstate(over='ignore', invalid='ignore'):
+            error = np.sum((measured - simulated) ** 2)
+        r2[name] = float(1.0 - error / spread) if np.isfinite(error) else float('-inf')
+        rmse[name] = float(np.sqrt(error / measured.size)) if np.isfinite(error) else float('inf')
+    position, heading = {}, {}
+    references = [_reference_track(run) for run in runs]
+    for lead in LEADS:
+        position[lead], heading[lead] = _errors_at(found, references, lead)
+    return Scores(r2, rmse, position, heading, windows.count, _diverged(found))
+
+
+def _errors_at(found, references, lead):
+    windows = found.windows
+    step = round(lead / windows.step)
+    turned, missed = [], []
+    for w in np.flatnonzero(windows.steps >= step):
+        psi, x, y = references[windows.run_index[w]]
+        begin, end = windows.start[w], windows.start[w] + step
+        if psi is None:
+            continue
+        turned.append(found.heading[step, w] - found.heading[0, w] - (psi[end] - psi[begin]))
+        if x is None:
+            continue
+        # directions relative to the course at the start, so that tracks without a compass compare as well
+        away = _rotated(found.x[step, w] - found.x[0, w], found.y[step, w] - found.y[0, w], found.heading[0, w])
+        went = _rotated(x[end] - x[begin], y[end] - y[begin], psi[begin])
+        missed.append(np.hypot(away[0] - went[0], away[1] - went[1]))
+    return tuple(
+        float(np.sqrt(np.mean(np.square(np.clip(errors, -1e6, 1e6))))) if errors else float('nan')
+        for errors in (missed, turned)
+    )
+
+
+def _rotated(x, y, angle):
+    return x * np.cos(angle) + y * np.sin(angle), -x * np.sin(angle) + y * np.cos(angle)
+
+
+def _reference_track(run):
+    """Measured heading and position, smoothed; integrated from rate and speeds where not measured."""
+    surge, sway, rate = (None if np.isnan(s).all() else np.where(np.isfinite(s), s, 0.0) for s in run.smooth)
+    heading = run.heading
+    if heading is None and rate is not None:
+        heading = np.concatenate([[0.0], np.cumsum(0.5 * run.step * (rate[1:] + rate[:-1]))])
+    if heading is None:
+        return None, None, None
+    heading = smoothed(heading, run.step)
+    if run.x is not None and run.y is not None and run.heading is not None:
+        return heading, smoothed(run.x, run.step, 0.8), smoothed(run.y, run.step, 0.8)
+    if surge is None:
+        return heading, None, None
+    side = np.zeros_like(surge) if sway is None else sway
+    _, x, y = track(surge, side, np.gradient(heading, run.step), run.step, heading[0], (0.0, 0.0), (0.0, 0.0))
+    return heading, x, y
+
+
+def _diverged(found):
+    """Windows that left the bounds, or are not finite."""
+    measured = np.nanmax(np.abs(found.windows.measured), axis=(1, 2), initial=0.0)
+    limits = RUN_AWAY * np.maximum(measured, [0.5, 0.5, 0.1])
+    inside = np.arange(len(found.states))[:, None] <= found.windows.steps
+    with np.errstate(invalid='ignore'):
+        away = ~(np.abs(found.states) <= limits[:, None]) & inside[:, None]
+    # an unmeasured sway has no bound to leave, but must stay finite
+    if not np.isfinite(found.windows.measured[1]).any():
+        away[:, 1] = ~np.isfinite(found.states[:, 1]) & inside
+    return int(np.any(away, axis=(0, 1)).sum())
+
+
+def _at_start(windows, name):
+    series = [getattr(run, name) for run in windows.runs]
+    return np.array([0.0 if series[run] is None else series[run][start]
+                     for run, start in zip(windows.run_index, windows.start, strict=True)])  # fmt: skip
+
+
+def _through_water(initial, heading, current):
+    east, north = current
+    state = initial.copy()
+    state[0] -= east * np.cos(heading) + north * np.sin(heading)
+    state[1] -= -east * np.sin(heading) + north * np.cos(heading)
+    return state
+
+
+def _lead_in_sway(model, windows, acting):
+    """Sway at the start of every window after a lead-in simulation from zero sway."""
+    steps = round(LEAD_IN / windows.step)
+    sway = np.zeros(windows.count)
+    for w, (index, start) in enumerate(zip(windows.run_index, windows.start, strict=True)):
+        begin = max(0, start - steps)
+        run = windows.runs[index]
+        state = np.array([run.smooth[0, begin], 0.0, run.smooth[2, begin]])
+        if begin == start or not run.driven[begin:start].all():
+            continue
+        port, starboard = (np.ascontiguousarray(side[begin:start, None]) for side in acting[index])
+        with np.errstate(over='ignore', invalid='ignore'):
+            found = runge_kutta_columns(
+                np.where(np.isfinite(state), state, 0.0)[:, None], port, starboard, model.values[:, None], model.active,
+                windows.step, substeps_for(model, windows.step, state * 0.0, (port, starboard)),
+            )[-1, 1, 0]  # fmt: skip
+        sway[w] = found if np.isfinite(found) else 0.0
+    return sway

@@ -1,0 +1,103 @@
+"""Runs cut into windows, each of which is simulated from its own initial state."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+
+LENGTH = 20.0
+SHORTEST = 5.0
+"""s."""
+
+SETTLED = 2.0
+"""s after which the thrust that acts, behind lag and delay, no longer depends on inputs before the record."""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of equal step, side by side; shorter ones are filled up with NaN.
+
+    Attributes
+    ----------
+    step : float
+        s.
+    runs : tuple of Run
+    run_index, start, steps : ndarray of int, shape (W,)
+        Run, first sample, and number of steps of each window.
+    measured : ndarray, shape (3, S + 1, W)
+        Surge, sway, yaw rate over ground.
+    heading : ndarray, shape (S + 1, W)
+        rad; zero where not measured.
+    initial : ndarray, shape (3, W)
+        Smoothed state at the start, NaN where not measured.
+    """
+
+    step: float
+    runs: tuple
+    run_index: np.ndarray
+    start: np.ndarray
+    steps: np.ndarray
+    measured: np.ndarray
+    heading: np.ndarray
+    initial: np.ndarray
+
+    @property
+    def count(self):
+        """Number of windows."""
+        return self.start.size
+
+    def gather(self, series):
+        """Values over the steps of each window, shape (S, W), of one series (N,) a run; ends are held."""
+        longest = int(self.steps.max())
+        found = np.zeros((longest, self.count))
+        for w, (run, start, steps) in enumerate(zip(self.run_index, self.start, self.steps, strict=True)):
+            found[:steps, w] = series[run][start : start + steps]
+            found[steps:, w] = found[steps - 1, w]
+        return found
+
+
+def cut(runs, length=LENGTH, shortest=SHORTEST):
+    """Cut runs into windows, none across a gap in the thrust or within `SETTLED` seconds behind one.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    length, shortest : float
+        s; what remains at the end of a run is kept if it is not shorter than ``shortest``.
+
+    Returns
+    -------
+    Windows
+
+    Raises
+    ------
+    InputError
+        The runs differ in step, or none is long enough.
+    """
+    step = runs[0].step
+    if any(abs(run.step - step) > 1e-9 for run in runs):
+        raise InputError('the runs differ in sample interval: prepare them with one step')
+    long, short, settled = (round(duration / step) for duration in (length, shortest, SETTLED))
+    places = []
+    for index, run in enumerate(runs):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], run.driven.astype(int), [0]])))
+        for begin, end in edges.reshape(-1, 2) + [settled, 0]:
+            while end - 1 - begin >= short:
+                steps = min(long, end - 1 - begin)
+                places.append((index, begin, steps))
+                begin += steps
+    if not places:
+        raise InputError(f'no run holds {shortest:.0f} s of motion with known thrust: record longer runs')
+    run_index, start, steps = np.array(places).T
+    longest = int(steps.max())
+    measured = np.full((3, longest + 1, len(places)), np.nan)
+    heading = np.zeros((longest + 1, len(places)))
+    initial = np.empty((3, len(places)))
+    for w, (index, begin, count) in enumerate(places):
+        run = runs[index]
+        span = slice(begin, begin + count + 1)
+        measured[:, : count + 1, w] = run.channels[:, span]
+        if run.heading is not None:
+            heading[: count + 1, w] = run.heading[span]
+        initial[:, w] = run.smooth[:, begin]
+    return Windows(step, tuple(runs), run_index, start, steps, measured, heading, initial)

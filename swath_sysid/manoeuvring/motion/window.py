@@ -1,0 +1,125 @@
+"""The last manoeuvres of a craft in fixed memory, as its messages come in."""
+import math
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
+
+COLUMNS = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
+FASTEST = 20.0
+"""Hz; of faster odometry only so many messages a second are kept."""
+
+LARGEST_COMMAND = 1.0 + 1e-6
+AUTO = 'auto'
+THRUST_INPUTS = (AUTO, FORCE, COMMAND)
+
+NOT_FINITE, LATE, JUMPED_BACK, NO_THRUST = 'not-finite', 'late', 'jumped-back', 'no-thrust'
+
+
+class ManoeuvringWindow:
+    """Odometry and the thrust that held when it came; the oldest rows give way.
+
+    Parameters
+    ----------
+    duration : float
+        s.
+    stop_after : float
+        s without a message of the thrusters after which they count as stopped; 0: the last message holds.
+    backward_jump : float
+        A stamp further back, s, is a clock that was set back: the window begins anew.
+
+    Attributes
+    ----------
+    counts : dict of str to int
+        Messages left out, by reason.
+    """
+
+    def __init__(self, duration=900.0, stop_after=0.0, backward_jump=1.0):
+        self._rows = np.zeros((max(2, round(duration * FASTEST)), len(COLUMNS)))
+        self._count = self._next = 0
+        self._duration, self._stop_after, self._backward_jump = duration, stop_after, backward_jump
+        self._thrust = {}
+        self._latest = self._thrust_at = -math.inf
+        self.counts = dict.fromkeys((NOT_FINITE, LATE, JUMPED_BACK, NO_THRUST), 0)
+
+    @property
+    def size(self):
+        """Rows held."""
+        return self._count
+
+    def clear(self):
+        """Forget all motion; the thrust holds on."""
+        self._count = self._next = 0
+        self._latest = -math.inf
+
+    def add_thrust(self, side, value):
+        """Take the input of one thruster, ``port`` or ``starboard``, N or command."""
+        if not math.isfinite(value):
+            self.counts[NOT_FINITE] += 1
+            return
+        self._thrust[side] = float(value)
+        self._thrust_at = self._latest
+
+    def add_motion(self, stamp, surge, sway, yaw_rate, heading, x, y):
+        """Take an odometry message: pose in ENU, speeds in body axes x forward, y to port."""
+        row = (surge, sway, yaw_rate, heading, x, y)
+        if not all(map(math.isfinite, (stamp, *row))):
+            self.counts[NOT_FINITE] += 1
+            return
+        if stamp < self._latest - self._backward_jump:
+            self.counts[JUMPED_BACK] += 1
+            self.clear()
+        elif stamp <= self._latest:
+            self.counts[LATE] += 1
+            return
+        if stamp < self._latest + 0.9 / FASTEST:
+            return
+        if len(self._thrust) < 2:
+            self.counts[NO_THRUST] += 1
+            return
+        self._latest = stamp
+        if self._thrust_at == -math.inf:
+            self._thrust_at = stamp
+        stopped = 0.0 < self._stop_after < stamp - self._thrust_at
+        inputs = (0.0, 0.0) if stopped else (self._thrust['port'], self._thrust['starboard'])
+        self._rows[self._next] = (stamp, *inputs, *row)
+        self._next = (self._next + 1) % len(self._rows)
+        self._count = min(self._count + 1, len(self._rows))
+
+    def trial(self, thrust_input=AUTO, source='window'):
+        """What is held, as a trial.
+
+        Parameters
+        ----------
+        thrust_input : str
+            ``force``, ``command``, or ``auto``: commands if all inputs lie within -1 and 1.
+        source : str
+
+        Returns
+        -------
+        ManoeuvringTrial
+
+        Raises
+        ------
+        InputError
+            It holds nothing.
+        """
+        if not self._count:
+            missing = ' and '.join(side for side in ('port', 'starboard') if side not in self._thrust)
+            raise InputError(
+                f'nothing has come from the {missing} thruster: check its topic' if missing else
+                'no odometry has come since the thrusters spoke: check its topic')  # fmt: skip
+        order = np.arange(self._next - self._count, self._next) % len(self._rows)
+        rows = self._rows[order]
+        rows = rows[rows[:, 0] > rows[-1, 0] - self._duration]
+        column = dict(zip(COLUMNS, rows.T.copy(), strict=True))
+        if thrust_input == AUTO:
+            most = max(np.max(np.abs(column['port'])), np.max(np.abs(column['starboard'])))
+            thrust_input = FORCE if most > LARGEST_COMMAND else COMMAND
+        # odometry without a gyro publishes zeros: the heading tells the yaw rate then
+        if not column['yaw_rate'].any():
+            column['yaw_rate'] = None
+        if not column['surge'].any():
+            column['surge'] = column['sway'] = None
+        return ManoeuvringTrial(thrust_input=thrust_input, frame='enu', source=source, **column)

@@ -1,0 +1,291 @@
+"""What the live predictor of manoeuvres does between its messages, without ROS.
+
+Odometry drives it: with every usable message the filter steps to its stamp, and, as often as asked, the leads and
+the path ahead are forecast. IMU and thrusters come in between.
+"""
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.hull.stability import Region
+from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter, ManoeuvreFilterSettings
+
+PATH_TOPIC = 'manoeuvring/forecast'
+
+LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
+NOT_FINITE, OUTLIER, BELIEVED, NO_THRUST = 'not-finite', 'outlier', 'sensor-believed', 'no-thrust'
+REASONS = {
+    LATE: 'messages older than the filter were left out: look at the transport, or for a second publisher',
+    JUMPED_BACK: 'the clock was set back (a bag that looped?): the filter began anew',
+    LONG_GAP: 'odometry was silent for long and came back: the filter began anew',
+    NOT_FINITE: 'messages with NaN or infinite values were left out: look at the driver',
+    OUTLIER: 'values that contradict the forecast were refused: look for GPS jumps',
+    BELIEVED: 'a sensor contradicted the filter until that followed it: check the sensor, identify again if it repeats',
+    NO_THRUST: 'no thrust command for long, it is taken as zero: check the thruster topics, or stop_after_s',
+}
+"""What is counted, and what to do about it."""
+
+
+def manoeuvring_lead_topic(lead):
+    """Topic of the forecasts at one lead: 0.5 s is on ``manoeuvring/lead_0_5s``."""
+    return f'manoeuvring/lead_{str(float(lead)).replace(".", "_")}s'
+
+
+@dataclass(frozen=True)
+class ManoeuvreOutlookSettings:
+    """Settings of `ManoeuvreOutlook`.
+
+    Attributes
+    ----------
+    leads : tuple of float
+        s, rising.
+    horizon, horizon_step : float
+        Of the path, s.
+    rate : float
+        Forecasts a second, at most.
+    gap_limit, backward_jump : float
+        s after which the filter begins anew.
+    stop_after : float
+        s without a thrust command after which the thrust is zero; 0: it holds for ever.
+    filter : ManoeuvreFilterSettings
+    """
+
+    leads: tuple[float, ...] = (1.0, 5.0, 10.0)
+    horizon: float = 20.0
+    horizon_step: float = 0.5
+    rate: float = 5.0
+    gap_limit: float = 5.0
+    backward_jump: float = 1.0
+    stop_after: float = 0.0
+    filter: ManoeuvreFilterSettings = ManoeuvreFilterSettings()
+
+    def __post_init__(self):
+        leads = self.leads
+        if not leads or leads[0] <= 0.0 or any(b <= a for a, b in zip(leads, leads[1:], strict=False)):
+            raise InputError(f'the leads must be positive and rising, not {list(leads)}')
+        if not 0.0 < self.horizon_step <= self.horizon:
+            raise InputError('horizon_step must be positive and not beyond the horizon')
+        if not (self.rate > 0.0 and self.gap_limit > 0.0 and self.backward_jump > 0.0 and self.stop_after >= 0.0):
+            raise InputError('rate, gap limit and backward jump must be positive, and stop_after not negative')
+
+
+@dataclass(frozen=True)
+class OdometryReading:
+    """Pose and twist of one message; standard deviations None where the sender does not tell.
+
+    Attributes
+    ----------
+    stamp : float
+        s.
+    x, y, heading : float
+        East, north, m; rad.
+    surge, sway, yaw_rate : float
+        Body axes, over ground.
+    std : dict of str to float
+        By channel.
+    """
+
+    stamp: float
+    x: float
+    y: float
+    heading: float
+    surge: float
+    sway: float
+    yaw_rate: float
+    std: dict
+
+
+@dataclass(frozen=True)
+class ManoeuvreState:
+    """Expected motion at one time.
+
+    Attributes
+    ----------
+    stamp, x, y, heading, surge, sway, yaw_rate : float
+        As `OdometryReading`.
+    pose_covariance, twist_covariance : ndarray, shape (3, 3)
+        Of x, y, heading, and of surge, sway, yaw rate.
+    """
+
+    stamp: float
+    x: float
+    y: float
+    heading: float
+    surge: float
+    sway: float
+    yaw_rate: float
+    pose_covariance: np.ndarray
+    twist_covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class OutlookStep:
+    """What an odometry message led to: forecasts at the leads, and the path; both empty when none was due."""
+
+    leads: tuple[ManoeuvreState, ...] = ()
+    path: tuple[ManoeuvreState, ...] = ()
+
+
+def steady_motion():
+    """A craft that keeps its speeds and yaw rate whatever its thrusters do: the model before a model."""
+    values = parameter_values({'m': 1.0, 'Iz': 1.0, 'Xvr': -1.0, 'Yur': 1.0, 'gain': 0.0})
+    return IdentifiedManoeuvringModel(
+        ManoeuvringModel(values, name='steady motion'), (), np.zeros((0, 0)), np.array([0.3, 0.2, 0.1]),
+        Region(0.0, 1.0, 0.5, 0.5, 0.0, 1.0, 1.0),
+    )  # fmt: skip
+
+
+class ManoeuvreOutlook:
+    """Forecasts of a craft from its messages; same messages, same numbers.
+
+    Parameters
+    ----------
+    settings : ManoeuvreOutlookSettings
+    identified : IdentifiedManoeuvringModel, optional
+    """
+
+    def __init__(self, settings, identified=None):
+        self.settings = settings
+        self.counts = dict.fromkeys(REASONS, 0)
+        self.identified = None
+        self._sides = {}
+        self._forecast_at = -math.inf
+        self._supplied = ()
+        self._silent = False
+        self._filter = ManoeuvreFilter(steady_motion(), settings.filter)
+        if identified is not None:
+            self.set_model(identified)
+
+    @property
+    def has_model(self):
+        """Whether an identified model is in use."""
+        return self.identified is not None
+
+    def set_model(self, identified):
+        """Swap the model; where the craft is and how it moves goes on.
+
+        Parameters
+        ----------
+        identified : IdentifiedManoeuvringModel
+        """
+        before, self.identified = self._filter, identified
+        self._filter = ManoeuvreFilter(identified, self.settings.filter)
+        if before.is_started:
+            self._filter.x, self._filter.P, self._filter.stamp = before.x.copy(), before.P.copy(), before.stamp
+            self._filter.x[8:] = 0.0
+        if before.thrust.last[0] > -math.inf:
+            self._filter.thrust.command(*before.thrust.last)
+
+    def add_thrust(self, stamp, side, value):
+        """Take the input of one thruster, ``port`` or ``starboard``, N or command as the model takes it."""
+        if not (math.isfinite(value) and math.isfinite(stamp)):
+            self.counts[NOT_FINITE] += 1
+            return
+        self._sides[side] = value
+        self._silent = False
+        if len(self._sides) == 2:
+            last = self._filter.thrust.last[0]
+            self._filter.thrust.command(max(stamp, last), self._sides['port'], self._sides['starboard'])
+
+    def supply(self, future):
+        """Use these inputs for what comes: a sequence of (lead from now, port, starboard); empty: hold the last."""
+        self._supplied = tuple(future)
+
+    def add_yaw_rate(self, stamp, yaw_rate, std=None):
+        """Take the yaw rate of an IMU, rad/s."""
+        if not (math.isfinite(yaw_rate) and math.isfinite(stamp)):
+            self.counts[NOT_FINITE] += 1
+            return
+        if not self._filter.is_started or stamp > self._filter.stamp + self.settings.gap_limit:
+            return
+        if stamp < self._filter.stamp:
+            # a little late is usual beside the odometry's own path; the rate has hardly changed since
+            if stamp < self._filter.stamp - 0.1:
+                self.counts[LATE] += 1
+                return
+        else:
+            self._filter.advance(stamp)
+        self._note(self._filter.correct('yaw_rate', yaw_rate, std))
+
+    def add_odometry(self, reading):
+        """Take an odometry message.
+
+        Parameters
+        ----------
+        reading : OdometryReading
+
+        Returns
+        -------
+        OutlookStep
+        """
+        values = {name: getattr(reading, name) for name in MEASURABLE}
+        if not all(map(math.isfinite, (reading.stamp, *values.values()))):
+            self.counts[NOT_FINITE] += 1
+            return OutlookStep()
+        filter_ = self._filter
+        if filter_.is_started and reading.stamp < filter_.stamp - self.settings.backward_jump:
+            self.counts[JUMPED_BACK] += 1
+            filter_.thrust.forget()
+            filter_.stamp = math.nan
+        elif filter_.is_started and reading.stamp > filter_.stamp + self.settings.gap_limit:
+            self.counts[LONG_GAP] += 1
+            filter_.stamp = math.nan
+        if filter_.thrust.last[0] > reading.stamp + 2.0 * self.settings.backward_jump:
+            # stamped by another clock than the odometry, before that was known: it holds from now on
+            filter_.thrust.forget()
+        if not filter_.is_started:
+            filter_.start(reading.stamp, **values)
+            self._forecast_at = -math.inf
+        elif reading.stamp <= filter_.stamp - 0.1:
+            self.counts[LATE] += 1
+            return OutlookStep()
+        else:
+            self._stop_if_silent(reading.stamp)
+            filter_.advance(reading.stamp)
+            for name, value in values.items():
+                self._note(filter_.correct(name, value, reading.std.get(name)))
+        if reading.stamp < self._forecast_at + 1.0 / self.settings.rate - 1e-6:
+            return OutlookStep()
+        self._forecast_at = reading.stamp
+        return self._forecast()
+
+    def _stop_if_silent(self, stamp):
+        last, *inputs = self._filter.thrust.last
+        limit = self.settings.stop_after
+        if limit > 0.0 and stamp - last > limit and any(inputs) and math.isfinite(last):
+            self._filter.thrust.command(last + limit, 0.0, 0.0)
+            self.counts[NO_THRUST] += not self._silent
+            self._silent = True
+
+    def _forecast(self):
+        s = self.settings
+        steps = np.arange(1, int(s.horizon / s.horizon_step + 1e-9) + 1) * s.horizon_step
+        at = np.unique(np.concatenate([steps, s.leads]))
+        found = self._filter.forecast(at, self._supplied or None)
+        states = [_state_of(*item) for item in zip(
+            found.stamps, found.states, found.covariances, found.over_ground, strict=True)]  # fmt: skip
+        by_lead = dict(zip(at.tolist(), states, strict=True))
+        return OutlookStep(tuple(by_lead[lead] for lead in map(float, s.leads)),
+                           tuple(by_lead[step] for step in steps.tolist()))  # fmt: skip
+
+    def _note(self, advice):
+        for item in advice:
+            self.counts[item.code] += 1
+
+
+def _state_of(stamp, state, covariance, over_ground):
+    u, v, r, heading, x, y, east, north = state[:8]
+    pose = [4, 5, 3]
+    cosine, sine = math.cos(heading), math.sin(heading)
+    slopes = np.zeros((3, 10))
+    slopes[0, [0, 6, 7, 3]] = 1.0, cosine, sine, -east * sine + north * cosine
+    slopes[1, [1, 6, 7, 3]] = 1.0, -sine, cosine, -east * cosine - north * sine
+    slopes[2, 2] = 1.0
+    return ManoeuvreState(
+        float(stamp), float(x), float(y), float(heading), float(over_ground[0]), float(over_ground[1]), float(r),
+        covariance[np.ix_(pose, pose)], slopes @ covariance @ slopes.T,
+    )  # fmt: skip

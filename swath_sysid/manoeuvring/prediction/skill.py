@@ -1,0 +1,278 @@
+"""How well manoeuvres are forecast by lead, against simple forecasts and an ARX."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.prediction.predictor import HEADING, MEASURABLE, ManoeuvreFilter, R, X, Y
+
+LEADS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
+SETTLING = 5.0
+"""s of a run before the first forecast."""
+
+EVERY = 1.0
+"""s between forecasts."""
+
+ORDER = 10
+"""Past samples that the ARX sees."""
+
+RIDGE = 1e-3
+METHODS = ('model', 'constant-velocity', 'constant-turn-rate', 'arx')
+QUANTITIES = ('surge_m_s', 'sway_m_s', 'yaw_rate_rad_s', 'heading_rad', 'position_m')
+
+
+@dataclass(frozen=True)
+class ForecastScores:
+    """Root mean square errors of forecasts.
+
+    Attributes
+    ----------
+    leads : tuple of float
+        s.
+    rmse : dict of str to dict of str to ndarray, shape (L,)
+        Method to quantity to errors by lead; NaN where not measured.
+    spread : dict of str to ndarray, shape (L,)
+        Of the model's forecast: share of the errors within two of its own standard deviations.
+    count : int
+        Number of forecasts.
+    """
+
+    leads: tuple[float, ...]
+    rmse: dict[str, dict[str, np.ndarray]]
+    spread: dict[str, np.ndarray]
+    count: int
+
+
+@dataclass(frozen=True)
+class Arx:
+    """Linear regression of the next surge, sway and yaw rate on past ones and on past inputs.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (1 + 5 ORDER, 3)
+    """
+
+    coefficients: np.ndarray
+
+    def run(self, past, inputs):
+        """Iterate ahead.
+
+        Parameters
+        ----------
+        past : ndarray, shape (ORDER, 3)
+            Latest last.
+        inputs : ndarray, shape (ORDER - 1 + S, 2)
+            Port and starboard, of the past ORDER - 1 steps and of those ahead.
+
+        Returns
+        -------
+        ndarray, shape (S, 3)
+        """
+        ahead = []
+        window = np.array(past)
+        for k in range(len(inputs) - ORDER + 1):
+            row = np.concatenate([[1.0], window.ravel(), inputs[k : k + ORDER].ravel()])
+            following = row @ self.coefficients
+            window = np.concatenate([window[1:], following[None]])
+            ahead.append(following)
+        return np.array(ahead)
+
+
+def fit_arx(runs, until=1.0):
+    """Ridge regression on some runs.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    until : float
+        Share of each run that is used, from its start.
+
+    Returns
+    -------
+    Arx or None
+        None where there is too little to fit.
+    """
+    rows, targets = [], []
+    for run in runs:
+        motion, inputs, known = _arx_series(run)
+        last = int(until * len(motion))
+        for k in range(ORDER, last):
+            if known[k - ORDER : k + 1].all():
+                rows.append(np.concatenate([[1.0], motion[k - ORDER : k].ravel(), inputs[k - ORDER : k].ravel()]))
+                targets.append(motion[k])
+    if len(rows) < 10 * (1 + 5 * ORDER):
+        return None
+    matrix, target = np.array(rows), np.array(targets)
+    size = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-9
+    scaled = matrix / size
+    normal = scaled.T @ scaled + RIDGE * len(rows) * np.diag([0.0] + [1e-3] * (matrix.shape[1] - 1))
+    return Arx(np.linalg.solve(normal, scaled.T @ target) / size[:, None])
+
+
+def score_forecasts(identified, runs, training=(), supplied=False, settings=None, leads=LEADS):
+    """Forecast runs as a live filter would have, once a second, and compare.
+
+    Parameters
+    ----------
+    identified : IdentifiedManoeuvringModel
+    runs : sequence of Run
+    training : sequence of Run
+        For the ARX; without, it learns from the other runs, or from the first half of a single one.
+    supplied : bool
+        Future inputs are known; else the last ones are held.
+    settings : ManoeuvreFilterSettings, optional
+    leads : sequence of float
+        s.
+
+    Returns
+    -------
+    ForecastScores
+
+    Raises
+    ------
+    InputError
+        No run is long enough, or thrust is given as the model does not take it.
+    """
+    errors = {method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS}
+    inside = {q: [[] for _ in leads] for q in QUANTITIES[:4]}
+    count = 0
+    for index, run in enumerate(runs):
+        if run.thrust_input != identified.model.thrust_input:
+            raise InputError(f'{run.source} holds thrust as {run.thrust_input}, the model takes '
+                             f'{identified.model.thrust_input}: give runs of the same kind')  # fmt: skip
+        others = training or [other for k, other in enumerate(runs) if k != index]
+        arx = fit_arx(others) if others else fit_arx([run], until=0.5)
+        count += _score_run(identified, run, arx, supplied, settings, leads, errors, inside)
+    if not count:
+        raise InputError(f'no run is longer than {SETTLING + leads[0]:.0f} s with known thrust: give longer runs')
+    rmse = {
+        method: {q: np.array([_rms(values) for values in by_lead]) for q, by_lead in quantities.items()}
+        for method, quantities in errors.items()
+    }
+    spread = {q: np.array([np.mean(v) if v else np.nan for v in by_lead]) for q, by_lead in inside.items()}
+    return ForecastScores(tuple(leads), rmse, spread, count)
+
+
+def filtered(identified, run, settings=None):
+    """The filter at every sample of a run, from its first: a generator of (index, ManoeuvreFilter).
+
+    The filter is the same object throughout: copy it to keep it.
+    """
+    filter_ = ManoeuvreFilter(identified, settings)
+    channels = {name: getattr(run, name) for name in MEASURABLE}
+    channels = {name: values for name, values in channels.items() if values is not None and np.isfinite(values).any()}
+    for k, stamp in enumerate(run.time):
+        now = {name: float(values[k]) for name, values in channels.items() if np.isfinite(values[k])}
+        if not filter_.is_started:
+            filter_.thrust.command(stamp, float(run.port[k]), float(run.starboard[k]))
+            filter_.start(stamp, **now)
+        else:
+            filter_.advance(stamp)
+            for name, value in now.items():
+                filter_.correct(name, value)
+            filter_.thrust.command(stamp, float(run.port[k]), float(run.starboard[k]))
+        yield k, filter_
+
+
+def _score_run(identified, run, arx, supplied, settings, leads, errors, inside):
+    every, first = max(1, round(EVERY / run.step)), round(SETTLING / run.step)
+    motion, inputs, known = _arx_series(run)
+    places = [round(lead / run.step) for lead in leads]
+    truth = {'surge_m_s': run.surge, 'sway_m_s': run.sway, 'yaw_rate_rad_s': run.yaw_rate, 'heading_rad': run.heading}
+    count = 0
+    for k, filter_ in filtered(identified, run, settings):
+        if k < first or (k - first) % every or not run.driven[k]:
+            continue
+        reach = [i for i, place in enumerate(places) if k + place < len(run.time) and run.driven[k : k + place].all()]
+        if not reach:
+            continue
+        count += 1
+        steps = [places[i] for i in reach]
+        expected = _expected(filter_, run, k, steps, supplied, arx if known[k - ORDER : k + 1].all() else None, motion,
+                             inputs)  # fmt: skip
+        for method, table in expected.items():
+            for place, i in enumerate(reach):
+                at = k + steps[place]
+                for q, values in truth.items():
+                    if values is not None and np.isfinite(values[at]):
+                        errors[method][q][i].append(table[q][place] - values[at])
+                        if method == 'model':
+                            inside[q][i].append(abs(table[q][place] - values[at]) < 2.0 * table[f'{q} std'][place])
+                if run.x is not None and run.y is not None:
+                    miss = np.hypot(table['x'][place] - run.x[at], table['y'][place] - run.y[at])
+                    errors[method]['position_m'][i].append(miss)
+    return count
+
+
+def _expected(filter_, run, k, steps, supplied, arx, motion, inputs):
+    """Forecasts of every method at some steps ahead."""
+    leads = [step * run.step for step in steps]
+    future = None
+    if supplied:
+        ahead = range(k, min(k + steps[-1], len(run.time)))
+        future = [((j - k) * run.step, float(run.port[j]), float(run.starboard[j])) for j in ahead]
+    forecast = filter_.forecast(leads, future)
+    noise = filter_.settings.noise
+    variances = np.array([np.diag(c) for c in forecast.covariances])
+    table = {
+        'surge_m_s': forecast.over_ground[:, 0], 'sway_m_s': forecast.over_ground[:, 1],
+        'yaw_rate_rad_s': forecast.states[:, R], 'heading_rad': forecast.states[:, HEADING],
+        'x': forecast.states[:, X], 'y': forecast.states[:, Y],
+    }  # fmt: skip
+    for q, place, name in (('surge_m_s', 0, 'surge'), ('sway_m_s', 1, 'sway'), ('yaw_rate_rad_s', R, 'yaw_rate'),
+                           ('heading_rad', HEADING, 'heading')):  # fmt: skip
+        table[f'{q} std'] = np.sqrt(variances[:, place] + noise(name) ** 2)
+    expected = {'model': table}
+    surge, sway = filter_.forecast([1e-6]).over_ground[0]
+    rate, psi, x, y = (float(filter_.x[i]) for i in (R, HEADING, X, Y))
+    for method, turning in (('constant-velocity', 0.0), ('constant-turn-rate', rate)):
+        expected[method] = _steady(leads, surge, sway, turning, psi, x, y)
+    expected['constant-velocity']['yaw_rate_rad_s'] = np.zeros(len(leads))
+    if arx is not None:
+        coming = inputs[k : k + steps[-1]] if supplied else np.repeat(inputs[k : k + 1], steps[-1], axis=0)
+        past = inputs[k - ORDER + 1 : k]
+        ahead = arx.run(motion[k - ORDER + 1 : k + 1], np.concatenate([past, coming]))
+        expected['arx'] = _integrated(ahead, steps, run.step, psi, x, y)
+    return expected
+
+
+def _steady(leads, surge, sway, rate, psi, x, y):
+    """Constant body velocities and yaw rate."""
+    leads = np.asarray(leads)
+    heading = psi + rate * leads
+    if abs(rate) > 1e-6:
+        along, across = np.sin(rate * leads) / rate, (1.0 - np.cos(rate * leads)) / rate
+    else:
+        along, across = leads, 0.0 * leads
+    ahead, aside = surge * along - sway * across, surge * across + sway * along
+    return {
+        'surge_m_s': np.full(leads.size, surge), 'sway_m_s': np.full(leads.size, sway),
+        'yaw_rate_rad_s': np.full(leads.size, rate), 'heading_rad': heading,
+        'x': x + ahead * np.cos(psi) - aside * np.sin(psi), 'y': y + ahead * np.sin(psi) + aside * np.cos(psi),
+    }  # fmt: skip
+
+
+def _integrated(motion, steps, step, psi, x, y):
+    surge, sway, rate = np.clip(motion, -1e3, 1e3).T
+    heading = psi + np.cumsum(rate) * step
+    east = x + np.cumsum(surge * np.cos(heading) - sway * np.sin(heading)) * step
+    north = y + np.cumsum(surge * np.sin(heading) + sway * np.cos(heading)) * step
+    at = np.asarray(steps) - 1
+    return {'surge_m_s': surge[at], 'sway_m_s': sway[at], 'yaw_rate_rad_s': rate[at], 'heading_rad': heading[at],
+            'x': east[at], 'y': north[at]}  # fmt: skip
+
+
+def _arx_series(run):
+    """Motion (N, 3), inputs (N, 2), and where both are known; a sway that is not measured counts as zero."""
+    motion = run.smooth.T.copy()
+    # no smoothing ahead of its time: what is measured, the smoothed value only in its gaps
+    raw = run.channels.T
+    motion = np.where(np.isfinite(raw), raw, motion)
+    if not np.isfinite(run.sway).any():
+        motion[:, 1] = 0.0
+    known = np.all(np.isfinite(motion), axis=1) & run.driven
+    return np.where(np.isfinite(motion), motion, 0.0), np.stack([run.port, run.starboard], axis=1), known
+
+
+def _rms(values):
+    return float(np.sqrt(np.mean(np.square(np.clip(values, -1e6, 1e6))))) if values else float('nan')

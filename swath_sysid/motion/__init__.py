@@ -1,1 +1,0 @@
-"""What was measured: attitude, trials, windows, quality gates and decays."""

@@ -1,0 +1,18 @@
+"""All three nodes in one process."""
+from rclpy.executors import SingleThreadedExecutor
+
+from swath_sysid.nodes.executor_loop import events_executor, run
+from swath_sysid.nodes.identifier import Identifier
+from swath_sysid.nodes.imu_buffer import ImuBuffer
+from swath_sysid.nodes.predictor import Predictor
+
+
+def main(args=None):
+    """Run imu_buffer, predictor and identifier until a signal comes; returns the exit code.
+
+    Those that hear the sensor share the executor with the least delay. The identifier's services
+    wait for its worker, which that executor cannot do, so it has one of its own in a second thread;
+    it is idle but for a window now and then.
+    """
+    # the predictor first: it hears each sample before the buffer does
+    return run([(events_executor, [Predictor, ImuBuffer]), (SingleThreadedExecutor, [Identifier])], args)

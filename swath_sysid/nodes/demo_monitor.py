@@ -1,0 +1,130 @@
+"""The node of the demonstration that listens: to the sensor, the forecasts, the model and the diagnostics."""
+from collections import deque
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import Imu
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import model_from_yaml
+from swath_sysid.formats.topics import NEXT_TOPIC, lead_topic
+from swath_sysid.nodes.messages import imu_reading
+from swath_sysid.nodes.qos import LATCHED
+from swath_sysid.pipeline.demonstration import attitude_at
+
+DEPTH = 1000
+RECENT = 6000
+"""Samples that are kept when everything is not needed any more."""
+
+
+@dataclass
+class Heard:
+    """What has come so far.
+
+    Attributes
+    ----------
+    readings : sequence of ImuReading
+    angles : sequence of (int, float)
+        Stamp, ns, and measured angle about the axis, rad.
+    forecasts : dict of float to sequence of (int, float, float)
+        Lead to the stamps they are for, ns, angle and standard deviation, rad.
+    nexts : int
+        Forecasts one sample ahead.
+    models : dict of str to IdentifiedModel
+    model_ns : int or None
+        Stamp of the sensor when the first model came.
+    versions : int
+        Models that came.
+    diagnostics : dict of str to (int, str)
+        Name to level and message.
+    """
+
+    readings: deque = field(default_factory=deque)
+    angles: deque = field(default_factory=deque)
+    forecasts: dict = field(default_factory=dict)
+    nexts: int = 0
+    models: dict = field(default_factory=dict)
+    model_ns: int | None = None
+    versions: int = 0
+    diagnostics: dict = field(default_factory=dict)
+
+
+class Listener(Node):
+    """Subscribes to everything that the demonstration shows.
+
+    Parameters
+    ----------
+    axis : str
+    leads : sequence of float
+    """
+
+    def __init__(self, axis, leads):
+        super().__init__('demo')
+        self._axis = axis
+        self.heard = Heard(forecasts={lead: deque() for lead in leads})
+        everything = QoSProfile(depth=DEPTH)
+        self.create_subscription(Imu, 'imu/data', self._on_imu, qos_profile_sensor_data)
+        self.create_subscription(Imu, NEXT_TOPIC, self._on_next, everything)
+        for lead in leads:
+            self.create_subscription(Imu, lead_topic(lead), self._forecast_taker(lead), everything)
+        self.create_subscription(String, 'model/description', self._on_model, LATCHED)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, everything)
+        self._release = self.create_client(Trigger, 'simulated_craft/release')
+
+    def is_ready(self):
+        """Whether the craft, the forecasts and the identifier can all be heard."""
+        heard = self.heard
+        nodes = {name.partition(':')[0] for name in heard.diagnostics}
+        streams = (heard.angles, heard.nexts, *heard.forecasts.values())
+        return all(streams) and {'imu_buffer', 'identifier'} <= nodes and self._release.service_is_ready()
+
+    def release(self):
+        """Have the craft lifted and let go; a future of the service's response, whose message is the stamp (ns)."""
+        return self._release.call_async(Trigger.Request())
+
+    def forget(self):
+        """Keep what is recent only."""
+        for kept in (self.heard.readings, self.heard.angles, *self.heard.forecasts.values()):
+            while len(kept) > RECENT:
+                kept.popleft()
+
+    def _on_imu(self, message):
+        reading = imu_reading(message)
+        self.heard.readings.append(reading)
+        angle = float(euler_angles(*reading.orientation)[AXES.index(self._axis)])
+        self.heard.angles.append((reading.stamp_ns, angle))
+
+    def _on_next(self, message):
+        self.heard.nexts += 1
+
+    def _forecast_taker(self, lead):
+        kept = self.heard.forecasts[lead]
+
+        def take(message):
+            # a forecast is an Imu: its stamp is the time it is for
+            forecast = imu_reading(message)
+            kept.append((forecast.stamp_ns, *attitude_at(forecast, self._axis)))
+
+        return take
+
+    def _on_model(self, message):
+        try:
+            models = model_from_yaml(message.data, 'model/description') if message.data else {}
+        except InputError as error:
+            self.get_logger().error(str(error))
+            return
+        heard = self.heard
+        heard.models = models
+        heard.versions += 1
+        if self._axis in models and heard.model_ns is None and heard.angles:
+            heard.model_ns = heard.angles[-1][0]
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            self.heard.diagnostics[status.name] = ord(status.level), status.message

@@ -1,0 +1,119 @@
+"""Starting, spinning and stopping nodes: Ctrl-C and SIGTERM, once or twice, end a process cleanly."""
+import re
+import signal
+import sys
+import threading
+
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from swath_sysid.common.errors import InputError
+
+WAKE_PERIOD = 0.1
+"""s; so often a spinning thread looks whether it is to stop. Costs 0.1 % of a core."""
+
+
+def events_executor(context=None):
+    """The executor with the least delay: IMU at 1000 Hz takes a quarter of a core less than with the standard one.
+
+    It serves no ``async def`` services.
+    """
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
+
+
+def run(plan, args=None):
+    """Start nodes, spin them until a signal comes, and stop them.
+
+    Parameters
+    ----------
+    plan : sequence of (callable, sequence of callable)
+        Makers of executors, each with the makers of the nodes that it runs. The first executor spins
+        in the main thread, the others each in a thread of its own.
+    args : list of str, optional
+        As for `rclpy.init`; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    stop, signalled = threading.Event(), threading.Event()
+
+    def on_signal(*_):
+        signalled.set()
+        stop.set()
+
+    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    executors, nodes = [], []
+    try:
+        _initialise(args)
+        for make_executor, makers in plan:
+            executors.append(make_executor())
+            for make_node in makers:
+                nodes.append(make_node())
+                executors[-1].add_node(nodes[-1])
+        _spin_all(executors, stop)
+        return 0
+    except (InputError, InvalidParameterTypeException, InvalidParameterValueException) as error:
+        print(f'swath_sysid: {error}', file=sys.stderr)
+        return 2
+    finally:
+        for executor in executors:
+            executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+        for number, handler in previous.items():
+            # after a signal the process is about to end, and another Ctrl-C must not hurt it, even in its last moments
+            signal.signal(number, signal.SIG_IGN if signalled.is_set() else handler)
+
+
+def _initialise(args):
+    """Start rclpy without its own signal handlers.
+
+    Those raise KeyboardInterrupt, at a second Ctrl-C in the midst of destroying nodes.
+    """
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        # the C library's message ends with places in its source
+        reason = re.sub(r'\s*, at \S+:\d+', '', str(error)).removeprefix('failed to initialize rcl: ')
+        raise InputError(f'ROS cannot be started with these arguments: {reason}') from error
+
+
+def _spin_all(executors, stop):
+    failures = []
+
+    def guarded(executor):
+        try:
+            _spin(executor, stop)
+        except BaseException as error:  # raised again in the main thread
+            failures.append(error)
+            stop.set()
+
+    threads = [threading.Thread(target=guarded, args=(executor,), daemon=True) for executor in executors[1:]]
+    for thread in threads:
+        thread.start()
+    try:
+        _spin(executors[0], stop)
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+    if failures:
+        raise failures[0]
+
+
+def _spin(executor, stop):
+    try:
+        while not stop.is_set() and rclpy.ok():
+            executor.spin_once(timeout_sec=WAKE_PERIOD)
+    except ExternalShutdownException:
+        # someone shut the context down: as good as a signal
+        return

@@ -1,0 +1,66 @@
+"""The file that a node keeps its model in: read at the start, replaced whenever the model changes."""
+import os
+from pathlib import Path
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.nodes.health import BAD_MODEL_FILE, NOT_SAVED
+
+
+class ModelFile:
+    """A model on the disk; one that cannot be read is left alone, whatever comes later.
+
+    Parameters
+    ----------
+    path : str
+        Empty: none.
+    name : str
+        Of the parameter that says so.
+    read : callable
+        Of a path; the model, or `InputError`.
+    write : callable
+        Of a path and a model.
+    health : IdentifierHealth
+    """
+
+    def __init__(self, path, name, read, write, health):
+        self._name = name
+        # not Path.expanduser, which raises an error for a user that does not exist
+        self._path = Path(os.path.expanduser(path)) if path else None
+        self._read, self._write, self._health = read, write, health
+        self._refusal = ''
+
+    def read(self):
+        """The model in the file; None where there is none, or one that cannot be used."""
+        # nor Path.exists, which raises one for a name that is too long
+        if self._path is None or not os.path.exists(self._path):
+            return None
+        try:
+            return self._read(self._path)
+        except InputError as error:
+            self._refusal = str(error)
+            self._health.note(BAD_MODEL_FILE, self._name, self._refusal)
+            return None
+
+    def keep(self, model):
+        """Replace what is in the file; an empty model takes it away.
+
+        Returns
+        -------
+        str
+            A remark where that was not possible.
+        """
+        if self._path is None:
+            return ''
+        if self._refusal:
+            self._health.note(NOT_SAVED)
+            return f'; not saved: it would replace a file that could not be read, {self._path}'
+        try:
+            if model:
+                self._write(self._path, model)
+            else:
+                self._path.unlink(missing_ok=True)
+        except (InputError, OSError) as error:
+            self._health.note(NOT_SAVED, self._name)
+            return f'; not saved: {error}'
+        self._health.settle(self._name)
+        return ''

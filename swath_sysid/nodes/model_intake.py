@@ -1,0 +1,75 @@
+"""Model texts from the network: read in a thread of their own, so that no callback waits for one."""
+import threading
+from collections import deque
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
+
+MOST_WAITING = 16
+"""Texts; of a flood the oldest are passed over, as they are superseded anyway."""
+
+MOST_ENDINGS = 1000
+"""Refusals and models that wait to be taken: more than are read between two diagnostics."""
+
+LONGEST_SENTENCE = 300
+
+
+class ModelIntake:
+    """Reads texts one after the other and keeps what they hold until it is taken.
+
+    Parameters
+    ----------
+    read : callable
+        Of a text; returns what it holds or raises `InputError`.
+    on_refused : callable
+        Of the sentence about a text that cannot be used; called by `taken`.
+    """
+
+    def __init__(self, read, on_refused):
+        self._read = read
+        self._on_refused = on_refused
+        self._waiting = deque(maxlen=MOST_WAITING)
+        self._endings = deque(maxlen=MOST_ENDINGS)
+        self._come = threading.Semaphore(0)
+        self._closing = False
+        self._thread = threading.Thread(target=self._serve, name='model intake', daemon=True)
+        self._thread.start()
+
+    def submit(self, text):
+        """Have a text read."""
+        # enough of a larger one to be refused as too large, without keeping all of it
+        self._waiting.append(text[: LARGEST_TEXT + 1])
+        self._come.release()
+
+    def taken(self):
+        """What the texts hold that were read since the last call, in their order; those refused are reported."""
+        while self._endings:
+            content, refusal = self._endings.popleft()
+            if refusal is None:
+                yield content
+            else:
+                self._on_refused(refusal)
+
+    def close(self):
+        """End the thread."""
+        self._closing = True
+        self._come.release()
+        self._thread.join()
+
+    def _serve(self):
+        while True:
+            self._come.acquire()
+            if self._closing:
+                return
+            # of a flood there are more releases than texts
+            if self._waiting:
+                self._endings.append(self._ending(self._waiting.popleft()))
+
+    def _ending(self, text):
+        try:
+            return self._read(text), None
+        except InputError as error:
+            refusal = str(error)
+        except Exception as error:  # whatever a text does, the node tells it and lives
+            refusal = f'{type(error).__name__}: {error}'
+        return None, refusal[:LONGEST_SENTENCE]

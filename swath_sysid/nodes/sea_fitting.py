@@ -1,0 +1,64 @@
+"""The sea learnt in a process of its own, and handed back to the pipeline between two samples."""
+from collections import deque
+
+from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
+from swath_sysid.nodes.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
+from swath_sysid.nodes.messages import NANOSECONDS
+from swath_sysid.nodes.worker import Worker
+
+
+class SeaFitting:
+    """Takes the requests of a pipeline's steps to a worker and its fits to the pipeline.
+
+    Parameters
+    ----------
+    pipeline : ForecastPipeline
+    health : PredictorHealth
+    logger
+        With ``error(sentence)``.
+    """
+
+    def __init__(self, pipeline, health, logger):
+        self._pipeline = pipeline
+        self._health = health
+        self._logger = logger
+        # a fit ends in the worker's thread: a deque hands it over to that of the samples
+        self._ended = deque()
+        self._is_fitting = False
+        self._due_ns = self._newest_ns = 0
+        self.worker = Worker(warm_up, lambda: health.note(WAVE_WORKER_DIED))
+
+    def close(self):
+        """End the worker."""
+        self.worker.close()
+
+    def submit(self, request, stamp_ns):
+        """Fit what a step asked for, unless a fit is still under way.
+
+        Parameters
+        ----------
+        request : SeaRequest
+        stamp_ns : int
+            Of the sample that led to it.
+        """
+        if self._is_fitting:
+            self._health.note(LATE_FIT)
+            return
+        self._is_fitting = True
+        self._due_ns = stamp_ns + round(self._pipeline.settings.forecaster.refit_delay * NANOSECONDS)
+        self.worker.submit(fit_sea, (request,), lambda *ending: self._ended.append(ending))
+
+    def hand_over(self, stamp_ns):
+        """Install the fits that have ended by the sample of this stamp."""
+        while self._ended:
+            fit, error = self._ended.popleft()
+            self._is_fitting = False
+            if error is not None:
+                self._health.note(NOT_FITTED, 'waves')
+                self._logger.error(f'the sea was not fitted, {error}')
+                continue
+            if self._newest_ns >= self._due_ns:
+                self._health.note(LATE_FIT)
+            self._health.settle('waves')
+            self._pipeline.install(fit)
+        self._newest_ns = stamp_ns

@@ -1,0 +1,200 @@
+"""What a demonstration showed: forecasts of a released craft against what was measured then."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+
+UNAWARE = 0.3
+"""s after letting go; no forecast issued earlier can know that the craft is free."""
+
+SCORED_SPAN = 10.0
+"""s of motion after letting go that count."""
+
+LIFTING = 3.0
+"""s; so long at most the craft is lifted and held before it is let go."""
+
+LARGEST_ERROR = 0.1
+LARGEST_SHARE = 0.25
+"""What is asked of the forecast one natural period ahead: its NRMSE, and its part of that without a model."""
+
+
+@dataclass(frozen=True)
+class LeadForecasts:
+    """The forecasts at one lead.
+
+    Attributes
+    ----------
+    lead : float
+        s.
+    time : ndarray, shape (N,)
+        The times they are for, s.
+    angle, std : ndarray, shape (N,)
+        rad.
+    """
+
+    lead: float
+    time: np.ndarray
+    angle: np.ndarray
+    std: np.ndarray
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """A craft released twice, the second time with an identified model. Times in s, from one start.
+
+    Attributes
+    ----------
+    axis, hull : str
+    release_angle : float
+        rad, from trim.
+    period : float
+        The hull's natural period, s.
+    time, angle : ndarray, shape (N,)
+        Measured.
+    releases : tuple of 2 floats
+        When the craft was let go.
+    model_time : float
+        When the first model arrived.
+    forecasts : tuple of LeadForecasts
+        As they were published.
+    unaided : tuple of LeadForecasts
+        What would have been published without a model.
+    """
+
+    axis: str
+    hull: str
+    release_angle: float
+    period: float
+    time: np.ndarray
+    angle: np.ndarray
+    releases: tuple[float, float]
+    model_time: float
+    forecasts: tuple[LeadForecasts, ...]
+    unaided: tuple[LeadForecasts, ...]
+
+    @property
+    def period_lead(self):
+        """The lead that is one natural period, s."""
+        return min((f.lead for f in self.forecasts), key=lambda lead: abs(lead - self.period))
+
+    def end(self, release):
+        """Until when motion after the release of that number counts, s."""
+        lifted_again = (following - LIFTING for following in self.releases[release + 1:])
+        return min(self.releases[release] + SCORED_SPAN, float(self.time[-1]), *lifted_again)
+
+    def during(self, forecasts, release):
+        """The forecasts that were issued and came due between letting go and the end, aware of the first.
+
+        Returns
+        -------
+        LeadForecasts
+        """
+        issued = forecasts.time - forecasts.lead
+        chosen = (issued >= self.releases[release] + UNAWARE) & (forecasts.time <= self.end(release))
+        return LeadForecasts(
+            forecasts.lead, forecasts.time[chosen], forecasts.angle[chosen], forecasts.std[chosen]
+        )
+
+    def error(self, forecasts, release):
+        """Root mean square error over the standard deviation of the motion since letting go (NRMSE).
+
+        NaN where no forecast came due.
+        """
+        scored = self.during(forecasts, release)
+        if not scored.time.size:
+            return float('nan')
+        moving = (self.time >= self.releases[release]) & (self.time <= self.end(release))
+        missed = scored.angle - np.interp(scored.time, self.time, self.angle)
+        return float(np.sqrt(np.mean(missed**2)) / np.std(self.angle[moving]))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the forecasts became what they should.
+
+    Attributes
+    ----------
+    lead : float
+        One natural period, s.
+    before, after : float
+        NRMSE in the first release, without a model, and in the second.
+    unaided : float
+        NRMSE of what would have been published in the second release without a model.
+    """
+
+    lead: float
+    before: float
+    after: float
+    unaided: float
+
+    @property
+    def is_good(self):
+        """Whether both figures are met."""
+        return self.after <= LARGEST_ERROR and self.after <= LARGEST_SHARE * self.unaided
+
+    @property
+    def text(self):
+        """One line."""
+        comparison = (
+            f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
+            f'{self.unaided:.3f} without it, {self.before:.3f} in the release before'
+        )
+        if self.is_good:
+            return f'passed: {comparison}'
+        return f'NOT PASSED (at most {LARGEST_ERROR}, and a quarter of that without a model): {comparison}'
+
+
+def verdict_of(demonstration):
+    """Judge a demonstration by its forecasts one natural period ahead.
+
+    Parameters
+    ----------
+    demonstration : Demonstration
+
+    Returns
+    -------
+    Verdict
+    """
+    lead = demonstration.period_lead
+    published, unaided = (
+        next(f for f in given if f.lead == lead) for given in (demonstration.forecasts, demonstration.unaided)
+    )
+    error = demonstration.error
+    return Verdict(lead, error(published, 0), error(published, 1), error(unaided, 1))
+
+
+def attitude_at(forecast, axis):
+    """Angle about an axis and its standard deviation, rad, of an `AttitudeForecast`."""
+    place = AXES.index(axis)
+    angle = float(euler_angles(*forecast.orientation)[place])
+    return angle, float(np.sqrt(forecast.orientation_covariance[4 * place]))
+
+
+def without_model(readings, axis, settings: PipelineSettings):
+    """The forecasts of the same messages if no model were known.
+
+    Parameters
+    ----------
+    readings : iterable of ImuReading
+    axis : str
+    settings : PipelineSettings
+
+    Returns
+    -------
+    dict of float to list of (int, float, float)
+        Lead to stamps (ns), angles and standard deviations.
+    """
+    pipeline = ForecastPipeline(settings)
+    found = {lead: [] for lead in settings.forecaster.leads}
+    for reading in readings:
+        step = pipeline.add(reading)
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
+        for lead, forecast in step.attitudes():
+            found[lead].append((forecast.stamp_ns, *attitude_at(forecast, axis)))
+    return found

@@ -1,0 +1,200 @@
+"""IMU samples and hull models in, forecasts out, all as plain numbers.
+
+The live node, play-through, scoring, the demonstration and the benchmarks run this object, so that all of them forecast
+the same. A sample's way: intake (stamp, frame, plausibility: once), forecaster, the values of the messages.
+"""
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import NamedTuple
+
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecast import (
+    AttitudeForecast,
+    Forecast,
+    HorizonForecast,
+    attitude_forecast,
+    attitudes_at_leads,
+    horizon_forecast,
+)
+from swath_sysid.attitude.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
+
+PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)
+"""Everything that is counted."""
+
+
+@dataclass(frozen=True)
+class PipelineSettings:
+    """Where the sensor sits, how its stamps are read, and how is forecast.
+
+    Attributes
+    ----------
+    installation : Installation
+    stamps : StampSettings
+    forecaster : ForecasterSettings
+    """
+
+    installation: Installation = field(default_factory=Installation)
+    stamps: StampSettings = field(default_factory=StampSettings)
+    forecaster: ForecasterSettings = field(default_factory=ForecasterSettings)
+
+
+class PipelineStep(NamedTuple):
+    """What one sample led to.
+
+    Attributes
+    ----------
+    reasons : tuple of str
+        From `PIPELINE_REASONS`: what was counted.
+    used : bool
+        False: the sample was left out, for the reason in ``reasons``.
+    next : AttitudeForecast or None
+        One sample ahead, for ``forecast/next``.
+    forecast, horizon : Forecast or None
+        At the leads and over the horizon, when due. Their stamps are s from the first sample.
+    sea_request : SeaRequest or None
+        To be fitted by `fit_sea`, in the background or at once; the result is for `ForecastPipeline.install`.
+    stamp_ns : int
+        Of the sample; 0 where it was left out.
+    heading : tuple of 2 floats
+        Held yaw and yaw rate, rad and rad/s.
+    """
+
+    reasons: tuple[str, ...] = ()
+    used: bool = False
+    next: AttitudeForecast | None = None
+    forecast: Forecast | None = None
+    horizon: Forecast | None = None
+    sea_request: SeaRequest | None = None
+    stamp_ns: int = 0
+    heading: tuple[float, float] = (0.0, 0.0)
+
+    def attitudes(self):
+        """For the topics of the leads: tuple of (lead, AttitudeForecast); empty unless due."""
+        return () if self.forecast is None else attitudes_at_leads(self.forecast, self.stamp_ns, *self.heading)
+
+    def trajectory(self) -> HorizonForecast | None:
+        """For ``forecast/horizon``; None unless due."""
+        return None if self.horizon is None else horizon_forecast(self.horizon, self.stamp_ns)
+
+    @property
+    def quiescence(self):
+        """For ``forecast/quiescence``: the probability; None where none is known, or it is not due."""
+        return self.horizon.quiescence if self.horizon is not None and isfinite(self.horizon.quiescence) else None
+
+
+class ForecastPipeline:
+    """Forecasts from the messages of one sensor.
+
+    Pure and causal: time is the stamps; the same messages, models and fits give the same forecasts.
+
+    Parameters
+    ----------
+    settings : PipelineSettings, optional
+    intake : Intake, optional
+        That of the settings, where another core shares it.
+    """
+
+    def __init__(self, settings=None, intake=None):
+        self.settings = settings or PipelineSettings()
+        self.forecaster = Forecaster(self.settings.forecaster)
+        self.installation = InstallationCheck(self.settings.installation)
+        self.counts = dict.fromkeys(PIPELINE_REASONS, 0)
+        self.used = 0
+        self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
+        self._models = dict.fromkeys(AXES)
+        self._first_ns = self._last_ns = None
+        self._yaw = self._yaw_rate = 0.0
+
+    def set_models(self, models):
+        """Swap the hulls under the running filters; one that stays the same is not touched.
+
+        Parameters
+        ----------
+        models : dict of str to IdentifiedModel
+            By axis; an axis without one is forecast without a hull.
+        """
+        for axis in AXES:
+            model = models.get(axis)
+            if model != self._models[axis]:
+                self._models[axis] = model
+                self.forecaster.set_model(axis, model)
+
+    def install(self, fit: SeaFit):
+        """Take over the fit that a step asked for; it is used from its request's stamp plus the refit delay on."""
+        self.forecaster.install(fit)
+
+    def add(self, reading: ImuReading, on_next=None):
+        """Take one IMU message.
+
+        Parameters
+        ----------
+        reading : ImuReading
+        on_next : callable, optional
+            Called with the step's ``next`` as soon as it is known: the leads take longer.
+
+        Returns
+        -------
+        PipelineStep
+        """
+        return self.add_converted(self._intake.take(reading), on_next)
+
+    def add_sample(self, sample, on_next=None):
+        """Take one sample of the craft's motion, as a record holds it; see `add`."""
+        return self.add_converted(self._intake.place(sample), on_next)
+
+    def add_converted(self, taken, on_next=None):
+        """Take what the intake made of one message or sample.
+
+        Parameters
+        ----------
+        taken : Taken
+        on_next : callable, optional
+            See `add`.
+
+        Returns
+        -------
+        PipelineStep
+        """
+        sample, reasons = taken
+        for reason in reasons:
+            self.counts[reason] += 1
+        if sample is None:
+            return PipelineStep(reasons)
+        self.installation.add(sample)
+        stamp_ns, elapsed = sample.stamp_ns, None
+        if self._first_ns is None:
+            self._first_ns = stamp_ns
+        elif JUMPED_BACK not in reasons:
+            elapsed = (stamp_ns - self._last_ns) * NANOSECOND
+        self._last_ns = stamp_ns
+        # the heading is not forecast: the last one measured is held
+        if sample.yaw == sample.yaw:
+            self._yaw = sample.yaw
+        if sample.yaw_rate == sample.yaw_rate:
+            self._yaw_rate = sample.yaw_rate
+        following = None
+
+        def publish_next(lead, axes):
+            nonlocal following
+            following = attitude_forecast(stamp_ns, lead, axes, self._yaw, self._yaw_rate)
+            if on_next is not None:
+                on_next(following)
+
+        # seconds since the epoch would resolve 0.2 us only
+        observed = self.forecaster.observe(sample, (stamp_ns - self._first_ns) * NANOSECOND, elapsed, publish_next)
+        for reason in observed.reasons:
+            self.counts[reason] += 1
+        self.used += 1
+        return PipelineStep(
+            reasons + observed.reasons, True, following, observed.forecast, observed.horizon, observed.sea_request,
+            stamp_ns, (self._yaw, self._yaw_rate),
+        )  # fmt: skip
+
+    def diagnostics(self):
+        """The running state; see `Forecaster.diagnostics`."""
+        return self.forecaster.diagnostics()

@@ -1,0 +1,159 @@
+"""The live pipeline without its processes: buffer, identifier and predictor run over messages one after another."""
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from swath_sysid import __version__
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.refit import (
+    RefitOutcome,
+    RefitRequest,
+    RefitSettings,
+    Refitter,
+    refit,
+    window_provenance,
+)
+from swath_sysid.attitude.motion.intake import NANOSECOND, Intake
+from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
+from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest, fit_sea
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, PipelineStep
+
+
+@dataclass(frozen=True)
+class PlayThroughSettings:
+    """What the three nodes are set to.
+
+    Attributes
+    ----------
+    window : WindowSettings
+    refit : RefitSettings
+    forecasts : PipelineSettings
+    auto_identify : bool
+        Refit whenever the buffer publishes a window.
+    refit_delay : float
+        s from a window to the models found in it; at the next sample if it is 0. Live, a refit takes
+        0.1 to 3 s.
+    """
+
+    window: WindowSettings = field(default_factory=WindowSettings)
+    refit: RefitSettings = field(default_factory=RefitSettings)
+    forecasts: PipelineSettings = field(default_factory=PipelineSettings)
+    auto_identify: bool = True
+    refit_delay: float = 0.0
+
+
+class Played(NamedTuple):
+    """What one IMU message made the three nodes publish, in the order of publishing.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Of the IMU message.
+    models : dict of str to IdentifiedModel, or None
+        By axis, where they have changed; in use for this message's forecasts already.
+    window : MotionTable or None
+        Published by itself because a free decay has ended.
+    step : PipelineStep
+        The forecasts.
+    verdict : str or None
+        One line on a refit that ended.
+    """
+
+    stamp_ns: int
+    models: dict[str, IdentifiedModel] | None
+    window: MotionTable | None
+    step: PipelineStep
+    verdict: str | None = None
+
+
+class PlayThrough:
+    """Buffer, identifier and predictor on one thread, with stamps for a clock.
+
+    Deterministic: the same messages, settings and models give the same results.
+
+    Parameters
+    ----------
+    settings : PlayThroughSettings, optional
+    models : dict of str to IdentifiedModel, optional
+        Known at the start, by axis.
+    fit : callable, optional
+        Turns a `RefitRequest` into a `RefitOutcome`.
+    fit_sea : callable, optional
+        Turns a `SeaRequest` into a `SeaFit`.
+    """
+
+    def __init__(
+        self, settings=None, models=None, fit: Callable[[RefitRequest], RefitOutcome] = refit,
+        fit_sea: Callable[[SeaRequest], SeaFit] = fit_sea,
+    ):
+        self.settings = settings or PlayThroughSettings()
+        window, forecasts = self.settings.window, self.settings.forecasts
+        alike = (window.installation, window.stamps) == (forecasts.installation, forecasts.stamps)
+        # both nodes convert the same messages: once is enough
+        self._intake = Intake(window.installation, window.stamps) if alike else None
+        self.window = MotionWindow(window, self._intake)
+        self.refitter = Refitter(self.settings.refit, models)
+        self.forecasts = ForecastPipeline(forecasts, self._intake)
+        self.forecasts.set_models(self.refitter.models)
+        self._fit = fit
+        self._fit_sea = fit_sea
+        self.refits = 0
+        self._running = None
+        self._waiting = None
+        self._unpublished = bool(models)
+
+    @property
+    def is_refitting(self):
+        """Whether a fit is under way by the stamps."""
+        return self._running is not None
+
+    def add(self, reading):
+        """Take in one IMU message.
+
+        Parameters
+        ----------
+        reading : ImuReading
+
+        Returns
+        -------
+        Played
+        """
+        stamp_ns = reading.stamp_ns
+        models, verdict = self._finish_refit(stamp_ns)
+        taken = None if self._intake is None else self._intake.take(reading)
+        step = self.forecasts.add(reading) if taken is None else self.forecasts.add_converted(taken)
+        if step.sea_request is not None:
+            # it comes into use a while after its stamp, so that live, too, it is there by then
+            self.forecasts.install(self._fit_sea(step.sea_request))
+        finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
+        if finished is None:
+            return Played(stamp_ns, models, None, step, verdict)
+        if self.settings.auto_identify:
+            self._waiting = finished.table
+            self._start_refit(stamp_ns)
+        return Played(stamp_ns, models, finished.table, step, verdict)
+
+    def _start_refit(self, stamp_ns):
+        """Fit the newest window, unless a fit is still under way by the stamps."""
+        if self._running is None and self._waiting is not None:
+            provenance = window_provenance(self._waiting, f'swath_sysid {__version__}')
+            outcome = self._fit(self.refitter.request(self._waiting, provenance))
+            self._running, self._waiting = (stamp_ns, outcome), None
+            self.refits += 1
+
+    def _finish_refit(self, stamp_ns):
+        """The models in use from now on where they have changed, and what a fit that ended has found."""
+        models = self.refitter.models if self._unpublished else None
+        self._unpublished = False
+        if self._running is None:
+            return models, None
+        begun, outcome = self._running
+        # a clock that was set back never reaches the time at which the fit would have ended
+        if 0.0 <= (stamp_ns - begun) * NANOSECOND < self.settings.refit_delay:
+            return models, None
+        self._running = None
+        if self.refitter.take(outcome):
+            models = self.refitter.models
+            self.forecasts.set_models(models)
+        self._start_refit(stamp_ns)
+        return models, outcome.message

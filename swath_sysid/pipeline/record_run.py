@@ -1,0 +1,95 @@
+"""The forecast pipeline run causally through a record, with what is learnt of the sea taken over by stamp."""
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.attitude.prediction.skill import Run
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+
+
+class Issued(NamedTuple):
+    """One forecast that was issued.
+
+    Attributes
+    ----------
+    stamp : float
+        s, in the record's own time.
+    forecast, horizon : Forecast
+        At the leads and over the horizon.
+    """
+
+    stamp: float
+    forecast: Forecast
+    horizon: Forecast
+
+
+def samples_of(trial):
+    """The trial as its sensor would have sent it, sample by sample.
+
+    Parameters
+    ----------
+    trial : Trial
+
+    Yields
+    ------
+    CraftSample
+    """
+    absent = np.full(trial.time.size, math.nan)
+    columns = [
+        absent if (values := getattr(trial, name, None)) is None else values
+        for name in ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z', 'yaw_rate', 'heave')
+    ]
+    unknown = (math.nan,) * 4
+    for stamp_ns, *motion, yaw_rate, heave in zip(
+        np.round(trial.time * 1e9).astype(np.int64).tolist(), *(values.tolist() for values in columns), strict=True
+    ):
+        yield CraftSample(stamp_ns, *motion, *unknown, yaw_rate=yaw_rate, heave=heave)
+
+
+def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None):
+    """Run the pipeline through a record; every fit is used from its request's stamp plus the refit delay on.
+
+    Parameters
+    ----------
+    trial : Trial
+    settings : ForecasterSettings, optional
+    models : dict of str to IdentifiedModel, optional
+        By axis.
+    clock : callable, optional
+        Seconds, for the cost.
+    progress : callable, optional
+        Called with the share done.
+    limits_from : (float, QuiescenceLimits), optional
+        Limits of quiescence from a stamp on; their reliability is recorded from there.
+
+    Returns
+    -------
+    Run
+    """
+    now = clock or (lambda: math.nan)
+    pipeline = ForecastPipeline(PipelineSettings() if settings is None else PipelineSettings(forecaster=settings))
+    pipeline.set_models(models or {})
+    pending, limits = limits_from, pipeline.settings.forecaster.quiescence if limits_from is None else limits_from[1]
+    steps, step_times, refit_times = [], [], []
+    every = max(1, trial.time.size // 200)
+    for index, (stamp, sample) in enumerate(zip(trial.time.tolist(), samples_of(trial), strict=True)):
+        if pending is not None and stamp >= pending[0]:
+            pipeline.forecaster.set_quiescence(limits)
+            pending = None
+        begun = now()
+        step = pipeline.add_sample(sample)
+        step_times.append(now() - begun)
+        if step.forecast is not None:
+            steps.append(Issued(stamp, step.forecast, step.horizon))
+        if step.sea_request is not None:
+            begun = now()
+            pipeline.install(fit_sea(step.sea_request))
+            refit_times.append(now() - begun)
+        if progress is not None and index % every == 0:
+            progress(index / trial.time.size)
+    reliability = pipeline.forecaster.quiescence_reliability()
+    return Run(tuple(steps), tuple(step_times), tuple(refit_times), reliability, limits)

@@ -1,1 +1,0 @@
-"""From believed to expected: filter, excitation, forecast, skill."""

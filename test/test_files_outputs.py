@@ -1,0 +1,148 @@
+"""Outputs are looked at before any work: nothing that is read or was measured is replaced."""
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
+
+CIRCLE = ('--hull', 'wamv-vrx-old', '--test', 'turning-circle')
+
+
+@pytest.fixture(scope='module')
+def measured(tmp_path_factory):
+    """A folder with a measurement in every form, and a model."""
+    folder = tmp_path_factory.mktemp('measured')
+    for name in ('trial.csv', 'trial.mcap', 'bag'):
+        command = ['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--output', str(folder / name)]
+        assert main(command) == 0
+    assert main(['identify', str(folder / 'trial.csv'), '--output', str(folder / 'model.yaml')]) == 0
+    manoeuvre = folder / 'run.csv'
+    assert main(['manoeuvre', 'simulate', *CIRCLE, '--output', str(manoeuvre)]) == 0
+    return folder
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in Path(folder).rglob('*') if path.is_file()}
+
+
+COMMANDS = [
+    'identify {0}/trial.csv --output {0}/trial.csv',
+    'identify {0}/trial.csv --output {0}/../{1}/trial.csv',
+    'identify {0}/trial.csv --output link.csv',
+    'identify {0}/trial.csv --output a.png --plot a.png',
+    'identify {0}/trial.csv --output a.png --plot ./b/../a.png',
+    'identify {0}/trial.csv --output ',
+    'identify {0}/trial.csv --output {0}/trial.mcap',
+    'identify {0}/trial.csv --output {0}',
+    'identify {0}/trial.csv --output /dev/null',
+    'identify {0}/trial.csv --output pipe',
+    'identify {0}/trial.csv --output absent/model.yaml',
+    'identify {0}/trial.csv --output nul\0name',
+    'identify {0}/trial.csv --output loop',
+    'identify {0}/trial.csv --output {long}',
+    'identify {0}/bag --output {0}/bag/model.yaml',
+    'identify {0}/trial.csv --plot fit.bmp',
+    'compare {0}/trial.csv --output {0}/trial.csv',
+    'compare {0}/trial.csv --plot {0}/trial.mcap',
+    'inspect {0}/trial.csv --plot {0}/trial.csv',
+    'forecast {0}/trial.csv --plot {0}/absent/a.png',
+    'forecast {0}/trial.csv --model {0}/model.yaml --plot {0}/model.yaml',
+    'simulate --hull swath-roll --initial-angle-deg 3 --output /dev/null',
+    'simulate --model {0}/model.yaml --initial-angle-deg 3 --output {0}/model.yaml',
+    'scale {0}/model.yaml --ratio 4 --output {0}/model.yaml',
+    'scale {0}/model.yaml --ratio 4 --output {0}/trial.csv',
+    'play-through {0}/trial.mcap --output {0}/trial.mcap',
+    'play-through {0}/bag --output {0}/bag/bag.mcap',
+    'play-through {0}/trial.mcap --output {0}/absent/a.mcap',
+    'campaign --new {0} --output {0}/trial.csv',
+    'campaign --new {0} --output ',
+    'campaign {0}/trial.csv --output {0}/trial.csv',
+    'manoeuvre identify {0}/run.csv --output {0}/run.csv',
+    'manoeuvre identify {0}/run.csv --plot {0}/bag',
+    'manoeuvre identify {0}/run.csv --plot {0}/trial.csv',
+    'manoeuvre simulate --hull wamv-vrx-old --test turning-circle --output a.csv --plot a.csv',
+    'manoeuvre simulate --hull wamv-vrx-old --test turning-circle --output /dev/null',
+    'manoeuvre simulate --hull wamv-vrx-old --test programme --output {0}/trial.csv',
+    'manoeuvre play-through {0}/trial.mcap --output {0}/trial.mcap',
+]
+
+
+@pytest.mark.parametrize('command', COMMANDS)
+def test_harmful_outputs_are_refused_and_nothing_changes(command, measured, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    os.symlink(measured / 'trial.csv', 'link.csv')
+    os.symlink('loop', 'loop')
+    os.mkfifo('pipe')
+    os.mkdir('b')
+    words = [w.format(measured, measured.name, long='x' * 300) for w in command.split(' ')]
+    before, here = contents(measured), sorted(os.listdir())
+    assert main(words) == 2
+    error = capsys.readouterr().err.strip()
+    assert '\n' not in error.partition('swath-sysid ')[2] and 'Traceback' not in error
+    assert contents(measured) == before
+    assert sorted(os.listdir()) == here
+
+
+def test_campaign_does_not_write_over_its_trials(measured, tmp_path, capsys):
+    folder = tmp_path / 'report'
+    (folder / 'tables').mkdir(parents=True)
+    trial = folder / 'tables' / 'fits.csv'
+    trial.write_bytes((measured / 'trial.csv').read_bytes())
+    (folder / 'c.yaml').write_text('axis: pitch\ntrials:\n  - file: tables/fits.csv\n')
+    assert main(['campaign', str(folder / 'c.yaml'), '--output', str(folder), '--jobs', '1']) == 2
+    assert 'is to be written' in capsys.readouterr().err
+    assert trial.read_bytes() == (measured / 'trial.csv').read_bytes()
+
+
+def test_symbolic_links_are_followed(tmp_path):
+    (tmp_path / 'far').mkdir()
+    target, link = tmp_path / 'far' / 'model.yaml', tmp_path / 'model.yaml'
+    target.write_text('old')
+    link.symlink_to(target)
+    check_outputs([Output('--output', link)])
+    with replacing(link) as temporary:
+        temporary.write_text('new')
+    assert link.is_symlink() and target.read_text() == 'new'
+    link.unlink()
+    link.symlink_to(tmp_path / 'far' / 'later.yaml')
+    with replacing(link) as temporary:
+        temporary.write_text('later')
+    assert link.is_symlink() and (tmp_path / 'far' / 'later.yaml').read_text() == 'later'
+
+
+def test_hard_links_and_sockets_are_seen(tmp_path):
+    first, second = tmp_path / 'a.csv', tmp_path / 'b.csv'
+    first.write_text('x')
+    os.link(first, second)
+    with pytest.raises(InputError, match='is read by this command'):
+        check_outputs([Output('--output', second)], [first])
+    with pytest.raises(InputError, match='both name'):
+        check_outputs([Output('--output', first), Output('--plot', second)])
+    with socket.socket(socket.AF_UNIX) as endpoint:
+        endpoint.bind(str(tmp_path / 's'))
+        with pytest.raises(InputError, match='is a socket'):
+            check_outputs([Output('--output', tmp_path / 's')])
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason='root may write everywhere')
+def test_folders_that_may_not_be_written_to_are_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(InputError, match='may be written to'):
+        check_outputs([Output('--output', tmp_path / 'a.yaml')])
+
+
+def test_what_is_harmless_passes(tmp_path):
+    (tmp_path / 'old.yaml').write_text('format: swath_sysid model\n')
+    (tmp_path / 'trial.csv').write_text('time_s,roll_rad\n0,0\n')
+    check_outputs(
+        [Output('--output', tmp_path / 'old.yaml'), Output('--plot', tmp_path / 'new.png', endings=('png',)),
+         Output('--report', tmp_path / 'a' / 'b', is_folder=True), Output('--none', None)],
+        [tmp_path / 'trial.csv', None],
+    )  # fmt: skip
+    check_outputs([Output('--output', tmp_path / 'trial.csv', is_recording=True)])
+    refuse_inputs_among([tmp_path / 'tables'], [tmp_path / 'trial.csv'])

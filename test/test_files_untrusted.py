@@ -1,0 +1,285 @@
+"""Whatever text comes: a model, or one sentence, soon, and nothing else."""
+import os
+import re
+
+import pytest
+import yaml
+from hostile_models import attitude_text, attitude_texts, manoeuvring_text, manoeuvring_texts
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from swath_sysid.campaign.manifest import read_manifest
+from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats import untrusted_yaml
+from swath_sysid.formats.manoeuvring_model_file import (
+    manoeuvring_from_yaml,
+    manoeuvring_to_yaml,
+    read_manoeuvring_model,
+)
+from swath_sysid.formats.model_file import description_from_yaml, model_to_yaml, read_model
+from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT, dumped, plain_content, shown, text_of
+
+TEXTS = 2000
+READERS = {'attitude': description_from_yaml, 'manoeuvring': manoeuvring_from_yaml}
+VALID = {'attitude': attitude_text(), 'manoeuvring': manoeuvring_text()}
+HOSTILE = {'attitude': attitude_texts(), 'manoeuvring': manoeuvring_texts()}
+CASES = [(kind, name) for kind, texts in HOSTILE.items() for name in texts]
+
+LONGEST_SENTENCE = 600
+"""Characters: a sentence may list the names there are, and shows at most 80 of a value."""
+
+
+def refusal(read, text):
+    """The one sentence about a text that is no model."""
+    with pytest.raises(InputError) as caught:
+        read(text, 'the model')
+    sentence = str(caught.value)
+    assert '\n' not in sentence and len(sentence) < LONGEST_SENTENCE
+    return sentence
+
+
+@pytest.mark.parametrize('kind', READERS)
+def test_the_text_they_are_made_from_is_a_model(kind):
+    READERS[kind](VALID[kind], 'the model')
+
+
+@pytest.mark.parametrize(('kind', 'name'), CASES)
+def test_hostile_texts_are_refused_by_the_field(kind, name):
+    text, words = HOSTILE[kind][name]
+    assert re.search(words, refusal(READERS[kind], text))
+
+
+@pytest.mark.parametrize('name', [name for name, (text, _) in HOSTILE['attitude'].items() if '\0' not in text])
+def test_the_command_line_refuses_them_in_one_sentence(name, tmp_path, capsys):
+    path = tmp_path / 'model.yaml'
+    path.write_text(HOSTILE['attitude'][name][0])
+    output = tmp_path / 'out.yaml'
+    assert main(['scale', str(path), '--ratio', '2', '--output', str(output)]) == 2
+    sentence = capsys.readouterr().err
+    assert sentence.count('\n') == 1 and 'Traceback' not in sentence
+    assert not output.exists()
+
+
+@pytest.mark.parametrize('words', [
+    ['scale', 'PATH', '--ratio', '2', '--output', 'OUT'],
+    ['simulate', '--model', 'PATH', '--initial-angle-deg', '3', '--output', 'OUT'],
+    ['forecast', 'TRIAL', '--model', 'PATH'],
+    ['manoeuvre', 'simulate', '--model', 'PATH', '--test', 'programme', '--output', 'OUT'],
+    ['campaign', 'PATH', '--output', 'OUT'],
+])  # fmt: skip
+def test_every_verb_refuses_a_deep_file(words, tmp_path, capsys):
+    path, trial = tmp_path / 'deep.yaml', tmp_path / 'trial.csv'
+    path.write_text('a: ' + '[' * 100_000)
+    trial.write_text('time_s,pitch_deg\n' + ''.join(f'{k / 10},{k % 7}\n' for k in range(200)))
+    named = {'PATH': str(path), 'OUT': str(tmp_path / 'out.csv'), 'TRIAL': str(trial)}
+    assert main([named.get(word, word) for word in words]) == 2
+    assert 'deep' in capsys.readouterr().err
+    assert not (tmp_path / 'out.csv').exists()
+
+
+# --- by the thousand
+
+NUMBERS = st.one_of(
+    st.floats(), st.integers(-(10**50), 10**50), st.sampled_from(['1e999', '-0', '1_0', '0x10', '.5', '12:30:00']),
+)  # fmt: skip
+SCALARS = st.one_of(
+    NUMBERS, st.none(), st.booleans(), st.text(max_size=30), st.dates(), st.binary(max_size=20),
+    st.sampled_from(['.nan', '-.inf', '!!int x', '&a b', '*a', '~', '<<', '2024-13-45', '\'', '"', '{', '[', '%']),
+)  # fmt: skip
+
+
+@st.composite
+def mutated(draw, text):
+    """A model file with something cut off, flipped, replaced, doubled or left out."""
+    how = draw(st.sampled_from(['cut', 'flip', 'scalar', 'scalar', 'scalar', 'line', 'lines', 'insert']))
+    place = draw(st.integers(0, len(text) - 1))
+    if how == 'cut':
+        return text[:place]
+    if how == 'flip':
+        return text[:place] + chr(ord(text[place]) ^ 2 ** draw(st.integers(0, 6))) + text[place + 1:]
+    if how == 'insert':
+        return text[:place] + draw(st.text(max_size=5)) + text[place:]
+    lines = text.splitlines()
+    if how == 'line':
+        del lines[place % len(lines)]
+    elif how == 'lines':
+        lines.insert(place % len(lines), lines[draw(st.integers(0, len(lines) - 1))])
+    else:
+        scalars = list(re.finditer(r'(?<=[:\[,-] )[^,:{}\[\]\n]+', text))
+        match = scalars[place % len(scalars)]
+        return text[: match.start()] + str(draw(SCALARS)) + text[match.end():]
+    return '\n'.join(lines)
+
+
+def structures():
+    """YAML of random structure, some of whose names are those of a model."""
+    names = st.one_of(st.sampled_from(['format', 'axes', 'pitch', 'ratios', 'b1', 'value']), st.text(max_size=5))
+    plain = st.recursive(
+        st.one_of(st.floats(), st.integers(), st.none(), st.booleans(), st.text(max_size=10), st.dates()),
+        lambda inner: st.one_of(st.lists(inner, max_size=5), st.dictionaries(names, inner, max_size=5)), max_leaves=30)
+    headed = plain.map(lambda content: {'format': 'swath_sysid decay model', 'version': 1, 'axes': content})
+    return st.one_of(plain, headed).map(lambda content: yaml.safe_dump(content, allow_unicode=True))
+
+
+def texts_for(kind):
+    marks = st.text(alphabet='[]{}:,-&*!|>%@`"\' \n#?a1')
+    return st.one_of(mutated(VALID[kind]), mutated(VALID[kind]), structures(), st.text(), marks)
+
+
+EVERY_TEXT = settings(max_examples=TEXTS, deadline=None, suppress_health_check=list(HealthCheck))
+WRITERS = {
+    'attitude': lambda found: model_to_yaml(found[0]) if found[0] and not found[1] else None,
+    'manoeuvring': manoeuvring_to_yaml,
+}
+
+
+@pytest.mark.parametrize('kind', READERS)
+@EVERY_TEXT
+@given(data=st.data())
+def test_a_text_is_a_model_or_one_sentence(kind, data):
+    text = data.draw(texts_for(kind))
+    try:
+        found = READERS[kind](text, 'the model')
+    except InputError as error:
+        assert '\n' not in str(error) and len(str(error)) < LONGEST_SENTENCE
+    else:
+        # what is accepted is a model that can be written, and read again as the same
+        again = WRITERS[kind](found)
+        if again is not None:
+            assert WRITERS[kind](READERS[kind](again, 'the model')) == again
+
+
+@settings(max_examples=500, deadline=None)
+@given(data=st.data())
+def test_a_manifest_is_one_or_one_sentence(data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp('manifest')
+    (folder / 'pitch_3deg.csv').write_text('')
+    text = data.draw(st.one_of(mutated(MANIFEST), mutated(MANIFEST), structures(), st.text()))
+    path = folder / 'campaign.yaml'
+    path.write_bytes(text.encode('utf-8', 'surrogatepass'))
+    try:
+        found = read_manifest(path)
+    except InputError as error:
+        assert str(path) in str(error)
+    else:
+        assert found.trials
+
+
+MANIFEST = """\
+title: Pitch
+craft: {name: model, draft_m: 0.15, displacement_kg: 30}
+axis: pitch
+equations: [linear, odd-cubic]
+objectives: [simulation, one-step]
+search: {algorithm: ga, seed: 1, generations: 20, population: 50}
+trials:
+  - {file: pitch_3deg.csv, initial_angle_deg: 3, repeat: 1, start_s: 0.5, end_s: 9.0, frame: flu}
+  - {pattern: 'pitch_{angle}deg.csv', draft_factor: 0.9}
+"""
+
+
+@pytest.mark.parametrize('old, new, words', [
+    ('generations: 20', 'generations: abc', 'line 6: generations must be a whole number from 1 to 100000, not abc'),
+    ('generations: 20', 'generations: 1.5', 'generations must be a whole number'),
+    ('generations: 20', 'generations: 1000000000', 'generations must be a whole number'),
+    ('population: 50', 'population: 99999999999999999999', 'population must be a whole number'),
+    ('population: 50', f'population: {"9" * 401}', 'line 6: 9'),
+    ('seed: 1', 'seed: -1', 'line 6: seed must be a whole number from 0'),
+    ('seed: 1', 'seed: {}', 'one value is expected'),
+    ('seed: 1', 'seed: .nan', 'not a finite number'),
+    ('seed: 1', 'seed: !!python/name:os.system x', 'tag'),
+    ('draft_m: 0.15', 'draft_m: 1.0e+300', 'draft_m of 1e+300'),
+    ('start_s: 0.5', 'start_s: .inf', 'not a finite number'),
+    ('title: Pitch', f'title: {"x" * 5000}', 'is no name'),
+    ('axis: pitch', f'axis: {"x" * 5000}', 'there is no axis'),
+    ('algorithm: ga', f'algorithm: {"x" * 5000}', 'there is no search'),
+    ('file: pitch_3deg.csv', f'file: {"x" * 900}', 'there is no file'),
+    ('title: Pitch', 'title: &a [*a]', 'anchors'),
+    ('title: Pitch', f'title: {"[" * 5000}', 'deep'),
+])  # fmt: skip
+def test_a_wrong_manifest_is_named_at_once(old, new, words, tmp_path):
+    (tmp_path / 'pitch_3deg.csv').write_text('')
+    path = tmp_path / 'campaign.yaml'
+    path.write_text(MANIFEST.replace(old, new))
+    try:
+        sentences = [str(fault) for fault in read_manifest(path).faults]
+    except InputError as error:
+        sentences = [str(error)]
+    assert any(words in sentence for sentence in sentences), sentences
+    assert all(len(sentence) < LONGEST_SENTENCE and '\n' not in sentence for sentence in sentences)
+
+
+# --- the entrance itself
+
+def test_plain_data_are_read_as_they_are():
+    text = 'a: [1, -2, 3.5, 1e-5, .5, true, no, null, ~, "1", on]\nb: {c: 2024-12-24, d: 12:30:00, e: 0x10, f: ""}\n'
+    assert plain_content(text, 'it') == {
+        'a': [1, -2, 3.5, 1e-5, 0.5, True, False, None, None, '1', True],
+        'b': {'c': '2024-12-24', 'd': '12:30:00', 'e': '0x10', 'f': ''},
+    }
+    assert plain_content('', 'it') is None
+
+
+words = st.text(st.characters(codec='utf-8'), max_size=20)
+plain_data = st.recursive(
+    st.one_of(
+        st.none(), st.booleans(), st.integers(-(10**38), 10**38), words,
+        st.floats(allow_nan=False, allow_infinity=False),
+        st.sampled_from(['1e5', '1e-5', '.nan', 'yes', '2024-12-24', '010', '~', '9' * 64, '12e4' * 16, '=', '<<'])),
+    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(words, inner, max_size=4)),
+    max_leaves=20,
+)  # fmt: skip
+
+
+@settings(deadline=None)
+@given(plain_data)
+def test_what_is_written_is_read_back(content):
+    assert plain_content(dumped(content), 'it') == content
+
+
+def test_what_occurs_twice_is_written_out_twice():
+    shared = [1, 2]
+    assert plain_content(dumped({'a': shared, 'b': shared}), 'it') == {'a': shared, 'b': shared}
+
+
+def test_pure_python_reads_as_the_library_does(monkeypatch):
+    """Where libyaml is not built in, the same texts give the same data and are refused for the same reasons."""
+    texts = [text for text, _ in HOSTILE['attitude'].values() if len(text) < 20_000] + list(VALID.values())
+
+    def outcomes():
+        found = []
+        for text in texts:
+            try:
+                found.append(plain_content(text, 'it'))
+            except InputError as error:
+                # the words about what is no YAML are the parser's own
+                found.append(str(error) if 'not YAML' not in str(error) else 'not YAML')
+        return found
+
+    by_library = outcomes()
+    monkeypatch.setattr(untrusted_yaml, '_PARSER', yaml.SafeLoader)
+    assert outcomes() == by_library
+
+
+def test_values_are_shown_on_one_short_line():
+    assert shown('a\n b') == 'a b'
+    assert len(shown('x' * 1_000_000)) == 80 and shown('x' * 100).endswith('...')
+    assert len(shown([['deep'] * 1000] * 1000)) <= 80
+
+
+def test_files_that_are_none(tmp_path):
+    large = tmp_path / 'large.yaml'
+    large.write_text('# ' * LARGEST_TEXT)
+    binary = tmp_path / 'binary.yaml'
+    binary.write_bytes(b'\xff\xfe\x00')
+    pipe = tmp_path / 'pipe.yaml'
+    os.mkfifo(pipe)
+    for path, words in (
+        (large, 'larger than 256 kB'), (binary, 'not text in UTF-8'), (tmp_path, 'is a folder'),
+        ('/dev/zero', 'no regular file'), (pipe, 'no regular file'), (tmp_path / ('x' * 300), 'cannot read'),
+        (tmp_path / 'a\0b', 'no file has such a name'), (tmp_path / 'absent', 'cannot read'),
+    ):  # fmt: skip
+        for read in (text_of, read_model, read_manoeuvring_model, read_manifest):
+            with pytest.raises(InputError, match=words):
+                read(path)

@@ -1,0 +1,229 @@
+"""What a sensor's own data say of its installation: each wrong one is named with its cure, no right one is."""
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+from wrong_installations import GRAVITY, WRONG, buoy, declared, named_by, readings_of, sentence, turned
+
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.motion.contradictions import (
+    DOUBTFUL_CODES,
+    FROZEN_CODES,
+    GRAVITY_CODES,
+    OFFSET_CODES,
+    RATE_CODES,
+    Contradiction,
+)
+from swath_sysid.attitude.motion.installation_checks import contradictions_in, judge
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.turned_axes import TURNS, angles_of
+from swath_sysid.formats.reading import read_trial
+
+STRAIGHT = Installation()
+HULLS = list(PUBLISHED_HULLS.values())
+
+
+def craft_in_waves(duration=70.0, interval=0.1, seed=1, roll=0.06, pitch=0.05):
+    """Attitude, body rates and specific force of a craft in waves, FLU in ENU; its rates by scipy's rotations."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, interval)
+    angles = np.zeros((time.size, 3)) + [0.4, 0.02, -0.01]
+    push = np.zeros((time.size, 3)) + [0.0, 0.0, GRAVITY]
+    fine = np.zeros((time.size, 3)) + [0.4, 0.02, -0.01]
+    for column, size in ((0, 0.02), (1, pitch), (2, roll)):
+        for _ in range(5):
+            w, phase = 2 * np.pi * rng.uniform(0.12, 0.4), rng.uniform(0, 2 * np.pi)
+            angles[:, column] += 0.6 * size * np.sin(w * time + phase)
+            fine[:, column] += 0.6 * size * np.sin(w * (time + 1e-5) + phase)
+            push[:, 2 - column] += 0.3 * np.sin(w * time + rng.uniform(0, 2 * np.pi))
+    attitude, just_after = (Rotation.from_euler('ZYX', each) for each in (angles, fine))
+    rates = (attitude.inv() * just_after).as_rotvec() / 1e-5
+    noise = rng.normal(0.0, 1.0, (2, time.size, 3)) * [[[2e-3]], [[0.03]]]
+    return attitude, rates + noise[0], attitude.inv().apply(push) + noise[1]
+
+
+@pytest.mark.parametrize('name', WRONG)
+def test_each_wrong_installation_is_named_with_its_cure(name):
+    wrong, other_frame, code, words = WRONG[name]
+    found, _ = named_by(readings_of(*wrong(*craft_in_waves())), declared('flu', other_frame))
+    assert list(found) == [code]
+    seconds, message = found[code]
+    assert seconds <= 60.0 and sentence(words, 'flu') in message
+
+
+@pytest.mark.parametrize('start', range(0, 17_400, 3_480))
+@pytest.mark.parametrize('name', WRONG)
+def test_each_is_named_on_a_measured_buoy_within_a_minute(data_folder, name, start):
+    wrong, other_frame, code, words = WRONG[name]
+    measured = [part[start:start + 600] for part in buoy(data_folder / 'waves/morro_buoy.csv')]
+    found, _ = named_by(readings_of(*wrong(*measured)), declared('frd', other_frame))
+    assert list(found) == [code]
+    assert sentence(words, 'frd') in found[code][1]
+
+
+@pytest.mark.parametrize('record', ['waves/morro_buoy.csv', 'faults/oahu_static_bad_packets.csv'])
+def test_nothing_is_named_of_a_running_sensor_that_sits_right(data_folder, record):
+    found, check = named_by(readings_of(*buoy(data_folder / record)), Installation('frd'))
+    assert found == {} and check.contradictions == ()
+    assert check.judgements > 300
+
+
+def test_nothing_is_named_of_any_measured_record(data_folder):
+    paths = sorted(data_folder.rglob('*.csv'))
+    assert len(paths) == 14
+    for path in paths:
+        trial = read_trial(path, frame='frd' if 'morro' in path.name or 'oahu' in path.name else None)
+        assert [each for each in trial.advice if isinstance(each, Contradiction)] == [], path
+
+
+@pytest.mark.parametrize('name,reversed_,code', [('deg', 180 / np.pi, 'rate-unit'), ('sign', -1.0, 'rate-sign')])
+def test_rates_are_held_against_measured_decays(data_folder, name, reversed_, code):
+    """A tanker in a towing tank, whose rates are the differences of its angle."""
+    trial = read_trial(data_folder / 'decay/kvlcc2/run2_0kn.csv')
+    rate = np.gradient(trial.roll, trial.time)
+    assert contradictions_in(trial.time, {'roll': trial.roll, 'roll_rate': rate}, STRAIGHT) == ()
+    (found,) = contradictions_in(trial.time, {'roll': trial.roll, 'roll_rate': reversed_ * rate}, STRAIGHT)
+    assert (found.code, found.axis) == (code, 'roll')
+
+
+def test_a_sensor_turned_with_all_it_says_agrees_with_itself():
+    """What no check of this kind can see: nothing is named that is not known."""
+    found, check = named_by(readings_of(*turned(0, 0, 90, True)(*craft_in_waves())), STRAIGHT)
+    assert found == {} and check.described == 'gravity and rates agree with the attitude'
+
+
+@pytest.mark.parametrize('turn', TURNS)
+def test_a_turn_is_the_mounting_that_undoes_it(turn):
+    mounting = angles_of(turn)
+    assert Rotation.from_euler('ZYX', mounting[::-1]).as_matrix() == pytest.approx(turn, abs=1e-9)
+    sensor = turn.T @ [1.0, 2.0, 3.0]
+    assert Installation('flu', mounting).vector(*sensor) == pytest.approx([1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize('mounting', [(np.pi, 0.0, 0.0), (np.pi / 2, 0.0, 0.0), (-np.pi / 2, 0.0, 0.0)])
+@pytest.mark.parametrize('frame', ['flu', 'frd'])
+def test_the_mounting_that_is_named_mends_it(mounting, frame):
+    """Readings of a sensor that is mounted so, first read as if it were not, then as the sentence says."""
+    sits = Rotation.from_euler('ZYX', mounting[::-1])
+    attitude, rates, force = craft_in_waves(30.0)
+    sensor = [attitude * sits, sits.inv().apply(rates), sits.inv().apply(force)]
+    if frame == 'frd':
+        flip = Rotation.from_euler('x', np.pi)
+        north_east_down = Rotation.from_quat(np.array([1.0, 1.0, 0.0, 0.0]) / np.sqrt(2.0))
+        sensor = [north_east_down * sensor[0] * flip, flip.apply(sensor[1]), flip.apply(sensor[2])]
+    found, _ = named_by(readings_of(*sensor), Installation(frame))
+    named = json.loads(found['sensor-turned'][1].split('mounting_deg to ')[1].partition(' (')[0])
+    mended, check = named_by(readings_of(*sensor), Installation(frame, tuple(np.radians(named).tolist())))
+    assert mended == {} and check.judgements >= 3
+
+
+def test_at_rest_only_gravity_is_judged():
+    still = craft_in_waves(40.0, roll=1e-5, pitch=1e-5)
+    found, check = named_by(readings_of(still[0], -still[1], still[2]), STRAIGHT)
+    assert found == {} and check.described == 'gravity agrees with the attitude; the rates show when the craft moves'
+    found, _ = named_by(readings_of(*still), Installation('frd'))
+    assert list(found) == ['axes-of-sensor'] and 'set frame to flu' in found['axes-of-sensor'][1]
+
+
+def test_without_orientation_gravity_alone_says_how_it_sits():
+    unknown = (-1.0,) + (0.0,) * 8
+    for mounting, words in (((0, 0, 180), 'set frame to frd'), ((0, 0, 90), 'mounting_deg to [90, 0, 0]')):
+        sits = Rotation.from_euler('ZYX', mounting, degrees=True)
+        attitude, rates, force = craft_in_waves(30.0)
+        readings = readings_of(attitude, sits.inv().apply(rates), sits.inv().apply(force))
+        found, _ = named_by((each._replace(orientation_covariance=unknown) for each in readings), STRAIGHT)
+        assert list(found) == ['axes-of-sensor'] and words in found['axes-of-sensor'][1]
+
+
+def test_an_orientation_that_stands_still_while_the_rates_move_is_named():
+    attitude, rates, force = craft_in_waves(40.0)
+    found, _ = named_by(readings_of(attitude[np.zeros(len(rates), dtype=int)], rates, force), STRAIGHT)
+    assert 'angles-frozen' in found
+
+
+def test_what_is_mended_is_no_longer_named():
+    attitude, rates, force = craft_in_waves(120.0)
+    rates[:400] *= -1.0
+    found, check = named_by(readings_of(attitude, rates, force), STRAIGHT)
+    assert list(found) == ['rate-sign'] and check.contradictions == ()
+
+
+def test_a_clock_that_was_set_back_or_a_long_silence_begins_a_new_window():
+    check = InstallationCheck(STRAIGHT)
+    for first in (10**18, 10**17, 2 * 10**18):
+        for k in range(200):
+            roll, roll_rate = 0.1 * np.sin(0.1 * k), 0.1 * np.cos(0.1 * k)
+            check.add(CraftSample(
+                first + k * 10**8, roll, 0.0, roll_rate, 0.0, 0.0, 0.0, GRAVITY, *[1e-6] * 4, 0.0, 0.0
+            ))  # fmt: skip
+        check.judge()
+    assert check.judgements == 3 and check.contradictions == ()
+
+
+@pytest.mark.parametrize('hull', HULLS, ids=lambda hull: getattr(hull, 'name', None))
+def test_nothing_is_named_of_simulated_trials(hull):
+    for angle, duration, rate_hz, noise in (
+        (1.0, 8.0, 20.0, SensorNoise()), (3.0, 15.0, 100.0, SensorNoise()), (6.0, 40.0, 50.0, SensorNoise()),
+        (6.0, 15.0, 100.0, SensorNoise(0.0, 0.0, 0.0)),
+    ):  # fmt: skip
+        trial = simulated_trial(hull.model, np.radians(angle), duration, rate_hz, noise, 1, 2.0)
+        assert contradictions_in(trial.time, trial.channels, STRAIGHT) == ()
+
+
+@pytest.mark.parametrize('hull', HULLS, ids=lambda hull: getattr(hull, 'name', None))
+def test_nothing_is_named_of_a_craft_that_rests_is_lifted_and_let_go(hull):
+    craft, check = SimulatedCraft(CraftSettings(hull.model, np.radians(5.0), rate_hz=50.0)), InstallationCheck(STRAIGHT)
+    for k in range(9000):
+        if k in (1000, 2250, 3000, 5000, 7000):
+            craft.release()
+        said = craft.next_reading()
+        check.add(CraftSample(
+            10**18 + k * 20_000_000, said.roll, said.pitch, said.roll_rate, said.pitch_rate, *said.force, *[1e-6] * 4,
+            0.3, 0.0,
+        ))  # fmt: skip
+        if k % 50 == 0:
+            assert check.judge() == ()
+    assert check.judgements > 30
+
+
+@pytest.mark.parametrize('fault,code', [
+    (lambda rate: np.degrees(rate), 'rate-unit'), (lambda rate: -rate, 'rate-sign'),
+    (lambda rate: np.concatenate([np.full(40, rate[0]), rate[:-40]]), 'rate-late'),
+    (lambda rate: rate + np.radians(20.0), 'rate-offset'),
+    (lambda rate: np.random.default_rng(3).normal(0.0, 0.02, rate.size), 'rate-unrelated'),
+])  # fmt: skip
+def test_a_decay_with_a_wrong_rate_column_is_named(fault, code):
+    trial = simulated_trial(HULLS[0].model, np.radians(5.0), 15.0, 100.0, SensorNoise(), 1, 2.0)
+    name = f'{HULLS[0].model.axis}_rate'
+    found = contradictions_in(trial.time, {**trial.channels, name: fault(trial.channels[name])}, STRAIGHT)
+    assert [each.code for each in found] == [code] and found[0].is_plain
+
+
+def test_stamps_in_milliseconds_are_named():
+    trial = simulated_trial(HULLS[0].model, np.radians(5.0), 15.0, 100.0, SensorNoise(), 1, 2.0)
+    (found,) = contradictions_in(1e3 * trial.time, trial.channels, STRAIGHT)
+    assert found.code == 'rate-unit' and 'the time is in ms where s is expected' in found.message
+
+
+numbers = st.one_of(st.floats(-10.0, 10.0), st.sampled_from([np.nan, 0.0, 1e200, -np.pi, np.pi]))
+
+
+@settings(max_examples=60)
+@given(arrays(float, (60, 9), elements=numbers), st.sampled_from(['flu', 'frd']))
+def test_any_values_are_judged_without_an_error(values, frame):
+    time = np.arange(60) * 0.1
+    with np.errstate(all='ignore'):
+        judgement = judge(
+            time, values[:, :3], values[:, 3:6], values[:, 6:], installation=Installation(frame), interval=0.1
+        )
+    known = GRAVITY_CODES | RATE_CODES | OFFSET_CODES | FROZEN_CODES
+    assert all(each.code in known for each in judgement.contradictions)
+    assert DOUBTFUL_CODES < known

@@ -1,0 +1,158 @@
+"""Texts that are no model, over DDS: no node ends or grows, forecasts go on, and the diagnostics say what was wrong."""
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from hostile_models import attitude_text, attitude_texts, manoeuvring_text, manoeuvring_texts  # noqa: E402
+from live_bench import LATCHED, Bench, stamp_ns, start, start_node, start_together, stop, wait_for  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+
+pytestmark = pytest.mark.dds
+
+PATIENCE = 60.0
+LARGEST_GAP = 0.5
+LARGEST_GROWTH_MB = 50.0
+WARN = 1
+
+TOPICS = {
+    # status, count of refusals, a model, and texts that are none
+    'model/description': ('predictor: forecast', attitude_text(), attitude_texts()),
+    'manoeuvring/model': ('manoeuvring_predictor: manoeuvre', manoeuvring_text(), manoeuvring_texts()),
+}
+
+
+def resident_mb(process):
+    """Memory that a process holds."""
+    status = Path(f'/proc/{process.pid}/status').read_text()
+    return int(re.search(r'VmRSS:\s*(\d+) kB', status)[1]) / 1024
+
+
+def refusals(bench, topic):
+    """How often a node has refused a model."""
+    if topic == 'model/description':
+        return int(bench.counts('predictor').get('bad-model', 0))
+    return int(bench.counts('manoeuvring_predictor', 'manoeuvre').get('bad_models', 0))
+
+
+def status_of(bench, topic):
+    return bench.statuses.get(TOPICS[topic][0], (0, '', {}))
+
+
+@pytest.fixture(scope='module')
+def nodes():
+    """The nodes, started while texts that are no model lie on both topics."""
+    bench = Bench()
+    publishers = {topic: bench.publisher(String, topic, LATCHED) for topic in TOPICS}
+    for topic, publisher in publishers.items():
+        publisher.publish(String(data=TOPICS[topic][2]['nested brackets'][0]))
+    # in a process of its own, so that it goes on whatever this one does
+    sensor = start('-m', 'swath_sysid.nodes.simulated_craft', '--hull', 'swath-pitch', '--angle-deg', '3')
+    processes = start_together(), start_node('manoeuvring_predictor')
+    try:
+        wait_for(lambda: all(TOPICS[topic][0] in bench.statuses for topic in TOPICS), 'diagnostics', PATIENCE)
+        yield bench, publishers, processes
+    finally:
+        ends = [stop(process) for process in (sensor, *processes)]
+        bench.close()
+    assert [code for code, _ in ends] == [0, 0, 0], ends
+    assert not any('Traceback' in output for _, output in ends)
+
+
+@pytest.mark.parametrize('topic', TOPICS)
+def test_a_latched_text_does_not_hurt_nodes_that_start_later(nodes, topic):
+    bench, _, processes = nodes
+    wait_for(lambda: 'deep' in status_of(bench, topic)[2].get('refused_model', ''), 'refusal', PATIENCE)
+    assert refusals(bench, topic) == 1
+    assert status_of(bench, topic)[0] >= WARN
+    assert [process.poll() for process in processes] == [None, None]
+
+
+@pytest.mark.parametrize('topic', TOPICS)
+def test_each_text_is_refused_while_forecasts_go_on(nodes, topic):
+    bench, publishers, processes = nodes
+    _, model, texts = TOPICS[topic]
+    wait_for(lambda: bench.heard['forecast/next'], 'forecast', PATIENCE)
+    # what the first model and the first forecasts take is theirs
+    publishers[topic].publish(String(data=model))
+    wait_for(lambda: status_of(bench, topic)[2].get('refused_model') == '', 'model', PATIENCE)
+    before, count = [resident_mb(process) for process in processes], refusals(bench, topic)
+    heard = len(bench.heard['forecast/next'])
+    for name, (text, words) in texts.items():
+        if name == 'twenty megabytes':
+            # the middleware alone keeps two copies of it
+            continue
+        publishers[topic].publish(String(data=text))
+        count += 1
+        wait_for(lambda count=count: refusals(bench, topic) == count, f'refusal of {name}', PATIENCE)
+        level, _, values = status_of(bench, topic)
+        assert level >= WARN
+        assert re.search(words, values['refused_model']), (name, values['refused_model'])
+    growth = [resident_mb(process) - mb for process, mb in zip(processes, before, strict=True)]
+    assert max(growth) < LARGEST_GROWTH_MB
+    assert [process.poll() for process in processes] == [None, None]
+    stamps = [stamp_ns(message) for message in bench.heard['forecast/next'][heard:]]
+    assert max(b - a for a, b in zip(stamps, stamps[1:], strict=False)) * 1e-9 < LARGEST_GAP
+
+
+def test_the_model_before_stays_and_a_good_one_ends_the_warning(nodes):
+    bench, publishers, _ = nodes
+    topic = 'model/description'
+    _, model, texts = TOPICS[topic]
+    assert status_of(bench, topic)[2]['has_model_pitch'] == 'True'
+    count = refusals(bench, topic)
+    publishers[topic].publish(String(data=texts['trim a date'][0]))
+    wait_for(lambda: refusals(bench, topic) == count + 1, 'refusal', PATIENCE)
+    reports = bench.reports
+    wait_for(lambda: bench.reports > reports + 20, 'further diagnostics', PATIENCE)
+    level, message, values = status_of(bench, topic)
+    assert level == WARN and 'trim_rad' in message and values['has_model_pitch'] == 'True'
+    publishers[topic].publish(String(data=model))
+    wait_for(lambda: status_of(bench, topic)[2]['refused_model'] == '', 'end of the warning', PATIENCE)
+    assert 'trim_rad' not in status_of(bench, topic)[1]
+    assert refusals(bench, topic) == count + 1
+
+
+@pytest.mark.parametrize('name', ['nested brackets', 'trim NaN', 'a folder', 'a device', 'too large', 'no text'])
+def test_a_model_file_that_cannot_be_used_does_not_end_the_identifier(name, tmp_path):
+    path = tmp_path / 'model.yaml' if name != 'a device' else Path('/dev/null')
+    if name == 'a folder':
+        path.mkdir()
+    elif name != 'a device':
+        content = {'too large': b'#' * 1_000_000, 'no text': b'\xff\xfe\x00'}
+        path.write_bytes(content.get(name) or attitude_texts()[name][0].encode())
+    kept = path.read_bytes() if path.is_file() else None
+    bench = Bench()
+    process = start_node(
+        'identifier', '-r', '__ns:=/refusing', '-p', f'model_path:={path}', '-p',
+        f'manoeuvre_model_path:={tmp_path / "absent.yaml"}')
+    try:
+        status = 'refusing/identifier: identification'
+        wait_for(lambda: status in bench.statuses, 'diagnostics', PATIENCE)
+        reports = bench.reports
+        wait_for(lambda: bench.reports > reports + 10, 'further diagnostics', PATIENCE)
+        level, message, values = bench.statuses[status]
+        assert level == WARN and str(path) in message and values['bad-model-file'] == '1'
+    finally:
+        code, output = stop(process)
+        bench.close()
+    assert code == 0 and 'Traceback' not in output, output
+    assert kept is None or path.read_bytes() == kept
+
+
+def test_a_model_file_of_manoeuvres_that_cannot_be_used_does_not_end_its_node(tmp_path):
+    path = tmp_path / 'model.yaml'
+    path.write_text(manoeuvring_texts()['mass NaN'][0])
+    bench = Bench()
+    process = start_node('manoeuvring_predictor', '-r', '__ns:=/refusing', '-p', f'model_file:={path}')
+    try:
+        status = 'refusing/manoeuvring_predictor: manoeuvre'
+        wait_for(
+            lambda: str(path) in bench.statuses.get(status, (0, '', {}))[2].get('refused_model', ''), 'refusal',
+            PATIENCE)
+    finally:
+        code, output = stop(process)
+        bench.close()
+    assert code == 0 and 'Traceback' not in output, output

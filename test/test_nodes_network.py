@@ -1,0 +1,82 @@
+"""The SROS 2 policy is the graph of the nodes: nothing they do is missing in it, nothing in it is done by none."""
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+
+from live_bench import Bench, start_node, start_together, stop, wait_for  # noqa: E402
+
+from swath_sysid.nodes.parameter_tables import ALL_TABLES  # noqa: E402
+
+pytestmark = pytest.mark.dds
+
+POLICY = Path(__file__).resolve().parents[1] / 'config' / 'sros2_policy.xml'
+RULES = (
+    ('topic', 'publish', 'publisher'), ('topic', 'subscribe', 'subscriber'),
+    ('service', 'reply', 'service'), ('service', 'request', 'client'),
+)  # fmt: skip
+
+
+def allowed(profile):
+    """What a profile allows, with full names: ``{'publish': {'/diagnostics', ...}, ...}``."""
+    namespace, node = profile.get('ns').rstrip('/'), profile.get('node')
+
+    def full(name):
+        return name if name.startswith('/') else f'{namespace}/{name.replace("~", node, 1)}'
+
+    return {
+        rule: {full(entry.text) for entries in profile.findall(f'{kind}s[@{rule}="ALLOW"]') for entry in entries}
+        for kind, rule, _ in RULES
+    }
+
+
+def done(watcher, node):
+    """What a node has to do with the graph, in the words of a policy; nothing while it is not there."""
+    if (node, '/') not in watcher.get_node_names_and_namespaces():
+        return {}
+    return {
+        rule: {name for name, _ in getattr(watcher, f'get_{role}_names_and_types_by_node')(node, '/')}
+        for _, rule, role in RULES
+    }
+
+
+@pytest.fixture(scope='module')
+def policy():
+    return ElementTree.parse(POLICY).getroot()
+
+
+@pytest.fixture(scope='module')
+def watcher():
+    """A node that sees all nodes on simulated time, since they hear /clock only then."""
+    bench = Bench()
+    processes = [
+        start_together('-p', 'use_sim_time:=true'), start_node('manoeuvring_predictor', '-p', 'use_sim_time:=true')]
+    try:
+        yield bench.node
+    finally:
+        bench.close()
+        for process in processes:
+            stop(process)
+
+
+def test_the_policy_has_the_form_that_sros2_reads(policy):
+    assert policy.tag == 'policy' and policy.attrib == {'version': '0.2.0'}
+    (enclave,) = policy.findall('enclaves/enclave')
+    assert enclave.get('path') == '/swath_sysid'
+    profiles = enclave.findall('profiles/profile')
+    assert [profile.get('node') for profile in profiles] == list(ALL_TABLES)
+    for profile in profiles:
+        assert {(e.tag, *e.attrib.items()) for e in profile} <= {
+            (f'{kind}s', (rule, 'ALLOW')) for kind, rule, _ in RULES}
+        assert all(entry.tag == entries.tag[:-1] and entry.text for entries in profile for entry in entries)
+
+
+@pytest.mark.parametrize('node', ALL_TABLES)
+def test_the_policy_allows_what_a_node_does_and_no_more(node, policy, watcher):
+    expected = allowed(policy.find(f".//profile[@node='{node}']"))
+    # services and topics of a node are discovered one by one, and are too many until none is missing
+    wait_for(lambda: all(names <= done(watcher, node).get(rule, set()) for rule, names in expected.items()),
+             f'all that the policy allows {node}')
+    assert done(watcher, node) == expected

@@ -1,0 +1,188 @@
+"""The forecast pipeline: what the predictor publishes, as plain numbers."""
+import numpy as np
+import pytest
+from imu_stream import EPOCH_NS, NOT_GIVEN, decay_stream, reading, released
+from scipy.spatial.transform import Rotation
+
+from swath_sysid.attitude.hull.catalogue import EQUATIONS
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.prediction.forecast import NOT_GIVEN as NOT_PUBLISHED
+from swath_sysid.attitude.prediction.forecast import UNKNOWN_ANGLE_VARIANCE
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
+from swath_sysid.formats.topics import lead_topic
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+
+RATE = 50.0
+SETTINGS = PipelineSettings(forecaster=ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, forecast_rate=10.0))
+
+
+def craft(period=2.6, damping=0.08):
+    """The model of the simulated craft."""
+    w = 2 * np.pi / period
+    model = DecayModel.from_terms(EQUATIONS['swath-pitch-9'], {'b1': 2 * damping * w, 'r1': w * w})
+    return IdentifiedModel.exactly(model)
+
+
+def play(readings, models=None, settings=SETTINGS):
+    """A pipeline that has taken readings, and its steps."""
+    pipeline = ForecastPipeline(settings)
+    pipeline.set_models(models or {})
+    steps = []
+    for one in readings:
+        steps.append(pipeline.add(one))
+        if steps[-1].sea_request is not None:
+            pipeline.install(fit_sea(steps[-1].sea_request))
+    return pipeline, steps
+
+
+@pytest.fixture(scope='module')
+def decay():
+    """Steps through a free decay of a craft whose model is known."""
+    return play(decay_stream(RATE, 20.0, release=0.0, damping=0.03), {'pitch': craft(damping=0.03)})[1]
+
+
+def pitch_of(forecast):
+    return Rotation.from_quat(forecast.orientation).as_euler('ZYX')[1]
+
+
+def test_topics_of_leads():
+    assert [lead_topic(lead) for lead in (0.1, 0.5, 1, 2.0, 0.25)] == [
+        'forecast/lead_0_1s', 'forecast/lead_0_5s', 'forecast/lead_1_0s', 'forecast/lead_2_0s', 'forecast/lead_0_25s']
+
+
+def test_every_sample_after_the_first_gives_a_next(decay):
+    assert decay[0].next is None and all(step.next is not None for step in decay[1:])
+
+
+def test_stamps_are_exact(decay):
+    for k in (1, 100, 999):
+        assert decay[k].next.stamp_ns == EPOCH_NS + (k + 1) * 20_000_000
+    step = next(step for step in decay[500:] if step.forecast)
+    index = decay.index(step)
+    assert [forecast.stamp_ns - EPOCH_NS for _, forecast in step.attitudes()] == [
+        index * 20_000_000 + 500_000_000, index * 20_000_000 + 1_000_000_000]
+    assert step.trajectory().stamp_ns == EPOCH_NS + index * 20_000_000
+    assert step.trajectory().leads_ns == tuple(100_000_000 * k for k in range(1, 21))
+
+
+def test_leads_and_horizon_come_at_their_rate(decay):
+    issued = [index for index, step in enumerate(decay) if step.horizon is not None]
+    assert all(bool(step.attitudes()) == (step.horizon is not None) for step in decay)
+    assert np.diff(issued[1:]).tolist() == [5] * (len(issued) - 2)
+
+
+def test_the_forecast_is_the_motion_to_come(decay):
+    errors, motion = [], []
+    for index, step in enumerate(decay[:-60]):
+        if step.forecast and index > 2 * RATE:
+            truth, _ = released(index / RATE + 1.0, 0.0, damping=0.03)
+            errors.append(pitch_of(step.attitudes()[1][1]) - truth)
+            motion.append(truth)
+    assert np.std(errors) < 0.15 * np.std(motion)
+
+
+def test_orientation_rates_and_their_variances_are_of_body_axes(decay):
+    step = next(step for step in decay[600:] if step.forecast)
+    message = step.attitudes()[0][1]
+    yaw, pitch, roll = Rotation.from_quat(message.orientation).as_euler('ZYX')
+    forecast = step.forecast.axes
+    assert (yaw, pitch, roll) == pytest.approx((0.3, forecast['pitch'].angle[0], forecast['roll'].angle[0]), abs=1e-3)
+    assert message.rates[1] == pytest.approx(forecast['pitch'].rate[0], rel=1e-3)
+    covariance = np.reshape(message.orientation_covariance, (3, 3))
+    assert covariance[1, 1] == forecast['pitch'].covariance[0, 0, 0]
+    assert covariance[0, 0] == forecast['roll'].covariance[0, 0, 0]
+    assert covariance[2, 2] == UNKNOWN_ANGLE_VARIANCE and np.count_nonzero(covariance) == 3
+    assert np.reshape(message.rates_covariance, (3, 3))[1, 1] == forecast['pitch'].covariance[0, 1, 1]
+
+
+def test_all_values_are_floats(decay):
+    """ROS checks no types: a numpy.float32 or an int would go out as garbage."""
+    step = next(step for step in decay[200:] if step.forecast)
+    for message in (step.next, *(forecast for _, forecast in step.attitudes())):
+        assert type(message.stamp_ns) is int
+        assert {type(value) for part in message[1:] for value in part} == {float}
+    assert step.trajectory().positions.dtype == float and {type(lead) for lead in step.trajectory().leads_ns} == {int}
+
+
+def test_the_horizon_is_a_table_with_standard_deviations(decay):
+    horizon = next(step for step in decay[500:] if step.horizon is not None).trajectory()
+    assert horizon.columns == ('roll', 'roll_std', 'pitch', 'pitch_std')
+    assert horizon.positions.shape == horizon.velocities.shape == (20, 4)
+    assert (horizon.positions[:, [1, 3]] > 0.0).all()
+
+
+def test_on_rates_alone_the_axes_are_forecast_and_without_any_they_are_unknown():
+    def without_angles(readings):
+        for one in readings:
+            yield one._replace(orientation_covariance=NOT_GIVEN)
+
+    decay = decay_stream(RATE, 14.0, release=0.0, damping=0.02)
+    pipeline, steps = play(without_angles(decay), {'pitch': craft(damping=0.02)})
+    assert pipeline.counts['no-orientation'] == len(steps)
+    truth, _ = released(14.0, 0.0, damping=0.02)
+    assert pitch_of(steps[-1].next) == pytest.approx(truth, abs=0.01)
+    nothing = {'orientation_covariance': NOT_GIVEN, 'rates_covariance': NOT_GIVEN}
+    _, steps = play(reading(EPOCH_NS + k * 20_000_000, **nothing) for k in range(20))
+    assert all(step.next is None and not step.used for step in steps)
+    assert NOT_PUBLISHED[0] == -1.0
+
+
+def test_before_a_model_constant_rate_with_growing_variance_and_after_it_the_hull():
+    readings = list(decay_stream(RATE, 20.0, release=8.0))
+    pipeline, before = play(readings[:500])
+    step = next(step for step in reversed(before) if step.forecast)
+    (_, half), (_, one) = step.attitudes()
+    assert one.orientation_covariance[4] > half.orientation_covariance[4] > 0.0
+    state = pitch_of(before[-1].next)
+    pipeline.set_models({'pitch': craft()})
+    assert pitch_of(pipeline.add(readings[500]).next) == pytest.approx(state, abs=0.05), 'the state goes on'
+    assert pipeline.diagnostics().has_model == {'roll': False, 'pitch': True}
+    pipeline.set_models({})
+    assert pipeline.diagnostics().has_model == {'roll': False, 'pitch': False}
+
+
+def test_two_runs_agree_to_the_last_bit():
+    runs = [play(decay_stream(RATE, 15.0), {'pitch': craft()})[1] for _ in range(2)]
+    for one, other in zip(*runs, strict=True):
+        assert one.next == other.next and one.attitudes() == other.attitudes() and one.reasons == other.reasons
+        if one.horizon is not None:
+            assert one.trajectory().positions.tobytes() == other.trajectory().positions.tobytes()
+
+
+def test_the_epoch_does_not_matter():
+    """The same motion in 1970 and in 2023: a double resolves 0.2 us of the time since 1970."""
+    late, early = (play(decay_stream(RATE, 5.0, first_ns=first))[1] for first in (EPOCH_NS, 10**9))
+    for one, other in zip(late, early, strict=True):
+        assert (one.next is None) == (other.next is None)
+        if one.next is not None:
+            assert one.next[1:] == other.next[1:]
+
+
+def test_what_cannot_be_used_is_counted_and_forecasts_nothing():
+    pipeline, steps = play([
+        reading(EPOCH_NS), reading(EPOCH_NS + 20_000_000), reading(EPOCH_NS + 20_000_000),
+        reading(EPOCH_NS + 40_000_000, orientation=(0.0,) * 4, rates=(float('nan'),) * 3),
+        reading(EPOCH_NS + 60_000_000),
+    ])
+    assert [step.next is not None for step in steps] == [False, True, False, False, True]
+    assert steps[2].reasons == ('duplicate-stamp',) and pipeline.used == 3
+    assert set(steps[3].reasons) == {'bad-quaternion', 'not-finite', 'nothing-usable'}
+    assert pipeline.counts['bad-quaternion'] == 1
+
+
+def test_warm_up_runs():
+    warm_up()
+
+
+def test_the_next_attitude_goes_out_before_the_leads_are_worked_out():
+    pipeline, order = ForecastPipeline(), []
+    issue = pipeline.forecaster._issue
+    pipeline.forecaster._issue = lambda *given: (order.append('leads'), issue(*given))[1]
+    for k in range(50):
+        step = pipeline.add(reading(EPOCH_NS + 10_000_000 * k, 0.1, 0.02), order.append)
+        assert step.next is None or step.next in order
+        if step.forecast:
+            assert order[-2:] == [step.next, 'leads']
+    assert order.count('leads') > 3

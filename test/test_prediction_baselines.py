@@ -1,0 +1,157 @@
+"""Baselines: against closed forms and plain least squares, and blind to the future."""
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.baselines import BASELINES, Record, baseline_forecasts, running_regression
+
+LEADS = np.array([0.1, 0.5, 1.0])
+
+
+def record_of(step=0.1, **channels):
+    count = next(iter(channels.values())).size
+    return Record.of(Trial(step * np.arange(count), **channels))
+
+
+def coupled_sea(count, seed=0):
+    """A stable vector autoregression of order one, its matrix, and its three channels."""
+    rng = np.random.default_rng(seed)
+    matrix = np.array([[0.9, 0.3, 0.0], [-0.3, 0.9, 0.1], [0.0, 0.2, 0.5]])
+    values = np.zeros((count, 3))
+    for k in range(1, count):
+        values[k] = matrix @ values[k - 1] + 0.01 * rng.normal(size=3)
+    return matrix, values
+
+
+def test_a_record_is_read_between_its_samples_but_not_across_what_is_missing():
+    time = np.array([0.0, 1.0, 2.0, 3.0, 5.0, 6.0, 7.0])
+    record = Record.of(Trial(time, roll=np.array([0.0, 2.0, np.nan, 6.0, 10.0, 12.0, 14.0]), pitch=time))
+    wanted = np.array([-0.5, 0.0, 0.25, 1.0, 1.5, 3.0, 4.0, 5.0, 6.75, 7.0, 7.5])
+    known = [np.nan, 0.0, 0.5, 2.0, np.nan, 6.0, np.nan, 10.0, 13.5, 14.0, np.nan]
+    assert np.allclose(record.at(wanted)[:, 0], known, equal_nan=True)
+    assert record.at(np.array([1.5]), [1]) == pytest.approx(np.array([[1.5]]))
+    assert record.interval == pytest.approx(1.0)
+
+
+def test_what_is_issued_in_a_gap_and_for_some_time_after_it_is_known_by_the_channel():
+    time = np.array([0.0, 1.0, 2.0, 5.0, 6.0, 7.0, 8.0, 9.0])
+    record = Record.of(Trial(time, roll=time, pitch=np.where((time == 0.0) | (time == 7.0), np.nan, time)))
+    assert record.after_gap('roll', time, 2.0).tolist() == [0, 0, 0, 1, 1, 1, 0, 0]
+    assert record.after_gap('roll', np.array([2.5]), 2.0).tolist() == [True]
+    assert record.after_gap('pitch', time, 0.5).tolist() == [0, 0, 0, 1, 0, 1, 1, 0]
+
+
+def test_simple_forecasts_are_what_their_names_say():
+    roll = np.array([np.nan, 0.0, 1.0, np.nan, 4.0, 4.0, 4.0, 4.0])
+    record = record_of(roll=roll)
+    found = baseline_forecasts(record, ['roll'], record.time, LEADS, window=0.35)['roll']
+    assert set(found) == set(BASELINES)
+    newest = np.array([np.nan, 0.0, 1.0, 1.0, 4.0, 4.0, 4.0, 4.0])
+    rate = np.array([np.nan, np.nan, 10.0, 10.0, 15.0, 0.0, 0.0, 0.0])
+    means = np.array([np.nan, 0.0, 0.5, 0.5, 5.0 / 3.0, 3.0, 4.0, 4.0])
+    assert np.allclose(found['persistence'], newest[:, None] * np.ones(3), equal_nan=True)
+    assert np.allclose(found['constant_rate'], newest[:, None] + rate[:, None] * LEADS, equal_nan=True)
+    assert np.allclose(found['mean'], means[:, None] * np.ones(3), equal_nan=True)
+    assert np.isnan(found['var_40']).all()
+
+
+def test_a_measured_rate_carries_constant_rate_on():
+    record = record_of(roll=np.arange(20.0), roll_rate=np.full(20, 3.0))
+    found = baseline_forecasts(record, ['roll'], record.time[5:6], LEADS, 60.0)['roll']['constant_rate']
+    assert found == pytest.approx(np.array([5.0 + 3.0 * LEADS]))
+
+
+def test_a_regression_of_a_known_process_forecasts_with_the_powers_of_its_matrix():
+    matrix, values = coupled_sea(20_000)
+    record = record_of(roll=values[:, 0], pitch=values[:, 1], roll_rate=values[:, 2])
+    stamps = record.time[-200:]
+    found = running_regression(record, (0, 1, 2), (0, 1), 2, stamps, LEADS, 2000.0)
+    for i, steps in enumerate((1, 5, 10)):
+        right = values[-200:] @ np.linalg.matrix_power(matrix, steps)[:2].T
+        assert np.abs(found[:, i] - right).max() < 0.06 * np.abs(values[:, :2]).max()
+        assert np.sqrt(np.mean((found[:, i] - right) ** 2)) < 0.03 * values[:, :2].std()
+
+
+def test_the_error_of_an_autoregression_of_first_order_is_its_closed_form():
+    rng, count = np.random.default_rng(1), 30_000
+    values = np.zeros(count)
+    for k in range(1, count):
+        values[k] = 0.9 * values[k - 1] + rng.normal()
+    record = record_of(step=1.0, roll=values)
+    leads = np.array([1.0, 3.0])
+    found = running_regression(record, (0,), (0,), 1, record.time, leads, 1e9)[:, :, 0]
+    errors = [np.nanstd(found[:-lead, i] - values[lead:]) / values.std() for i, lead in enumerate((1, 3))]
+    assert errors == pytest.approx(np.sqrt([1 - 0.9**2, 1 - 0.9**6]), rel=0.02)
+
+
+def test_a_window_that_slid_on_gives_the_least_squares_of_its_own_rows():
+    _, values = coupled_sea(3000, seed=3)
+    values[1500:1505] = np.nan
+    record = record_of(roll=values[:, 0], pitch=values[:, 1])
+    order, window, refit = 5, 100.0, 2000
+    stamp = record.time[[refit]]
+    found = running_regression(record, (0, 1), (1,), order, stamp, np.array([0.1]), window)[0, 0, 0]
+    last = refit - 2
+    rows = range(last - 1000 + 1 + order, last + 1)
+    design = np.array([np.append(values[k - order:k, :2][::-1].ravel(), 1.0) for k in rows])
+    whole = np.isfinite(design).all(axis=1) & np.isfinite(values[list(rows), 1])
+    right = np.linalg.lstsq(design[whole], values[list(rows), 1][whole], rcond=None)[0]
+    now = np.append(values[refit - order + 1:refit + 1, :2][::-1].ravel(), 1.0)
+    assert found == pytest.approx(now @ right, abs=1e-6)
+
+
+def test_a_sensor_ten_times_as_fast_is_forecast_from_the_same_lags():
+    time = 0.01 * np.arange(12_000)
+    rng = np.random.default_rng(0)
+    roll = sum(np.cos(w * time + p) for w, p in rng.uniform(1.0, 3.0, (20, 2)))
+    fast, slow = Record.of(Trial(time, roll=roll)), Record.of(Trial(time[::10], roll=roll[::10]))
+    stamps = time[9000:9200:10]
+    both = [running_regression(r, (0,), (0,), 20, stamps, LEADS, 60.0) for r in (fast, slow)]
+    assert np.abs(both[0] - both[1]).max() < 0.05
+    assert np.abs(both[0][:-10, 2, 0] - roll[9100:9200:10][:10]).max() < 0.1 * roll.std()
+
+
+def test_a_lead_between_two_steps_lies_between_their_forecasts():
+    _, values = coupled_sea(2000)
+    record = record_of(roll=values[:, 0])
+    found = running_regression(record, (0,), (0,), 2, record.time, np.array([0.1, 0.15, 0.2]), 100.0)[:, :, 0]
+    seen = np.isfinite(found).all(axis=1)
+    assert seen.sum() > 1800
+    assert np.allclose(found[seen, 1], 0.5 * (found[seen, 0] + found[seen, 2]), atol=1e-9)
+
+
+def test_a_lost_sample_leaves_a_regression_without_a_value_for_as_long_as_its_lags():
+    _, values = coupled_sea(4000)
+    kept = np.delete(np.arange(4000), [3000])
+    record = Record.of(Trial(0.1 * kept, roll=values[kept, 0], pitch=values[kept, 1]))
+    found = running_regression(record, (0, 1), (0,), 10, record.time, LEADS, 600.0)[:, 0, 0]
+    assert np.flatnonzero(np.isnan(found[2000:])).tolist() == list(range(1000, 1009))
+
+
+def test_channels_that_stand_still_or_are_mostly_missing_are_left_out():
+    _, values = coupled_sea(2000)
+    mostly = np.where(np.arange(2000) % 5 == 0, values[:, 1], np.nan)
+    plain = record_of(roll=values[:, 0])
+    more = record_of(roll=values[:, 0], pitch=mostly, accel_z=np.full(2000, 9.81))
+    alone = running_regression(plain, (0,), (0,), 5, plain.time, LEADS, 60.0)
+    assert np.allclose(running_regression(more, (0, 1, 2), (0,), 5, plain.time, LEADS, 60.0), alone, equal_nan=True)
+
+
+@settings(max_examples=10, deadline=None)
+@given(place=st.integers(700, 1190), seed=st.integers(0, 5))
+def test_no_baseline_changes_when_the_future_does(place, seed):
+    _, values = coupled_sea(1200, seed)
+    # uneven stamps: values between them must not be read before they have come
+    time = 0.1 * np.arange(1200) + np.random.default_rng(seed).uniform(-0.02, 0.02, 1200)
+    changed = values.copy()
+    changed[place:] += np.random.default_rng(seed + 1).normal(0.0, 1.0, (1200 - place, 3))
+    found = []
+    for each in (values, changed):
+        record = Record.of(Trial(time, roll=each[:, 0], pitch=each[:, 1], accel_y=each[:, 2]))
+        found.append(baseline_forecasts(record, ['roll', 'pitch'], time[:place], LEADS, 60.0))
+    for axis in ('roll', 'pitch'):
+        for name in BASELINES:
+            assert np.array_equal(found[0][axis][name], found[1][axis][name], equal_nan=True), name
+    assert np.isfinite(found[0]['roll']['var_40'][-1]).all()

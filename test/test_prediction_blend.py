@@ -1,0 +1,166 @@
+"""The blend of forecasts against errors that are made up, so that the best answer is known."""
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swath_sysid.attitude.prediction.blend import Blend, error_weights, present_weights
+
+STEP = 0.1
+LEADS = np.array([0.1, 0.5, 1.0])
+
+
+def _blend(prior=(1.0, 1.0), axes=1):
+    return Blend(LEADS, STEP, axes, prior)
+
+
+def _run(blend, errors, variance, seconds=120.0, seed=0):
+    """White errors of the given standard deviations, shape (E, S, A); returns those of candidates and blend."""
+    rng = np.random.default_rng(seed)
+    count = round(seconds / STEP)
+    shape = errors.shape
+    issued, blended, spread = [], [], []
+    for _ in range(count):
+        reading = np.zeros(shape[2])
+        mean = errors * rng.normal(size=shape)
+        blend.take(reading, mean, np.broadcast_to(variance, shape))
+        covariance = np.broadcast_to(variance, shape)[..., None] * np.eye(shape[2])
+        told, told_covariance = blend.combine(mean, covariance, range(shape[2]))
+        issued.append(mean)
+        blended.append(told)
+        spread.append(np.diagonal(told_covariance, axis1=1, axis2=2))
+    return np.array(issued), np.array(blended), np.array(spread)
+
+
+def test_each_lead_and_axis_goes_to_the_candidate_that_errs_less_there():
+    errors = np.array([[[1.0, 3.0], [1.0, 1.0], [2.0, 1.0]], [[3.0, 1.0], [1.0, 2.0], [1.0, 1.0]]])
+    blend = _blend(axes=2)
+    _run(blend, errors, 1.0)
+    assert blend.weights.sum(axis=0) == pytest.approx(1.0)
+    assert (blend.weights[0] > 0.95).tolist() == [[True, False], [False, True], [False, False]]
+    assert (blend.weights[1] > 0.95).tolist() == [[False, True], [False, False], [True, False]]
+    assert blend.weights[0, 1, 0] == pytest.approx(0.5, abs=0.45)
+
+
+@settings(max_examples=5)
+@given(ratio=st.floats(0.1, 10.0), seed=st.integers(0, 100))
+def test_the_blend_is_hardly_worse_than_the_better_one(ratio, seed):
+    errors = np.array([1.0, ratio])[:, None, None] * np.ones((2, 3, 1))
+    issued, blended, _ = _run(_blend(), errors, 1.0, 60.0, seed)
+    settled = slice(300, None)
+    ours = np.sqrt((blended[settled] ** 2).mean(axis=0))
+    each = np.sqrt((issued[settled] ** 2).mean(axis=0))
+    assert (ours < 1.05 * each.min(axis=0)).all()
+
+
+def test_luck_in_the_first_errors_decides_nothing():
+    weights = error_weights(np.array([1e-12, 1.0])[:, None, None], np.array([[0.1]]), np.ones((2, 1, 1)))
+    assert weights.sum() == pytest.approx(1.0)
+    blend = _blend()
+    for _ in range(7):
+        blend.take(np.array([0.0]), np.array([1e-9, 1.0])[:, None, None] * np.ones((2, 3, 1)), np.ones((2, 3, 1)))
+    for _ in range(100):
+        blend.take(np.array([0.0]), np.array([2.0, 1.0])[:, None, None] * np.ones((2, 3, 1)), np.ones((2, 3, 1)))
+    assert (blend.weights[1] > 0.9).all()
+
+
+def test_the_prior_decides_between_equals():
+    blend = _blend((1.0, 0.2))
+    for _ in range(50):
+        blend.take(np.array([0.0]), np.ones((2, 3, 1)), np.ones((2, 3, 1)))
+    assert blend.weights[0] == pytest.approx(1.0 / 1.2)
+
+
+def test_a_candidate_without_a_forecast_has_no_weight_and_comes_in_unproven():
+    blend = _blend()
+    absent = np.concatenate([np.full((1, 3, 1), np.nan), np.ones((1, 3, 1))])
+    for _ in range(600):
+        blend.take(np.array([0.0]), absent, np.ones((2, 3, 1)))
+    mean, covariance = blend.combine(absent, np.ones((2, 3, 1, 1)), [0])
+    assert mean == pytest.approx(1.0) and np.isfinite(covariance).all()
+    assert (blend.weights[0] < 0.25).all()
+    for _ in range(300):
+        blend.take(np.array([0.0]), np.array([0.5, 1.0])[:, None, None] * np.ones((2, 3, 1)), np.ones((2, 3, 1)))
+    assert (blend.weights[0] > 0.9).all()
+    nothing = np.full((2, 3, 1), np.nan)
+    blend.take(np.array([0.0]), nothing, nothing)
+    assert np.isnan(blend.combine(nothing, nothing[..., None], [0])[0]).all()
+
+
+def test_a_refitted_candidate_is_not_held_to_what_its_last_model_did():
+    blend = _blend()
+    for _ in range(600):
+        blend.take(np.array([0.0]), np.array([100.0, 1.0])[:, None, None] * np.ones((2, 3, 1)), np.ones((2, 3, 1)))
+    before = blend.mean_square.copy()
+    blend.renew(0)
+    assert blend.mean_square[0] == pytest.approx(1.25 * before[1])
+    blend.renew(1)
+    assert blend.mean_square[1] == pytest.approx(before[1])
+
+
+@pytest.mark.parametrize('told', [0.25, 1.0, 4.0])
+def test_intervals_hold_what_they_say_whatever_the_candidates_say(told):
+    errors = np.ones((1, 3, 1))
+    _, blended, spread = _run(_blend((1.0,)), errors, told, 200.0)
+    held = np.abs(blended[300:]) < 1.645 * np.sqrt(spread[300:])
+    assert held.mean(axis=(0, 2)) == pytest.approx(0.9, abs=0.03)
+
+
+def test_intervals_hold_what_they_say_where_errors_have_wide_tails():
+    rng = np.random.default_rng(3)
+    blend, held = _blend((1.0,)), []
+    for _ in range(4000):
+        mean = rng.standard_t(2.5, size=(1, 3, 1))
+        spread = blend.combine(mean, np.ones((1, 3, 1, 1)), [0])[1][:, 0, 0]
+        held.append(np.abs(mean[0, :, 0]) < 1.645 * np.sqrt(spread))
+        blend.take(np.zeros(1), mean, np.ones((1, 3, 1)))
+    assert np.mean(held[600:]) == pytest.approx(0.9, abs=0.02)
+
+
+def test_intervals_are_of_the_true_angle_not_of_the_reading():
+    """Forecasts without error of a true angle at rest, read with noise of .5; said to err by .3 beside the noise."""
+    rng = np.random.default_rng(0)
+    blend = _blend((1.0,))
+    for _ in range(3000):
+        true = 0.3 * rng.normal(size=(1, 3, 1))
+        blend.take(0.5 * rng.normal(size=1), true, np.full((1, 3, 1), 0.34), 0.25)
+    covariance = blend.combine(np.zeros((1, 3, 1)), np.full((1, 3, 1, 1), 0.34), [0], 0.25)[1]
+    assert covariance[:, 0, 0] == pytest.approx(0.09, rel=0.4)
+
+
+def test_correlations_of_the_targets_survive():
+    blend = _blend((1.0,), axes=2)
+    covariance = np.broadcast_to([[4.0, 1.0], [1.0, 1.0]], (1, 3, 2, 2))
+    combined = blend.combine(np.zeros((1, 3, 2)), covariance, [0, 1])[1]
+    assert combined == pytest.approx(covariance[0])
+
+
+def test_leads_between_steps_are_scored_at_the_nearest():
+    blend = Blend([0.02, 0.1, 0.26, 0.33, 1.0], STEP, 1, (1.0,))
+    assert blend.steps.tolist() == [1, 3, 10]
+    mean, _ = blend.combine(np.arange(5.0).reshape(1, 5, 1), np.ones((1, 5, 1, 1)), [0])
+    assert mean[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_errors_are_of_the_row_that_a_forecast_was_for():
+    """Truth is the row's number, forecast exactly: every error is zero, through gaps too."""
+    blend = _blend((1.0,))
+    row = 0
+    for k in range(200):
+        if k == 100:
+            blend.skip(37)
+            row += 37
+        if k == 150:
+            blend.skip(5000)
+            row += 5000
+        reading = np.array([np.nan if k % 7 == 0 else float(row)])
+        blend.take(reading, (row + blend.steps)[None, :, None].astype(float), np.ones((1, 3, 1)))
+        row += 1
+    assert (blend.mean_square == 0.0).all() and (blend.scale < 0.5).all()
+
+
+@given(st.lists(st.booleans(), min_size=3, max_size=3))
+def test_weights_of_those_present_add_up(present):
+    weights = present_weights(np.array([0.2, 0.0, 0.8]), np.array(present))
+    assert weights.sum() == pytest.approx(float(any(present)))
+    assert (weights[~np.array(present)] == 0.0).all()

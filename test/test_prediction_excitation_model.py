@@ -1,0 +1,170 @@
+"""The sea's moment, learnt from angle and rate: spectra of known seas, closed forms, the filter with and without it."""
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+from scipy.signal import lfilter
+
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.compiled import motion_step
+from swath_sysid.attitude.prediction.excitation_model import (
+    _filtered_covariance,
+    _Hull,
+    autoregression,
+    fit_excitation,
+    moment_spectrum,
+)
+from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullUncertainty
+
+HULL = hull_named('swath-roll').model
+NOISE = 5e-4, 3e-3
+STEP, SAMPLES = 0.1, 10
+PEAK, WIDTH, SIZE = 2.2, 0.25, 0.06
+
+
+def _density(frequency):
+    """Two-sided, of a narrow sea of the given size."""
+    bump = np.exp(-0.5 * ((frequency - PEAK) / WIDTH) ** 2) / (math.sqrt(2.0 * math.pi) * WIDTH)
+    return math.pi * SIZE**2 * bump
+
+
+@pytest.fixture(scope='module')
+def sea():
+    """True angle and rate and the sensor's, at 100 Hz, of the hull in a sea of known spectrum."""
+    rng = np.random.default_rng(3)
+    edges = np.linspace(1.0, 4.0, 301)
+    frequency = edges[:-1] + rng.uniform(size=300) * np.diff(edges)
+    amplitude = np.sqrt(2.0 * _density(frequency) / math.pi * np.diff(edges))
+    phase = rng.uniform(0.0, 2.0 * math.pi, 300)
+    time = 0.01 * (np.arange(42_000) + 0.5)
+    moment = sum(a * np.cos(w * time + p) for a, w, p in zip(amplitude, frequency, phase, strict=True))
+    row, true, state = tuple(HULL.ratios.tolist()), np.empty((time.size, 2)), (0.0, 0.0)
+    for k, held in enumerate(moment.tolist()):
+        true[k] = state
+        _, *state = motion_step(*state, held, 0.01, row, HULL.equation.active, HULL.friction_rate)
+    return true, true + rng.normal(size=true.shape) * NOISE
+
+
+def _request(seen, hull_is_learnt=False):
+    blocks = seen.reshape(-1, SAMPLES, 2).mean(axis=1)
+    variances = [noise**2 / SAMPLES for noise in NOISE]
+    hull = np.zeros(3), np.diag([5e-4, 3e-3, 0.02]) ** 2
+    return ExcitationRequest(HULL, *hull, hull_is_learnt, STEP, *blocks.T.copy(), *variances, SAMPLES)
+
+
+def test_the_spectrum_of_the_moment_is_found_through_the_nonlinear_hull(sea):
+    found = moment_spectrum(_request(sea[1][:30_000]), _Hull.of(HULL, 0.0, 0.0, 0.0))
+    total = np.sum(found.density * np.gradient(found.frequency)) / math.pi
+    assert total == pytest.approx(SIZE**2, rel=0.15)
+    mean = np.sum(found.frequency * found.density) / np.sum(found.density)
+    assert mean == pytest.approx(PEAK, abs=0.1)
+    quiet = found.frequency > 5.0
+    assert np.all(found.density[quiet] < 0.05 * _density(PEAK))
+
+
+def test_the_reduced_moment_has_the_variance_and_the_period_of_the_sea(sea):
+    fit = fit_excitation(_request(sea[1][:30_000]))
+    w = np.linspace(0.2, 6.0, 400)
+    density = fit.moment.spectrum(w)
+    assert fit.moment.variance == pytest.approx(SIZE**2, rel=0.2)
+    assert np.sum(w * density) / np.sum(density) == pytest.approx(PEAK, abs=0.15)
+    assert fit.mean.size == 5 + 2 + fit.moment.size and fit.moment.size <= 22
+
+
+def _run(attitude, true, seen, since):
+    """Errors of the forecasts 1 s ahead, and whether 90 % intervals held, every .1 s."""
+    errors, held = [], []
+    for k in range(since, len(seen)):
+        attitude.observe(0.01, *seen[k].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
+        if k % SAMPLES == 0 and k + 100 < len(true):
+            angle, _, spread = attitude.forecast(np.array([1.0]))
+            errors.append(angle[0] - true[k + 100, 0])
+            held.append(abs(errors[-1]) < 1.645 * math.sqrt(spread[0, 0, 0]))
+    return math.sqrt(np.mean(np.square(errors))) / true[:, 0].std(), np.mean(held)
+
+
+def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(sea):
+    true, seen = sea
+    count = 30_000
+    fit = fit_excitation(_request(seen[:count]))
+    scores = []
+    for learnt in (fit, None):
+        attitude = HullFilter()
+        attitude.set_hull(HULL, HullUncertainty(5e-4))
+        attitude.start(*seen[count - 200].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
+        for sample in seen[count - 199:count].tolist():
+            attitude.observe(0.01, *sample, NOISE[0] ** 2, NOISE[1] ** 2)
+        if learnt is not None:
+            # the last block's middle lies half a step before the last sample
+            attitude.set_excitation(learnt, 0.5 * STEP)
+        scores.append(_run(attitude, true, seen, count))
+        assert attitude.advice() == ()
+    assert scores[0][0] < 0.2 and scores[0][0] < 0.6 * scores[1][0]
+    assert 0.8 < scores[0][1] < 0.97
+
+
+def test_a_fit_taken_up_late_is_the_one_taken_up_at_once(sea):
+    _, seen = sea
+    count = 30_000
+    fit = fit_excitation(_request(seen[:count], hull_is_learnt=True))
+    late, prompt = HullFilter(), HullFilter()
+    for attitude in (late, prompt):
+        attitude.set_hull(HULL)
+        attitude.start(*seen[count - 300].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
+    for k in range(count - 299, count + 100):
+        for attitude in (late, prompt):
+            attitude.observe(0.01, *seen[k].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
+            if k == count - 1 and attitude is prompt:
+                attitude.set_excitation(fit, 0.05)
+    late.set_excitation(fit, 1.05)
+    leads = np.array([0.5, 2.0])
+    assert late.forecast(leads)[0] == pytest.approx(prompt.forecast(leads)[0], abs=2e-4)
+
+
+def test_a_window_that_is_too_short_or_has_gaps_gives_nothing(sea):
+    request = _request(sea[1][:2000])
+    assert fit_excitation(request) is None
+    gappy = _request(sea[1][:30_000])
+    gappy.angle[100] = math.nan
+    assert fit_excitation(gappy) is None
+
+
+def test_the_autoregression_of_an_autoregression_is_itself():
+    covariance = np.array([0.9**k for k in range(7)])
+    coefficients, noise = autoregression(covariance)
+    assert coefficients == pytest.approx([0.9, 0, 0, 0, 0, 0], abs=1e-6)
+    assert noise == pytest.approx(1.0 - 0.81, rel=1e-5)
+    impulse = lfilter([1.0], [1.0, *-coefficients], np.eye(1, 400)[0])
+    assert noise * np.sum(impulse**2) == pytest.approx(1.0, rel=1e-5)
+
+
+def test_the_steady_covariance_solves_riccatis_equation():
+    rng = np.random.default_rng(1)
+    a = 0.9 * np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    q, noise = np.diag(rng.uniform(0.1, 1.0, 6)), (0.2, 0.5)
+    c = np.eye(2, 6)
+    expected = solve_discrete_are(a.T, c.T, q, np.diag(noise))
+    updated = expected - expected @ c.T @ np.linalg.solve(c @ expected @ c.T + np.diag(noise), c @ expected)
+    assert _filtered_covariance(a, q, noise) == pytest.approx(updated, abs=1e-9)
+
+
+@pytest.mark.parametrize('factor', [0.7, 1.3])
+def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
+    _, seen = sea
+    wrong = HULL.from_terms(
+        HULL.equation, {n: v * (factor if n.startswith('s') else 1.0) for n, v in HULL.terms.items()}, axis='roll'
+    )
+    attitude = HullFilter()
+    attitude.set_hull(wrong, HullUncertainty(5e-4, 0.005, 0.01))
+    variances = [noise**2 / SAMPLES for noise in NOISE]
+    blocks = seen.reshape(-1, SAMPLES, 2).mean(axis=1)
+    attitude.start(*blocks[0].tolist(), *variances)
+    for k in range(1, len(blocks)):
+        attitude.observe(STEP, *blocks[k].tolist(), *variances)
+        if k in (1200, 1800, 2400, 3000, 3600):
+            window = blocks[:k + 1]
+            attitude.set_excitation(
+                fit_excitation(attitude.excitation_request(STEP, *window.T.copy(), *variances, SAMPLES))
+            )
+    assert 'model-contradicted' in {advice.code for advice in attitude.advice()}

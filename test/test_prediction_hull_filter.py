@@ -1,0 +1,416 @@
+"""The filter on the hull against independent oracles: matrix exponentials, filterpy, simulated releases."""
+import math
+
+import numpy as np
+import pytest
+from filterpy.kalman import ExtendedKalmanFilter
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp, trapezoid
+from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.stats import multivariate_normal
+
+from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.prediction import hull_filter
+from swath_sysid.attitude.prediction.hull_filter import (
+    HULL_STATES,
+    ExcitationFit,
+    HullFilter,
+    HullFilterSettings,
+    HullUncertainty,
+    supported_level,
+)
+from swath_sysid.attitude.prediction.hull_step import hull_step
+from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
+from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.common.errors import InputError
+
+NAN = math.nan
+ROLL = hull_named('swath-roll').model
+LINEAR = DecayModel.from_terms(equation_named('linear'), {'b1': 0.5, 'r1': 6.0}, trim=0.01, axis='roll')
+ANGLE_NOISE, RATE_NOISE = 5e-4, 3e-3
+VARIANCES = ANGLE_NOISE**2, RATE_NOISE**2
+HULL = tuple(ROLL.ratios.tolist()), ROLL.equation.active, ROLL.friction_rate
+
+
+def swell():
+    """Two resonances and an overdamped part, as a dense state space."""
+    generator = np.array([
+        [0.0, 1.0, 0.0, 0.0, 0.0], [-4.0, -0.3, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -9.0, -0.8, 0.0],
+        [0.1, 0.0, 0.0, 0.0, -1.5],
+    ])  # fmt: skip
+    driven = np.array([0.0, 0.1, 0.0, 0.05, 0.02])
+    stationary = solve_continuous_lyapunov(generator, -np.outer(driven, driven) - 1e-6 * np.eye(5))
+    return generator, np.array([1.0, 0.1, 0.5, 0.0, 0.3]), stationary
+
+
+def in_swell(moment):
+    """A filter that has taken up the moment."""
+    attitude = HullFilter()
+    attitude.set_hull(ROLL, HullUncertainty(5e-4, 0.05, 0.1))
+    hand = attitude.moments[0]
+    whole = joined([hand.scaled(1e-4), moment])
+    spread = np.zeros((HULL_STATES + whole.size,) * 2)
+    spread[:HULL_STATES, :HULL_STATES] = attitude.P[:HULL_STATES, :HULL_STATES]
+    spread[HULL_STATES:, HULL_STATES:] = whole.stationary
+    attitude.set_excitation(ExcitationFit(moment, np.zeros(len(spread)), spread, (1e-4, 1.0)))
+    attitude.start(0.02, 0.0, *VARIANCES)
+    return attitude
+
+
+def test_the_modal_form_has_the_covariance_function_of_the_dense_one():
+    generator, output, stationary = swell()
+    for moment in (
+        ModalMoment.from_continuous(generator, output, stationary),
+        ModalMoment.from_discrete(expm(generator * 0.1), output, stationary, 0.1),
+    ):
+        for lag in (0.0, 0.013, 0.1, 0.7, 5.0):
+            assert moment.output @ moment.transition(lag) @ moment.stationary @ moment.output == pytest.approx(
+                output @ expm(generator * lag) @ stationary @ output, rel=1e-5, abs=1e-8
+            )
+            f = moment.transition(lag)
+            assert np.linalg.eigvalsh(moment.stationary - f @ moment.stationary @ f.T).min() > -1e-9
+
+
+def test_the_modal_form_holds_for_coinciding_poles():
+    generator = np.array([[-2.0, 1.0], [0.0, -2.0]])
+    stationary = solve_continuous_lyapunov(generator, -np.diag([0.0, 1.0]))
+    moment = ModalMoment.from_continuous(generator, np.array([1.0, 0.0]), stationary)
+    assert moment.output @ moment.transition(0.5) @ moment.stationary @ moment.output == pytest.approx(
+        (expm(generator * 0.5) @ stationary)[0, 0], rel=0.01
+    )
+
+
+def test_what_alternates_from_step_to_step_is_forgotten():
+    transition = np.diag([0.9, -0.5])
+    moment = ModalMoment.from_discrete(transition, np.ones(2), np.eye(2), 0.1)
+    assert np.isfinite(moment.stationary).all() and moment.variance == pytest.approx(2.0)
+    assert np.abs(np.linalg.eigvals(moment.transition(0.1))).max() == pytest.approx(0.9)
+
+
+def test_the_spectrum_integrates_to_the_variance():
+    moment = ModalMoment.from_continuous(*swell())
+    w = np.linspace(-200.0, 200.0, 200_001)
+    assert trapezoid(moment.spectrum(w), w) / (2 * np.pi) == pytest.approx(moment.variance, rel=2e-3)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.floats(-0.1, 0.2), st.floats(0.1, 0.3), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0)
+)
+def test_a_step_of_the_hull_solves_its_equation_and_so_do_its_slopes(angle, rate, stiffness, damping, moment):
+    step = 0.005
+
+    def exact(state):
+        x, w, trim, k, d, m = state
+
+        def equation(_, y):
+            still = ROLL.acceleration(y[0] - trim, 0.0)
+            return [y[1], math.exp(k) * still + math.exp(d) * (ROLL.acceleration(y[0] - trim, y[1]) - still) + m]
+
+        return solve_ivp(equation, (0.0, step), [x, w], rtol=1e-10, atol=1e-12).y[:, -1]
+
+    state = np.array([angle, rate, 0.01, stiffness, damping, moment])
+    new_angle, new_rate, to_angle, to_rate = hull_step(*state[:5], moment, 0.0, step, HULL)
+    assert [new_angle, new_rate] == pytest.approx(exact(state), abs=1e-7)
+    for j, small in enumerate(1e-5 * np.eye(6)):
+        slope = (exact(state + small) - exact(state - small)) / 2e-5
+        assert [to_angle[j], to_rate[j]] == pytest.approx(slope, abs=2e-3 * max(1.0, abs(slope).max()))
+
+
+def test_an_uncertain_rate_is_damped_by_the_mean_of_the_damping():
+    step, spread, rate = 1e-3, 0.3, 0.02
+    w = rate + spread * np.random.default_rng(1).normal(size=2_000_000)
+    mean = float(np.mean(ROLL.acceleration(0.0, w)))
+    _, new_rate, *_ = hull_step(0.0, rate, 0.0, 0.0, 0.0, 0.0, spread**2, step, HULL)
+    assert (new_rate - rate) / step == pytest.approx(mean, rel=0.03)
+
+
+def _dense_oracle(moment, step):
+    """F and Q over a step of filterpy's filter for a linear hull, from one matrix exponential (Van Loan 1978)."""
+    n = moment.size
+    generator = np.zeros((4 + n, 4 + n))
+    generator[0, 1] = 1.0
+    generator[1, :3] = -6.0, -0.5, 6.0
+    generator[1, 4:] = moment.output
+    generator[4:, 4:] = moment.generator
+    drive = np.zeros_like(generator)
+    drive[4:, 4:] = -(moment.generator @ moment.stationary + moment.stationary @ moment.generator.T)
+    size = 4 + n
+    whole = expm(np.block([[-generator, drive], [np.zeros((size, size)), generator.T]]) * step)
+    f = whole[size:, size:].T
+    return f, f @ whole[:size, size:]
+
+
+def test_on_a_linear_hull_it_is_filterpys_kalman_filter(monkeypatch):
+    for name in ('LEVEL_INTERVAL', 'MOST_STRAIN'):
+        monkeypatch.setattr(hull_filter, name, math.inf)
+    for name in ('LEAST_STIFFNESS_STD', 'LEAST_DAMPING_STD', 'TRIM_DRIFT', 'SCALE_DRIFT'):
+        monkeypatch.setattr(hull_filter, name, 1e-12)
+    monkeypatch.setattr(hull_filter, 'QUIET', -1.0)
+    attitude = HullFilter(HullFilterSettings(gate_probability=1e-300))
+    attitude.set_hull(LINEAR, HullUncertainty(0.01))
+    attitude.start(0.03, 0.0, *VARIANCES)
+    moment = attitude.moments[0]
+    oracle = ExtendedKalmanFilter(dim_x=4 + moment.size, dim_z=2)
+    oracle.x = np.array([0.03, 0.0, 0.01, 0.0, 0.0, 0.0])
+    oracle.P = np.diag([*VARIANCES, 1e-4, 0.0, 0.0, 0.0])
+    oracle.P[4:, 4:] = moment.stationary
+    oracle.R = np.diag(VARIANCES)
+    rng, rows = np.random.default_rng(1), np.eye(2, 4 + moment.size)
+    steps = rng.choice([0.01, 0.013, 0.03], 300)
+    motion = np.array(simulate(LINEAR, 0.03, 0.0, np.concatenate([[0.0], np.cumsum(steps)]))).T[1:]
+    for step, true in zip(steps, motion, strict=True):
+        oracle.F, oracle.Q = _dense_oracle(moment, step)
+        oracle.predict()
+        seen = true + rng.normal(size=2) * (ANGLE_NOISE, RATE_NOISE)
+        oracle.update(seen, lambda x: rows, lambda x: rows @ x)
+        attitude.observe(step, *seen, *VARIANCES)
+        kept = [0, 1, 2, *range(HULL_STATES, attitude.dim_x)]
+        same = [0, 1, 2, *range(4, 4 + moment.size)]
+        assert attitude.x[kept[:3]] == pytest.approx(oracle.x[same[:3]], abs=1e-4)
+    assert attitude.P[:2, :2] == pytest.approx(oracle.P[:2, :2], rel=0.03)
+
+
+@pytest.mark.skipif(not HAS_NUMBA, reason='without numba both are filterpy')
+def test_the_compiled_step_is_filterpys(monkeypatch):
+    moment = ModalMoment.from_continuous(*swell())
+    compiled, plain = in_swell(moment), in_swell(moment)
+    rng, now = np.random.default_rng(2), 0.0
+    for k in range(300):
+        step = float(rng.choice([0.01, 0.04, 0.1, 0.35]))
+        now += step
+        motion = np.array([0.03 * math.sin(2.0 * now), 0.06 * math.cos(2.0 * now)])
+        motion += rng.normal(size=2) * (ANGLE_NOISE, RATE_NOISE)
+        seen = [value if rng.random() > 0.2 else NAN for value in motion.tolist()]
+        monkeypatch.setattr(hull_filter, 'HAS_NUMBA', True)
+        first = compiled.observe(step, *seen, *VARIANCES)
+        ahead = compiled.forecast(np.array([0.1, 0.5, 3.0])) if k % 50 == 0 else None
+        monkeypatch.setattr(hull_filter, 'HAS_NUMBA', False)
+        second = plain.observe(step, *seen, *VARIANCES)
+        assert first.nis == pytest.approx(second.nis, rel=1e-6, nan_ok=True)
+        assert compiled.x == pytest.approx(plain.x, rel=1e-7, abs=1e-10)
+        assert compiled.P == pytest.approx(plain.P, rel=1e-6, abs=1e-11)
+        if ahead is not None:
+            for a, b in zip(ahead, plain.forecast(np.array([0.1, 0.5, 3.0])), strict=True):
+                assert a == pytest.approx(b, rel=1e-6, abs=1e-10)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.tuples(
+    st.floats(0.001, 3.0), st.floats(-6.0, 6.0) | st.just(NAN), st.floats(-30.0, 30.0) | st.just(NAN)
+), min_size=1, max_size=40))  # fmt: skip
+def test_whatever_is_measured_the_covariance_stays_one(samples):
+    attitude = in_swell(ModalMoment.from_continuous(*swell()))
+    for elapsed, angle, rate in samples:
+        attitude.observe(elapsed, angle, rate, *VARIANCES)
+        assert np.isfinite(attitude.x).all() and np.isfinite(attitude.P).all()
+        deviation = np.sqrt(np.diag(attitude.P))
+        assert np.linalg.eigvalsh(attitude.P / np.outer(deviation + 1e-30, deviation + 1e-30)).min() > -1e-6
+    angle, rate, covariance = attitude.forecast(np.array([0.1, 1.0, 5.0]))
+    assert np.isfinite(angle + rate).all() and (covariance[:, 0, 0] > 0.0).all()
+
+
+def test_the_log_likelihood_is_that_of_the_innovation():
+    attitude = in_swell(ModalMoment.from_continuous(*swell()))
+    angle, rate, *spread = attitude.ahead(0.1)
+    expected = np.array([[spread[0], spread[1]], [spread[1], spread[2]]]) + np.diag(VARIANCES)
+    found = attitude.observe(0.1, 0.021, -0.005, *VARIANCES)
+    assert found.measured == 2
+    assert found.log_likelihood == pytest.approx(
+        multivariate_normal([angle, rate], expected).logpdf([0.021, -0.005]), rel=1e-9
+    )
+
+
+@given(st.integers(1, 4), st.integers(0, 1000))
+@settings(max_examples=40, deadline=None)
+def test_the_evidence_for_a_smaller_moment_is_the_integral_of_its_posterior(size, seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(size, size)) + 2.0 * np.eye(size)
+    prior = root @ root.T
+    noise = np.diag(np.exp(rng.uniform(-6.0, 1.0, size)))
+    seen = 0.1 * rng.normal(size=size)
+    gain = prior @ np.linalg.inv(prior + noise)
+    factor, evidence, of_a_quarter = supported_level(gain @ seen, prior - gain @ prior, prior)
+
+    def log_likelihood(level):
+        return multivariate_normal(np.zeros(size), level * prior + noise).logpdf(seen)
+
+    assert of_a_quarter == pytest.approx(log_likelihood(0.25) - log_likelihood(1.0), abs=1e-5)
+    assert evidence == pytest.approx(log_likelihood(factor) - log_likelihood(1.0), abs=1e-5)
+
+
+def test_hulls_of_which_less_is_known_forecast_wider(monkeypatch):
+    monkeypatch.setattr(hull_filter, 'MARKOV_STD', 1e-3)
+    spreads = []
+    for uncertainty in (HullUncertainty(1e-4), HullUncertainty(0.02, 0.25, 0.5)):
+        attitude = HullFilter()
+        attitude.set_hull(ROLL, uncertainty)
+        attitude.start(0.1, 0.0, *VARIANCES)
+        spreads.append(np.sqrt(attitude.forecast(np.array([0.5, 1.0, 2.5]))[2][:, 0, 0]))
+    assert np.all(spreads[1] > 1.1 * spreads[0])
+
+
+def test_the_identified_covariance_becomes_the_uncertainty_of_the_scales():
+    terms = LINEAR.equation.terms
+    covariance = np.diag([(0.2 * LINEAR.terms[name]) ** 2 for name in terms])
+    known = HullUncertainty.of(IdentifiedModel(LINEAR, covariance, trim_std=1e-3))
+    assert known == pytest.approx((1e-3, 0.2, 0.2))
+
+
+def _released(seed, model=ROLL, hold=1.0, angle=0.087):
+    noise = SensorNoise(ANGLE_NOISE, RATE_NOISE)
+    craft = SimulatedCraft(CraftSettings(model, angle, noise=noise, seed=seed, hold=hold))
+    roll = model.axis == 'roll'
+
+    def reading():
+        seen = craft.next_reading()
+        return (seen.roll, seen.roll_rate) if roll else (seen.pitch, seen.pitch_rate)
+
+    return craft, reading
+
+
+@pytest.mark.parametrize('name', ['swath-roll', 'swath-pitch', 'swath-usv-pitch', 'hydrofoil-pitch'])
+def test_the_first_release_is_forecast_one_period_ahead(name):
+    model = hull_named(name).model
+    angle = math.radians(2.0 if name == 'hydrofoil-pitch' else 5.0)
+    errors, held, period = [], [], model.natural_period
+    for seed in range(3):
+        craft, reading = _released(seed, model, angle=angle)
+        attitude = HullFilter()
+        attitude.set_hull(model)
+        attitude.start(*reading(), *VARIANCES)
+        for _ in range(150):
+            attitude.observe(0.01, *reading(), *VARIANCES)
+        lets_go = craft.release()
+        for _ in range(round(100 * (lets_go + 0.3))):
+            attitude.observe(0.01, *reading(), *VARIANCES)
+        truth = simulate(model, angle, 0.0, np.arange(0.0, 12.0, 0.01))[0]
+        for k in range(30, 800):
+            if k % 10 == 0:
+                told, _, spread = attitude.forecast(np.array([period]))
+                error = told[0] - np.interp(0.01 * k + period, np.arange(0.0, 12.0, 0.01), truth)
+                errors.append(error / truth[:1000].std())
+                held.append(abs(error) < 1.645 * math.sqrt(spread[0, 0, 0]))
+            attitude.observe(0.01, *reading(), *VARIANCES)
+    assert np.sqrt(np.mean(np.square(errors))) < 0.03
+    assert np.mean(held) > 0.85
+
+
+def test_a_hold_neither_explodes_nor_claims_to_be_known():
+    rng = np.random.default_rng(1)
+    angle = np.concatenate([np.zeros(500), np.full(2000, math.radians(12.0))])
+    attitude = HullFilter()
+    attitude.set_hull(ROLL)
+    attitude.start(0.0, 0.0, *VARIANCES)
+    restarts = 0
+    for k, value in enumerate(angle):
+        noise = rng.normal(size=2) * (ANGLE_NOISE, RATE_NOISE)
+        restarts += attitude.observe(0.01, value + noise[0], noise[1], *VARIANCES).restarted
+        if k > 510 and k % 50 == 0:
+            spread = np.degrees(np.sqrt(attitude.forecast(np.array([0.5, 2.5, 5.0]))[2][:, 0, 0]))
+            assert np.all(spread > 0.5) and np.all(spread < 30.0)
+    assert restarts == 1
+    assert math.degrees(attitude.x[0]) == pytest.approx(12.0, abs=0.1)
+    assert attitude.x[2] == pytest.approx(0.0, abs=2e-3)
+
+
+def _at_rest(attitude, samples=300, seed=1):
+    rng = np.random.default_rng(seed)
+    attitude.set_hull(ROLL)
+    attitude.start(0.0, 0.0, *VARIANCES)
+    for _ in range(samples):
+        attitude.observe(0.01, *(rng.normal(size=2) * (ANGLE_NOISE, RATE_NOISE)).tolist(), *VARIANCES)
+
+
+def test_in_still_water_the_moment_vanishes_and_the_hull_alone_remains():
+    attitude = HullFilter()
+    _at_rest(attitude, 1000)
+    assert attitude.levels[0] < 1e-3
+    forecast = attitude.forecast(np.array([0.5, 2.5]))
+    alone = simulate(ROLL, attitude.x[0] - attitude.x[2], attitude.x[1], np.array([0.0, 0.5, 2.5]))
+    assert forecast[0] == pytest.approx(alone[0][1:] + attitude.x[2], abs=1e-4)
+    assert np.all(forecast[2][:, 0, 0] < math.radians(0.1) ** 2)
+
+
+def test_spikes_are_refused_and_a_sensor_that_insists_is_followed():
+    attitude = HullFilter()
+    _at_rest(attitude)
+    trim = float(attitude.x[2])
+    spike = attitude.observe(0.01, 0.5, 0.0, *VARIANCES)
+    assert spike.rejected and abs(attitude.x[0]) < 1e-3
+    results = [attitude.observe(0.01, 0.5, 0.0, *VARIANCES) for _ in range(4)]
+    assert [r.restarted for r in results] == [False, False, False, True]
+    assert results[-1].advice[0].code == 'gate-restarted'
+    assert attitude.x[0] == pytest.approx(0.5) and attitude.x[2] == trim
+
+
+@pytest.mark.parametrize(('measures_angle', 'bound'), [(True, 2e-3), (False, 8e-3)])
+def test_one_channel_alone_suffices(measures_angle, bound):
+    craft, reading = _released(1)
+    attitude = HullFilter()
+    attitude.set_hull(ROLL)
+    attitude.start(0.0, 0.0, 1e-4, 1e-4)
+    craft.release()
+    for _ in range(1500):
+        angle, rate = reading()
+        attitude.observe(0.01, angle if measures_angle else NAN, NAN if measures_angle else rate, *VARIANCES)
+    assert attitude.x[0] == pytest.approx(craft._state[0], abs=bound)
+    assert attitude.x[1] == pytest.approx(craft._state[1], abs=5 * bound)
+
+
+def test_a_sample_without_values_is_a_gap():
+    parts, whole = HullFilter(), HullFilter()
+    for attitude in (parts, whole):
+        _at_rest(attitude)
+    for _ in range(10):
+        assert parts.observe(0.05, NAN, NAN, *VARIANCES).measured == 0
+    assert parts.forecast(np.array([0.5]))[0] == pytest.approx(whole.forecast(np.array([1.0]))[0], abs=1e-6)
+
+
+def test_looking_ahead_changes_nothing():
+    first, second = HullFilter(), HullFilter()
+    for attitude in (first, second):
+        _at_rest(attitude)
+    for k in range(50):
+        first.ahead(0.01)
+        first.ahead(0.02)
+        first.forecast(np.array([0.1, 1.0]))
+        first.ahead(0.01)
+        for attitude in (first, second):
+            attitude.observe(0.01, 1e-4 * k, 1e-3, *VARIANCES)
+    assert np.array_equal(first.x, second.x) and np.array_equal(first.P, second.P)
+
+
+def test_without_a_hull_the_rate_is_constant():
+    attitude = HullFilter()
+    attitude.start(0.1, 0.2, *VARIANCES)
+    angle, rate, covariance = attitude.forecast(np.array([0.5, 1.0]))
+    assert angle == pytest.approx([0.2, 0.3]) and rate == pytest.approx([0.2, 0.2])
+    assert covariance[1, 0, 0] > covariance[0, 0, 0] > VARIANCES[0]
+
+
+def test_another_hull_leaves_the_motion():
+    attitude = HullFilter()
+    _at_rest(attitude)
+    motion, spread = attitude.x[:2].copy(), attitude.P[:2, :2].copy()
+    attitude.set_hull(LINEAR, HullUncertainty(1e-3, 0.1, 0.2))
+    assert np.array_equal(attitude.x[:2], motion) and np.array_equal(attitude.P[:2, :2], spread)
+    assert attitude.x[2] == LINEAR.trim and np.sqrt(np.diag(attitude.P)[2:5]) == pytest.approx([1e-3, 0.1, 0.2])
+
+
+def test_the_markov_moment_has_its_variance_and_fades():
+    moment = markov_moment(0.25, 0.5)
+    assert moment.variance == pytest.approx(0.25, rel=1e-6)
+    assert abs(moment.output @ moment.transition(4.0) @ moment.stationary @ moment.output) < 1e-3
+
+
+@pytest.mark.parametrize('wrong', [{'gate_probability': 0.5}, {'gate_probability': 0.0}, {'gate_patience': 0}])
+def test_settings_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(InputError):
+        HullFilterSettings(**wrong)

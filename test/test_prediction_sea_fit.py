@@ -1,0 +1,138 @@
+"""What is learnt of the sea: a request as data, a pure function, a result without holes."""
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.prediction.forecaster import CHANNELS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import (
+    LONGEST_FILLED,
+    SEA_MODELS,
+    SeaRequest,
+    fit_sea,
+    newest_stretch,
+    warm_up,
+)
+
+STEP = 0.1
+
+
+def waves(count):
+    """Channels of many sines and a little noise, shape (N, C)."""
+    rng, channels = np.random.default_rng(0), len(CHANNELS)
+    frequency = rng.uniform(1.2, 4.0, 40)
+    angle = np.multiply.outer(STEP * np.arange(count), frequency)[:, None] + rng.uniform(0.0, 6.0, (channels, 40))
+    return 0.01 * np.cos(angle).sum(-1) + rng.normal(0.0, 1e-3, (count, channels))
+
+
+@pytest.mark.parametrize(('count', 'absent', 'missing'), [
+    (0, (), 0.0), (1, (), 0.0), (40, (), 0.0), (80, (), 0.0), (300, (), 0.0), (900, (), 0.0), (900, (1, 3), 0.0),
+    (900, (0, 2), 0.0), (900, (4, 5, 6, 7, 8), 0.0), (900, (), 0.05), (900, (), 0.6), (900, tuple(range(9)), 0.0),
+])
+def test_what_cannot_be_learnt_is_left_out_and_the_rest_is_sound(count, absent, missing):
+    values = waves(count)
+    values[:, absent] = math.nan
+    values[np.random.default_rng(1).uniform(size=count) < missing] = math.nan
+    before = values.copy()
+    fit = fit_sea(SeaRequest(12.5, STEP, CHANNELS, values))
+    np.testing.assert_array_equal(values, before)
+    assert fit.time == 12.5 and fit.excitations == {}
+    assert set(fit.waves) <= set(SEA_MODELS) and None not in fit.waves.values()
+    for model in fit.waves.values():
+        matrices = [np.asarray(part) for part in (model.a, model.k, model.c)]
+        assert all(np.isfinite(part).all() for part in matrices)
+        assert not {CHANNELS[place] for place in absent} & set(model.channels)
+        assert abs(np.linalg.eigvals(model.a)).max() <= 1.0 + 1e-9
+    if count >= 900 and len(absent) < len(CHANNELS) and missing < 0.5:
+        assert set(fit.waves) == set(SEA_MODELS)
+    if count < 2 or len(absent) == len(CHANNELS):
+        assert fit.waves == {}
+
+
+def test_values_that_do_not_change_teach_nothing_and_break_nothing():
+    for values in (np.zeros((900, len(CHANNELS))), np.ones((900, len(CHANNELS)))):
+        fit = fit_sea(SeaRequest(1.0, STEP, CHANNELS, values))
+        assert all(np.isfinite(np.asarray(model.a)).all() for model in fit.waves.values())
+
+
+def test_the_same_request_gives_the_same_fit():
+    one, other = (fit_sea(SeaRequest(1.0, STEP, CHANNELS, waves(600))) for _ in range(2))
+    assert one.waves.keys() == other.waves.keys() and one.waves
+    for name in one.waves:
+        np.testing.assert_array_equal(one.waves[name].a, other.waves[name].a)
+
+
+def test_a_hull_is_asked_for_its_moment_and_gets_it():
+    """The request of a forecaster that knows a hull; the axis without one is not asked for."""
+    forecaster, values = Forecaster(ForecasterSettings(leads=(0.5,), horizon=0.5)), waves(400)
+    forecaster.set_model('roll', IdentifiedModel.exactly(hull_named('swath-roll').model))
+    asked = [
+        observed.sea_request
+        for number, row in enumerate(values.tolist())
+        if (observed := forecaster.observe(
+            CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7), STEP * number, STEP if number else None
+        )).sea_request is not None
+    ]  # fmt: skip
+    assert asked and set(asked[-1].excitations) == {'roll'} and asked[-1].names == CHANNELS
+    assert asked[-1].step == pytest.approx(STEP) and asked[-1].values.shape[1] == len(CHANNELS)
+    fit = fit_sea(asked[-1])
+    assert set(fit.excitations) == {'roll'} and fit.excitations['roll'] is not None
+
+
+def test_the_warm_up_runs():
+    warm_up()
+
+
+# -- the newest stretch
+
+def stretch_of(channels, step):
+    """The same by looking at every sample in turn, backwards."""
+    count = len(channels[0])
+    measured = [any(value == value for value in channel) for channel in channels]
+    if not any(measured):
+        return [[] for _ in channels]
+    used = [channel for channel, is_measured in zip(channels, measured, strict=True) if is_measured]
+    known = [number for number in range(count) if all(channel[number] == channel[number] for channel in used)]
+    stretch = []
+    for number in reversed(known):
+        if stretch and (stretch[-1] - number) * step > LONGEST_FILLED:
+            break
+        stretch.append(number)
+    if not stretch:
+        return [[] for _ in channels]
+    stretch.reverse()
+    filled = []
+    for channel, is_measured in zip(channels, measured, strict=True):
+        row = []
+        for first, second in zip(stretch, stretch[1:], strict=False):
+            for number in range(first, second):
+                share = (number - first) / (second - first)
+                row.append((1.0 - share) * channel[first] + share * channel[second] if is_measured else math.nan)
+        row.append(channel[stretch[-1]] if is_measured else math.nan)
+        filled.append(row)
+    return filled
+
+
+@given(st.integers(0, 40).flatmap(lambda n: st.lists(
+    st.lists(st.one_of(st.just(math.nan), st.floats(-1.0, 1.0)), min_size=n, max_size=n), min_size=2, max_size=2,
+)))
+def test_the_newest_stretch_is_that_of_looking_backwards(channels):
+    step = LONGEST_FILLED / 4.5
+    found = newest_stretch(np.array(channels, dtype=float), step)
+    wanted = np.array(stretch_of(channels, step), dtype=float).reshape(2, -1)
+    assert found.shape == wanted.shape
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
+
+
+def test_a_short_gap_is_filled_and_a_long_one_ends_the_stretch():
+    channels = np.arange(100.0)[None] * np.array([[1.0], [-2.0]])
+    short, long = channels.copy(), channels.copy()
+    short[:, 40:50] = math.nan
+    long[:, 40:70] = math.nan
+    np.testing.assert_allclose(newest_stretch(short, STEP), channels)
+    np.testing.assert_allclose(newest_stretch(long, STEP), channels[:, 70:])

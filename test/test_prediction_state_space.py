@@ -1,0 +1,234 @@
+"""The state space in innovations form against filterpy's Kalman filter, closed forms and long pasts."""
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import block_diag, solve_discrete_lyapunov
+
+from swath_sysid.attitude.prediction.state_space import (
+    InnovationsFilter,
+    InnovationsModel,
+    cubic_weights,
+    first_complete,
+    side_by_side,
+)
+
+STEP = 0.1
+
+
+def _model(seed=0, states=4, channels=('roll', 'pitch', 'heave'), places=None):
+    """A stable, invertible system at random."""
+    rng = np.random.default_rng(seed)
+    count = len(channels)
+    c = rng.normal(size=(count, states))
+    closed = rng.normal(size=(states, states))
+    closed *= 0.8 / np.abs(np.linalg.eigvals(closed)).max()
+    k = 0.1 * rng.normal(size=(states, count))
+    a = closed + k @ c
+    if np.abs(np.linalg.eigvals(a)).max() > 0.97:
+        return _model(seed + 100, states, channels, places)
+    root = rng.normal(size=(count, count))
+    s = root @ root.T + 0.1 * np.eye(count)
+    prior = solve_discrete_lyapunov(a, k @ s @ k.T)
+    return InnovationsModel(
+        channels, tuple(range(count)) if places is None else places, STEP, rng.normal(size=count),
+        rng.uniform(0.5, 2.0, count), a, k, c, s, prior,
+    )  # fmt: skip
+
+
+def _rows(model, count, seed=1):
+    rng = np.random.default_rng(seed)
+    root, x = np.linalg.cholesky(model.s), np.zeros(model.a.shape[0])
+    rows = []
+    for _ in range(count):
+        e = root @ rng.normal(size=len(model.channels))
+        rows.append(model.mean + model.scale * (model.c @ x + e))
+        x = model.a @ x + model.k @ e
+    return np.array(rows)
+
+
+class Oracle:
+    """The same system with the innovation as part of the state, so that filterpy's noises are independent."""
+
+    def __init__(self, model):
+        states, count = model.k.shape
+        self.model = model
+        self.kf = KalmanFilter(dim_x=states + count, dim_z=count)
+        self.kf.F = np.block([[model.a, model.k], [np.zeros((count, states + count))]])
+        self.kf.Q = block_diag(np.zeros((states, states)), model.s)
+        self.kf.x = np.zeros((states + count, 1))
+        self.kf.P = block_diag(model.prior, model.s)
+        self.h = np.hstack([model.c, np.eye(count)])
+
+    def step(self, row):
+        """Update with the new row, then predict the next."""
+        z = (row - self.model.mean) / self.model.scale
+        seen = np.isfinite(z)
+        if seen.any():
+            noise = 1e-12 * np.eye(seen.sum())
+            self.kf.dim_z = int(seen.sum())
+            self.kf._I = np.eye(self.kf.dim_x)
+            self.kf.update(z[seen][:, None], R=noise, H=self.h[seen])
+        self.kf.predict()
+
+    def ahead(self, steps):
+        x, p = self.kf.x.copy(), self.kf.P.copy()
+        for _ in range(steps - 1):
+            x, p = self.kf.F @ x, self.kf.F @ p @ self.kf.F.T + self.kf.Q
+        unit = np.diag(self.model.scale)
+        return self.model.mean + self.model.scale * (self.h @ x)[:, 0], unit @ self.h @ p @ self.h.T @ unit
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 50), lost=st.floats(0.0, 0.6))
+def test_lost_channels_and_samples_are_filterpys_kalman_update(seed, lost):
+    model = _model(seed)
+    rows = _rows(model, 60, seed)
+    rows[np.random.default_rng(seed).uniform(size=rows.shape) < lost] = np.nan
+    ours, oracle = InnovationsFilter(model, model.channels, 1.0), Oracle(model)
+    for row in rows:
+        ours.step(row)
+        oracle.step(row)
+    means, covariances = ours.forecast(np.array([0.1, 0.5, 1.0]))
+    for steps, mean, covariance in zip((1, 5, 10), means, covariances, strict=True):
+        wanted = oracle.ahead(steps)
+        # a state that is nearly known is taken as known
+        assert mean == pytest.approx(wanted[0], abs=0.05)
+        assert covariance == pytest.approx(wanted[1], rel=2e-3, abs=1e-3)
+
+
+def test_a_forecast_while_nothing_comes_grows_to_the_motions_own_spread():
+    model = _model(3)
+    ours = InnovationsFilter(model, model.channels, 1.0)
+    ours.seed(_rows(model, 300))
+    nothing = np.full(3, np.nan)
+    spread = []
+    for _ in range(400):
+        ours.step(nothing)
+        spread.append(np.diagonal(ours.forecast([0.1])[1][0]))
+    own = model.scale**2 * np.diag(model.c @ model.prior @ model.c.T + model.s)
+    assert spread[-1] == pytest.approx(own, rel=1e-6)
+    assert (np.diff(spread, axis=0) > -1e-9).all()
+    assert ours.forecast([0.5])[0][0] == pytest.approx(model.mean, abs=1e-4)
+
+
+@pytest.mark.parametrize('count', [1, 3, 4, 5, 17, 128])
+def test_a_long_gap_is_as_many_missing_rows(count):
+    model = _model(4)
+    stepped, skipped = (InnovationsFilter(model, model.channels, 1.0) for _ in range(2))
+    for each in (stepped, skipped):
+        each.seed(_rows(model, 200))
+    for _ in range(count):
+        stepped.step(np.full(3, np.nan))
+    skipped.skip(count)
+    for ours, wanted in zip(skipped.forecast([0.1, 0.25, 1.0]), stepped.forecast([0.1, 0.25, 1.0]), strict=True):
+        assert ours == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+
+
+def test_after_complete_rows_the_state_is_known_again():
+    model = _model(5)
+    rows = _rows(model, 300)
+    broken, whole = (InnovationsFilter(model, model.channels, 1.0) for _ in range(2))
+    whole.seed(rows)
+    rows[100:120] = np.nan
+    broken.seed(rows)
+    assert broken.settled and whole.settled
+    assert broken.forecast([0.5])[0] == pytest.approx(whole.forecast([0.5])[0], abs=1e-3)
+
+
+def test_between_whole_steps_a_forecast_is_smooth():
+    assert cubic_weights(np.array([0.0, 1.0])).tolist() == [[0, 1, 0, 0], [0, 0, 1, 0]]
+    part = np.linspace(0.0, 1.0, 7)
+    cubic = np.poly1d([0.3, -1.0, 2.0, 0.5])
+    assert cubic_weights(part) @ cubic(np.arange(-1, 3)) == pytest.approx(cubic(part))
+
+
+def _pendulum(period=1.0):
+    """A known oscillation: its rate is the derivative of the angle."""
+    w = 2 * np.pi / period
+    turn = np.array([[np.cos(w * STEP), np.sin(w * STEP)], [-np.sin(w * STEP), np.cos(w * STEP)]])
+    k = turn @ np.array([[0.5], [0.1]])
+    return w, InnovationsModel(
+        ('roll',), (0,), STEP, np.zeros(1), np.ones(1), turn, k, np.array([[1.0, 0.0]]), 1e-6 * np.eye(1), np.eye(2))
+
+
+def test_age_is_added_to_the_lead_and_a_rate_is_the_difference_of_an_angle_that_has_none():
+    w, model = _pendulum()
+    ours = InnovationsFilter(model, ('roll', 'roll_rate', 'yaw'), 1.0)
+    time = np.arange(0.0, 20.0, STEP)
+    ours.seed(np.sin(w * time)[:, None])
+    leads, age = np.array([0.0, 0.3, 0.8]), 0.03
+    mean, covariance = ours.forecast(leads, age)
+    then = time[-1] + age + leads
+    assert mean[:, 0] == pytest.approx(np.sin(w * then), abs=0.003)
+    assert mean[:, 1] == pytest.approx(w * np.cos(w * then), abs=0.04 * w)
+    assert np.isnan(mean[:, 2]).all()
+    assert np.isnan(covariance[:, 2]).all() and np.isfinite(covariance[:, :2, :2]).all()
+
+
+def test_the_rates_covariance_is_that_of_the_difference():
+    """Against simulated futures of one system, from the same state."""
+    model = _model(6, channels=('roll',), states=3)
+    ours = InnovationsFilter(model, ('roll', 'roll_rate'), 1.0)
+    ours.seed(_rows(model, 300))
+    mean, covariance = ours.forecast([0.5])
+    rng = np.random.default_rng(0)
+    runs, state = 40000, np.tile(ours._x, (40000, 1))
+    path = []
+    for _ in range(7):
+        e = np.sqrt(model.s[0, 0]) * rng.normal(size=(runs, 1))
+        path.append(model.mean + model.scale * (state @ model.c.T + e))
+        state = state @ model.a.T + e @ model.k.T
+    path = np.array(path)[..., 0]
+    rate = (path[2] - 8 * path[3] + 8 * path[5] - path[6]) / (12 * STEP)
+    sample = np.cov(path[4], rate)
+    assert covariance[0] == pytest.approx(sample, rel=0.05, abs=0.03 * sample.max())
+    assert mean[0] == pytest.approx([path[4].mean(), rate.mean()], abs=0.1)
+
+
+def test_a_break_in_the_motion_voids_the_past():
+    model = _model(7)
+    rows = _rows(model, 400)
+    jump = rows.copy()
+    jump[300:] += 100.0 * model.scale
+    ours, fresh = (InnovationsFilter(model, model.channels, 1.0) for _ in range(2))
+    ours.seed(jump[:301])
+    fresh.seed(jump[300:301])
+    assert ours.forecast([0.5])[0] == pytest.approx(fresh.forecast([0.5])[0])
+    assert not ours.settled
+
+
+def test_models_side_by_side_forecast_as_they_do_alone():
+    first, second = _model(8, channels=('roll',), places=(1,)), _model(9, channels=('pitch', 'heave'), places=(2, 0))
+    both = side_by_side([first, second])
+    rows = np.random.default_rng(2).normal(size=(80, 3))
+    rows[40:45, 1] = np.nan
+    filters = [InnovationsFilter(m, ('roll', 'pitch', 'heave'), 1.0) for m in (first, second, both)]
+    for each in filters:
+        each.seed(rows)
+    one, two, whole = (each.forecast([0.3])[0][0] for each in filters)
+    assert whole == pytest.approx([one[0], two[1], two[2]], abs=1e-6)
+    assert both.from_lags is None
+
+
+def test_a_run_of_complete_rows_is_found():
+    complete = np.array([1, 1, 0, 1, 1, 1, 1, 0], dtype=bool)
+    assert [first_complete(complete, count) for count in (1, 2, 3, 4, 5, 9)] == [0, 0, 3, 3, None, None]
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 1000))
+def test_covariances_stay_those_of_something(seed):
+    rng = np.random.default_rng(seed)
+    model = _model(seed % 20)
+    rows = _rows(model, 100, seed)
+    rows[rng.uniform(size=rows.shape) < 0.3] = np.nan
+    ours = InnovationsFilter(model, (*model.channels, 'roll_rate'), 2.0)
+    for row in rows:
+        ours.step(row)
+        if rng.uniform() < 0.1:
+            ours.skip(int(rng.integers(0, 700)))
+            covariance = ours.forecast(rng.uniform(0.1, 1.9, 3), 0.05)[1]
+            assert np.allclose(covariance, covariance.transpose(0, 2, 1), rtol=1e-9, atol=1e-9)
+            assert np.linalg.eigvalsh(covariance).min() > -1e-7 * covariance.max()

@@ -1,0 +1,199 @@
+"""Canonical variate analysis against direct sums, systems whose best forecast is known, and measured records."""
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from swath_sysid.attitude.prediction.oscillator import angle_statistics, oscillators
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter
+from swath_sysid.attitude.prediction.variate_analysis import (
+    broken,
+    fill_short_gaps,
+    identify,
+    identify_alone,
+    lag_gram,
+    useful_channels,
+    whole_lags,
+    without_breaks,
+)
+
+STEP = 0.1
+NAMES = ('roll', 'pitch')
+
+
+def _sea(count, seed=0):
+    """Two coupled oscillations of autoregressive waves; the innovations have unit variance."""
+    rng = np.random.default_rng(seed)
+    e = rng.normal(size=(count, 2))
+    y = np.zeros((count, 2))
+    first = np.array([[1.80, 0.05], [-0.04, 1.70]])
+    second = np.array([[-0.90, 0.0], [0.02, -0.85]])
+    for t in range(2, count):
+        y[t] = first @ y[t - 1] + second @ y[t - 2] + e[t]
+    return y[100:] + [3.0, -5.0], e[100:], first, second
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 1000), lost=st.sampled_from([0.0, 0.02, 0.2, 0.9]), count=st.integers(2, 9))
+def test_the_gram_matrix_is_the_sum_over_complete_lags(seed, lost, count):
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(120, 3))
+    rows[rng.uniform(size=120) < lost, rng.integers(0, 3)] = np.nan
+    lags = np.column_stack([rows[count - 1 - k:rows.shape[0] - k] for k in range(count)])
+    lags = lags[np.isfinite(lags).all(axis=1)]
+    gram, used = lag_gram(rows, count)
+    assert used == len(lags)
+    assert np.allclose(gram, lags.T @ lags, atol=1e-9)
+
+
+def test_a_known_system_is_forecast_as_well_as_can_be():
+    y, e, first, second = _sea(9100)
+    model = identify(y[:6000], NAMES, STEP)
+    assert model.channels == NAMES
+    innovations = model.scale[:, None] * model.s * model.scale
+    assert innovations == pytest.approx(np.eye(2), abs=0.06)
+    ours = InnovationsFilter(model, NAMES, 1.0)
+    ours.seed(y[5500:6000])
+    errors, best = [], []
+    for t in range(6000, 8990):
+        ours.step(y[t])
+        one, two = y[t] - [3.0, -5.0], y[t - 1] - [3.0, -5.0]
+        for _ in range(5):
+            one, two = first @ one + second @ two, one
+        errors.append(ours.forecast([0.5])[0][0] - y[t + 5])
+        best.append(one + [3.0, -5.0] - y[t + 5])
+    assert (np.std(errors, axis=0) < 1.02 * np.std(best, axis=0)).all()
+    covered = np.abs(errors) < 1.645 * np.sqrt(np.diagonal(ours.forecast([0.5])[1][0]))
+    assert covered.mean() == pytest.approx(0.9, abs=0.02)
+
+
+def test_the_state_from_lags_is_that_of_a_long_past():
+    y, *_ = _sea(4100)
+    model = identify(y, NAMES, STEP)
+    long, short = (InnovationsFilter(model, NAMES, 1.0) for _ in range(2))
+    long.seed(y[-1500:])
+    short.seed(y[-model.lags:])
+    spread = np.sqrt(np.diagonal(long.forecast([0.1])[1][0]))
+    assert np.abs(long.forecast([0.1])[0] - short.forecast([0.1])[0]).max() < 0.1 * spread.min()
+
+
+def test_channels_that_say_nothing_are_left_out():
+    y, *_ = _sea(3000)
+    rare = np.where(np.random.default_rng(0).uniform(size=y.shape[0]) < 0.3, y[:, 0], np.nan)
+    values = np.column_stack([np.full(y.shape[0], 2.0), y[:, 0], rare, np.full(y.shape[0], np.nan), y[:, 1]])
+    assert useful_channels(values) == [1, 4]
+    model = identify(values, ('draft', 'roll', 'heave', 'yaw', 'pitch'), STEP)
+    assert (model.channels, model.places) == (('roll', 'pitch'), (1, 4))
+    ours = InnovationsFilter(model, NAMES, 1.0)
+    ours.seed(values[-100:])
+    assert ours.settled and np.isfinite(ours.forecast([0.5])[0]).all()
+
+
+@pytest.mark.parametrize('values', [
+    np.zeros((0, 2)), np.zeros((500, 2)), np.full((500, 2), np.nan), _sea(120)[0][:8],
+])  # fmt: skip
+def test_too_little_gives_no_model(values):
+    assert identify(values, NAMES, STEP) is None
+    assert identify_alone(values, NAMES, STEP, NAMES) is None
+
+
+def test_a_channel_twice_does_not_break_it():
+    y, *_ = _sea(3000)
+    model = identify(np.column_stack([y, y[:, 0]]), (*NAMES, 'copy'), STEP)
+    assert model is None or np.isfinite(model.a).all()
+
+
+def test_each_angle_alone_reads_only_itself_and_its_rate():
+    y, *_ = _sea(3000)
+    values = np.column_stack([y, np.gradient(y[:, 1]) / STEP + np.random.default_rng(1).normal(size=len(y))])
+    model = identify_alone(values, (*NAMES, 'pitch_rate'), STEP, NAMES)
+    assert model.places == (0, 1, 2) and model.channels == (*NAMES, 'pitch_rate')
+    states = model.c[0].nonzero()[0]
+    assert not model.k[states][:, 1:].any()
+    ours = InnovationsFilter(model, NAMES, 1.0)
+    ours.seed(values[-400:])
+    assert ours.settled
+
+
+def test_where_every_tenth_row_is_lost_there_is_still_a_model():
+    y, *_ = _sea(6100)
+    lost = y.copy()
+    lost[::10] = np.nan
+    assert not whole_lags(np.isfinite(lost).all(axis=1), 20).any()
+    assert broken(lost, STEP) and not broken(y, STEP)
+    filled = fill_short_gaps(lost - y.mean(axis=0))
+    inner = slice(10, -10, 10)
+    # the best two-sided interpolation of this system leaves less than the innovations
+    assert np.std(filled[inner] - y[inner] + y.mean(axis=0), axis=0).max() < 0.8
+    model = identify(lost, NAMES, STEP)
+    whole = identify(y, NAMES, STEP)
+    assert model.lags == whole.lags
+    assert model.scale[:, None] * model.s * model.scale == pytest.approx(np.eye(2), abs=0.15)
+
+
+def test_a_spike_and_a_join_are_missing_rows():
+    y, *_ = _sea(2100)
+    y[500] += 2000.0
+    y[1000:] += 2000.0
+    missing = np.flatnonzero(~np.isfinite(without_breaks(y)).all(axis=1))
+    assert {500, 1000} <= set(missing) and missing.size < 10
+    assert np.array_equal(without_breaks(y[:400]), y[:400])
+
+
+def _nrmse(values, names, start, stop, leads, step):
+    """Identified on the past, once a minute, with forecasts at every row."""
+    errors = []
+    for t in range(start, stop):
+        if (t - start) % round(60.0 / step) == 0:
+            ours = InnovationsFilter(identify(values[:t], names, step), NAMES, leads[-1])
+            ours.seed(values[t - round(30.0 / step):t])
+        ours.step(values[t])
+        errors.append(ours.forecast(leads)[0] - values[t + np.round(leads / step).astype(int), :2])
+    return np.sqrt(np.nanmean(np.square(errors), axis=0)) / np.nanstd(values[start:, :2], axis=0)
+
+
+def test_a_buoy_is_forecast_as_measured(data_folder):
+    d = np.genfromtxt(data_folder / 'waves' / 'morro_buoy.csv', delimiter=',', names=True)
+    columns = ('roll_deg', 'pitch_deg', *(f'gyro_{c}_deg_s' for c in 'xyz'), *(f'accel_{c}_m_s2' for c in 'xyz'))
+    values = np.column_stack([d[c] for c in columns])
+    names = (*NAMES, 'gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
+    nrmse = _nrmse(values, names, 6000, 9000, np.array([0.1, 0.5, 1.0, 2.0]), 0.1)
+    assert (nrmse[:, 0] < [0.0028, 0.0425, 0.195, 0.62]).all()
+    assert (nrmse[:, 1] < [0.0028, 0.036, 0.23, 0.50]).all()
+
+
+def test_a_ship_at_one_hertz_is_forecast_as_measured(data_folder):
+    d = np.genfromtxt(data_folder / 'waves' / 'nbp1406_ship.csv', delimiter=',', names=True)
+    yaw_rate = np.diff(np.unwrap(np.radians(d['heading_deg'])), prepend=np.nan)
+    values = np.column_stack([d['roll_deg'], d['pitch_deg'], yaw_rate, d['heave_m']])
+    leads = np.array([1.0, 2.0, 3.0, 5.0])
+    nrmse = _nrmse(values, (*NAMES, 'yaw_rate', 'heave'), 300, len(values) - 5, leads, 1.0)
+    assert (nrmse[:, 0] < [0.142, 0.365, 0.54, 0.705]).all()
+    assert (nrmse[:, 1] < [0.086, 0.236, 0.315, 0.485]).all()
+
+
+def test_an_oscillator_forecasts_as_its_equation_says():
+    """Against the matrix exponential of x'' = -w^2 x - 2 z w x', from the newest angle and rate."""
+    w, time = 1.7, np.arange(0.0, 300.0, STEP)
+    values = np.column_stack([0.1 * np.sin(w * time) + 0.02, 0.1 * w * np.cos(w * time)])
+    mean, deviation, frequency = angle_statistics(*values.T, STEP)
+    assert (mean, deviation, frequency) == pytest.approx((0.02, 0.1 / np.sqrt(2.0), w), rel=0.03)
+    ours = InnovationsFilter(oscillators(values, ('roll', 'roll_rate'), STEP, NAMES), ('roll', 'roll_rate'), 5.0)
+    ours.seed(values)
+    for lead in (0.1, 1.0, 5.0):
+        drift = np.array([[0.0, 1.0], [-frequency**2, -0.8 * frequency]])
+        wanted = expm(drift * lead) @ (values[-1] - [mean, 0.0]) + [mean, 0.0]
+        assert ours.forecast([lead])[0][0] == pytest.approx(wanted, abs=1e-6)
+
+
+@pytest.mark.parametrize('count', [1, 2, 5])
+def test_the_first_rows_are_enough_for_an_oscillator(count):
+    values = np.column_stack([np.full(count, 0.1), np.full(count, np.nan)])
+    for names in (NAMES, ('roll', 'roll_rate')):
+        ours = InnovationsFilter(oscillators(values, names, 1.0, NAMES), NAMES, 5.0)
+        ours.seed(values)
+        mean, covariance = ours.forecast([1.0, 5.0])
+        assert (np.abs(mean[:, 0]) <= 0.1).all() and (covariance[:, 0, 0] > 0.0).all()
+        assert np.isnan(mean[:, 1]).all()
+    assert oscillators(np.full((3, 2), np.nan), NAMES, 1.0, NAMES) is None
