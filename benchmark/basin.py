@@ -3,6 +3,7 @@
     python benchmark/basin.py                                   every scene, 12 seeds, the true equation
     python benchmark/basin.py --scenes white,waves-0.3 --seeds 3
     python benchmark/basin.py --choose                          without an equation: a wrong choice must be called one
+    python benchmark/basin.py --equation odd-cubic              the same with one equation for every hull
 
 The trials are made by scipy's solve_ivp from coefficients copied out of the papers; nothing of the package makes them.
 """
@@ -19,6 +20,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
+TRUE_EQUATION = 'that of the hull'
 RATE_HZ = 100.0
 FREE_S = 15.0
 ANGLE_NOISE, RATE_NOISE = 1e-3, 8e-3
@@ -178,39 +180,40 @@ def equation_of(truth):
 
 
 def fit_of(made, equation):
-    """The package's fit of a trial made, or its refusal."""
-    from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
+    """The package's fit of a trial made, or its refusal; without an equation the package chooses one."""
+    from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+    from swath_sysid.attitude.identification.problem import prepare
+    from swath_sysid.attitude.identification.selection import choose
     from swath_sysid.attitude.motion.trial import AxisMotion
     from swath_sysid.common.errors import InputError
 
-    motion = AxisMotion(made.axis, made.time, made.angle, made.rate)
     try:
-        return identify([motion], IdentificationSettings(equation))
+        problem = prepare([AxisMotion(made.axis, made.time, made.angle, made.rate)])
+        settings = IdentificationSettings(equation)
+        return choose(problem, settings) if equation is None else identify_problem(problem, settings)
     except InputError as error:
         return str(error)
 
 
 def judged(task):
     """What one fit was worth, in plain numbers."""
-    hull, scene_name, seed, choose = task
+    hull, scene_name, seed, equation = task
     made = made_trial(hull, SCENES[scene_name], seed)
-    found = fit_of(made, None if choose else equation_of(made.truth))
+    found = fit_of(made, equation_of(made.truth) if equation == TRUE_EQUATION else equation)
     row = {'hull': hull, 'scene': scene_name, 'seed': seed, 'found': not isinstance(found, str)}
     if isinstance(found, str):
         return row | {'why': found}
-    intervals = getattr(found, 'intervals', None)
     terms = {}
     for name, value in found.model.terms.items():
         truth, std = made.truth.get(name), found.std[name]
-        low, high = intervals[name] if intervals else (value - 1.96 * std, value + 1.96 * std)
+        low, high = found.intervals[name]
         terms[name] = (value, std, truth, None if truth is None else bool(low <= truth <= high))
     stiffness = sum(v for k, v in made.truth.items() if k in ('r1', 's1'))
-    verdict = getattr(found, 'verdict', None)
     return row | {
         'terms': terms, 'late': found.records[0].segment.start - made.release, 'r2': found.r2,
         'equation': found.model.equation.name, 'period': found.model.natural_period,
         'true_period': 2 * np.pi / np.sqrt(stiffness),
-        'level': getattr(verdict, 'level', None), 'code': getattr(verdict, 'code', None),
+        'level': found.verdict.level, 'code': found.verdict.code,
     }  # fmt: skip
 
 
@@ -277,10 +280,10 @@ def show_verdicts(rows):
     """Whether wrong choices are called so."""
     fits = [r for r in rows if r['found']]
     wrong = [r for r in fits if is_wrong(r)]
-    said = [r for r in wrong if r['level'] not in (None, 'adequate')]
+    said = [r for r in wrong if r['level'] != 'adequate']
     print(f'verdicts: {len(fits)} fits, r1 or period off by more than 3 std in {len(wrong)}; said so in {len(said)}')
     right = [r for r in fits if not is_wrong(r)]
-    if right and right[0]['level']:
+    if right:
         called = {level: sum(r['level'] == level for r in right) for level in ('adequate', 'doubtful', 'refused')}
         print(f'  of the {len(right)} others: {called}')
         for scene in dict.fromkeys(r['scene'] for r in right):
@@ -302,18 +305,19 @@ def main():
     parser.add_argument('--hulls', default=','.join(HULLS))
     parser.add_argument('--seeds', type=int, default=12)
     parser.add_argument('--jobs', type=int, default=2)
-    parser.add_argument('--choose', action='store_true')
+    parser.add_argument('--choose', dest='equation', action='store_const', const=None, default=TRUE_EQUATION)
+    parser.add_argument('--equation', default=TRUE_EQUATION)
     parser.add_argument('--rows', action='store_true', help='print every coefficient')
     given = parser.parse_args()
     scenes = given.scenes.split(',')
-    tasks = [(h, s, k, given.choose) for s in scenes for h in given.hulls.split(',') for k in range(given.seeds)]
+    tasks = [(h, s, k, given.equation) for s in scenes for h in given.hulls.split(',') for k in range(given.seeds)]
     with ProcessPoolExecutor(given.jobs) as pool:
         rows = list(pool.map(judged, tasks, chunksize=4))
     if given.rows:
         for r in rows:
             print(r['scene'], r['hull'], r['seed'], r.get('equation'), r.get('level'), r.get('code'), *(
                 f'{n} {v:.4g}+-{s:.2g}({t})' for n, (v, s, t, _) in r.get('terms', {}).items()))
-    if not given.choose:
+    if given.equation == TRUE_EQUATION:
         show_intervals(rows, scenes)
     show_releases(rows)
     show_verdicts(rows)

@@ -13,15 +13,18 @@ from scipy.stats import multivariate_normal, norm, truncnorm
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification import innovations as filter_module
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, clipped_step, interval
+from swath_sysid.attitude.identification.fit_quality import rate_mismatch
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
 from swath_sysid.attitude.identification.innovations import disturbance
 from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.scaling import Scales
-from swath_sysid.attitude.identification.verdict import rate_mismatch
+from swath_sysid.attitude.identification.selection import choose
 from swath_sysid.attitude.motion.releases import find_releases
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.formats.reading import read_trial
 
 _PLACE = Path(__file__).resolve().parents[1] / 'benchmark' / 'basin.py'
 
@@ -197,7 +200,7 @@ def test_no_release_where_nothing_was_held():
     assert find_releases(AxisMotion('roll', time, waves, None), np.radians(0.4)) == ()
 
 
-def fit(made, equation=None, **changed):
+def fit(made, equation, **changed):
     motion = motion_of(made)
     motion = AxisMotion(motion.axis, motion.time, motion.angle, changed.get('rate', motion.rate))
     return identify([motion], IdentificationSettings(equation))
@@ -224,7 +227,27 @@ def test_rate_mismatch_is_nothing_for_a_true_rate(bench):
 
 def test_an_equation_is_chosen_where_none_is_given(bench):
     made = bench.made_trial('swath-pitch 9', bench.SCENES['white'], 0)
-    found = fit(made)
+    found = choose(prepare([motion_of(made)]), IdentificationSettings())
     assert 'r2' in found.model.equation.terms
     assert found.model.equation.name in found.choice
     assert found.model.terms['r1'] == pytest.approx(made.truth['r1'], abs=3 * found.std['r1'])
+
+
+@pytest.mark.parametrize(('hull', 'name'), [('swath-pitch 6', 'r2'), ('swath-roll 15', 'b3')])
+def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, hull, name):
+    """The likelihood's optimum simulates far worse: it takes for the basin's motion what the equation cannot make."""
+    found = fit(bench.made_trial(hull, bench.SCENES['white'], 1), 'odd-cubic')
+    assert (found.verdict.level, found.verdict.code, found.absent_term.name) == ('doubtful', 'absent-term', name)
+    assert found.basin is None
+    assert found.r2 > 0.99
+
+
+def test_no_term_is_missed_where_none_is_lacking(bench):
+    made = bench.made_trial('swath-pitch 6', bench.SCENES['white'], 1)
+    assert fit(made, bench.equation_of(made.truth)).absent_term is None
+
+
+def test_dry_friction_of_a_rig_is_named_by_angles_alone(data_folder):
+    motions = [read_trial(p).axis('pitch') for p in sorted((data_folder / 'decay/foswec').glob('*.csv'))]
+    found = identify(motions, IdentificationSettings('odd-cubic'))
+    assert (found.verdict.code, found.absent_term.name) == ('absent-term', 'b0')

@@ -9,11 +9,16 @@ from rich.console import Console
 from rich.table import Table
 
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
-from swath_sysid.attitude.identification.fit_quality import poor_fit
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import compare
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
-from swath_sysid.cli.identify import add_force_argument, add_search_arguments, conclude_fit, settings_of
+from swath_sysid.cli.identify import (
+    add_force_argument,
+    add_search_arguments,
+    conclude_fit,
+    is_to_be_written,
+    settings_of,
+)
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import (
     add_source_arguments,
@@ -65,18 +70,18 @@ def run(arguments):
             progress=lambda done, name: progress(done / len(equations), name),
         )  # fmt: skip
     choice = found.choice.identification
-    faults = poor_fit(choice)
-    if arguments.output and (arguments.force or not faults):
+    if arguments.output and is_to_be_written(arguments, choice.verdict):
         write_model(arguments.output, {axis: choice.identified_model(provenance_of(arguments.trials))})
     if arguments.plot:
         save_figure(fit_figure(choice), arguments.plot)
-    show_advice((*choice.advice, *faults))
+    advice = (*choice.advice, *choice.verdict.warnings)
+    show_advice(advice)
     if arguments.json:
         data = comparison_as_data(found, time.perf_counter() - began)
-        print(json.dumps({**data, **warnings_as_data((*read_advice, *choice.advice, *faults))}, indent=2))
+        print(json.dumps({**data, **warnings_as_data((*read_advice, *advice))}, indent=2))
     else:
         _print_ranking(found)
-    return conclude_fit(arguments, faults)
+    return conclude_fit(arguments, choice.verdict)
 
 
 def _print_ranking(comparison):

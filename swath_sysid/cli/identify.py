@@ -4,11 +4,13 @@ import json
 import sys
 import time
 
-from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_forced
-from swath_sysid.attitude.identification.fit_quality import poor_fit
-from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings, identify
+from swath_sysid.attitude.identification.at_sea import identify_at_sea
+from swath_sysid.attitude.identification.fit_quality import REFUSED
+from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.problem import decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
+from swath_sysid.attitude.identification.selection import choose
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import (
@@ -103,42 +105,53 @@ def run(arguments):
     axis = chosen_axis(trials, arguments.axis)
     for trial in trials:
         refuse_contradictions(trial, axis)
-    if _is_at_sea(arguments, trials, axis):
+    motions = motions_of(trials, axis)
+    problem = _problem_of(arguments, motions)
+    if problem is None:
         return _run_at_sea(arguments, trials, axis, read_advice, began)
     with progress_of('identify') as progress:
-        found = identify(motions_of(trials, axis), settings, progress=progress)
+        if settings.equation is None and settings.objective == 'simulation':
+            found = choose(problem, settings, progress=progress)
+        else:
+            found = identify_problem(problem, settings, progress=progress)
     inertia = inertia_of(found.model, arguments.inertia, arguments.mass, arguments.metacentric_height)
-    faults = poor_fit(found)
-    if arguments.output and (arguments.force or not faults):
+    if arguments.output and is_to_be_written(arguments, found.verdict):
         write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
     if arguments.plot:
         save_figure(fit_figure(found), arguments.plot)
-    show_advice((*found.advice, *faults))
+    show_advice((*found.advice, *found.verdict.warnings))
     if arguments.json:
-        advice = (*read_advice, *found.advice, *faults)
+        advice = (*read_advice, *found.advice, *found.verdict.warnings)
         data = fit_as_data(found, time.perf_counter() - began, inertia)
         print(json.dumps({**data, **warnings_as_data(advice)}, indent=2))
     else:
         print('\n'.join(fit_in_words(found, inertia)))
-    return conclude_fit(arguments, faults)
+    return conclude_fit(arguments, found.verdict)
 
 
-def conclude_fit(arguments, faults):
+def is_to_be_written(arguments, verdict):
+    """Whether a fit is good enough for a model file, or one was asked for nevertheless; shared with compare."""
+    return arguments.force or verdict.level != REFUSED
+
+
+def conclude_fit(arguments, verdict):
     """The exit code, and a word where the model was not written; shared with compare."""
-    if not faults or arguments.force:
+    if is_to_be_written(arguments, verdict):
         return 0
     if arguments.output:
         print(f'{arguments.output} was not written: --force writes it nevertheless', file=sys.stderr)
     return EXIT_POOR_FIT
 
 
-def _is_at_sea(arguments, trials, axis):
-    """Whether the record is to be taken for motion in waves."""
-    if arguments.at_sea or arguments.decay:
-        return arguments.at_sea
+def _problem_of(arguments, motions):
+    """The free decays of the records, or None where they are to be taken for motion in waves."""
+    if arguments.at_sea:
+        return None
     # who gives bounds or an equation means a decay
     given = (arguments.start, arguments.end, arguments.equation)
-    return given == (None, None, None) and all(is_forced(trial.axis(axis)) for trial in trials)
+    if arguments.decay or given != (None, None, None):
+        return prepare(motions, arguments.start, arguments.end)
+    return decays_or_waves(motions)
 
 
 def _run_at_sea(arguments, trials, axis, read_advice, began):
@@ -153,7 +166,8 @@ def _run_at_sea(arguments, trials, axis, read_advice, began):
         )
     with progress_of('identify at sea') as progress:
         found = identify_at_sea(
-            trials[0].axis(axis), heave_of(trials[0]), arguments.start, arguments.end, progress=progress
+            trials[0].axis(axis), heave_of(trials[0]), arguments.start, arguments.end,
+            searched=not arguments.at_sea, progress=progress,
         )
     if arguments.output and found.is_usable:
         write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})

@@ -96,7 +96,7 @@ def fit_in_words(identification, inertia=None):
     model = identification.model
     lines = [
         f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)',
-        f'  {identification.verdict.sentence}',
+        f'  {identification.verdict}',
         *([f'  {identification.choice}'] if identification.choice else []),
     ]
     lines += [

@@ -40,7 +40,7 @@ from swath_sysid.attitude.identification.sea_motion import (
     sea_motion,
     term_spectra,
 )
-from swath_sysid.attitude.motion.segmentation import explain_absence, find_decays
+from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -241,17 +241,7 @@ def is_at_sea(identified):
     return isinstance(provenance, dict) and provenance.get('identified_from') == AT_SEA
 
 
-def is_forced(motion):
-    """Whether a motion holds no free decay but swings from begin to end, as in waves.
-
-    Parameters
-    ----------
-    motion : AxisMotion
-    """
-    return not find_decays(motion) and explain_absence(motion).code == 'forced-motion'
-
-
-def identify_at_sea(motion, heave=None, start=None, end=None, *, progress=None, should_cancel=None):
+def identify_at_sea(motion, heave=None, start=None, end=None, *, searched=False, progress=None, should_cancel=None):
     """Natural period and equivalent linear damping from a record in waves.
 
     Parameters
@@ -261,6 +251,8 @@ def identify_at_sea(motion, heave=None, start=None, end=None, *, progress=None, 
         Of the same record: shows the sea.
     start, end : float, optional
         Bounds of the stretch to use, in the record's time, s.
+    searched : bool
+        Whether the record is known to hold no free decay.
     progress : callable, optional
         Called with 0 to 1.
     should_cancel : callable, optional
@@ -278,7 +270,7 @@ def identify_at_sea(motion, heave=None, start=None, end=None, *, progress=None, 
     """
     motion = motion.between(start, end)
     fit, modes = _best_fit(motion, heave, progress, should_cancel)
-    return _concluded(motion, fit, modes)
+    return _concluded(motion, fit, modes, not searched and bool(find_decays(motion)))
 
 
 def gain_over(model, motion, heave=None, *, should_cancel=None):
@@ -557,7 +549,7 @@ class _Fit:
         return (vectors / np.maximum(values, least)) @ vectors.T
 
 
-def _concluded(motion, fit, modes):
+def _concluded(motion, fit, modes, holds_decay):
     sea, spectra, best = fit.sea, fit.spectra, modes[0]
     misfit = fit.deviance(best.x)
     logs, log_covariance = _estimate_with_covariance(fit, modes, fit.inflation(best.x))
@@ -590,7 +582,7 @@ def _concluded(motion, fit, modes):
     amplitude_std = 0.5 * amplitude * np.sqrt(2.0 * np.pi / sea.duration * (band @ spectra.angle**2)) / variance
     trim_std = np.sqrt(np.pi / sea.duration * np.median(spectra.angle[spectra.frequency < 0.5 * sea.peak]))
     peak_period = 2.0 * np.pi / float(fitted.frequency[fitted.fitted_excitation.argmax()])
-    advice = _advice(motion, sea, period, damping, covariance, misfit, peak_period, amplitude)
+    advice = _advice(holds_decay, sea, period, damping, covariance, misfit, peak_period, amplitude)
     return AtSeaIdentification(
         model=model,
         natural_period=float(period),
@@ -667,7 +659,7 @@ def _free_decay(model, level, lag):
     return level * (first * np.exp(roots[0] * lag) + (1.0 - first) * np.exp(roots[1] * lag)).real
 
 
-def _advice(motion, sea, period, damping, covariance, misfit, peak_period, amplitude):
+def _advice(holds_decay, sea, period, damping, covariance, misfit, peak_period, amplitude):
     degrees = np.degrees(amplitude)
     found = [Advice(
         'equivalent-linear',
@@ -675,7 +667,7 @@ def _advice(motion, sea, period, damping, covariance, misfit, peak_period, ampli
         'how it depends on the amplitude: for larger motions record a free decay in still water',
     )]  # fmt: skip
     period_spread, damping_spread = np.sqrt(np.diag(covariance)) / (period, damping)
-    if find_decays(motion):
+    if holds_decay:
         found.append(Advice(
             'holds-decay',
             'there is a free decay in this record, which tells more of the hull: identify it as one',
@@ -691,7 +683,7 @@ def _advice(motion, sea, period, damping, covariance, misfit, peak_period, ampli
         found.append(Advice(
             'sea-not-fitted',
             f'no single sea explains the motion (misfit {misfit:.1f} instead of 1; the uncertainty told is widened '
-            'for it): swell beside wind waves, a mooring, a changing speed or a helm may be in it; give --start and '
-            '--end of a stretch on a steady course, or record a free decay in still water',
+            'for it): swell beside wind waves, a mooring, a changing speed or a helm may be in it; give start '
+            'and end of a stretch on a steady course, or record a free decay in still water',
         ))  # fmt: skip
     return tuple(found)

@@ -101,8 +101,8 @@ class BasinFit:
 
     Attributes
     ----------
-    logarithms : ndarray, shape (10,)
-        Of the basin's parameters, where another equation's fit may start.
+    optimum : ndarray, shape (n + 10 + 3 M,)
+        Parameters of `BasinLikelihood`, dimensionless.
     ratios : ndarray, shape (9,)
     covariance : ndarray, shape (n, n)
         Of the ratios in use, about the optimum.
@@ -120,7 +120,7 @@ class BasinFit:
         Innovations over their standard deviations, of each record; NaN where nothing was read.
     """
 
-    logarithms: np.ndarray
+    optimum: np.ndarray
     ratios: np.ndarray
     covariance: np.ndarray
     intervals: np.ndarray
@@ -284,25 +284,14 @@ class BasinLikelihood:
                     break
         return z, cost, gradient, information
 
-    def fit(self, ratios, logarithms=None):
-        """The best optimum from given ratios (9,).
-
-        Parameters
-        ----------
-        ratios : ndarray, shape (9,)
-        logarithms : ndarray, shape (10,), optional
-            Of the basin's parameters, as a fit of the same records found them; otherwise one start has it quiet
-            and one moving.
+    def fit(self, ratios):
+        """The best optimum from given ratios (9,), in a basin that is quiet at first and in one that moves.
 
         Returns
         -------
         BasinFit
         """
-        starts = [self.start(ratios, level) for level in STARTING_LEVELS]
-        if logarithms is not None:
-            starts = starts[:1]
-            starts[0][self.term_count : self._shared] = logarithms
-        tried = [self.minimise(z) for z in starts]
+        tried = [self.minimise(self.start(ratios, level)) for level in STARTING_LEVELS]
         z, cost, _, information = min(tried, key=lambda t: t[1])
         n, units = self.term_count, self._ratio_units
         covariance = np.linalg.inv(information)
@@ -317,7 +306,7 @@ class BasinLikelihood:
         )
         trim_variance = np.mean(np.diag(covariance)[self._shared + 2 :: 3])
         return BasinFit(
-            logarithms=z[n : self._shared].copy(),
+            optimum=z,
             ratios=found_ratios,
             covariance=covariance[:n, :n] * np.outer(units, units),
             intervals=intervals * units[:, None],

@@ -1,14 +1,17 @@
 """From measured decays to a believed hull: search, refine, and say how well it is known."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
+from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood, interval
+from swath_sysid.attitude.identification.fit_quality import judge
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, block_means, prepare
@@ -23,7 +26,6 @@ from swath_sysid.attitude.identification.search import (
     run_search,
 )
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands, inseparable_terms
-from swath_sysid.attitude.identification.verdict import Verdict, verdict_on
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
@@ -33,18 +35,6 @@ from swath_sysid.common.stopping import Cancelled
 
 OBJECTIVES = ('simulation', 'one-step')
 DEFAULT_EQUATION = 'odd-cubic'
-
-CANDIDATES = (
-    ('b1', 'b2', 'r1', 'r3'),
-    ('b1', 'b2', 'r1', 'r2', 'r3'),
-    ('b1', 'b2', 'b3', 'r1', 'r3'),
-    ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'),
-    ('b1', 'b2', 'b3', 's1', 's2'),
-)
-"""Term sets that are tried where no equation is given: each published hull has one of them, or a part of one."""
-TERM_COST = 1.0
-"""What a term must add to the log likelihood (Akaike 1974): leaving out a term that is there spoils the intervals of
-the others; keeping one that is not widens them."""
 
 SEARCH_PERIODS = 6.0
 """The search looks at this many periods: its basin of attraction in frequency narrows with every
@@ -63,8 +53,7 @@ class IdentificationSettings:
     Attributes
     ----------
     equation : str or None
-        A name that `equation_named` takes; None: `identify` chooses where angle and rate were measured; otherwise,
-        and everywhere else, ``DEFAULT_EQUATION``.
+        A name that `equation_named` takes; None: ``DEFAULT_EQUATION``, `choose` in `selection` takes the best.
     objective : str
         ``simulation`` or ``one-step``.
     search : SearchSettings
@@ -133,7 +122,7 @@ class Identification:
         rad; NaN where no angle was measured.
     objective : str
     objective_value : float
-        Root mean square of the weighted residuals (simulation), or F in rad/s (one-step).
+        Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
     r2 : float
         Share of the variance of the measured motion that the simulated one explains.
     rmse, rate_rmse : float or None
@@ -149,12 +138,14 @@ class Identification:
     problem : Problem
     settings : IdentificationSettings
     basin : BasinFit or None
-        None where the ratios are those of least squares: without angle and rate, with dry friction, of the one-step
-        objective, and where they are only compared with others.
-    verdict : Verdict
+        None where the ratios are those of least squares: see `refined_in_basin`.
+    advice : tuple of Advice
+    log_likelihood : float or None
+        At its optimum; None where it does not suit, see `suits_likelihood`.
+    absent_term : AbsentTerm or None
+        That the equation lacks and the motion shows most.
     choice : str
         Why this equation, in one sentence; empty where it was given.
-    advice : tuple of Advice
     """
 
     model: DecayModel
@@ -174,14 +165,20 @@ class Identification:
     problem: Problem
     settings: IdentificationSettings
     basin: BasinFit | None
-    verdict: Verdict
-    choice: str
     advice: tuple[Advice, ...]
+    log_likelihood: float | None = None
+    absent_term: AbsentTerm | None = None
+    choice: str = ''
 
     @property
     def std(self):
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @cached_property
+    def verdict(self):
+        """Whether the fit can be used."""
+        return judge(self)
 
     @property
     def amplitude_range(self):
@@ -258,80 +255,7 @@ def identify(motions, settings=IdentificationSettings(), *, progress=None, shoul
     Cancelled
     """
     problem = prepare(motions, settings.start, settings.end)
-    if settings.objective == 'simulation' and settings.equation is None and has_both_channels(problem):
-        return _simplest_adequate(problem, settings, progress, should_cancel)
-    found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
-    return refined_in_basin(found) if is_for_likelihood(found) else found
-
-
-def has_both_channels(problem):
-    """Whether angle and rate were measured in each record.
-
-    The likelihood takes the two to differ by white and first-order noise and a bias. An angle alone mostly comes
-    filtered or rounded, from optical tracking, and the filter then trusts it far beyond what it is worth.
-    """
-    return all(m.angle is not None and m.rate is not None for m in problem.motions)
-
-
-def is_for_likelihood(found):
-    """Whether `refined_in_basin` suits a fit: not the one-step objective, nor dry friction, which is not smooth."""
-    smooth = 'b0' not in found.model.equation.terms
-    return found.settings.objective == 'simulation' and smooth and has_both_channels(found.problem)
-
-
-def _simplest_adequate(problem, settings, progress, should_cancel):
-    """The candidate equation of the largest likelihood, each term of it held against what it costs."""
-    report = progress or (lambda share: None)
-    tried = []
-    for count, terms in enumerate(CANDIDATES):
-        equation = _equation_of_terms(terms, problem.axis)
-        found = identify_problem(
-            problem, replace(settings, equation=equation.name), should_cancel=should_cancel,
-            progress=lambda share, done=count: report((done + share) / len(CANDIDATES)),
-        )  # fmt: skip
-        tried.append(refined_in_basin(found, tried[-1].basin.logarithms if tried else None))
-    best = max(tried, key=_support)
-    second = max((t for t in tried if t is not best), key=_support)
-    reason = (
-        f'{best.model.equation.name} was chosen of {len(tried)} equations: its log likelihood, less {TERM_COST:g} a '
-        f'term, is {_support(best) - _support(second):.1f} above that of {second.model.equation.name}'
-    )
-    return replace(best, settings=settings, choice=reason)
-
-
-def _support(found):
-    return found.basin.log_likelihood - TERM_COST * len(found.model.equation.terms)
-
-
-def _equation_of_terms(terms, axis):
-    """The equation of those terms that has a name, or their composition."""
-    for equation in equations_of_axis(axis):
-        if equation.terms == terms:
-            return equation
-    damping = ','.join(name for name in terms if name in DAMPING_NAMES)
-    return equation_named(f'{damping}|{",".join(name for name in terms if name not in DAMPING_NAMES)}')
-
-
-def refined_in_basin(found, logarithms=None):
-    """A least-squares identification refined and judged by the likelihood that knows of the basin's motion.
-
-    Parameters
-    ----------
-    found : Identification
-    logarithms : ndarray, shape (10,), optional
-        See `BasinLikelihood.fit`.
-
-    Returns
-    -------
-    Identification
-    """
-    problem, equation = found.problem, found.model.equation
-    states = [record.state for record in found.records]
-    likelihood = BasinLikelihood(problem.observed, states, equation, problem.scales, problem.friction_rate)
-    basin = likelihood.fit(found.model.ratios, logarithms)
-    fit = motion_fit(problem, equation)
-    parameters = fit.refine_states(fit.pack(basin.ratios, states))
-    return conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
+    return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
 
 
 def identify_problem(problem, settings, *, progress=None, should_cancel=None):
@@ -349,8 +273,9 @@ def identify_problem(problem, settings, *, progress=None, should_cancel=None):
         fit, parameters = _exact_one_step(problem, equation, space)
     else:
         fit, parameters = _refine_outwards(problem, equation, space, best, should_cancel)
+    identified = refined_in_basin(conclude(problem, settings, equation, fit, parameters, found))
     report(1.0)
-    return conclude(problem, settings, equation, fit, parameters, found)
+    return identified
 
 
 def refit_from(problem, settings, equation, ratios, states, search):
@@ -358,7 +283,42 @@ def refit_from(problem, settings, equation, ratios, states, search):
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
     parameters, _, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)
-    return conclude(problem, settings, equation, fit, parameters, search)
+    return refined_in_basin(conclude(problem, settings, equation, fit, parameters, search))
+
+
+def suits_likelihood(problem, equation):
+    """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record.
+
+    The likelihood takes the two to differ by noise and a bias only, and so tells the craft's motion from the
+    sensor's. An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it
+    is worth; dry friction is not smooth enough for the filter.
+    """
+    both = all(m.angle is not None and m.rate is not None for m in problem.motions)
+    return both and 'b0' not in equation.terms
+
+
+def refined_in_basin(found):
+    """A least-squares identification refined by the likelihood that knows of the basin's motion, where it suits.
+
+    Where the equation lacks a term that the motion shows, the likelihood takes for the basin's motion what the
+    equation cannot make: its optimum then simulates far worse than that of least squares, which stays.
+    """
+    problem, equation = found.problem, found.model.equation
+    if found.objective == 'one-step':
+        return found
+    if not suits_likelihood(problem, equation):
+        return replace(found, absent_term=absent_term(found))
+    states = [record.state for record in found.records]
+    likelihood = BasinLikelihood(problem.observed, states, equation, problem.scales, problem.friction_rate)
+    basin = likelihood.fit(found.model.ratios)
+    fit = motion_fit(problem, equation)
+    parameters = fit.refine_states(fit.pack(basin.ratios, states))
+    refined = conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
+    lacking = absent_term(refined)
+    best = refined if lacking is None else found
+    return replace(
+        best, objective_value=found.objective_value, absent_term=lacking, log_likelihood=basin.log_likelihood
+    )
 
 
 def motion_fit(problem, equation, motions=None, **options):
@@ -451,8 +411,7 @@ def conclude(problem, settings, equation, fit, parameters, search, basin=None):
     ratios, states = fit.unpack(parameters)
     n = fit.term_count
     residuals, jacobians = fit.residuals_and_jacobian(parameters)
-    quarter_period = 0.25 * 2 * np.pi / problem.scales.frequency / problem.motions[0].sample_interval
-    covariance = sandwich_covariance(residuals, jacobians, max(5, round(quarter_period)))
+    covariance = sandwich_covariance(residuals, jacobians, problem.shortest_memory)
     units = problem.scales.ratio_units[equation.indices]
     ratio_covariance = covariance.matrix[:n, :n] * np.outer(units, units)
     trim_std = float(np.sqrt(np.mean(np.diag(covariance.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
@@ -493,8 +452,6 @@ def conclude(problem, settings, equation, fit, parameters, search, basin=None):
         problem=problem,
         settings=settings,
         basin=basin,
-        verdict=verdict_on(r2, records, model, np.sqrt(np.diag(ratio_covariance)), basin),
-        choice='',
         advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance)),
     )
 

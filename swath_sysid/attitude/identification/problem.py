@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 from swath_sysid.attitude.identification.motion_fit import InitialState, Noise
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.motion.quality import check_decay
-from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decay
+from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decay_or_absence, find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -65,6 +65,11 @@ class Problem:
     friction_rate: float
     advice: tuple[Advice, ...]
 
+    @property
+    def shortest_memory(self):
+        """Samples in a quarter of a natural period: the least over which residuals may be correlated."""
+        return max(5, round(0.5 * np.pi / self.scales.frequency / self.motions[0].sample_interval))
+
     def until(self, periods):
         """The records' first part, ``periods`` natural periods long; states as they are."""
         limit = periods * 2.0 * np.pi / self.scales.frequency
@@ -90,12 +95,26 @@ def prepare(motions, start=None, end=None):
     InputError
         No record, different axes, or no free decay in a record.
     """
+    return _problem(motions, tuple(find_decay(m, start, end) for m in motions))
+
+
+def decays_or_waves(motions, start=None, end=None):
+    """As `prepare`, but None where none of the records holds a free decay and all swing from beginning to end."""
+    found = tuple(decay_or_absence(m, start, end) for m in motions)
+    absences = [each for each in found if isinstance(each, Advice)]
+    if absences and all(each.code == FORCED_MOTION for each in absences) and len(absences) == len(found):
+        return None
+    for absence in absences:
+        raise InputError(absence.message)
+    return _problem(motions, found)
+
+
+def _problem(motions, segments):
     if not motions:
         raise InputError('give at least one trial')
     axes = {m.axis for m in motions}
     if len(axes) > 1:
         raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
-    segments = tuple(find_decay(m, start, end) for m in motions)
     advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
     cut = tuple(_averaged(m.between(s.start, s.end), s.period) for m, s in zip(motions, segments, strict=True))
     frequency = 2.0 * np.pi / float(np.median([s.period for s in segments]))

@@ -6,12 +6,14 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification.identify import (
     Identification,
     IdentificationSettings,
     identify_problem,
     motion_fit,
     refit_from,
+    suits_likelihood,
 )
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.common.errors import InputError
@@ -21,6 +23,8 @@ FIRST_PART = 0.5
 CRITERION_MARGIN = 10.0
 """A difference of the information criterion that Kass and Raftery (1995) call very strong."""
 HELD_OUT_MARGIN = 1.1
+CANDIDATES = 'odd-cubic', 'swath-pitch-2', 'hydrofoil-pitch-3', 'swath-pitch-1', 'swath-roll-3'
+"""Tried where no equation is given: each published hull has the terms of one of them, or a part of those."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,8 @@ class RankedFit:
     ----------
     identification : Identification
     criterion : float
-        Bayesian information criterion with the effective sample size; smaller is better.
+        Akaike's information criterion where each fit has a likelihood, else the Bayesian one with the effective
+        sample size; smaller is better.
     held_out : float
         Error of the motion simulated beyond the part it was identified on, over the standard
         deviation of the measured motion there; infinite where the simulation ran away.
@@ -110,8 +115,34 @@ def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, pr
     return rank(_nested_in_order(problem, fits), held_out)
 
 
+def choose(problem, settings, *, progress=None):
+    """Identify with a few equations and take the simplest adequate one, as `compare` does.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : IdentificationSettings
+        Its equation is ignored.
+    progress : callable, optional
+        See `compare`.
+
+    Returns
+    -------
+    Identification
+        Its ``choice`` says why.
+    """
+    equations = [equation_named(name) for name in CANDIDATES]
+    if not all(suits_likelihood(problem, equation) for equation in equations):
+        equations.append(equations[0].with_friction())
+    found = compare(problem, equations, settings, progress=progress)
+    return replace(found.choice.identification, choice=found.reason)
+
+
 def rank(fits, held_out):
     """Rank fits of the same records and choose the simplest adequate one.
+
+    Where each has a likelihood, that decides, less one for each term (Akaike 1974): leaving out a term that is there
+    spoils the intervals of the others, keeping one that is not widens them.
 
     Parameters
     ----------
@@ -123,10 +154,17 @@ def rank(fits, held_out):
     Comparison
     """
     samples = min(fits, key=lambda f: f.objective_value).effective_samples
+    by_likelihood = all(f.log_likelihood is not None for f in fits)
+    criterion = akaike_criterion if by_likelihood else lambda fit: information_criterion(fit, samples)
     ranked = sorted(
-        (RankedFit(f, information_criterion(f, samples), e) for f, e in zip(fits, held_out, strict=True)),
-        key=lambda r: r.criterion,
+        (RankedFit(f, criterion(f), e) for f, e in zip(fits, held_out, strict=True)), key=lambda r: r.criterion
     )
+    if by_likelihood and len(ranked) > 1:
+        best, second = ranked[:2]
+        return Comparison(tuple(ranked), best, (
+            f'{best.name} was chosen of {len(ranked)} equations: its log likelihood, less one for each term, is '
+            f'{0.5 * (second.criterion - best.criterion):.1f} above that of {second.name}.'
+        ))
     best, best_held_out = ranked[0].criterion, min(r.held_out for r in ranked)
     likely = [r for r in ranked if r.criterion <= best + CRITERION_MARGIN]
     adequate = [r for r in likely if r.held_out <= HELD_OUT_MARGIN * best_held_out]
@@ -138,6 +176,11 @@ def information_criterion(fit, effective_samples):
     """Bayesian information criterion n ln(mean squared residual) + k ln n, n the effective samples."""
     n = effective_samples
     return float(2.0 * n * np.log(fit.objective_value) + len(fit.model.equation.terms) * np.log(n))
+
+
+def akaike_criterion(fit):
+    """Akaike's information criterion, 2 k - 2 log likelihood."""
+    return 2.0 * len(fit.model.equation.terms) - 2.0 * fit.log_likelihood
 
 
 def _reason(choice, ranked, likely, adequate):
@@ -197,7 +240,7 @@ def held_out_error(problem, settings):
 def first_part(problem: Problem):
     """The same problem on the first half of each record."""
     cut = tuple(m.between(None, m.time[0] + FIRST_PART * m.duration) for m in problem.motions)
-    return replace(problem, motions=cut)
+    return replace(problem, motions=cut, observed=cut)
 
 
 def _nested_in_order(problem, fits):

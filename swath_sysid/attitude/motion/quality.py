@@ -271,8 +271,8 @@ def _bounds(inside, segment, limits):
             return ()
         return (Advice(
             'forced-motion',
-            f'between {segment.start:.1f} and {segment.end:.1f} s the motion swings from begin to end and nowhere dies '
-            'out, as it does in waves: give the bounds of a free decay',
+            f'between {segment.start:.1f} and {segment.end:.1f} s the motion swings from beginning to end and nowhere '
+            'dies out, as it does in waves: give the bounds of a free decay',
         ),)  # fmt: skip
     found, advice = decays[0], ()
     late = limits.late_periods * segment.period

@@ -130,6 +130,7 @@ class SegmentationSettings:
 
 
 DEFAULTS = SegmentationSettings()
+FORCED_MOTION = 'forced-motion'
 
 RELEASED_PART = 0.6
 """Natural periods after a release within which the decay that it began is recognised: the first half swing."""
@@ -227,6 +228,14 @@ def find_decay(motion, start=None, end=None, settings=DEFAULTS):
         The bounds hold no motion, or nothing decays freely; the sentence says what was
         seen instead and what to do.
     """
+    found = decay_or_absence(motion, start, end, settings)
+    if isinstance(found, Advice):
+        raise InputError(found.message)
+    return found
+
+
+def decay_or_absence(motion, start=None, end=None, settings=DEFAULTS):
+    """As `find_decay`, but the answer of `explain_absence` where nothing decays freely."""
     inside = _between(motion, start, end)
     if start is not None and end is not None:
         return _measured(inside, float(start), float(end))
@@ -234,7 +243,7 @@ def find_decay(motion, start=None, end=None, settings=DEFAULTS):
     if not decays and (start is not None or end is not None):
         decays = _vouched_for(inside, settings)
     if not decays:
-        raise InputError(explain_absence(inside, settings).message)
+        return explain_absence(inside, settings)
     if start is not None:
         return _with_bounds(min(decays, key=lambda decay: decay.start), inside, start=float(start))
     if end is not None:
@@ -290,20 +299,20 @@ def explain_absence(motion, settings=DEFAULTS):
     if keeps_swinging(motion):
         spread = _in_degrees(float(np.std(signal.value)), signal.quantity)
         return Advice(
-            'forced-motion',
-            f'{name} swings from begin to end (standard deviation {spread}) and nowhere dies out: this is motion '
-            'in waves, not a free decay; record a release in still water, or give --start and --end of a decay in it',
+            FORCED_MOTION,
+            f'{name} swings from beginning to end (standard deviation {spread}) and nowhere dies out: this is motion '
+            'in waves, not a free decay; record a release in still water, or give start and end of a decay in it',
         )
     return Advice(
         'no-decay',
         f'no free decay was found in {name}: it moves by {_in_degrees(reach, signal.quantity)}, but not in swings that '
         'fall steadily in a steady rhythm with rest before or after; record a release in still water until it '
-        'has died out, or give --start and --end of a decay in it',
+        'has died out, or give start and end of a decay in it',
     )
 
 
 def keeps_swinging(motion, part=0.2, fewest=10, longest_lull=0.25):
-    """Whether a motion swings from begin to end, as it does in waves.
+    """Whether a motion swings from beginning to end, as it does in waves.
 
     Parameters
     ----------
@@ -558,7 +567,7 @@ def _cut_advice(fall, last, end):
     return Advice(
         'disturbed-tail',
         f'the motion after {end:.1f} s was left out, because there its swings or its period jump, with {left:.0f} % of '
-        'the first swing left: look at it, and give --end if it belongs to the decay',
+        'the first swing left: look at it, and give its end if it belongs to the decay',
     )
 
 
@@ -648,7 +657,7 @@ def _best_of(decays):
     several = Advice(
         'several-decays',
         f'{len(decays)} free decays were found; the one with the most motion is used, from {best.start:.1f} to '
-        f'{best.end:.1f} s: give --start and --end to use another ({others})',
+        f'{best.end:.1f} s: give start and end to use another ({others})',
     )
     return replace(best, advice=(*best.advice, several))
 
