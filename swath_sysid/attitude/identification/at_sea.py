@@ -59,6 +59,9 @@ PARAMETERS = (
 _FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(6)
 _PRIOR_STD = (1.0, 1.2, 0.5, 0.3, 0.1, np.inf)
 
+MEAN_PEAKEDNESS = 3.3
+"""Of the seas that JONSWAP measured. With less, a hull near resonance takes part of the sea's peak for its own."""
+
 _FLOOR_PRIOR = (-7.0, 2.0)
 _FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
 _PEAK_STARTS = (0.7, 1.0, 1.4)
@@ -381,7 +384,7 @@ class _Jonswap:
     name = 'jonswap'
 
     def __init__(self, sea):
-        self.prior = np.array([np.log(sea.peak), 0.0, 3.0, _FLOOR_PRIOR[0]])
+        self.prior = np.array([np.log(sea.peak), np.log(MEAN_PEAKEDNESS - 1.0), 3.0, _FLOOR_PRIOR[0]])
         self.prior_std = np.array([0.5, 1.0, 2.0, _FLOOR_PRIOR[1]])
 
     def starts(self):

@@ -124,7 +124,7 @@ def choose(problem, settings, *, progress=None):
     settings : IdentificationSettings
         Its equation is ignored.
     progress : callable, optional
-        See `compare`.
+        Called with 0 to 1.
 
     Returns
     -------
@@ -132,9 +132,19 @@ def choose(problem, settings, *, progress=None):
         Its ``choice`` says why.
     """
     equations = [equation_named(name) for name in CANDIDATES]
-    if not all(suits_likelihood(problem, equation) for equation in equations):
+    if all(suits_likelihood(problem, equation) for equation in equations):
+        fits = []
+        for equation in equations:
+            fits.append(identify_problem(problem, replace(settings, equation=equation.name)))
+            if progress is not None:
+                progress(len(fits) / len(equations))
+        found = rank(fits, [float('nan')] * len(fits))
+    else:
         equations.append(equations[0].with_friction())
-    found = compare(problem, equations, settings, progress=progress)
+        found = compare(
+            problem, equations, settings,
+            progress=None if progress is None else lambda done, name: progress(done / len(equations)),
+        )  # fmt: skip
     return replace(found.choice.identification, choice=found.reason)
 
 
