@@ -14,7 +14,8 @@ from swath_sysid.attitude.identification.uncertainty import inseparable_terms
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.covariance import correlation, sandwich_covariance
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.noise import autocovariance, correlated_information, weighting_noise, white_noise
+from swath_sysid.common.noise import autocovariance, correlated_information, weighting_noise
+from swath_sysid.common.signals import white_noise
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
 SCALES = Scales(0.1, 3.2)

@@ -13,11 +13,10 @@ from swath_sysid.attitude.motion.turning_points import (
     find_gaps,
     find_turning_points,
     mean_period,
-    noise_level,
-    spikes,
     split_at_pauses,
 )
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.signals import noise_level, spikes
 from swath_sysid.formats.reading import read_trial
 
 RATE_HZ = 100.0

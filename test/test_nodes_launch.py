@@ -10,14 +10,14 @@ from swath_sysid.nodes.parameter_tables import ALL_TABLES
 ROOT = Path(__file__).resolve().parents[1]
 ARGUMENTS = {
     'swath_sysid': {'namespace', 'params_file', 'model_file', 'use_sim_time', 'imu_topic'},
-    'manoeuvre': {
+    'manoeuvring': {
         'namespace', 'model_file', 'use_sim_time', 'odometry_topic', 'imu_topic', 'port_topic', 'starboard_topic',
         'forecast_rate_hz', 'stop_after_s', 'identify', 'model_path', 'mass_kg', 'lever_m',
     },
 }
 NODES = {
     'swath_sysid': {'imu_buffer', 'predictor', 'identifier'},
-    'manoeuvre': {'manoeuvring_predictor', 'identifier'},
+    'manoeuvring': {'manoeuvring_predictor', 'identifier'},
 }
 TYPES = {'str': str, 'float': float, 'bool': bool}
 SUBSTITUTIONS = {'var', 'find-pkg-share', 'file-content', 'not-equals'}
@@ -84,7 +84,7 @@ def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
     thrusters = {'thrusters/left/thrust', 'thrusters/right/thrust'}
     assert hears == {
         'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
-        'manoeuvre': {
+        'manoeuvring': {
             'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters, 'identifier': {'odometry'} | thrusters},
     }[name]
 

@@ -18,18 +18,19 @@ from swath_sysid.cli.sources import (
     add_source_arguments,
     check_model_and_plot,
     chosen_axis,
-    finite,
     motions_of,
     provenance_of,
     read_trials,
 )
+from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import write_model
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
+from swath_sysid.report.extinction_tables import table_as_data, table_in_words, tank_tables
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
-from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, inertia_of, warnings_as_data
+from swath_sysid.report.fit_summary import finite_or_none, fit_as_data, fit_in_words, warnings_as_data
 
 
 def add_arguments(parser):
@@ -48,13 +49,7 @@ def add_arguments(parser):
         'adequate one of a few)',
     )  # fmt: skip
     add_search_arguments(parser)
-    parser.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form too")
-    parser.add_argument(
-        '--mass', type=finite, metavar='KG', help='with --metacentric-height: the inertia follows from both'
-    )
-    parser.add_argument(
-        '--metacentric-height', type=finite, metavar='M', help='GM, transverse for roll, longitudinal for pitch'
-    )
+    add_tank_arguments(parser)
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the fit')
     add_force_argument(parser)
@@ -95,10 +90,7 @@ def settings_of(arguments, equation=None):
 def run(arguments):
     """Identify, print, and write what was asked for."""
     began = time.perf_counter()
-    if (arguments.mass is None) != (arguments.metacentric_height is None):
-        raise InputError('give both --mass and --metacentric-height, or neither')
-    if arguments.inertia is not None and arguments.mass is not None:
-        raise InputError('give --inertia, or --mass with --metacentric-height, not both: each sets the inertia')
+    particulars, type_b = particulars_of(arguments), type_b_of(arguments)
     settings = settings_of(arguments, arguments.equation)
     check_model_and_plot(arguments, arguments.trials)
     trials, read_advice = read_trials(arguments.trials, arguments)
@@ -114,7 +106,8 @@ def run(arguments):
             found = choose(problem, settings, progress=progress)
         else:
             found = identify_problem(problem, settings, progress=progress)
-    inertia = inertia_of(found.model, arguments.inertia, arguments.mass, arguments.metacentric_height)
+    inertia = particulars.inertia_of(found.model)
+    tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
     if arguments.output and is_to_be_written(arguments, found.verdict):
         write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
     if arguments.plot:
@@ -123,9 +116,10 @@ def run(arguments):
     if arguments.json:
         advice = (*read_advice, *found.advice, *found.verdict.warnings)
         data = fit_as_data(found, time.perf_counter() - began, inertia)
-        print(json.dumps({**data, **warnings_as_data(advice)}, indent=2))
+        data |= {table.name: table_as_data(table) for table in tables} | warnings_as_data(advice)
+        print(json.dumps(finite_or_none(data), indent=2))
     else:
-        print('\n'.join(fit_in_words(found, inertia)))
+        print('\n'.join([*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t)))]))
     return conclude_fit(arguments, found.verdict)
 
 
@@ -158,7 +152,7 @@ def _run_at_sea(arguments, trials, axis, read_advice, began):
     """Identify from motion in waves, print, and write what was asked for."""
     if len(trials) > 1:
         raise InputError('motion in waves is identified from one record at a time: give one, the longest')
-    refused = [name for name in ('equation', 'inertia', 'mass') if getattr(arguments, name) is not None]
+    refused = [name for name in ('equation', 'inertia', 'mass', 'extinction') if getattr(arguments, name)]
     if refused:
         raise InputError(
             f'--{refused[0]} has no meaning for motion in waves, which gives a linear equivalent only: leave it out, '

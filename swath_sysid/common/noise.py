@@ -1,21 +1,12 @@
-"""How noisy a channel is, and how much its fit residuals are worth."""
+"""How residuals are weighted, and how much information correlated ones hold."""
 
 import numpy as np
 from scipy.signal import fftconvolve
 
+from swath_sysid.common.signals import white_noise
+
 MODEL_FLOOR = 0.005
 """No model of a hull is trusted closer than this share of the motion's standard deviation."""
-
-
-def white_noise(values):
-    """Standard deviation of the white noise on a smooth signal, by its third differences.
-
-    The median absolute third difference over its value for unit noise; the motion itself
-    hardly enters where it is sampled twenty times a period or more.
-    """
-    if values.size < 8:
-        return 0.0
-    return float(np.median(np.abs(np.diff(values, 3))) / (0.6745 * np.sqrt(20.0)))
 
 
 def weighting_noise(channels):

@@ -2,7 +2,7 @@
 
 import math
 
-from swath_sysid.attitude.hull.published_form import inertia_from_metacentric_height, to_published
+from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.common.covariance import correlation
 
@@ -77,13 +77,6 @@ def finite_or_none(value):
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return float(value) if isinstance(value, float) else value
-
-
-def inertia_of(model, inertia, mass, metacentric_height):
-    """I' as given, or from hydrostatics where mass and metacentric height are, or None."""
-    if inertia is None and mass is not None and metacentric_height is not None:
-        return inertia_from_metacentric_height(model, mass, metacentric_height)
-    return inertia
 
 
 def fit_in_words(identification, inertia=None):

@@ -13,6 +13,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.noise import weighting_noise
+from swath_sysid.common.signals import bin_means
 
 FRICTION_RATE_SHARE = 0.02
 """Dry friction is smoothed over this share of the greatest rate: small against the rates that
@@ -178,11 +179,9 @@ def block_means(motion, period, blocks):
         return motion
     block = 1 + np.floor((motion.time - motion.time[0]) * blocks / period).astype(int)
     block[0] = 0
-    count = np.bincount(block)
-    filled = count > 0
 
     def mean(values):
-        return None if values is None else np.bincount(block, values)[filled] / count[filled]
+        return None if values is None else bin_means(block, values)[1]
 
     return replace(motion, time=mean(motion.time), angle=mean(motion.angle), rate=mean(motion.rate))
 

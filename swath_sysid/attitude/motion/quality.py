@@ -10,10 +10,9 @@ from swath_sysid.attitude.motion.turning_points import (
     find_gaps,
     find_turning_points,
     mean_period,
-    quantum,
-    spikes,
 )
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.signals import quantum, spikes
 
 
 @dataclass(frozen=True)

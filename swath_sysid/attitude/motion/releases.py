@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.attitude.motion.turning_points import even_signal, noise_level
+from swath_sysid.attitude.motion.turning_points import even_signal
+from swath_sysid.common.signals import noise_level
 
 HOLD_BAND = 0.6
 """Part of a hold's angle above which the craft counts as held: a hand wobbles by less than the rest."""

@@ -7,8 +7,10 @@ turning points are still sharp, and a turning point is one that stands out of th
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, median_filter
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
+
+from swath_sysid.common.signals import bin_means, noise_level, quantum, without_spikes
 
 MOST_SAMPLES = 65536
 """Longer records are averaged down to this many samples: 20 a period for an hour of a 1 s period."""
@@ -262,87 +264,13 @@ def even_signal(motion):
     number = int(np.floor(duration / interval * (1.0 + 1e-9))) + 1
     resolution = quantum(value)
     if number < 0.7 * motion.size:
-        time, value = _means_of_bins(time, value, start, interval, number)
+        bins = np.clip(np.rint((time - start) / interval).astype(int), 0, number - 1)
+        _, elapsed, value = bin_means(bins, time - start, value)
+        time = start + elapsed
         resolution = 0.0
     even = without_spikes(np.interp(start + interval * np.arange(number), time, value))
     gaps = find_gaps(motion, longer_than=4.0 * interval)
     return EvenSignal(quantity, start, interval, even, noise_level(even), resolution, gaps, record_end=record_end)
-
-
-def _means_of_bins(time, value, start, interval, number):
-    """Mean time and mean value of the samples of each bin that holds any."""
-    bins = np.clip(np.rint((time - start) / interval).astype(int), 0, number - 1)
-    count = np.bincount(bins, minlength=number)
-    held = count > 0
-    mean_time = start + np.bincount(bins, time - start, minlength=number)[held] / count[held]
-    return mean_time, np.bincount(bins, value, minlength=number)[held] / count[held]
-
-
-def spikes(value, threshold=10.0):
-    """Mask of the samples, alone or in pairs, that lie far outside their neighbourhood.
-
-    A sample is a spike where it differs from the median of the five around it by more than
-    ``threshold`` standard deviations of the noise, and by more than twice the range of the
-    three nearest to that median: the top of a sparsely sampled swing is none.
-
-    Parameters
-    ----------
-    value : ndarray, shape (N,)
-    threshold : float
-
-    Returns
-    -------
-    ndarray of bool, shape (N,)
-    """
-    if value.size < 5:
-        return np.zeros(value.size, dtype=bool)
-    middle = median_filter(value, 5)
-    difference = np.abs(value - middle)
-    suspects = np.flatnonzero(difference > max(threshold * noise_level(value), 1e-12 * np.ptp(value)))
-    padded = np.pad(value, 2, mode='reflect')
-    others = padded[suspects[:, None] + np.array([0, 1, 3, 4])]
-    order = np.argsort(np.abs(others - middle[suspects, None]), axis=1)[:, :3]
-    nearest = np.take_along_axis(others, order, axis=1)
-    mask = np.zeros(value.size, dtype=bool)
-    mask[suspects] = difference[suspects] > 2.0 * np.ptp(nearest, axis=1)
-    return mask
-
-
-def without_spikes(value):
-    """The values with each spike replaced by the median of its neighbourhood."""
-    bad = spikes(value)
-    return np.where(bad, median_filter(value, 5), value) if bad.any() else value
-
-
-def noise_level(value):
-    """Standard deviation of the white noise in evenly sampled values.
-
-    Third differences remove a smooth motion and multiply white noise by sqrt(20); the median
-    ignores the rest. Values that were repeated to fill a faster grid are counted once, and the
-    noise made larger so that averaging over the grid leaves what averaging over them would.
-
-    Parameters
-    ----------
-    value : ndarray, shape (N,)
-
-    Returns
-    -------
-    float
-    """
-    if value.size < 8:
-        return 0.0
-    new = value[np.concatenate([[True], np.diff(value) != 0.0])]
-    if new.size < 8 or new.size > value.size // 2:
-        new = value
-    repeated = value.size / new.size
-    return 1.4826 * float(np.median(np.abs(np.diff(new, 3)))) * float(np.sqrt(repeated / 20.0))
-
-
-def quantum(value):
-    """Smallest step between the values: their resolution, where they were rounded."""
-    steps = np.abs(np.diff(value))
-    steps = steps[steps > 1e-12 * max(float(np.ptp(value)), 1e-300)]
-    return float(steps.min()) if steps.size else 0.0
 
 
 def pyramid(signal):

@@ -1,7 +1,6 @@
 """The motion window: the last minute of motion in fixed memory, and the decays that end in it."""
 from dataclasses import dataclass, field
 from math import ceil, pi
-from struct import Struct
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +11,11 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, Trial
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.row_buffer import RowBuffer
+from swath_sysid.common.signals import bin_means
 
 COLUMNS = ('t', *CHANNELS)
 """Columns of a window: the stamp, s, and the channels of a trial."""
-
-_ROW = Struct(f'{len(COLUMNS)}d')
 
 WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 
@@ -152,8 +151,7 @@ class MotionWindow:
         self.counts = dict.fromkeys(WINDOW_REASONS, 0)
         self.samples = 0
         self.recording = True
-        # filled, so that the memory is taken now and not page by page over minutes
-        self._ring = np.full((ceil(self.settings.window * self.settings.max_rate) + 1, len(COLUMNS)), np.nan)
+        self._rows = RowBuffer(ceil(self.settings.window * self.settings.max_rate) + 1, len(COLUMNS))
         self._watch = DecayWatch(self.settings)
         self.clear()
 
@@ -165,28 +163,29 @@ class MotionWindow:
     @property
     def size(self):
         """Number of rows."""
-        return self._size
+        return len(self._rows)
 
     @property
     def duration(self):
         """Seconds from the first to the last row."""
-        return float(self._ring[self._end - 1, 0] - self._ring[self._first, 0]) if self._size else 0.0
+        rows = self._rows.last()
+        return float(rows[-1, 0] - rows[0, 0]) if len(rows) else 0.0
 
     @property
     def described(self):
         """What the window holds, for people."""
         state = 'recording' if self.recording else 'not recording'
-        held = f'{self._size} samples, {self.duration:.1f} s' if self._size else 'the window is empty'
+        held = f'{self.size} samples, {self.duration:.1f} s' if self.size else 'the window is empty'
         return f'{state}, {held}'
 
     @property
     def is_short_of_memory(self):
         """Whether samples come faster than memory was taken for, so that the window is shorter than asked."""
-        return self._size == len(self._ring) and self.duration < 0.95 * self.settings.window
+        return self.size == self._rows.capacity and self.duration < 0.95 * self.settings.window
 
     def clear(self):
         """Forget all rows."""
-        self._size = self._end = 0
+        self._rows.clear()
         self._stamp_ns = 0
         self._watch.restart()
 
@@ -250,32 +249,16 @@ class MotionWindow:
         -------
         MotionTable
         """
-        first, end = self._first, self._end
-        if self._size == 0:
-            rows = self._ring[:0].copy()
-        elif first < end:
-            rows = self._ring[first:end].copy()
-        else:
-            rows = np.concatenate([self._ring[first:], self._ring[:end]])
+        rows = self._rows.last()
         if since is not None:
             rows = rows[np.searchsorted(rows[:, 0], since):]
-        return MotionTable(rows, self._stamp_ns)
-
-    @property
-    def _first(self):
-        return (self._end - self._size) % len(self._ring)
+        return MotionTable(rows.copy(), self._stamp_ns)
 
     def _append(self, sample):
-        length, stamp = len(self._ring), sample[0] * NANOSECOND
-        end = self._end if self._end < length else 0
-        # four times as fast as the assignment of a row
-        _ROW.pack_into(self._ring, _ROW.size * end, stamp, *sample[1:8])
-        if self._size == length:
-            self._size -= 1
-        self._end, self._stamp_ns, self._size = end + 1, sample[0], self._size + 1
-        oldest = stamp - self.settings.window
-        while self._ring.item(self._first, 0) < oldest:
-            self._size -= 1
+        stamp = sample[0] * NANOSECOND
+        self._rows.append((stamp, *sample[1:8]))
+        self._rows.drop_below(stamp - self.settings.window)
+        self._stamp_ns = sample[0]
 
 
 class DecayWatch:
@@ -411,6 +394,5 @@ def averaged(table, rate):
     bins = np.floor(elapsed * rate).astype(int)
     if len(rows) <= 1.5 * (bins[-1] + 1):
         return table
-    starts = np.flatnonzero(np.diff(bins, prepend=-1))
-    counts = np.diff(np.append(starts, len(rows)))
-    return MotionTable(np.add.reduceat(rows, starts) / counts[:, None], table.stamp_ns)
+    _, *means = bin_means(bins, *rows.T)
+    return MotionTable(np.stack(means, axis=1), table.stamp_ns)

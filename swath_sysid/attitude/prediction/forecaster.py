@@ -13,7 +13,6 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.blend import Blend
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
-from swath_sysid.attitude.prediction.history import History
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
 from swath_sysid.attitude.prediction.oscillator import oscillators
 from swath_sysid.attitude.prediction.quiescence import Quiescence, QuiescenceLimits
@@ -29,6 +28,7 @@ from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter, NoiseSettin
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.row_buffer import RowBuffer
 
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
 """Of a sample, those that may tell of the waves; a record that lacks some is forecast from the others."""
@@ -209,7 +209,7 @@ class Forecaster:
         self._asked = np.searchsorted(self._leads, leads - 1e-6)
         self._over_horizon = np.searchsorted(self._leads, horizon - 1e-6)
         # the oldest forecast that is scored lies one longest lead behind the window
-        self._history = History(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
+        self._history = RowBuffer(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
         self._quiescence = None if s.quiescence is None else Quiescence(s.quiescence, horizon)
         self._size = MotionSize(s.window)
         self._time = 0.0

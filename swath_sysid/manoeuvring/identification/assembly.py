@@ -5,7 +5,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.noise import white_noise
+from swath_sysid.common.signals import white_noise
 from swath_sysid.manoeuvring.hull.model import parameter_values
 from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.terms import INDEX

@@ -7,7 +7,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.noise import white_noise
+from swath_sysid.common.signals import white_noise
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits

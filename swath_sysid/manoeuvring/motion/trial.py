@@ -12,6 +12,7 @@ from scipy.signal import lfilter, savgol_filter
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.signals import bin_means, white_noise
 
 FORCE, COMMAND = 'force', 'command'
 CHANNELS = ('surge', 'sway', 'yaw_rate')
@@ -254,11 +255,10 @@ def smoothed(values, step, width=SMOOTHING):
 
 
 def _noisiness(values):
-    """Share of the full smoothing that a channel needs, 0.3 to 1, by its third differences (see noise.white_noise)."""
+    """Share of the full smoothing that a channel needs, 0.3 to 1,"""
     if values.size < 8 or np.std(values) == 0.0:
         return 1.0
-    white = np.median(np.abs(np.diff(values, 3))) / (0.6745 * np.sqrt(20.0))
-    return float(np.clip(white / (NOISY * np.std(values)), 0.3, 1.0))
+    return float(np.clip(white_noise(values) / (NOISY * np.std(values)), 0.3, 1.0))
 
 
 def _in_order(trial, advice):
@@ -674,10 +674,10 @@ def _on_grid(grid, step, time, values):
     if interval < 0.75 * step:
         place = np.rint((time - grid[0]) / step).astype(int)
         inside = (place >= 0) & (place < grid.size)
-        counts = np.bincount(place[inside], minlength=grid.size)
-        sums = np.bincount(place[inside], weights=values[inside], minlength=grid.size)
-        with np.errstate(invalid='ignore', divide='ignore'):
-            return np.where(counts > 0, sums / counts, np.nan)
+        held, means = bin_means(place[inside], values[inside])
+        found = np.full(grid.size, np.nan)
+        found[held] = means
+        return found
     after = np.clip(np.searchsorted(time, grid), 0, time.size - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(time[after] - grid) <= np.abs(grid - time[before]), after, before)

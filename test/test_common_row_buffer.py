@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swath_sysid.attitude.prediction.history import History
+from swath_sysid.common.row_buffer import RowBuffer
 
 CAPACITY, CHANNELS = 5, 2
 STEPS = st.lists(
@@ -20,7 +20,7 @@ STEPS = st.lists(
 
 def both_after(steps):
     """The history, and a list of all rows since it was last cleared."""
-    history, rows = History(CAPACITY, CHANNELS), []
+    history, rows = RowBuffer(CAPACITY, CHANNELS), []
     for kind, number in steps:
         if kind == 'append':
             row = [float(number), -0.5 * number]
@@ -58,7 +58,7 @@ def test_rows_by_number_are_those_of_a_list_and_linear_between_two(steps, number
 
 
 def test_memory_does_not_grow_and_what_is_given_is_copied():
-    history, row = History(CAPACITY, CHANNELS), np.zeros(CHANNELS)
+    history, row = RowBuffer(CAPACITY, CHANNELS), np.zeros(CHANNELS)
     memory = history._rows
     for number in range(50 * CAPACITY):
         row[:] = number
@@ -67,7 +67,20 @@ def test_memory_does_not_grow_and_what_is_given_is_copied():
 
 
 def test_a_long_silence_costs_no_more_than_the_capacity():
-    history = History(CAPACITY, CHANNELS)
+    history = RowBuffer(CAPACITY, CHANNELS)
     history.append([1.0, 2.0])
     history.skip(10**12)
     assert history.newest == 10**12 and len(history) == CAPACITY and np.isnan(history.last(CAPACITY)).all()
+
+
+@given(st.integers(0, 4 * CAPACITY), st.integers(0, 4 * CAPACITY), st.integers(0, 2 * CAPACITY))
+def test_the_oldest_rows_can_be_dropped_by_their_first_column(before, limit, after):
+    buffer = RowBuffer(CAPACITY, CHANNELS)
+    for number in range(before):
+        buffer.append([number, 0.0])
+    buffer.drop_below(limit)
+    for number in range(before, before + after):
+        buffer.append([number, 0.0])
+    kept = [n for n in range(before + after) if n >= min(limit, before)][-CAPACITY:]
+    assert buffer.last()[:, 0].tolist() == [n for n in kept if n >= before - CAPACITY]
+    assert len(buffer) == len(buffer.last()) and buffer.newest == before + after - 1

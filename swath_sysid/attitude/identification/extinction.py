@@ -1,0 +1,380 @@
+"""Extinction of a free decay and its damping in dimensions, as towing tanks report them (ITTC 7.5-02-07-04.5).
+
+The amplitude of a half cycle is half its swing, turning point to turning point, so that trim and an asymmetric
+restoring moment cancel. From one half cycle to the next it falls by the decrement, which over the mean amplitude is
+the extinction curve:
+
+    decrement = p1 a + p2 a^2 + p3 a^3,     Bertin's N = decrement / a^2.
+
+Damping takes the energy of b1 w + b2 |w| w + b3 w^3 over half a cycle of cos, so that with the frequency w of the
+motion p1 = pi b1 / (2 w), p2 = 4/3 b2, p3 = 3/8 pi w b3. For the linear term the exact relation stands in place of
+the first: p1 = 2 tanh(b1 T / 8).
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY, inertia_from_metacentric_height
+from swath_sysid.attitude.identification.one_step import with_angle_and_rate
+from swath_sysid.attitude.motion.turning_points import find_turning_points
+from swath_sysid.common.covariance import sandwich_covariance
+from swath_sysid.common.errors import InputError
+
+PEAK_WINDOW = 0.1
+"""Periods to each side of a turning point through which a parabola is laid: it averages the noise, and lowers every
+amplitude alike by 0.05 %."""
+
+LEAST_ROWS = (1, 4, 6)
+"""Decrements that a curve of one, two, three terms needs: one to spare for each."""
+
+RESIDUAL_MEMORY = 4
+"""Half cycles over which disturbances of a basin hold together, at least."""
+
+COVERAGE_FACTOR = 2.0
+"""k of the expanded uncertainty: 95 %."""
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Turning points of one decay, shape (M,): times, s, and measured angles, rad."""
+
+    time: np.ndarray
+    angle: np.ndarray
+
+    @property
+    def amplitude(self):
+        """Half of each swing, rad, shape (M - 1,)."""
+        return 0.5 * np.abs(np.diff(self.angle))
+
+    @property
+    def mean_amplitude(self):
+        """Mean of the amplitudes before and after a turning point, rad, shape (M - 2,)."""
+        return 0.5 * (self.amplitude[:-1] + self.amplitude[1:])
+
+    @property
+    def decrement(self):
+        """What the amplitude falls by in half a cycle, rad, shape (M - 2,)."""
+        return self.amplitude[:-1] - self.amplitude[1:]
+
+    @property
+    def period(self):
+        """From each turning point to the next but one, s, shape (M - 2,)."""
+        return self.time[2:] - self.time[:-2]
+
+    @property
+    def logarithmic_decrement(self):
+        """Of a whole cycle, shape (M - 2,)."""
+        return 2.0 * np.log(self.amplitude[:-1] / self.amplitude[1:])
+
+    @property
+    def bertin(self):
+        """Bertin's N of each half cycle, 1/rad, shape (M - 2,)."""
+        return self.decrement / self.mean_amplitude**2
+
+    @property
+    def decrement_covariance(self):
+        """Covariance of the decrements per unit variance of a turning point, shape (M - 2, M - 2)."""
+        count = self.decrement.size
+        return 0.5 * np.eye(count) - 0.25 * (np.eye(count, k=2) + np.eye(count, k=-2))
+
+
+def measured_peaks(motion, period):
+    """Turning points of a decay, each from a parabola through the samples around it.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        Cut to the decay; where no angle was measured it is the integral of the rate.
+    period : float
+        s.
+
+    Returns
+    -------
+    Peaks
+    """
+    angle, _ = with_angle_and_rate(motion)
+    rough = find_turning_points(motion, period)
+    times = rough.time if motion.angle is not None else _zeros_between(rough)
+    found = [_vertex(motion.time, angle, at, PEAK_WINDOW * period) for at in times]
+    return Peaks(*np.array([vertex for vertex in found if vertex is not None]).reshape(-1, 2).T)
+
+
+def _zeros_between(rate_turns):
+    """Where the angle turns, seen in the turning points of its rate: half way between."""
+    return 0.5 * (rate_turns.time[1:] + rate_turns.time[:-1])
+
+
+def _vertex(time, angle, at, reach):
+    near = np.abs(time - at) <= reach
+    # a parabola at the rim of the record would be extrapolated
+    if near.sum() < 5 or time[near][0] > at - 0.5 * reach or time[near][-1] < at + 0.5 * reach:
+        return None
+    curvature, slope, level = np.polyfit(time[near] - at, angle[near], 2)
+    shift = np.clip(-0.5 * slope / curvature, -reach, reach) if curvature else 0.0
+    return at + shift, level + 0.5 * slope * shift
+
+
+@dataclass(frozen=True)
+class Extinction:
+    """The extinction curve of one or several decays of the same condition.
+
+    Attributes
+    ----------
+    peaks : tuple of Peaks
+    coefficients : ndarray, shape (3,)
+        p1, p2 (1/rad), p3 (1/rad^2); terms that so few half cycles cannot tell are zero.
+    covariance : ndarray, shape (3, 3)
+        From the scatter of the decrements about the curve (type A).
+    bertin, bertin_std : float
+        N of the curve of the quadratic term alone, 1/rad.
+    period : float
+        Mean of the cycles, weighted by their amplitudes, s.
+    """
+
+    peaks: tuple[Peaks, ...]
+    coefficients: np.ndarray
+    covariance: np.ndarray
+    bertin: float
+    bertin_std: float
+    period: float
+
+    @property
+    def std(self):
+        """Standard deviations of the coefficients, shape (3,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def curve(self, amplitude):
+        """Decrement of half a cycle at mean amplitudes (A,), rad."""
+        return np.polynomial.polynomial.polyval(amplitude, [0.0, *self.coefficients])
+
+    @property
+    def damping(self):
+        """b1, 1/s, b2, 1/rad, and b3, s/rad^2, that the curve means."""
+        p1, p2, p3 = self.coefficients
+        frequency = 2.0 * np.pi / self.period
+        return np.array([8.0 / self.period * np.arctanh(p1 / 2.0), 0.75 * p2, 8.0 * p3 / (3.0 * np.pi * frequency)])
+
+    @property
+    def damping_std(self):
+        """Standard deviations of `damping`, to first order."""
+        frequency = 2.0 * np.pi / self.period
+        slopes = 4.0 / self.period / (1.0 - self.coefficients[0] ** 2 / 4.0), 0.75, 8.0 / (3.0 * np.pi * frequency)
+        return np.array(slopes) * self.std
+
+
+def extinction_of(peaks):
+    """The extinction curve through the decrements of some decays, by generalised least squares.
+
+    Parameters
+    ----------
+    peaks : sequence of Peaks
+        Of one condition; those with fewer than three turning points tell nothing.
+
+    Returns
+    -------
+    Extinction
+
+    Raises
+    ------
+    InputError
+        No record turns three times.
+    """
+    peaks = tuple(p for p in peaks if p.time.size >= 3 and (p.amplitude > 0.0).all())
+    if not peaks:
+        raise InputError(
+            'an extinction curve needs three turning points: the damping is too strong, or the record too short'
+        )
+    amplitude, period = (np.concatenate([getattr(p, name) for p in peaks]) for name in ('mean_amplitude', 'period'))
+    terms = sum(amplitude.size >= least for least in LEAST_ROWS)
+    coefficients, covariance = np.zeros(3), np.zeros((3, 3))
+    coefficients[:terms], covariance[:terms, :terms] = _fitted(peaks, range(1, terms + 1))
+    (bertin,), ((bertin_variance,),) = _fitted(peaks, [2])
+    return Extinction(
+        peaks, coefficients, covariance, float(bertin), float(np.sqrt(bertin_variance)),
+        float(np.average(period, weights=amplitude)),
+    )
+
+
+def _fitted(peaks, powers):
+    """Coefficients of powers of the amplitude, and their covariance; NaN where no decrement is to spare."""
+    columns, right = [], []
+    for p in peaks:
+        # neighbouring decrements share a turning point: whitened, their errors are independent
+        whiten = np.linalg.inv(np.linalg.cholesky(p.decrement_covariance))
+        columns.append(whiten @ np.column_stack([p.mean_amplitude**power for power in powers]))
+        right.append(whiten @ p.decrement)
+    size = np.linalg.norm(np.concatenate(columns), axis=0)
+    found, *_ = np.linalg.lstsq(np.concatenate(columns) / size, np.concatenate(right), rcond=None)
+    if sum(r.size for r in right) <= size.size:
+        return found / size, np.full((size.size, size.size), np.nan)
+    residuals = [r - c / size @ found for c, r in zip(columns, right, strict=True)]
+    covariance = sandwich_covariance(residuals, [c / size for c in columns], RESIDUAL_MEMORY)
+    return found / size, covariance.matrix / np.outer(size, size)
+
+
+@dataclass(frozen=True)
+class Particulars:
+    """What turns ratios into moments; what is not known is None.
+
+    Attributes
+    ----------
+    mass : float or None
+        Displacement, kg.
+    metacentric_height : float or None
+        GM, transverse for roll, longitudinal for pitch, m.
+    inertia : float or None
+        With added inertia, kg m^2; wins over mass and metacentric height.
+    length, breadth : float or None
+        m.
+    """
+
+    mass: float | None = None
+    metacentric_height: float | None = None
+    inertia: float | None = None
+    length: float | None = None
+    breadth: float | None = None
+
+    def inertia_of(self, model):
+        """I' as given, else from hydrostatics and a decay model's stiffness, else None."""
+        if self.inertia is not None or None in (self.mass, self.metacentric_height):
+            return self.inertia
+        return inertia_from_metacentric_height(model, self.mass, self.metacentric_height)
+
+    def damping_unit(self, axis):
+        """What a damping coefficient, N m s, is divided by to have no dimension, or None.
+
+        Roll: rho V B^2 sqrt(2 g / B) (ITTC 7.5-02-07-04.5); pitch: rho V L^2 sqrt(g / L).
+        """
+        size, gravity = (
+            (self.breadth, 2.0 * STANDARD_GRAVITY) if axis == 'roll' else (self.length, STANDARD_GRAVITY)
+        )
+        if None in (self.mass, size):
+            return None
+        return self.mass * size**2 * np.sqrt(gravity / size)
+
+
+def froude_number(speed, length):
+    """U / sqrt(g L); speed in m/s, length in m."""
+    return speed / np.sqrt(STANDARD_GRAVITY * length)
+
+
+@dataclass(frozen=True)
+class TypeB:
+    """Relative standard uncertainties of what a decay itself cannot show."""
+
+    sensor_scale: float = 0.0
+    time_base: float = 0.0
+    mass: float = 0.0
+    metacentric_height: float = 0.0
+    inertia: float = 0.0
+
+    def __post_init__(self):
+        for name, value in vars(self).items():
+            if not 0.0 <= value < 1.0:
+                raise InputError(f'the uncertainty of {name} is a share from 0 to 1 of its value, not {value:g}')
+
+
+@dataclass(frozen=True)
+class TankQuantity:
+    """A result with its uncertainty budget, all in its unit.
+
+    Attributes
+    ----------
+    name, unit : str
+    value : float
+    fit, repeats : float
+        Type A: standard uncertainty of the fit, and of the mean of repeats (NaN without any).
+    type_b : dict of str to float
+        Standard uncertainty from each source of `TypeB`.
+    """
+
+    name: str
+    unit: str
+    value: float
+    fit: float
+    repeats: float
+    type_b: dict
+
+    @property
+    def combined(self):
+        """Standard uncertainty: the scatter of repeats holds that of each fit, so that the larger counts."""
+        type_a = np.nanmax([self.fit, self.repeats])
+        return float(np.sqrt(type_a**2 + sum(u**2 for u in self.type_b.values())))
+
+    @property
+    def expanded(self):
+        """U with coverage factor 2."""
+        return COVERAGE_FACTOR * self.combined
+
+
+def _at(bands, name, amplitude):
+    return float(np.interp(amplitude, bands.curves.amplitude, getattr(bands.curves, name)))
+
+
+def _std_at(bands, name, amplitude):
+    return float(np.interp(amplitude, bands.curves.amplitude, getattr(bands, f'{name}_std')))
+
+
+def _slope_at(bands, name, amplitude):
+    """d ln(quantity) / d ln(amplitude): what an error of the sensor's scale does."""
+    logarithm = np.log(np.maximum(getattr(bands.curves, name), 1e-300))
+    return float(np.interp(amplitude, bands.curves.amplitude, np.gradient(logarithm, np.log(bands.curves.amplitude))))
+
+
+_FROM_HYDROSTATICS = {'time_base': 1, 'mass': 1, 'metacentric_height': 1}
+_FROM_INERTIA = {'time_base': -1, 'inertia': 1}
+
+
+_BOTH = ('frequency', 'damping_ratio')
+
+
+def tank_quantities(axis, bands, amplitude, inertia, particulars, type_b, repeats=()):
+    """Natural period, damping ratio and equivalent damping at one amplitude, each with its budget.
+
+    Parameters
+    ----------
+    axis : str
+    bands : AmplitudeBands
+    amplitude : float
+        rad.
+    inertia : float or None
+        I' by the particulars, kg m^2.
+    particulars : Particulars
+    type_b : TypeB
+    repeats : sequence of AmplitudeBands
+        Of single repeats, of which the scatter is taken.
+
+    Returns
+    -------
+    tuple of TankQuantity
+        The damping in N m s only where the inertia is known, without dimension only where mass and size are too.
+    """
+    unit = particulars.damping_unit(axis)
+    sources = _FROM_HYDROSTATICS if particulars.inertia is None else _FROM_INERTIA
+    symbol = {'roll': 'B44', 'pitch': 'B55'}[axis]
+    rows = [
+        ('natural period', 's', lambda w, z: 2.0 * np.pi / w, _BOTH[:1], {'time_base': 1}),
+        ('equivalent damping ratio', '-', lambda w, z: z, _BOTH[1:], {}),
+        ('equivalent damping over inertia', '1/s', lambda w, z: 2.0 * z * w, _BOTH, {'time_base': -1}),
+    ]
+    if inertia is not None:
+        rows.append((symbol, 'N m s', lambda w, z: 2.0 * z * w * inertia, _BOTH, sources))
+    if inertia is not None and unit is not None:
+        by_mass = {**sources, 'mass': sources.get('mass', 0) - 1}
+        rows.append((f'{symbol} without dimension', '-', lambda w, z: 2.0 * z * w * inertia / unit, _BOTH, by_mass))
+    return tuple(_with_budget(row, bands, amplitude, type_b, repeats) for row in rows)
+
+
+def _with_budget(row, bands, amplitude, type_b, repeats):
+    name, unit, formula, depends_on, exponents = row
+    value = formula(*(_at(bands, q, amplitude) for q in _BOTH))
+    relative = [_std_at(bands, q, amplitude) / abs(_at(bands, q, amplitude)) for q in depends_on]
+    singles = [formula(*(_at(r, q, amplitude) for q in _BOTH)) for r in repeats]
+    shares = {source: power * getattr(type_b, source) for source, power in exponents.items()}
+    shares['sensor_scale'] = type_b.sensor_scale * sum(_slope_at(bands, q, amplitude) for q in depends_on)
+    return TankQuantity(
+        name, unit, value,
+        fit=abs(value) * float(np.linalg.norm(relative)),
+        repeats=float(np.std(singles, ddof=1) / np.sqrt(len(singles))) if len(singles) > 1 else float('nan'),
+        type_b={source: abs(value * share) for source, share in shares.items() if share},
+    )

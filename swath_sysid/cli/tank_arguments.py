@@ -1,0 +1,70 @@
+"""Arguments of a tank's standard output: what is known of the craft, and how well."""
+from dataclasses import fields
+
+from swath_sysid.attitude.identification.extinction import Particulars, TypeB
+from swath_sysid.cli.sources import finite
+from swath_sysid.common.errors import InputError
+
+SOURCES = tuple(f.name for f in fields(TypeB))
+
+
+def add_tank_arguments(parser):
+    """Inertia or what it follows from, the size, and ``--extinction``."""
+    group = parser.add_argument_group('damping in dimensions')
+    group.add_argument(
+        '--extinction', action='store_true',
+        help='print peaks, logarithmic decrements, the extinction curve, and the damping with its expanded uncertainty',
+    )  # fmt: skip
+    group.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form too")
+    group.add_argument(
+        '--mass', type=finite, metavar='KG', help='with --metacentric-height: the inertia follows from both'
+    )
+    group.add_argument(
+        '--metacentric-height', type=finite, metavar='M', help='GM, transverse for roll, longitudinal for pitch'
+    )
+    group.add_argument('--length', type=finite, metavar='M', help='for the damping of pitch without dimension')
+    group.add_argument('--breadth', type=finite, metavar='M', help='for the damping of roll without dimension')
+    group.add_argument(
+        '--uncertainty', action='append', default=[], metavar='SOURCE=SHARE',
+        help=f'relative standard uncertainty, such as metacentric_height=0.02, of {", ".join(SOURCES)}',
+    )  # fmt: skip
+
+
+def particulars_of(arguments):
+    """What is known of the craft.
+
+    Raises
+    ------
+    InputError
+        Not positive, or the inertia is given twice or by half.
+    """
+    given = {f.name: getattr(arguments, f.name) for f in fields(Particulars)}
+    for name, value in given.items():
+        if value is not None and not value > 0.0:
+            raise InputError(f'--{name.replace("_", "-")} must be greater than zero, not {value:g}')
+    mass, height = arguments.mass is not None, arguments.metacentric_height is not None
+    if arguments.inertia is not None and height:
+        raise InputError('give --inertia, or --mass with --metacentric-height, not both: each sets the inertia')
+    if height and not mass or mass and not height and arguments.inertia is None:
+        raise InputError('give both --mass and --metacentric-height, or neither')
+    return Particulars(**given)
+
+
+def type_b_of(arguments):
+    """Uncertainties of the command line.
+
+    Raises
+    ------
+    InputError
+        No such source, or no share.
+    """
+    given = {}
+    for text in arguments.uncertainty:
+        name, _, share = text.partition('=')
+        if name not in SOURCES:
+            raise InputError(f"there is no source of uncertainty '{name}': choose from {', '.join(SOURCES)}")
+        try:
+            given[name] = float(share)
+        except ValueError:
+            raise InputError(f"--uncertainty {name} needs a share such as {name}=0.01, not '{share}'") from None
+    return TypeB(**given)

@@ -1,0 +1,117 @@
+"""Sampled signals: their white noise, their resolution, spikes, and means over bins of time."""
+import numpy as np
+from scipy.ndimage import median_filter
+
+NORMAL_MEDIAN = 0.6745
+"""Median absolute value of a standard normal variable."""
+
+SPIKE_NEIGHBOURS = 5
+"""Samples, the one in question among them, whose median a spike differs from."""
+
+
+def white_noise(values: np.ndarray) -> float:
+    """Standard deviation of the white noise on a smooth signal, by its third differences.
+
+    The median absolute third difference over its value for unit noise: third differences of white noise
+    have sqrt(20) times its standard deviation. The motion itself hardly enters where it is sampled twenty times a
+    period or more.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+        Evenly sampled, finite.
+
+    Returns
+    -------
+    float
+        In the unit of ``values``; zero for fewer than eight.
+    """
+    if values.size < 8:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, 3))) / (NORMAL_MEDIAN * np.sqrt(20.0)))
+
+
+def noise_level(values: np.ndarray) -> float:
+    """`white_noise` of values that may have been repeated to fill a faster grid.
+
+    Repeated values are counted once, and the noise is made larger so that averaging over the grid leaves what
+    averaging over the measured values would.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+
+    Returns
+    -------
+    float
+    """
+    if values.size < 8:
+        return 0.0
+    new = values[np.concatenate([[True], np.diff(values) != 0.0])]
+    if new.size < 8 or new.size > values.size // 2:
+        new = values
+    return white_noise(new) * float(np.sqrt(values.size / new.size))
+
+
+def quantum(values: np.ndarray) -> float:
+    """Smallest step between neighbouring values, shape (N,): their resolution, where they were rounded."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-12 * max(float(np.ptp(values)), 1e-300)]
+    return float(steps.min()) if steps.size else 0.0
+
+
+def spikes(values: np.ndarray, threshold: float = 10.0) -> np.ndarray:
+    """Mask of the samples, alone or in pairs, that lie far outside their neighbourhood.
+
+    A sample is a spike where it differs from the median of the five around it by more than
+    ``threshold`` standard deviations of the noise, and by more than twice the range of the
+    three nearest to that median: the top of a sparsely sampled swing is none.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+    threshold : float
+
+    Returns
+    -------
+    ndarray of bool, shape (N,)
+    """
+    if values.size < SPIKE_NEIGHBOURS:
+        return np.zeros(values.size, dtype=bool)
+    middle = median_filter(values, SPIKE_NEIGHBOURS)
+    difference = np.abs(values - middle)
+    suspects = np.flatnonzero(difference > max(threshold * noise_level(values), 1e-12 * np.ptp(values)))
+    padded = np.pad(values, 2, mode='reflect')
+    others = padded[suspects[:, None] + np.array([0, 1, 3, 4])]
+    order = np.argsort(np.abs(others - middle[suspects, None]), axis=1)[:, :3]
+    nearest = np.take_along_axis(others, order, axis=1)
+    mask = np.zeros(values.size, dtype=bool)
+    mask[suspects] = difference[suspects] > 2.0 * np.ptp(nearest, axis=1)
+    return mask
+
+
+def without_spikes(values: np.ndarray) -> np.ndarray:
+    """The values, shape (N,), with each spike replaced by the median of its neighbourhood."""
+    bad = spikes(values)
+    return np.where(bad, median_filter(values, SPIKE_NEIGHBOURS), values) if bad.any() else values
+
+
+def bin_means(bins: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Mean of each column over the samples of each bin that holds any.
+
+    Parameters
+    ----------
+    bins : ndarray of int, shape (N,)
+        Number of the bin of each sample, from zero.
+    *columns : ndarray, shape (N,)
+
+    Returns
+    -------
+    held : ndarray of int, shape (B,)
+        The bins that hold any sample, increasing.
+    *means : ndarray, shape (B,)
+        Of each column.
+    """
+    count = np.bincount(bins)
+    held = np.flatnonzero(count)
+    return held, *(np.bincount(bins, column)[held] / count[held] for column in columns)

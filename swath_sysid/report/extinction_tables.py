@@ -1,0 +1,168 @@
+"""A tank's standard output as tables: peaks, extinction curve, damping in dimensions, uncertainty."""
+import math
+
+import numpy as np
+
+from swath_sysid.attitude.identification.extinction import extinction_of, measured_peaks, tank_quantities
+from swath_sysid.common.errors import InputError
+from swath_sysid.report.campaign_tables import Column, Table, digits
+
+DEGREE = math.pi / 180.0
+CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2))
+DAMPING_TERMS = (('b1', '1/s', 'N m s'), ('b2', '1/rad', 'N m s^2'), ('b3', 's/rad^2', 'N m s^3'))
+SOURCES = {
+    'sensor_scale': 'sensor scale', 'time_base': 'time base', 'mass': 'mass', 'metacentric_height': 'GM',
+    'inertia': 'inertia',
+}  # fmt: skip
+
+
+def peaks_table(name, labelled):
+    """Every turning point with its decrement; angles in deg.
+
+    Parameters
+    ----------
+    name : str
+    labelled : sequence of (str, Peaks)
+        A record's name and its turning points.
+    """
+    rows = []
+    for label, peaks in labelled:
+        columns = (
+            np.degrees(peaks.mean_amplitude), np.degrees(peaks.decrement), peaks.logarithmic_decrement, peaks.period,
+            peaks.bertin * DEGREE,
+        )  # fmt: skip
+        # a decrement belongs to the turning point between its two half cycles
+        between = np.pad(np.array(columns), ((0, 0), (1, 1)), constant_values=np.nan)
+        rows += [
+            (label, k + 1, float(t), math.degrees(a), *map(float, values))
+            for k, (t, a, values) in enumerate(zip(peaks.time, peaks.angle, between.T, strict=True))
+        ]
+    columns = (
+        Column('record'), Column('peak'), Column('time [s]', digits(5)), Column('angle [deg]', digits(4)),
+        Column('mean amplitude [deg]', digits(4)), Column('decrement [deg]', digits(3)),
+        Column('logarithmic decrement per cycle', digits(3)), Column('period [s]', digits(4)),
+        Column("Bertin's N [1/deg]", digits(3)),
+    )  # fmt: skip
+    note = 'The decrement is that of half a cycle, of half the swings before and after the peak: trim cancels.'
+    return Table(name, 'Peaks and decrements', note, columns, tuple(rows))
+
+
+def curve_rows(extinction, model_terms, inertia):
+    """Rows of the extinction curve, then of the damping that it and the fitted motion mean.
+
+    Parameters
+    ----------
+    extinction : Extinction
+    model_terms : dict of str to (float, float)
+        Name to value and standard deviation of the fitted ratios.
+    inertia : float or None
+    """
+    rows = [
+        (name, unit, float(value * scale), float(std * scale), None, None, None, '')
+        for (name, unit, scale), value, std in zip(CURVE_TERMS, extinction.coefficients, extinction.std, strict=True)
+    ]
+    rows.append(
+        ("Bertin's N", '1/deg', extinction.bertin * DEGREE, extinction.bertin_std * DEGREE, None, None, None, '')
+    )
+    for (name, unit, moment), value, std in zip(
+        DAMPING_TERMS, extinction.damping, extinction.damping_std, strict=True
+    ):
+        fitted, fitted_std = model_terms.get(name, (None, None))
+        best = value if fitted is None else fitted
+        dimensional = None if inertia is None else inertia * float(best)
+        rows.append((name, unit, float(value), float(std), fitted, fitted_std, dimensional, moment if inertia else ''))
+    return rows
+
+
+CURVE_COLUMNS = (
+    Column('quantity'), Column('unit'), Column('extinction curve', digits(4)), Column('std', digits(2)),
+    Column('motion fit', digits(4)), Column('motion fit std', digits(2)), Column('times inertia', digits(4)),
+    Column('its unit'),
+)  # fmt: skip
+CURVE_NOTE = (
+    'Extinction curve: decrement = p1 a + p2 a^2 + p3 a^3 over the mean amplitude a in deg, whose terms mean linear, '
+    'quadratic and cubic damping over inertia b1, b2, b3. Beside them those of the motion fitted as a whole. Times '
+    'inertia: of the motion fit, where it has the term.'
+)
+
+
+def curve_table(name, extinction, model_terms, inertia):
+    """The extinction curve and the damping that it means, as a table; see `curve_rows`."""
+    rows = tuple(curve_rows(extinction, model_terms, inertia))
+    return Table(name, 'Extinction curve and damping terms', CURVE_NOTE, CURVE_COLUMNS, rows)
+
+
+QUANTITY_COLUMNS = (
+    Column('quantity'), Column('unit'), Column('value', digits(5)), Column('U (k = 2)', digits(2)),
+    Column('type A, fit', digits(2)), Column('type A, repeats', digits(2)),
+    *(Column(f'type B, {name}', digits(2)) for name in SOURCES.values()),
+)  # fmt: skip
+
+
+def quantity_row(quantity):
+    """One `TankQuantity` as the values of ``QUANTITY_COLUMNS``."""
+    type_b = (quantity.type_b.get(source) for source in SOURCES)
+    return quantity.name, quantity.unit, quantity.value, quantity.expanded, quantity.fit, quantity.repeats, *type_b
+
+
+def quantities_table(name, amplitude, quantities):
+    """Period and equivalent damping at one amplitude, rad, with the uncertainty budget."""
+    note = (
+        f'At {math.degrees(amplitude):.3g} deg. Standard uncertainties; the expanded one U = 2 times their root sum '
+        'of squares, the larger of fit and repeats counting as type A.'
+    )
+    rows = tuple(quantity_row(q) for q in quantities)
+    return Table(name, 'Damping and its uncertainty', note, QUANTITY_COLUMNS, rows)
+
+
+def tank_tables(identification, particulars, type_b):
+    """The tables of one fit.
+
+    Parameters
+    ----------
+    identification : Identification
+    particulars : Particulars
+    type_b : TypeB
+
+    Returns
+    -------
+    list of Table
+
+    Raises
+    ------
+    InputError
+        The records hold no extinction curve.
+    """
+    model, axis = identification.model, identification.model.axis
+    labelled = [
+        (r.motion.source.replace('\\', '/').rpartition('/')[2], measured_peaks(r.motion, r.segment.period))
+        for r in identification.records
+    ]
+    terms = {name: (value, identification.std[name]) for name, value in model.terms.items()}
+    inertia = particulars.inertia_of(model)
+    at = identification.reference_amplitude
+    quantities = tank_quantities(axis, identification.bands, at, inertia, particulars, type_b)
+    found = [peaks_table('peaks', labelled)]
+    try:
+        found.append(curve_table('extinction', extinction_of([p for _, p in labelled]), terms, inertia))
+    except InputError as error:
+        found[0] = Table(found[0].name, found[0].title, f'{error}.', found[0].columns, found[0].rows)
+    return [*found, quantities_table('damping', at, quantities)]
+
+
+def table_in_words(table):
+    """Aligned lines of text; columns without any value are left out."""
+    shown = [
+        ['-' if value is None else column.show(value) for column, value in zip(table.columns, row, strict=True)]
+        for row in table.rows
+    ]
+    kept = [k for k, _ in enumerate(table.columns) if any(row[k] not in ('-', '') for row in shown)]
+    lines = [[table.columns[k].name for k in kept], *([row[k] for k in kept] for row in shown)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(kept))]
+    return [table.title, *('  ' + '  '.join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)]
+
+
+def table_as_data(table):
+    """Rows as dicts by column name."""
+    return [dict(zip((c.name for c in table.columns), row, strict=True)) for row in table.rows]
+
