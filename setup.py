@@ -31,6 +31,7 @@ setup(
     license=MANIFEST.findtext('license'),
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['campaign/papers/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (SHARE.as_posix(), ['package.xml']),
@@ -47,7 +48,9 @@ setup(
         'numpy>=1.26',
         'PyYAML>=6.0',
         'rich>=13.0',
-        'rosbags>=0.11',
+        # bags that were cut off, and recordings on their way to the disk, need parts of it that may change with a
+        # minor version: see formats/bags.py, formats/mcap_checksums.py and nodes/record.py
+        'rosbags>=0.11,<0.12',
         'scipy>=1.11',
     ],
     extras_require={

@@ -11,7 +11,8 @@ from timeit import timeit
 
 import numpy as np
 
-from swath_sysid.attitude.motion.sensor_mount import Installation, imu_motion
+from swath_sysid.attitude.motion.intake import ImuReading, take_in
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.formats.bags import write_imu_bag
 from swath_sysid.formats.csv_trials import write_csv
@@ -50,9 +51,10 @@ def main():
             begun = perf_counter()
             read = read_trial(path)
             show(f'read {name}', begun, read.time.size)
-    message = (0.1, 0.0, 0.0, 0.995), (0.1, 0.2, 0.3), (0.0, 0.0, 9.81)
+    known = (1e-4, 0.0, 0.0) * 3
+    message = ImuReading(0, (0.1, 0.0, 0.0, 0.995), known, (0.1, 0.2, 0.3), known, (0.0, 0.0, 9.81), known)
     for name, installation in (('as the craft', Installation()), ('frd, turned', Installation('frd', (0.1, 0.2, 0.3)))):
-        seconds = timeit(lambda installation=installation: imu_motion(*message, installation), number=CALLS)
+        seconds = timeit(lambda installation=installation: take_in(message, installation), number=CALLS)
         print(f'one message, {name:<15} {seconds / CALLS * 1e6:22.1f} us')
 
 

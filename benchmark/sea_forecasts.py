@@ -22,9 +22,9 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.prediction.baselines import Record, baseline_forecasts
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.pipeline.baselines import Record, baseline_forecasts
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 HULL = hull_named('swath-roll').model

@@ -61,19 +61,19 @@ FAULTS = [
     ('  - file: absent.csv\n', 'there is no file'),
     ('  - file: pitch_3deg_repeat1.csv\n    repeat: 9\n', 'already given in line 3'),
     ('  - {file: pitch_8.4deg_repeat1.csv, initial_angle_deg: 3, repeat: 1}\n', 'same condition and repeat'),
-    ('  - file: pitch_3deg_repeat2.csv\n    angel_deg: 3\n', "has no key 'angel_deg'"),
+    ('  - file: pitch_3deg_repeat2.csv\n    angel_deg: 3\n', "unknown field 'angel_deg'"),
     ('  - {file: pitch_3deg_repeat2.csv, axis: yaw}\n', "no axis 'yaw'"),
     ('  - {file: pitch_3deg_repeat2.csv, frame: ned}\n', "no frame 'ned'"),
-    ('  - {file: pitch_3deg_repeat2.csv, draft_factor: large}\n', 'must be a number'),
+    ('  - {file: pitch_3deg_repeat2.csv, draft_factor: large}\n', 'is not a number'),
     ('  - {file: pitch_3deg_repeat2.csv, draft_factor: 1, draft_m: 0.1}\n', 'give one of'),
     ('  - {file: pitch_3deg_repeat2.csv, repeat: 1.5}\n', 'whole number'),
     ('  - {file: pitch_3deg_repeat2.csv, repeat: 1, repeat: 2}\n', 'given twice'),
     ('  - {file: pitch_3deg_repeat2.csv, start_s: 5, end_s: 2}\n', 'start_s must lie before'),
     ("  - {pattern: 'roll_{angle}.csv'}\n", 'no file matches'),
-    ("  - {pattern: 'pitch_{speed}.csv'}\n", "unknown placeholder '{speed}'"),
+    ("  - {pattern: 'pitch_{wind}.csv'}\n", "unknown placeholder '{wind}'"),
     ("  - {pattern: 'pitch_{angle}deg_repeat2.csv', initial_angle_deg: 3}\n", 'both by the pattern and beside'),
     ('  - {axis: pitch}\n', "'file:' or 'pattern:'"),
-    ('  - just words\n', 'keys and values'),
+    ('  - just words\n', 'names and values'),
 ]
 
 
@@ -173,3 +173,38 @@ def test_a_new_manifest_needs_trials(tmp_path):
 def test_patterns_are_told_from_names(name, pattern):
     assert pattern_of_name(name) == pattern
     assert pattern_expression(pattern).fullmatch(name)
+
+
+def test_what_was_tried_in_which_water(folder):
+    found = read(folder, (
+        'craft: {name: model, gm_transverse_m: 0.05, water_temperature_c: -1, appendages: bilge keels, basin: long}\n'
+        'axis: roll\n'
+        'uncertainty: {mass: 0.01}\n'
+        'predictions:\n'
+        '  - {method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}\n'
+        'trials:\n'
+        '  - {file: pitch_3deg_repeat1.csv, speed_m_s: 1.5, mass_kg: 30, gm_m: 0.04, inertia_kg_m2: 2}\n'
+    ))  # fmt: skip
+    assert found.faults == ()
+    assert (found.craft.gm_transverse_m, found.craft.water_temperature_c, found.craft.basin) == (0.05, -1.0, 'long')
+    assert found.uncertainty.mass == 0.01
+    assert (found.predictions[0].method, found.predictions[0].damping_ratio) == ('Ikeda', 0.06)
+    (trial,) = found.trials
+    assert (trial.speed_m_s, trial.mass_kg, trial.gm_m, trial.inertia_kg_m2) == (1.5, 30.0, 0.04, 2.0)
+
+
+@pytest.mark.parametrize(
+    ('line', 'said'),
+    [
+        ('uncertainty: {luck: 0.1}', "unknown field 'luck'"), ('uncertainty: {mass: 2}', 'within 0 and 1'),
+        ('predictions: [{method: CFD, amplitude_deg: 5}]', 'damping_n_m_s or damping_ratio'),
+        ('predictions: [{amplitude_deg: 5, damping_ratio: 0.1}]', "'method' is missing"),
+    ],
+)  # fmt: skip
+def test_faulty_conditions_are_named(folder, line, said):
+    text = f'axis: roll\n{line}\ntrials: [{{file: pitch_3deg_repeat1.csv}}]\n'
+    try:
+        told = str(read(folder, text).faults)
+    except InputError as error:
+        told = str(error)
+    assert said in told

@@ -18,14 +18,15 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.campaign.evaluation import out_of_order
-from swath_sysid.campaign.executors import SerialExecutor, executor_of
+from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.campaign.result_store import ResultStore
 from swath_sysid.campaign.run import run_campaign
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
-from swath_sysid.formats.model_file import read_model, read_schedules
+from swath_sysid.formats.model_file import read_description, read_model
 from swath_sysid.report.campaign_report import campaign_tables, write_report
 from swath_sysid.report.campaign_tables import table_as_csv
 
@@ -179,7 +180,7 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys):
         (10, 'no pitch motion'),
         (11, "no file 'absent.csv'"),
         (12, "no axis 'yaw'"),
-        (13, "no key 'drafft'"),
+        (13, "unknown field 'drafft'"),
         (14, 'already given in line 7'),
     ):
         assert any(f'line {line}' in told and words in told for told in said.err.splitlines()), (line, said.err)
@@ -244,7 +245,7 @@ def test_the_files_that_are_written(done):
     for row, index in zip(rows, axis.best.values(), strict=True):
         for name, fit in zip(axis.names, axis.fits['simulation'][index], strict=True):
             assert float(row[name]) == fit.objective_value
-    assert read_schedules(output / 'model.yaml')['pitch'] == axis.schedule
+    assert read_description(output / 'model.yaml')[1]['pitch'] == axis.schedule
     assert read_model(output / 'model.yaml')['pitch'] == axis.schedule.reference
     figures = list((output / 'figures').glob('*.svg'))
     assert len(figures) > 12 and all(path.read_text().rstrip().endswith('</svg>') for path in figures)
@@ -376,3 +377,70 @@ def test_measured_trials(data_folder, tmp_path):
     assert axis.by_draft[1.0][axis.choice].r2 > 0.998
     period = [s for s in axis.spreads if s.quantity == 'natural_period_s']
     assert len(period) == 3 and max(s.spread / s.mean for s in period) < 0.01
+
+
+TANK = """\
+craft: {name: model, length_m: 1.2, beam_m: 0.6, draft_m: 0.154, displacement_kg: 30, gm_longitudinal_m: 0.4}
+axis: pitch
+equations: [odd-cubic]
+uncertainty: {metacentric_height: 0.02}
+predictions:
+  - {method: Ikeda, amplitude_deg: 2, damping_n_m_s: 20}
+  - {method: CFD, amplitude_deg: 3, damping_ratio: 0.2}
+trials:
+  - pattern: 'pitch_{angle}deg_{draft_factor}T_{speed}ms_repeat{repeat}.csv'
+"""
+
+
+@pytest.fixture(scope='module')
+def at_two_speeds(tmp_path_factory):
+    """A campaign at design draft at rest and under way, and at another draft at rest; the damping grows with speed."""
+    folder = tmp_path_factory.mktemp('tank')
+    for seed, (factor, speed, repeat) in enumerate([(1.0, 0, 1), (1.0, 0, 2), (1.0, 2, 1), (1.1, 0, 1)]):
+        hull = DecayModel.from_terms(HULL.equation, HULL.terms | {'b1': 0.5 + 0.3 * speed}, axis='pitch')
+        made = simulated_trial(hull, math.radians(6), 12.0, 50.0, SensorNoise(rate=0.002), seed)
+        write_csv(folder / f'pitch_6deg_{factor}T_{speed}ms_repeat{repeat}.csv', made)
+    (folder / 'campaign.yaml').write_text(TANK)
+    outcome = work_off(folder, folder / 'out')
+    write_report(outcome, folder / 'out', 1.0)
+    return outcome, folder / 'out'
+
+
+def rows_of(path):
+    with open(path, newline='') as file:
+        return list(csv.DictReader(file))
+
+
+def test_each_speed_has_its_own_model_and_damping(at_two_speeds):
+    outcome, output = at_two_speeds
+    assert [axis.axis for axis in outcome.axes] == ['pitch', 'pitch_2m_s']
+    assert {path.name for path in output.glob('model*.yaml')} == {'model.yaml', 'model_2m_s.yaml'}
+    b1 = [axis.schedule.ratio('b1')[0] for axis in outcome.axes]
+    assert b1[0] == pytest.approx(0.5, abs=0.1) and b1[1] == pytest.approx(1.1, abs=0.15)
+    speeds = [r['value'] for r in rows_of(output / 'tables/conditions.csv') if r['what'] == 'speed [m/s]']
+    assert speeds[1] == f'2, Froude number {2.0 / math.sqrt(9.80665 * 1.2):.3g}'
+
+
+def test_damping_in_dimensions_at_the_design_draft_alone(at_two_speeds):
+    _, output = at_two_speeds
+    rows = rows_of(output / 'tables/damping_pitch.csv')
+    design = {r['quantity']: r for r in rows if r['draft factor'] == '1.0'}
+    other = {r['quantity'] for r in rows if r['draft factor'] == '1.1'}
+    assert 'B55' in design and 'B55' not in other
+    inertia = 30.0 * 9.80665 * 0.4 / HULL.terms['r1']
+    found = float(design['B55']['value'])
+    assert found == pytest.approx(inertia * float(design['equivalent damping over inertia']['value']), rel=0.02)
+    assert float(design['B55']['type B, GM']) == pytest.approx(0.02 * found)
+    assert float(design['B55']['U (k = 2)']) >= 0.04 * found
+    assert design['B55']['type A, repeats'] not in ('', 'nan')
+
+
+def test_peaks_curves_and_predictions_are_reported(at_two_speeds):
+    _, output = at_two_speeds
+    peaks = rows_of(output / 'tables/peaks_pitch.csv')
+    assert len({r['record'] for r in peaks}) == 3
+    curve = rows_of(output / 'tables/extinction_pitch.csv')
+    b1 = next(r for r in curve if r['quantity'] == 'b1')
+    assert float(b1['extinction curve']) == pytest.approx(0.5, abs=0.15)
+    figure = (output / 'figures/damping_pitch_1.svg').read_text()
+    assert 'Ikeda' in figure and 'CFD' in figure and 'B55 [N m s]' in figure

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.cli.advice_words import FLAGS, worded
 from swath_sysid.cli.main import VERBS, main, module_of
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial
@@ -209,6 +210,16 @@ def test_bad_options_are_answered_with_one_sentence(options, words, trial_file, 
     assert main(['identify', str(trial_file), *options]) == 2
     assert words in last_line(capsys.readouterr().err)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('code', FLAGS)
+def test_flags_that_advice_is_given_are_those_of_identify(code, capsys):
+    with pytest.raises(SystemExit):
+        main(['identify', '--help'])
+    known = capsys.readouterr().out
+    assert worded(code, 'look again').startswith('look again (--')
+    assert all(flag in known for flag in FLAGS[code].split(' and '))
+    assert worded('spikes', 'look again') == 'look again'
 
 
 def test_numbers_must_be_finite(trial_file, capsys):

@@ -13,6 +13,7 @@ from swath_sysid.attitude.motion.attitude import euler_rates, quaternion
 from swath_sysid.attitude.motion.trial import CHANNELS, Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import bags
+from swath_sysid.formats import messages as layout
 from swath_sysid.formats.bags import IMU_TYPE, is_bag, read_bag, read_imu, write_imu_bag
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -100,12 +101,13 @@ def test_decoding_is_that_of_the_library(tmp_path, frame_id):
             assert record.received[at] == received
             assert record.stamps[at] == message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
             turn = message.orientation
-            assert record.orientation[at].tolist() == [turn.x, turn.y, turn.z, turn.w]
-            assert record.angular_velocity[at, 2] == message.angular_velocity.z
-            assert record.linear_acceleration[at, 0] == message.linear_acceleration.x
-            assert np.array_equal(record.orientation_covariance[at], message.orientation_covariance)
-            assert np.array_equal(record.angular_velocity_covariance[at], message.angular_velocity_covariance)
-            assert np.array_equal(record.linear_acceleration_covariance[at], message.linear_acceleration_covariance)
+            assert record.values[:, layout.ORIENTATION][at].tolist() == [turn.x, turn.y, turn.z, turn.w]
+            assert record.values[:, layout.RATES][at, 2] == message.angular_velocity.z
+            assert record.values[:, layout.FORCE][at, 0] == message.linear_acceleration.x
+            assert np.array_equal(record.values[:, layout.ORIENTATION_COVARIANCE][at], message.orientation_covariance)
+            assert np.array_equal(record.values[:, layout.RATES_COVARIANCE][at], message.angular_velocity_covariance)
+            force = message.linear_acceleration_covariance
+            assert np.array_equal(record.values[:, layout.FORCE_COVARIANCE][at], force)
 
 
 def test_decoding_is_that_of_ros(tmp_path):
@@ -121,8 +123,8 @@ def test_decoding_is_that_of_ros(tmp_path):
         messages.append(('/imu', at, serialization.serialize_message(message)))
     record = read_imu(write_bag(tmp_path / 'bag', messages))
     assert record.stamps.tolist() == [(at + 1) * 1_000_000_000 + 5 for at in range(10)]
-    assert record.angular_velocity[:, 1].tolist() == list(range(10))
-    assert np.all(record.linear_acceleration_covariance[:, 8] == 3)
+    assert record.values[:, layout.RATES][:, 1].tolist() == list(range(10))
+    assert np.all(record.values[:, layout.FORCE_COVARIANCE][:, 8] == 3)
 
 
 def test_big_endian_messages_are_read():

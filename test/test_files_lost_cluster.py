@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from swath_sysid.campaign import executors
-from swath_sysid.campaign.executors import SerialExecutor
 from swath_sysid.cli import campaign
 from swath_sysid.cli.main import main
+from swath_sysid.common.processes import SerialExecutor
 
 
 class CommClosedError(OSError):

@@ -10,12 +10,12 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel, models_at
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import (
+    description_from_yaml,
     model_from_yaml,
     model_to_yaml,
+    read_description,
     read_model,
-    read_schedules,
     scheduled_to_yaml,
-    schedules_from_yaml,
     write_scheduled,
 )
 
@@ -86,7 +86,7 @@ def test_the_curve_passes_through_the_models(schedule):
 
 
 def test_the_middle_model_is_the_reference(schedule):
-    assert schedule.reference == identified(1.0) and schedule.reference_loading == 1.0
+    assert schedule.reference == identified(1.0)
 
 
 @pytest.mark.parametrize(
@@ -109,9 +109,9 @@ def test_what_is_no_schedule(arguments, words):
 def test_a_file_holds_it_and_serves_readers_that_know_no_schedule(schedule, tmp_path):
     path = tmp_path / 'model.yaml'
     write_scheduled(path, {'pitch': schedule})
-    assert read_schedules(path) == {'pitch': schedule}
+    assert read_description(path)[1] == {'pitch': schedule}
     assert read_model(path) == {'pitch': schedule.reference}
-    assert schedules_from_yaml(model_to_yaml({'pitch': schedule.reference})) == {}
+    assert description_from_yaml(model_to_yaml({'pitch': schedule.reference}))[1] == {}
 
 
 @pytest.mark.parametrize(
@@ -128,14 +128,14 @@ def test_a_damaged_schedule_is_named(schedule, old, new, words):
     text = scheduled_to_yaml({'pitch': schedule})
     assert old in text
     with pytest.raises(InputError, match=words):
-        schedules_from_yaml(text.replace(old, new))
+        description_from_yaml(text.replace(old, new))[1]
 
 
 def test_the_axes_of_file_and_schedule_must_agree(schedule):
     text = scheduled_to_yaml({'pitch': schedule})
     before, after = text.split('schedule:')
     with pytest.raises(InputError, match='differ'):
-        schedules_from_yaml(before + 'schedule:' + after.replace('pitch:', 'roll:', 1))
+        description_from_yaml(before + 'schedule:' + after.replace('pitch:', 'roll:', 1))[1]
     with pytest.raises(InputError, match='axes'):
         model_from_yaml(text.replace('pitch:', 'yaw:'))
 

@@ -9,6 +9,7 @@ pytest.importorskip('rclpy')
 from live_bench import Bench, start_node, stop, wait_for  # noqa: E402
 from nav_msgs.msg import Odometry, Path  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.serialization import deserialize_message  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 from std_msgs.msg import Float64, String  # noqa: E402
 
@@ -33,7 +34,7 @@ RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 def test_odometry_message_round_trip():
     covariance = np.diag([1.0, 2.0, 0.01])
     state = ManoeuvreState(12.5, 1.0, -2.0, 3.0, 0.5, 0.1, -0.2, covariance, covariance / 4)
-    message = odometry_message(state, 'odom', 'base_link')
+    message = deserialize_message(odometry_message(state, 'odom', 'base_link'), Odometry)
     reading = odometry_reading(message)
     assert (reading.stamp, reading.x, reading.y, reading.surge) == (12.5, 1.0, -2.0, 0.5)
     assert reading.heading == pytest.approx(3.0)
@@ -67,13 +68,13 @@ def test_forecasts_over_dds():
             state = ManoeuvreState(start + run.time[k], *motion, np.zeros((3, 3)), np.zeros((3, 3)))
             left.publish(Float64(data=40.0))
             right.publish(Float64(data=90.0))
-            message = odometry_message(state, 'odom', 'base_link')
+            message = deserialize_message(odometry_message(state, 'odom', 'base_link'), Odometry)
             turning = Imu(header=message.header)
             turning.angular_velocity.z = state.yaw_rate
             imu.publish(turning)
             odometry.publish(message)
             if k == 100:
-                bad = odometry_message(state, 'odom', 'base_link')
+                bad = deserialize_message(odometry_message(state, 'odom', 'base_link'), Odometry)
                 bad.pose.pose.position.x = float('nan')
                 odometry.publish(bad)
             time.sleep(0.02)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.topics import manoeuvring_lead_topic
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
@@ -14,7 +15,6 @@ from swath_sysid.manoeuvring.prediction.pipeline import (
     ManoeuvreOutlook,
     ManoeuvreOutlookSettings,
     OdometryReading,
-    manoeuvring_lead_topic,
     steady_motion,
 )
 

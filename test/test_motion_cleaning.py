@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hypothesis_numpy
 
-from swath_sysid.attitude.motion.cleaning import LEAST_ROWS, clean
+from swath_sysid.attitude.motion.cleaning import MIN_ROWS, clean
 from swath_sysid.common.errors import InputError
 
 
@@ -65,7 +65,7 @@ def longest_increasing_length(values):
 def test_no_more_rows_are_lost_than_must_be(stamps):
     time = np.array(stamps, dtype=float)
     best = longest_increasing_length(stamps)
-    if best < LEAST_ROWS:
+    if best < MIN_ROWS:
         with pytest.raises(InputError):
             clean(time, {'roll': 0 * time})
     else:
@@ -125,7 +125,7 @@ def test_uneven_time_base_is_told():
     assert codes(advice) == ['uneven-time-base']
 
 
-@pytest.mark.parametrize('count', [0, 2, LEAST_ROWS - 1])
+@pytest.mark.parametrize('count', [0, 2, MIN_ROWS - 1])
 def test_too_few_rows_are_refused(count):
     time, channels = record(count)
     with pytest.raises(InputError, match='at least 8'):
@@ -157,6 +157,6 @@ def test_any_numbers_give_a_clean_record_or_one_sentence(table):
     except InputError as error:
         assert '\n' not in str(error)
         return
-    assert time.size >= LEAST_ROWS and np.all(np.isfinite(time)) and np.all(time[1:] > time[:-1])
+    assert time.size >= MIN_ROWS and np.all(np.isfinite(time)) and np.all(time[1:] > time[:-1])
     for name, values in channels.items():
         assert values.size == time.size and not np.isinf(values).any() and np.isfinite(values).any(), name

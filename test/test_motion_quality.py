@@ -108,14 +108,14 @@ def test_being_held_is_not_saturation():
     for release in (5.0, 25.0):
         free = (time >= release) & (time < release + 15.0)
         angle[free] = 0.1 * np.exp(-0.3 * (time[free] - release)) * np.cos(3.0 * (time[free] - release))
-    assert clipped_extremes(angle, 4, 100) == (0, 0.0)
+    assert clipped_extremes(angle, 100) == (0, 0.0)
 
 
 def test_clipped_swings_are_counted():
     time = np.arange(0.0, 30.0, 0.01)
     swing = 0.1 * np.exp(-0.05 * time) * np.cos(2 * np.pi * time / 3.0 + 1.0)
     turns = 1.5 * np.arange(1, 20) - 3.0 / (2 * np.pi)
-    count, level = clipped_extremes(np.clip(swing, -0.07, 0.07), 4, 150)
+    count, level = clipped_extremes(np.clip(swing, -0.07, 0.07), 150)
     assert level == pytest.approx(0.07)
     assert count == np.count_nonzero(0.1 * np.exp(-0.05 * turns) > 0.07)
 

@@ -303,7 +303,7 @@ def test_absence_says_what_was_seen_and_what_to_do():
     assert 'release' in still.message
     waves = explain_absence(sea(3))
     assert 'waves' in waves.message
-    assert '--start' in waves.message
+    assert 'give start and end' in waves.message
     drift = explain_absence(motion_of(time, 0.01 * time))
     assert drift.code == 'no-decay'
     with pytest.raises(InputError, match='waves'):

@@ -8,10 +8,12 @@ pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import imu_message  # noqa: E402
-from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
+from rclpy.serialization import deserialize_message  # noqa: E402
+from sensor_msgs.msg import Imu, PointCloud2, PointField  # noqa: E402
+from std_msgs.msg import Float64MultiArray  # noqa: E402
+from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable  # noqa: E402
-from swath_sysid.attitude.prediction.forecast import AttitudeForecast, HorizonForecast  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.nodes.messages import (  # noqa: E402
     AttitudeMessage,
@@ -23,6 +25,7 @@ from swath_sysid.nodes.messages import (  # noqa: E402
     window_message,
     window_table,
 )
+from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast  # noqa: E402
 
 
 def a_table(rows=20):
@@ -44,13 +47,14 @@ def test_an_imu_message_is_read_as_it_was_filled():
 
 
 def test_a_window_goes_both_ways():
-    message = window_message(a_table(), 'base_link')
+    message = deserialize_message(window_message(a_table(), 'base_link'), PointCloud2)
     found = window_table(message)
     np.testing.assert_array_equal(found.rows, a_table().rows)
     assert found.stamp_ns == EPOCH_NS and message.header.frame_id == 'base_link'
     assert (message.height, message.width, message.point_step) == (1, 20, 64) and not message.is_dense
     assert [field.name for field in message.fields] == list(COLUMNS)
-    assert window_table(window_message(a_table(0), '')).rows.shape == (0, len(COLUMNS))
+    nothing = deserialize_message(window_message(a_table(0), ''), PointCloud2)
+    assert window_table(nothing).rows.shape == (0, len(COLUMNS))
 
 
 def test_a_window_of_another_maker_is_read():
@@ -88,7 +92,7 @@ def reaching_too_far(message):
     (reaching_too_far, 'reaches beyond'),
 ])
 def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
-    message = window_message(a_table(), '')
+    message = deserialize_message(window_message(a_table(), ''), PointCloud2)
     spoil(message)
     with pytest.raises(InputError, match=sentence):
         window_table(message)
@@ -99,7 +103,7 @@ def test_the_attitude_message_is_filled_anew_each_time():
     for sign in (1.0, -1.0):
         forecast = AttitudeForecast(
             EPOCH_NS, (0.0, 0.0, 0.0, sign), (1e-4,) + (0.0,) * 8, (sign, 0.0, 0.0), (-1.0,) + (0.0,) * 8)
-        message = maker.filled(forecast)
+        message = deserialize_message(maker.filled(forecast), Imu)
         assert message.orientation.w == sign and message.angular_velocity.x == sign
         assert message.orientation_covariance[0] == 1e-4 and message.angular_velocity_covariance[0] == -1.0
         assert message.linear_acceleration_covariance[0] == -1.0 and message.header.frame_id == 'craft'
@@ -108,12 +112,12 @@ def test_the_attitude_message_is_filled_anew_each_time():
 
 def test_the_horizon_is_a_trajectory():
     horizon = HorizonForecast(EPOCH_NS, ('pitch', 'pitch_std'), (500_000_000, 2_000_000_000), np.eye(2), 2 * np.eye(2))
-    message = horizon_message(horizon, 'craft')
+    message = deserialize_message(horizon_message(horizon, 'craft'), JointTrajectory)
     assert list(message.joint_names) == ['pitch', 'pitch_std'] and stamp_ns(message.header.stamp) == EPOCH_NS
     assert [p.time_from_start.sec * 10**9 + p.time_from_start.nanosec for p in message.points] == [5 * 10**8, 2 * 10**9]
     assert list(message.points[1].positions) == [0.0, 1.0] and list(message.points[0].velocities) == [2.0, 0.0]
 
 
 def test_no_model_has_no_rows():
-    message = coefficients_message({})
+    message = deserialize_message(coefficients_message({}), Float64MultiArray)
     assert list(message.data) == [] and message.layout.dim[0].size == 0 and message.layout.dim[1].size == 10

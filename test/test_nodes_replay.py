@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
 from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.attitude.hull.catalogue import hull_named
@@ -18,7 +19,6 @@ from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_tri
 from swath_sysid.cli.main import main
 from swath_sysid.formats.bags import opened_bag, read_imu, write_imu_bag
 from swath_sysid.formats.model_file import write_model
-from swath_sysid.formats.output_bag import writing_output_bag
 
 rclpy = pytest.importorskip('rclpy', reason='replay and record need ROS 2')
 pytestmark = pytest.mark.dds
@@ -280,14 +280,14 @@ def test_replay_waits_no_longer_than_it_was_told(bag, capfd):
 
 def test_replay_leaves_out_types_that_are_not_installed(bag, tmp_path, capsys):
     path = tmp_path / 'other'
-    with writing_output_bag(tmp_path / 'strange.mcap') as out:
+    with Writer(tmp_path / 'strange', version=9, storage_plugin=StoragePlugin.MCAP) as out:
         kind = STORE.types['std_msgs/msg/Header']
         message = kind(stamp=STORE.types['builtin_interfaces/msg/Time'](sec=0, nanosec=0), frame_id='')
-        connection = out._writer.add_connection(
+        connection = out.add_connection(
             '/strange', 'somebodys_msgs/msg/Thing', msgdef='std_msgs/Header header\n', rihs01='RIHS01_0'
         )
-        out._writer.write(connection, 0, STORE.serialize_cdr(message, 'std_msgs/msg/Header'))
-    assert main(['replay', str(tmp_path / 'strange.mcap')]) == 2
+        out.write(connection, 0, STORE.serialize_cdr(message, 'std_msgs/msg/Header'))
+    assert main(['replay', str(tmp_path / 'strange')]) == 2
     assert 'somebodys_msgs/msg/Thing' in capsys.readouterr().err
     assert main(['replay', str(path)]) == 2
     assert 'there is no bag' in capsys.readouterr().err

@@ -266,6 +266,17 @@ def test_the_core_is_pure(path):
     assert random <= {('np.random.default_rng', True), ('np.random.SeedSequence', True)}
 
 
+@pytest.mark.parametrize(
+    'path', [path for path in MODULES if room_of(path).split('/')[0] in ('common', 'attitude', 'pipeline')],
+    ids=lambda path: str(path.relative_to(PACKAGE)),
+)
+def test_the_core_names_no_flag_of_the_command_line(path):
+    """Its advice is neutral: `cli.advice_words` adds the flags."""
+    texts = [node.value for node in ast.walk(tree_of(path)) if isinstance(node, ast.Constant)]
+    flags = [text for text in texts if isinstance(text, str) and re.search(r'(?<![-\w])--[a-z]', text)]
+    assert flags == []
+
+
 def test_console_scripts_start_something(setup_arguments):
     for script, target in console_scripts(setup_arguments).items():
         module, function = target.split(':')

@@ -7,11 +7,11 @@ from scipy.spatial.transform import Rotation
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.prediction.forecast import NOT_GIVEN as NOT_PUBLISHED
-from swath_sysid.attitude.prediction.forecast import UNKNOWN_ANGLE_VARIANCE
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
 from swath_sysid.formats.topics import lead_topic
+from swath_sysid.pipeline.forecast_messages import NOT_GIVEN as NOT_PUBLISHED
+from swath_sysid.pipeline.forecast_messages import UNKNOWN_ANGLE_VARIANCE
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 RATE = 50.0

@@ -9,8 +9,10 @@ from scipy.signal import lfilter
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.compiled import motion_step
 from swath_sysid.attitude.prediction.excitation_model import (
+    Spectrum,
     _filtered_covariance,
     _Hull,
+    autocovariance,
     autoregression,
     fit_excitation,
     moment_spectrum,
@@ -65,8 +67,12 @@ def test_the_spectrum_of_the_moment_is_found_through_the_nonlinear_hull(sea):
 
 def test_the_reduced_moment_has_the_variance_and_the_period_of_the_sea(sea):
     fit = fit_excitation(_request(sea[1][:30_000]))
-    w = np.linspace(0.2, 6.0, 400)
-    density = fit.moment.spectrum(w)
+    w, moment = np.linspace(0.2, 6.0, 400), fit.moment
+    # the autocovariance is h exp(A t) Pi h', whose transform is 2 Re h (i w - A)^-1 Pi h'
+    density = [
+        (moment.output @ np.linalg.solve(1j * f * np.eye(moment.size) - moment.generator, moment.stationary)
+         @ moment.output).real for f in w
+    ]  # fmt: skip
     assert fit.moment.variance == pytest.approx(SIZE**2, rel=0.2)
     assert np.sum(w * density) / np.sum(density) == pytest.approx(PEAK, abs=0.15)
     assert fit.mean.size == 5 + 2 + fit.moment.size and fit.moment.size <= 22
@@ -168,3 +174,16 @@ def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
                 fit_excitation(attitude.excitation_request(STEP, *window.T.copy(), *variances, SAMPLES))
             )
     assert 'model-contradicted' in {advice.code for advice in attitude.advice()}
+
+
+@pytest.mark.parametrize('count', [900, 901])
+def test_the_autocovariance_is_the_spectrums_cosine_transform(count):
+    frequency = 2.0 * math.pi * np.fft.rfftfreq(count, STEP)[1:]
+    frequency = frequency[frequency < 20.0]
+    covariance = autocovariance(Spectrum(frequency, _density(frequency), 0.0 * frequency), STEP, 121)
+    lags = STEP * np.arange(121)
+    wanted = np.cos(np.outer(lags, frequency)) @ _density(frequency) * frequency[0] / math.pi
+    assert covariance == pytest.approx(wanted, abs=1e-12 * wanted[0])
+    # that of a normal bump is a cosine within a normal envelope
+    closed = SIZE**2 * np.exp(-0.5 * (WIDTH * lags) ** 2) * np.cos(PEAK * lags)
+    assert covariance == pytest.approx(closed, abs=1e-6 * closed[0])

@@ -87,7 +87,7 @@ def test_channels_that_say_nothing_are_left_out():
     assert (model.channels, model.places) == (('roll', 'pitch'), (1, 4))
     ours = InnovationsFilter(model, NAMES, 1.0)
     ours.seed(values[-100:])
-    assert ours.settled and np.isfinite(ours.forecast([0.5])[0]).all()
+    assert ours._p is None and np.isfinite(ours.forecast([0.5])[0]).all()
 
 
 @pytest.mark.parametrize('values', [
@@ -113,7 +113,7 @@ def test_each_angle_alone_reads_only_itself_and_its_rate():
     assert not model.k[states][:, 1:].any()
     ours = InnovationsFilter(model, NAMES, 1.0)
     ours.seed(values[-400:])
-    assert ours.settled
+    assert ours._p is None
 
 
 def test_where_every_tenth_row_is_lost_there_is_still_a_model():

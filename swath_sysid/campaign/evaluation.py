@@ -32,15 +32,16 @@ from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.search import SearchResult
 from swath_sysid.attitude.identification.selection import (
     CRITERION_MARGIN,
-    HELD_OUT_MARGIN,
+    enforce_nesting,
     held_out_error,
+    information_criterion,
+    simplest_adequate,
 )
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.noise import weighting_noise
 
 CONFIDENCE = 0.95
-ROUNDING = 1e-12
 ORDER_TOLERANCE = 1e-9
 TIE = 1e-7
 """Objective values this close, relatively, are one: the larger equation has made nothing of its terms."""
@@ -56,14 +57,22 @@ class Condition:
     loading : float
         Draft factor, draft or displacement: the same quantity throughout a campaign.
     initial_angle_deg : float
+    speed_m_s : float
     """
 
     axis: str
     loading: float
     initial_angle_deg: float
+    speed_m_s: float = 0.0
 
     def __str__(self):
-        return f'{self.axis} {self.initial_angle_deg:g} deg at {self.loading:g}'
+        under_way = f', {self.speed_m_s:g} m/s' if self.speed_m_s else ''
+        return f'{self.axis} {self.initial_angle_deg:g} deg at {self.loading:g}{under_way}'
+
+    @property
+    def series(self):
+        """Name of what is ranked and scheduled by itself: the axis, under way with its speed."""
+        return f'{self.axis}_{self.speed_m_s:g}m_s' if self.speed_m_s else self.axis
 
 
 @dataclass(frozen=True)
@@ -88,8 +97,21 @@ class Record:
         return f'{self.condition}, repeat {self.repeat}'
 
 
+class _Plain:
+    """A dataclass that is kept as lists, numbers and texts, exact to the last bit when read back."""
+
+    @classmethod
+    def from_plain(cls, plain):
+        """From what `plain` gave, also after a way through JSON."""
+        return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
+
+    def plain(self):
+        """Lists, numbers and texts."""
+        return asdict(self)
+
+
 @dataclass(frozen=True)
-class FitSummary:
+class FitSummary(_Plain):
     """What is kept of an identification: plain numbers, exact to the last bit when read back.
 
     Attributes
@@ -152,47 +174,25 @@ class FitSummary:
     @classmethod
     def of(cls, identification):
         """Summary of an `Identification`."""
-        found, model = identification, identification.model
-        curves = found.bands.curves
+        found, model, curves = identification, identification.model, identification.bands.curves
+        as_it_is = {name: getattr(found, name) for name in ('objective', 'rmse', 'rate_rmse')}
+        as_float = {name: float(getattr(found, name))
+                    for name in ('trim_std', 'objective_value', 'r2', 'effective_samples')}  # fmt: skip
         return cls(
-            equation=model.equation.name,
-            axis=model.axis,
-            terms=model.equation.terms,
-            objective=found.objective,
-            ratios=_floats(model.terms.values()),
-            std=_floats(found.std.values()),
+            equation=model.equation.name, axis=model.axis, terms=model.equation.terms,
+            ratios=_floats(model.terms.values()), std=_floats(found.std.values()),
             covariance=tuple(_floats(row) for row in found.covariance),
-            trim=float(model.trim),
-            trim_std=float(found.trim_std),
-            friction_rate=float(model.friction_rate),
+            trim=float(model.trim), friction_rate=float(model.friction_rate),
             amplitude_range=_floats(found.amplitude_range),
             states=tuple((r.state.x, r.state.rate, r.state.trim) for r in found.records),
-            objective_value=float(found.objective_value),
-            r2=float(found.r2),
-            rmse=found.rmse,
-            rate_rmse=found.rate_rmse,
             samples=int(found.samples),
-            effective_samples=float(found.effective_samples),
             amplitude=_floats(curves.amplitude),
-            frequency=_floats(curves.frequency),
-            frequency_std=_floats(found.bands.frequency_std),
-            damping_ratio=_floats(curves.damping_ratio),
-            damping_ratio_std=_floats(found.bands.damping_ratio_std),
-            generations=int(found.search.generations),
-            evaluations=int(found.search.evaluations),
-            stop=str(found.search.stop),
-            seed=int(found.settings.search.seed),
-            advice=tuple((a.code, a.message) for a in found.advice),
-        )
-
-    @classmethod
-    def from_plain(cls, plain):
-        """From what `plain` gave, also after a way through JSON."""
-        return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
-
-    def plain(self):
-        """Lists, numbers and strings."""
-        return asdict(self)
+            frequency=_floats(curves.frequency), frequency_std=_floats(found.bands.frequency_std),
+            damping_ratio=_floats(curves.damping_ratio), damping_ratio_std=_floats(found.bands.damping_ratio_std),
+            generations=int(found.search.generations), evaluations=int(found.search.evaluations),
+            stop=str(found.search.stop), seed=int(found.settings.search.seed),
+            advice=tuple((a.code, a.message) for a in found.advice), **as_it_is, **as_float,
+        )  # fmt: skip
 
     @property
     def model(self):
@@ -308,14 +308,10 @@ def settle(problem, settings, summaries):
     tuple of FitSummary
         In the same order.
     """
-    fits = list(summaries)
-    for k in sorted(range(len(fits)), key=lambda k: len(fits[k].terms)):
-        contained = [f for f in fits if f is not fits[k] and set(f.terms) <= set(fits[k].terms)]
-        best = min(contained, key=lambda f: f.objective_value, default=None)
-        if best is not None and best.objective_value < fits[k].objective_value * (1.0 - ROUNDING):
-            again = _refit(problem, settings, fits[k].equation, best.model.ratios, best.initial_states, fits[k])
-            fits[k] = min(again, fits[k], key=lambda f: f.objective_value)
-    return tuple(fits)
+    def refit(fit, better):
+        return _refit(problem, settings, fit.equation, better.model.ratios, better.initial_states, fit)
+
+    return tuple(enforce_nesting(summaries, refit))
 
 
 def out_of_order(summaries):
@@ -359,15 +355,13 @@ def fit_together(problem, settings, equation, starts):
 def _refit(problem, settings, equation, ratios, states, summary):
     """Refinement from given ratios and states, as a summary; it tells the search of ``summary``."""
     chosen = replace(settings, equation=equation)
-    if summary is None:
-        search = SearchResult(np.empty(0), float('nan'), 0, 0, 'refined')
-    else:
-        search = SearchResult(np.empty(0), float('nan'), summary.generations, summary.evaluations, 'refined')
+    tried = (0, 0) if summary is None else (summary.generations, summary.evaluations)
+    search = SearchResult(np.empty(0), float('nan'), *tried, 'refined')
     return FitSummary.of(refit_from(problem, chosen, chosen.chosen_equation, ratios, states, search))
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Judgement(_Plain):
     """How well one fit of a record does what a model is for.
 
     Attributes
@@ -389,15 +383,6 @@ class Judgement:
     simulation: float
     forecasts: tuple
     held_out: float
-
-    @classmethod
-    def from_plain(cls, plain):
-        """From plain data."""
-        return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
-
-    def plain(self):
-        """Lists, numbers and strings."""
-        return asdict(self)
 
 
 def judge(problem, settings, summaries, other):
@@ -527,6 +512,16 @@ class RankedEquation:
     forecast: float
     best_of: int
 
+    @property
+    def name(self):
+        """Name of the equation."""
+        return self.equation
+
+    @property
+    def term_count(self):
+        """Number of ratios."""
+        return len(self.terms)
+
 
 @dataclass(frozen=True)
 class Ranking:
@@ -567,16 +562,15 @@ def rank_campaign(axis, by_draft, by_record, judgements):
     """
     if not by_draft or not by_draft[0]:
         raise InputError(f'no equation could be fitted to any {axis} record')
-    count = len(by_draft[0])
     best_of = [min(tied_best(fits), key=lambda k, fits=fits: len(fits[k].terms)) for fits in by_record]
     ranked = []
-    for k in range(count):
-        first = by_draft[0][k]
+    samples = [min(fits, key=lambda f: f.objective_value).effective_samples for fits in by_draft]
+    for k, first in enumerate(by_draft[0]):
         ranked.append(
             RankedEquation(
                 equation=first.equation,
                 terms=first.terms,
-                criterion=sum(_criterion(fits, k) for fits in by_draft),
+                criterion=sum(information_criterion(fits[k], n) for fits, n in zip(by_draft, samples, strict=True)),
                 r2=min(fits[k].r2 for fits in by_draft),
                 held_out=_root_mean_square([j[k].held_out for j in judgements]),
                 forecast=_root_mean_square([j[k].forecasts[-1] for j in judgements]),
@@ -584,47 +578,15 @@ def rank_campaign(axis, by_draft, by_record, judgements):
             )
         )
     ranked.sort(key=lambda r: r.criterion)
-    likely = [r for r in ranked if r.criterion <= ranked[0].criterion + CRITERION_MARGIN]
-    smallest = min(r.held_out for r in ranked)
-    adequate = [r for r in likely if r.held_out <= HELD_OUT_MARGIN * smallest]
-    choice = min(adequate or likely, key=lambda r: (len(r.terms), r.criterion))
-    return Ranking(axis, tuple(ranked), choice, _reason(choice, ranked, likely, adequate), _findings(ranked, by_draft))
-
-
-def _criterion(fits, k):
-    """n ln(mean squared residual) + terms ln n of one of several fits of the same records."""
-    n = min(fits, key=lambda f: f.objective_value).effective_samples
-    return float(2.0 * n * np.log(fits[k].objective_value) + len(fits[k].terms) * np.log(n))
+    choice, reason = simplest_adequate(
+        ranked, 'criterion, with one set of ratios a draft for all angles and repeats,')
+    return Ranking(axis, tuple(ranked), choice, reason, _findings(ranked, by_draft))
 
 
 def _root_mean_square(values):
     values = np.asarray(values, dtype=float)
     values = values[~np.isnan(values)]
     return float(np.sqrt(np.mean(values**2))) if values.size else float('nan')
-
-
-def _reason(choice, ranked, likely, adequate):
-    if len(ranked) == 1:
-        return f'{choice.equation} is the only equation asked for.'
-    if len(likely) == 1:
-        return (
-            f'{choice.equation} is the only equation whose criterion, with one set of ratios a draft for all angles '
-            f'and repeats, is within {CRITERION_MARGIN:g} of the best: the others fit worse, or need more terms for it.'
-        )
-    words = (
-        f'{choice.equation} has {len(choice.terms)} terms, the fewest of the {len(adequate or likely)} equations whose '
-        f'criterion, with one set of ratios a draft for all angles and repeats, is within {CRITERION_MARGIN:g} of '
-        'the best '
-        f'({ranked[0].equation})'
-    )
-    if adequate:
-        return (
-            f'{words} and whose error on held-out motion is within {100 * (HELD_OUT_MARGIN - 1):.0f} % of the smallest.'
-        )
-    return (
-        f'{words}; none of them predicts the held-out motion as well as '
-        f'{min(ranked, key=lambda r: r.held_out).equation}.'
-    )
 
 
 def _findings(ranked, by_draft):
@@ -636,21 +598,15 @@ def _findings(ranked, by_draft):
             continue
         gain = without.criterion - item.criterion
         if gain > CRITERION_MARGIN:
-            found.append(
-                Advice(
-                    'friction-necessary',
-                    f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} '
-                    f'(more than {CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; '
-                    'look for it in the bearings or the mooring of the rig, and leave it out for the craft afloat',
-                )
-            )
+            found.append(Advice('friction-necessary', (
+                f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} (more than '
+                f'{CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; look for it in the '
+                f'bearings or the mooring of the rig, and leave it out for the craft afloat'
+            )))
         elif gain < 0:
-            found.append(
-                Advice(
-                    'no-friction',
-                    f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}',
-                )
-            )
+            found.append(Advice('no-friction', (
+                f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}'
+            )))
     return tuple(found)
 
 

@@ -4,13 +4,9 @@ import asyncio
 import concurrent.futures
 import contextlib
 import logging
-import multiprocessing
-import os
-import signal
-import threading
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import processes
 
 try:
     import distributed
@@ -38,19 +34,6 @@ def connection_losses():
     return (*cancelled, distributed.comm.CommClosedError, distributed.client.ClosedClientError)
 
 
-class SerialExecutor(Executor):
-    """Does the work at once, in this process."""
-
-    def submit(self, function, /, *args, **kwargs):
-        """Call the function; the future that is returned is done."""
-        future = Future()
-        try:
-            future.set_result(function(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 - handed to whoever asks for the result
-            future.set_exception(error)
-        return future
-
-
 @contextlib.contextmanager
 def executor_of(jobs, scheduler=None):
     """An executor for independent tasks.
@@ -76,33 +59,9 @@ def executor_of(jobs, scheduler=None):
     if scheduler is not None:
         with _cluster(scheduler) as executor:
             yield executor
-    elif jobs == 1:
-        yield SerialExecutor()
     else:
-        # read when a worker imports numpy: more threads than cores would only get in each other's way
-        os.environ.setdefault('OMP_NUM_THREADS', '1')
-        context = multiprocessing.get_context('spawn')
-        executor = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_worker)
-        try:
+        with processes(jobs) as executor:
             yield executor
-        except BaseException:
-            # what they are at is lost in any case, and waiting for it can last long
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
-        finally:
-            executor.shutdown(wait=False, cancel_futures=True)
-
-
-def _begin_worker():
-    """Leave Ctrl-C to the parent, and end when the parent does, however it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
-
-
-def _end_with(parent):
-    parent.join()
-    os._exit(1)
 
 
 @contextlib.contextmanager

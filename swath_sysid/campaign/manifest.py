@@ -4,7 +4,6 @@ Whatever is wrong is named with its line. What is wrong with one trial leaves th
 others are kept, because a campaign shall not stop at one bad entry.
 """
 
-import difflib
 import os
 import re
 from dataclasses import dataclass, field, fields
@@ -14,12 +13,14 @@ import yaml
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.scheduled_model import QUANTITIES
+from swath_sysid.attitude.identification.extinction import TypeB
 from swath_sysid.attitude.identification.identify import OBJECTIVES
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
-from swath_sysid.formats.untrusted_yaml import parsed, scalar_value, shown, text_of
+from swath_sysid.formats.fields import FieldError, Place, anything, number, one_of, one_or_more, record, text, whole
+from swath_sysid.formats.untrusted_yaml import LocatedError, line_of, located, parsed, shown, text_of
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
 PLACEHOLDERS = {
@@ -28,32 +29,43 @@ PLACEHOLDERS = {
     'draft_factor': ('draft_factor', NUMBER),
     'draft': ('draft_m', NUMBER),
     'displacement': ('displacement_kg', NUMBER),
+    'speed': ('speed_m_s', NUMBER),
     'axis': ('axis', '|'.join(AXES)),
 }
 """Placeholder of a pattern to the field it fills and what it matches."""
 
-CAMPAIGN_KEYS = ('title', 'craft', 'axis', 'equations', 'objectives', 'search', 'trials')
-SEARCH_KEYS = tuple(f.name for f in fields(SearchSettings))
-TRIAL_KEYS = (
-    'file',
-    'pattern',
-    'axis',
-    *QUANTITIES,
-    'initial_angle_deg',
-    'repeat',
-    'start_s',
-    'end_s',
-    'frame',
-    'topic',
-)
-FRAMES = ('flu', 'frd')
+_MATCHED = {'axis': str, 'repeat': int}
+
+
+def _decimal(matched):
+    return float(matched.replace(',', '.'))
+
+
 SHOWN_FILES = 3
 LARGEST = 1e9
 """Of any number but those of the search: kg, s, m, deg."""
 
-LONGEST_WORD = 40
-LONGEST_TEXT = 1000
-"""Characters; of a title, a file's name with its folders, a pattern."""
+OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
+"""What a loading changes, beside a trial; without it that of the craft holds at the design draft alone."""
+
+_NAME = text(1000, as_written=True)
+_NUMBER = number(-LARGEST, LARGEST)
+_POSITIVE = number(above=0.0, highest=LARGEST)
+_TRIAL = record({}, {
+    'file': _NAME,
+    'pattern': _NAME,
+    'axis': one_of(AXES, 'axis'),
+    **dict.fromkeys(QUANTITIES, _POSITIVE),
+    **dict.fromkeys(OF_CONDITION, _POSITIVE),
+    'speed_m_s': number(0.0, LARGEST),
+    'initial_angle_deg': _NUMBER,
+    'repeat': whole(1),
+    'start_s': _NUMBER,
+    'end_s': _NUMBER,
+    'frame': one_of(('flu', 'frd'), 'frame'),
+    'topic': _NAME,
+})  # fmt: skip
+"""What an entry may say."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +79,15 @@ class Craft:
     draft_m : float or None
         Design draft, to which draft factors refer.
     displacement_kg : float or None
-        At the design draft.
+        At the design draft, as are the following.
+    kg_m : float or None
+        Height of the centre of gravity above the keel.
+    gm_transverse_m, gm_longitudinal_m : float or None
+        Metacentric heights.
+    gyradius_m, inertia_kg_m2 : float or None
+        About the axis of the trials; the inertia with added inertia.
+    water_density_kg_m3, water_temperature_c : float or None
+    appendages, basin : str or None
     """
 
     name: str = 'the craft'
@@ -76,9 +96,38 @@ class Craft:
     depth_m: float | None = None
     draft_m: float | None = None
     displacement_kg: float | None = None
+    kg_m: float | None = None
+    gm_transverse_m: float | None = None
+    gm_longitudinal_m: float | None = None
+    gyradius_m: float | None = None
+    inertia_kg_m2: float | None = None
+    water_density_kg_m3: float | None = None
+    water_temperature_c: float | None = None
+    appendages: str | None = None
+    basin: str | None = None
 
 
-CRAFT_KEYS = tuple(f.name for f in fields(Craft))
+@dataclass(frozen=True)
+class PredictedDamping:
+    """Equivalent damping that the user predicts, by Ikeda's method or CFD.
+
+    Attributes
+    ----------
+    method : str
+    amplitude_deg : float
+    damping_n_m_s, damping_ratio : float or None
+        One of them.
+    loading : float or None
+        In the quantity of the campaign; None: at any.
+    axis : str or None
+    """
+
+    method: str
+    amplitude_deg: float
+    damping_n_m_s: float | None = None
+    damping_ratio: float | None = None
+    loading: float | None = None
+    axis: str | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +166,7 @@ class TrialEntry:
     start, end : float or None
         Bounds of the decay, s.
     frame, topic : str or None
+    speed_m_s, mass_kg, gm_m, inertia_kg_m2 : float or None
     """
 
     path: Path
@@ -129,6 +179,10 @@ class TrialEntry:
     end: float | None = None
     frame: str | None = None
     topic: str | None = None
+    speed_m_s: float | None = None
+    mass_kg: float | None = None
+    gm_m: float | None = None
+    inertia_kg_m2: float | None = None
 
 
 @dataclass(frozen=True)
@@ -144,6 +198,9 @@ class Manifest:
         Names; empty: those of each axis.
     objectives : tuple of str
     search : SearchSettings
+    uncertainty : TypeB
+        Of what a decay itself cannot show.
+    predictions : tuple of PredictedDamping
     faults : tuple of Fault
         What was left out, and why.
     """
@@ -154,21 +211,35 @@ class Manifest:
     equations: tuple[str, ...] = ()
     objectives: tuple[str, ...] = (OBJECTIVES[0],)
     search: SearchSettings = field(default_factory=SearchSettings)
+    uncertainty: TypeB = field(default_factory=TypeB)
+    predictions: tuple[PredictedDamping, ...] = ()
     faults: tuple[Fault, ...] = ()
 
 
-class _Faulty(Exception):  # noqa: N818 - carries a fault to where the entry is left out
-    def __init__(self, line, message):
-        super().__init__(message)
-        self.fault = Fault(line, message)
+_CRAFT = record({}, {
+    **dict.fromkeys((f.name for f in fields(Craft)), _POSITIVE), 'water_temperature_c': _NUMBER,
+    **dict.fromkeys(('name', 'appendages', 'basin'), _NAME),
+})  # fmt: skip
+_UNCERTAINTY = record({}, {f.name: number(0.0, 1.0) for f in fields(TypeB)})
+_PREDICTION = record({'method': _NAME, 'amplitude_deg': _POSITIVE}, {
+    'damping_n_m_s': _POSITIVE, 'damping_ratio': _POSITIVE, 'loading': _POSITIVE, 'axis': one_of(AXES, 'axis'),
+})  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Value:
-    """A plain value with the line it stands on."""
+def _prediction(value, where):
+    found = _PREDICTION(value, where)
+    if ('damping_n_m_s' in found) == ('damping_ratio' in found):
+        raise FieldError(where, ' needs damping_n_m_s or damping_ratio, and only one of them')
+    return PredictedDamping(**found)
 
-    value: object
-    line: int
+
+_SEARCH = record({}, {f.name: anything for f in fields(SearchSettings)})
+_CAMPAIGN = record({}, {
+    'title': _NAME, 'craft': _CRAFT, 'axis': one_of(AXES, 'axis'), 'equations': anything,
+    'objectives': one_or_more(one_of(OBJECTIVES, 'objective')), 'search': _SEARCH, 'trials': anything,
+    'uncertainty': _UNCERTAINTY, 'predictions': one_or_more(_prediction),
+})  # fmt: skip
+"""What a manifest may say beside its trials."""
 
 
 def read_manifest(path):
@@ -196,240 +267,130 @@ def read_manifest(path):
         )
     try:
         return _manifest_of(root, path)
-    except _Faulty as found:
-        raise InputError(f'{path}, {found.fault}') from found
+    except (FieldError, LocatedError) as error:
+        raise InputError(f'{path}, {_fault(error)}') from error
+
+
+def _fault(error):
+    return Fault(error.line or 0, error.problem)
 
 
 def _manifest_of(root, path):
-    faults = []
-    plain = _mapping(root, CAMPAIGN_KEYS, 'a campaign', faults)
-    axis = _axis(plain['axis']) if 'axis' in plain else None
-    trials_node = plain.get('trials')
-    if trials_node is None or not isinstance(trials_node, yaml.SequenceNode) or not trials_node.value:
-        line = trials_node.start_mark.line + 1 if trials_node is not None else 1
-        raise _Faulty(line, "'trials:' must list at least one entry with 'file:' or 'pattern:'")
-    trials = []
-    for node in trials_node.value:
+    entries = next((value for key, value in root.value if key.value == 'trials'), None)
+    if not isinstance(entries, yaml.SequenceNode) or not entries.value:
+        raise FieldError('', "'trials:' must list at least one entry with 'file:' or 'pattern:'",
+                         1 if entries is None else line_of(entries))
+    # the trials each by itself: what is wrong with one leaves that one out
+    root.value = [(key, value) for key, value in root.value if value is not entries]
+    source, place = str(path), Place('')
+    place.faults = []
+    content = located(root, source)
+    plain = _CAMPAIGN(content, place)
+    if 'equations' in plain:
+        plain['equations'] = _equations(plain['equations'], place.within(content, 'equations', 'equations'))
+    if 'search' in plain:
+        plain['search'] = _search(plain['search'], content)
+    faults, trials = [_fault(error) for error in place.faults], []
+    for node in entries.value:
+        line = line_of(node)
         try:
-            trials.extend(_entries(node, path.parent, axis, faults))
-        except _Faulty as found:
-            faults.append(found.fault)
+            for trial in _entries(_entry(located(node, source), line), path.parent, plain.get('axis'), line):
+                trials.append(trial) if isinstance(trial, TrialEntry) else faults.append(trial)
+        except (FieldError, LocatedError) as error:
+            faults.append(_fault(error))
     trials = _without_duplicates(trials, faults)
     if not trials:
-        told = '; '.join(str(f) for f in faults[:SHOWN_FILES])
-        raise InputError(f'{path}: no trial is left to use: {told}')
-    craft = _craft(plain.get('craft'), faults)
+        raise InputError(f'{path}: no trial is left to use: {"; ".join(map(str, faults[:SHOWN_FILES]))}')
+    craft = Craft(**plain.get('craft', {}))
+    # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
+    objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
     return Manifest(
-        title=_text(plain['title']) if 'title' in plain else craft.name,
-        craft=craft,
-        trials=tuple(trials),
-        equations=_equations(plain.get('equations'), faults),
-        objectives=_objectives(plain.get('objectives')),
-        search=_search(plain.get('search'), faults),
-        faults=tuple(faults),
-    )
+        title=plain.get('title', craft.name), craft=craft, trials=tuple(trials), equations=plain.get('equations', ()),
+        objectives=tuple(o for o in OBJECTIVES if o in objectives), search=plain.get('search', SearchSettings()),
+        uncertainty=TypeB(**plain.get('uncertainty', {})),
+        predictions=tuple(plain.get('predictions', ())), faults=tuple(faults),
+    )  # fmt: skip
 
 
-def _line(node):
-    return node.start_mark.line + 1
-
-
-def _mapping(node, keys, what, faults):
-    """Key to value node; unknown and doubled keys become faults, or `_Faulty` where faults is None."""
-    if not isinstance(node, yaml.MappingNode):
-        raise _Faulty(_line(node), f'{what} must be written as keys and values; keys are {", ".join(keys)}')
-    found = {}
-    for key_node, value_node in node.value:
-        key = key_node.value if isinstance(key_node, yaml.ScalarNode) else '[...]'
-        wrong = None
-        if key not in keys:
-            wrong = f"{what} has no key '{shown(key)}': {_nearest(key, keys)}keys are {', '.join(keys)}"
-        elif key in found:
-            wrong = f"'{key}' is given twice: leave one out"
-        if wrong is None:
-            found[key] = value_node
-        elif faults is None:
-            raise _Faulty(_line(key_node), wrong)
-        else:
-            faults.append(Fault(_line(key_node), f'{wrong}; it is ignored'))
-    return found
-
-
-def _nearest(word, known):
-    # the search takes time by the length of the word
-    close = difflib.get_close_matches(word[:LONGEST_WORD], known, 1)
-    return f"'{close[0]}' is meant? " if close else ''
-
-
-def _scalar(node):
-    if not isinstance(node, yaml.ScalarNode):
-        raise _Faulty(_line(node), 'one value is expected here, not a list or a mapping')
-    try:
-        return _Value(scalar_value(node), _line(node))
-    except InputError as error:
-        raise _Faulty(_line(node), str(error)) from error
-
-
-def _number(node, name, positive=False):
-    item = _scalar(node)
-    if isinstance(item.value, bool) or not isinstance(item.value, int | float):
-        raise _Faulty(item.line, f"{name} must be a number, not '{shown(item.value)}'")
-    if not abs(item.value) <= LARGEST:
-        raise _Faulty(item.line, f'{name} of {item.value:g} is no measure of a trial: it is at most {LARGEST:g}')
-    if positive and not item.value > 0:
-        raise _Faulty(item.line, f'{name} must be greater than zero')
-    return float(item.value)
-
-
-def _text(node):
-    """As it is written: a file may be called 007."""
-    _scalar(node)
-    if not node.value or len(node.value) > LONGEST_TEXT or not node.value.isprintable():
-        raise _Faulty(_line(node), f"'{shown(node.value)}' is no name: 1 to {LONGEST_TEXT} characters on one line")
-    return node.value
-
-
-def _axis(node):
-    item = _scalar(node)
-    if item.value not in AXES:
-        raise _Faulty(item.line, f"there is no axis '{shown(item.value)}': choose {' or '.join(AXES)}")
-    return item.value
-
-
-def _craft(node, faults):
-    if node is None:
-        return Craft()
-    found = _mapping(node, CRAFT_KEYS, 'craft', faults)
-    name = _text(found['name']) if 'name' in found else Craft.name
-    return Craft(name, **{key: _number(value, key, positive=True) for key, value in found.items() if key != 'name'})
-
-
-def _items(node, name):
-    if isinstance(node, yaml.ScalarNode):
-        return [_scalar(node)]
-    if not isinstance(node, yaml.SequenceNode) or not node.value:
-        raise _Faulty(_line(node), f'{name} must be a list of names')
-    return [_scalar(item) for item in node.value]
-
-
-def _equations(node, faults):
-    if node is None:
-        return ()
+def _equations(value, place):
+    """The names that can be used, each once; the others become faults."""
     names = []
-    for item in _items(node, 'equations'):
+    for k, name in enumerate(one_or_more(anything)(value, place)):
+        line = value.lines[k] if isinstance(value, list) else place.line
         try:
-            equation_named(shown(item.value))
+            equation_named(shown(name))
+            if name not in names:
+                names.append(str(name))
+                continue
+            fault = f"the equation '{shown(name)}' is named twice: leave one out"
         except InputError as error:
-            faults.append(Fault(item.line, f'{error}; it is left out'))
-            continue
-        if item.value in names:
-            faults.append(Fault(item.line, f"the equation '{shown(item.value)}' is named twice: leave one out"))
-        else:
-            names.append(str(item.value))
+            fault = f'{error}; it is left out'
+        place.faults.append(FieldError('', fault, line))
     if not names:
-        raise _Faulty(_line(node), 'none of the equations can be used: correct their names, or leave the key out')
+        raise FieldError('', 'none of the equations can be used: correct their names, or leave the key out', place.line)
     return tuple(names)
 
 
-def _objectives(node):
-    if node is None:
-        return (OBJECTIVES[0],)
-    items = _items(node, 'objectives')
-    for item in items:
-        if item.value not in OBJECTIVES:
-            named = shown(item.value)
-            raise _Faulty(item.line, f"there is no objective '{named}': choose from {', '.join(OBJECTIVES)}")
-    # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
-    return tuple(o for o in OBJECTIVES if o == OBJECTIVES[0] or o in {item.value for item in items})
-
-
-def _search(node, faults):
-    if node is None:
-        return SearchSettings()
-    found = _mapping(node, SEARCH_KEYS, 'search', faults)
-    values = {}
-    for key, value_node in found.items():
-        value = _scalar(value_node).value
-        values[key] = shown(value) if isinstance(value, str) else value
-        # each alone first, so that the line is that of the key
-        _search_settings({key: values[key]}, value_node)
-    return _search_settings(values, node)
-
-
-def _search_settings(values, node):
-    try:
-        return SearchSettings(**values)
-    except InputError as error:
-        raise _Faulty(_line(node), str(error)) from error
-
-
-def _entries(node, folder, default_axis, faults):
-    """The trials of one entry: one file, or all files of a pattern."""
-    found = _mapping(node, TRIAL_KEYS, 'a trial', None)
-    if ('file' in found) == ('pattern' in found):
-        raise _Faulty(_line(node), "a trial is given by either 'file:' or 'pattern:'")
-    line = _line(node)
-    shared = {'line': line, 'axis': _axis(found['axis']) if 'axis' in found else default_axis}
-    for key, name in (('start_s', 'start'), ('end_s', 'end')):
-        if key in found:
-            shared[name] = _number(found[key], key)
-    if 'start' in shared and 'end' in shared and not shared['start'] < shared['end']:
-        raise _Faulty(line, 'start_s must lie before end_s')
-    if 'frame' in found:
-        shared['frame'] = frame = _text(found['frame'])
-        if frame not in FRAMES:
-            raise _Faulty(_line(found['frame']), f"there is no frame '{shown(frame)}': choose {' or '.join(FRAMES)}")
-    if 'topic' in found:
-        shared['topic'] = _text(found['topic'])
-    given = {
-        key: _number(found[key], key, positive=key in QUANTITIES)
-        for key in (*QUANTITIES, 'initial_angle_deg', 'repeat')
-        if key in found
-    }
-    if 'file' in found:
-        name = _text(found['file'])
-        path = folder / name
-        # not Path.exists, which raises an error for a name that is too long
-        if not os.path.exists(path):
-            raise _Faulty(
-                _line(found['file']),
-                f"there is no file '{shown(name)}': check the name, it is relative to the manifest",
-            )
-        return [_entry(path, shared, given, {})]
-    entries = []
-    for path, matched in _matches(found['pattern'], folder):
+def _search(values, content):
+    lines = content['search'].lines
+    for key, value in values.items():
+        if isinstance(value, dict | list):
+            raise FieldError(key, ': one value is expected here, not a list or a mapping', lines[key])
+    values = {key: shown(value) if isinstance(value, str) else value for key, value in values.items()}
+    # each alone first, so that the line is that of the key
+    for line, chosen in (*((lines[key], {key: value}) for key, value in values.items()),
+                         (content.lines['search'], values)):  # fmt: skip
         try:
-            entries.append(_entry(path, shared, given, matched))
-        except _Faulty as one:
-            faults.append(one.fault)
-    return entries
+            settings = SearchSettings(**chosen)
+        except InputError as error:
+            raise FieldError('', str(error), line) from error
+    return settings
 
 
-def _entry(path, shared, given, matched):
-    line = shared['line']
-    twice = sorted(set(given) & set(matched))
+def _entry(content, line):
+    """One checked entry, by field."""
+    place = Place('')
+    place.line = line
+    plain = _TRIAL(content, place)
+    if ('file' in plain) == ('pattern' in plain):
+        raise FieldError('', "a trial is given by either 'file:' or 'pattern:'", line)
+    if 'start_s' in plain and 'end_s' in plain and not plain['start_s'] < plain['end_s']:
+        raise FieldError('', 'start_s must lie before end_s', line)
+    return plain
+
+
+def _entries(plain, folder, default_axis, line):
+    """The trials of one entry, one file or all files of a pattern; a `Fault` for one that cannot be used."""
+    if 'file' not in plain:
+        found = []
+        for path, matched in _matches(plain.pop('pattern'), folder, line):
+            try:
+                found.append(_trial(path, plain, matched, default_axis, line))
+            except FieldError as error:
+                found.append(_fault(error))
+        return found
+    name = plain.pop('file')
+    # not Path.exists, which raises an error for a name that is too long
+    if not os.path.exists(folder / name):
+        problem = f"there is no file '{shown(name)}': check the name, it is relative to the manifest"
+        raise FieldError('', problem, line)
+    return [_trial(folder / name, plain, {}, default_axis, line)]
+
+
+def _trial(path, given, matched, default_axis, line):
+    twice = sorted(set(given) & set(matched) - {'axis'})
     if twice:
-        raise _Faulty(line, f"'{twice[0]}' is given both by the pattern and beside it: leave one out")
-    values = given | {key: value for key, value in matched.items() if key != 'axis'}
-    loadings = [(quantity, values[quantity]) for quantity in QUANTITIES if quantity in values]
+        raise FieldError('', f"'{twice[0]}' is given both by the pattern and beside it: leave one out", line)
+    values = _TRIAL({'axis': default_axis} | given | matched if default_axis else given | matched, Place(path.name))
+    loadings = [(quantity, values.pop(quantity)) for quantity in QUANTITIES if quantity in values]
     if len(loadings) > 1:
-        raise _Faulty(line, f'give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}')
-    axis = matched.get('axis', shared['axis'])
-    if axis is None:
-        raise _Faulty(
-            line,
-            f"no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for the whole campaign",
-        )
-    repeat = values.get('repeat')
-    if repeat is not None and (repeat != int(repeat) or repeat < 1):
-        raise _Faulty(line, f'repeat must be a whole number from 1, not {repeat:g}')
-    return TrialEntry(
-        path=path,
-        loading=loadings[0] if loadings else None,
-        initial_angle_deg=values.get('initial_angle_deg'),
-        repeat=None if repeat is None else int(repeat),
-        **(shared | {'axis': axis}),
-    )
+        raise FieldError('', f'give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}', line)
+    if 'axis' not in values:
+        raise FieldError('', f"no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for the "
+                             f'whole campaign', line)  # fmt: skip
+    names = {'start_s': 'start', 'end_s': 'end'}
+    return TrialEntry(path, line, loading=loadings[0] if loadings else None,
+                      **{names.get(key, key): value for key, value in values.items()})  # fmt: skip
 
 
 def pattern_expression(pattern):
@@ -460,15 +421,14 @@ def pattern_expression(pattern):
     return re.compile(''.join(parts))
 
 
-def _matches(node, folder):
+def _matches(pattern, folder, line):
     """Files that a pattern matches, with what their names say."""
-    pattern = _text(node)
     try:
         expression = pattern_expression(pattern)
     except InputError as error:
-        raise _Faulty(_line(node), str(error)) from error
+        raise FieldError('', str(error), line) from error
     if '**' in pattern:
-        raise _Faulty(_line(node), f"the pattern '{shown(pattern)}' holds **: write * for each folder")
+        raise FieldError('', f"the pattern '{shown(pattern)}' holds **: write * for each folder", line)
     base = Path(pattern).anchor
     root = Path(base) if base else folder
     relative = pattern[len(base) :]
@@ -477,13 +437,13 @@ def _matches(node, folder):
     try:
         candidates = sorted(root.glob(glob))
     except (ValueError, NotImplementedError, OSError) as error:
-        raise _Faulty(_line(node), f"'{shown(pattern)}' is no pattern: {shown(error)}") from error
+        raise FieldError('', f"'{shown(pattern)}' is no pattern: {shown(error)}", line) from error
     found = []
     for path in candidates:
         match = expression.fullmatch(_relative(path, root, relative))
         if match:
             said = {PLACEHOLDERS[name][0]: text for name, text in match.groupdict().items()}
-            found.append((path, {k: v if k == 'axis' else float(v.replace(',', '.')) for k, v in said.items()}))
+            found.append((path, {k: _MATCHED.get(k, _decimal)(v) for k, v in said.items()}))
     if not found:
         parent = root / Path(glob).parent
         near = (
@@ -492,7 +452,8 @@ def _matches(node, folder):
             else []
         )
         there = f'there are {", ".join(near)}, ...' if near else f'the folder {parent} is empty or does not exist'
-        raise _Faulty(_line(node), f"no file matches '{pattern}' ({there}): check the folder and the placeholders")
+        raise FieldError(
+            '', f"no file matches '{pattern}' ({there}): check the folder and the placeholders", line)
     return found
 
 
@@ -510,7 +471,8 @@ def _without_duplicates(trials, faults):
     for trial in trials:
         file = (trial.path.resolve(), trial.axis, trial.start, trial.end)
         complete = None not in (trial.initial_angle_deg, trial.repeat)
-        condition = (trial.axis, trial.loading, trial.initial_angle_deg, trial.repeat) if complete else None
+        told = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
+        condition = told if complete else None
         if file in by_file:
             faults.append(
                 Fault(
@@ -547,6 +509,18 @@ craft:
   # depth_m: 0.37
   # draft_m: 0.154
   # displacement_kg: 30
+  # For damping in N m s and without dimension, at the design draft: gm_transverse_m or gm_longitudinal_m (or
+  # inertia_kg_m2). Beside a trial at another loading: mass_kg, gm_m, inertia_kg_m2.
+  # gm_transverse_m: 0.05
+  # For the report: kg_m, gyradius_m, water_density_kg_m3, water_temperature_c, appendages, basin.
+
+# Relative standard uncertainties of what a decay cannot show: sensor_scale, time_base, mass, metacentric_height,
+# inertia.
+# uncertainty: {{sensor_scale: 0.005, metacentric_height: 0.02}}
+
+# Damping predicted otherwise, to be drawn beside the measured one: damping_n_m_s or damping_ratio.
+# predictions:
+#   - {{method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}}
 
 axis: {axis}
 
@@ -560,8 +534,9 @@ axis: {axis}
 # search: {{algorithm: ga, preset: swath-pitch, seed: 1}}
 
 # Each entry names one file, or by a pattern many. Placeholders: {{angle}} initial angle in deg, {{repeat}},
-# {{draft_factor}}, {{draft}} in m, {{displacement}} in kg, {{axis}}; * is anything. What the names do not say is given
-# beside: draft_factor (or draft_m, displacement_kg), initial_angle_deg, repeat, axis, start_s, end_s, frame, topic.
+# {{draft_factor}}, {{draft}} in m, {{displacement}} in kg, {{speed}} in m/s, {{axis}}; * is anything. What the names
+# do not say is given beside: draft_factor (or draft_m, displacement_kg), speed_m_s, initial_angle_deg, repeat, axis,
+# start_s, end_s, frame, topic.
 trials:
 """
 

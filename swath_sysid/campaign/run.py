@@ -5,7 +5,7 @@ import math
 import time
 from collections import Counter
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
@@ -68,14 +68,19 @@ class TrialOutcome:
     reason: str = ''
     advice: tuple[Advice, ...] = ()
 
+    def left_out(self, reason):
+        """The same, not used."""
+        return replace(self, record=None, reason=f'line {self.entry.line}: {reason}', advice=())
+
 
 @dataclass(frozen=True)
 class AxisOutcome:
-    """What a campaign found about one axis.
+    """What a campaign found about one axis, at one speed.
 
     Attributes
     ----------
     axis : str
+        Name of the series: see `Condition.series`.
     records : tuple of Record
     names : tuple of str
         Of the equations.
@@ -107,6 +112,16 @@ class AxisOutcome:
     ranking: Ranking
     schedule: ScheduledModel
     spreads: tuple[Spread, ...]
+
+    @property
+    def motion(self):
+        """``roll`` or ``pitch``."""
+        return self.records[0].condition.axis
+
+    @property
+    def speed_m_s(self):
+        """Of all its records."""
+        return self.records[0].condition.speed_m_s
 
     @property
     def choice(self):
@@ -185,7 +200,7 @@ def run_campaign(manifest, store, executor, tell=lambda progress: None):
     """
     quantity = loading_quantity(manifest)
     trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
-    axes = {t.record.condition.axis for t in trials if t.record is not None}
+    axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
         told = '; '.join(f'{t.name}: {t.reason}' for t in trials[:3])
         raise InputError(f'no trial of the campaign can be used: {told}')
@@ -196,17 +211,11 @@ def run_campaign(manifest, store, executor, tell=lambda progress: None):
     if not any(found):
         raise InputError(f'no fit of the campaign succeeded: {"; ".join(work.failures[:3])}')
     left_out = {name: reason for plan in plans for name, reason in plan.left_out.items()}
-    trials = [_with_failure(t, left_out) for t in trials]
+    trials = [t.left_out(left_out[str(t.record)]) if t.record and str(t.record) in left_out else t for t in trials]
     return CampaignOutcome(
-        manifest,
-        quantity,
-        tuple(trials),
-        tuple(a for a in found if a),
-        tuple(work.failures),
-        work.computed,
-        work.kept,
+        manifest, quantity, tuple(trials), tuple(a for a in found if a), tuple(work.failures), work.computed, work.kept,
         work.cpu_s,
-    )
+    )  # fmt: skip
 
 
 def loading_quantity(manifest):
@@ -256,7 +265,7 @@ def loading_of(entry, trial, craft, quantity):
 
 def _prepared(entry, manifest, quantity):
     """Read, cut and check one trial; whatever is wrong becomes the reason to leave it out."""
-    name = entry.path.name
+    outcome = TrialOutcome(entry, entry.path.name)
     try:
         sha256 = source_hash(entry.path)
         trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame)
@@ -267,15 +276,13 @@ def _prepared(entry, manifest, quantity):
             angle = _rounded_angle(trial, problem)
         loading = round(loading_of(entry, trial, manifest.craft, quantity), 9)
     except InputError as error:
-        return TrialOutcome(entry, name, reason=_with_line(entry, error))
+        return outcome.left_out(error)
     except Exception as error:  # noqa: BLE001 - one damaged file must not stop the others; its reason is reported
-        return TrialOutcome(entry, name, reason=_with_line(entry, f'{type(error).__name__} while reading it: {error}'))
-    record = Record(name, Condition(entry.axis, loading, float(angle)), entry.repeat or 0, problem)
-    return TrialOutcome(entry, name, sha256, record, '', tuple(dict.fromkeys((*trial.advice, *problem.advice))))
-
-
-def _with_line(entry, reason):
-    return f'line {entry.line}: {reason}'
+        return outcome.left_out(f'{type(error).__name__} while reading it: {error}')
+    condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
+    record = Record(outcome.name, condition, entry.repeat or 0, problem)
+    advice = tuple(dict.fromkeys((*trial.advice, *problem.advice)))
+    return replace(outcome, sha256=sha256, record=record, advice=advice)
 
 
 def _rounded_angle(trial, problem):
@@ -293,8 +300,8 @@ def _without_copies(trials):
             what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic
             original = first.setdefault(what, t)
             if original is not t:
-                reason = f'it has the same content as {original.name}, and would count twice as a repeat that it is not'
-                t = TrialOutcome(t.entry, t.name, t.sha256, None, _with_line(t.entry, reason))
+                t = t.left_out(
+                    f'it has the same content as {original.name}, and would count twice as a repeat that it is not')
         found.append(t)
     return found
 
@@ -313,22 +320,13 @@ def _numbered(trials):
         r, used = t.record, taken.setdefault(t.record.condition, Counter())
         number = r.repeat or next(k for k in range(1, len(trials) + 2) if not used[k])
         if (r.condition, number) in seen:
-            reason = f'its condition and repeat ({r}) are those of another trial: give it another repeat'
-            found.append(TrialOutcome(t.entry, t.name, t.sha256, None, _with_line(t.entry, reason)))
+            found.append(t.left_out(
+                f'its condition and repeat ({r}) are those of another trial: give it another repeat'))
             continue
         seen.add((r.condition, number))
         used[number] += 1
-        record = Record(r.name, r.condition, number, r.problem)
-        found.append(TrialOutcome(t.entry, t.name, t.sha256, record, '', t.advice))
+        found.append(replace(t, record=replace(r, repeat=number)))
     return found
-
-
-def _with_failure(trial, left_out):
-    if trial.record is None or str(trial.record) not in left_out:
-        return trial
-    return TrialOutcome(
-        trial.entry, trial.name, trial.sha256, None, _with_line(trial.entry, left_out[str(trial.record)])
-    )
 
 
 def _timed(function, arguments):
@@ -422,16 +420,16 @@ class _Work:
 
 
 class _AxisPlan:
-    """The tasks of one axis."""
+    """The tasks of one series: an axis at one speed."""
 
     def __init__(self, axis, manifest, trials, work):
-        used = [t for t in trials if t.record is not None and t.record.condition.axis == axis]
+        used = [t for t in trials if t.record is not None and t.record.condition.series == axis]
         used.sort(key=lambda t: (t.record.condition, t.record.repeat))
         self._axis, self._manifest, self._work = axis, manifest, work
         self._records = [t.record for t in used]
         self._ids = {str(t.record): _identity(t) for t in used}
         self._sources = {str(t.record): {'file': t.name, 'sha256': t.sha256} for t in used}
-        self._names = [e.name for e in _equations(manifest, axis)]
+        self._names = [e.name for e in _equations(manifest, used[0].record.condition.axis)]
         self.left_out = {}
 
     @property
@@ -459,32 +457,20 @@ class _AxisPlan:
         by_draft = {k: v for k, v in together.items() if not isinstance(k, Condition)}
         ranking = rank_campaign(self._axis, list(by_draft.values()), fits['simulation'], judgements)
         choice = self._names.index(ranking.choice.equation)
+        schedule = schedule_of(
+            list(by_draft.values()), ranking.choice.equation, list(by_draft), quantity,
+            [self._provenance(group) for group in self._drafts().values()],
+        )  # fmt: skip
+        spreads = (
+            spread_of_repeats(condition, [fits['simulation'][order.index(str(r))][choice] for r in group])
+            for condition, group in self._conditions().items() if len(group) > 1
+        )  # fmt: skip
         return AxisOutcome(
-            axis=self._axis,
-            records=records,
-            names=tuple(self._names),
-            fits=fits,
-            judgements=judgements,
+            axis=self._axis, records=records, names=tuple(self._names), fits=fits, judgements=judgements,
             best=best_repeats(records, fits['simulation']),
-            together={k: v for k, v in together.items() if isinstance(k, Condition)},
-            by_draft=by_draft,
-            ranking=ranking,
-            schedule=schedule_of(
-                list(by_draft.values()),
-                ranking.choice.equation,
-                list(by_draft),
-                quantity,
-                [self._provenance(group) for group in self._drafts().values()],
-            ),
-            spreads=tuple(
-                spread
-                for condition, group in self._conditions().items()
-                if len(group) > 1
-                for spread in spread_of_repeats(
-                    condition, [fits['simulation'][order.index(str(r))][choice] for r in group]
-                )
-            ),
-        )
+            together={k: v for k, v in together.items() if isinstance(k, Condition)}, by_draft=by_draft,
+            ranking=ranking, schedule=schedule, spreads=tuple(spread for group in spreads for spread in group),
+        )  # fmt: skip
 
     def _settings(self, objective, equation=None):
         return settings_for(equation, objective, self._manifest.search)
@@ -536,6 +522,21 @@ class _AxisPlan:
                 self.left_out[str(record)] = f'the fit of {", ".join(names)} failed; see the failures'
                 self._records.remove(record)
 
+    def _needed(self, tasks):
+        """Place to plain result of tasks that must not fail."""
+        results = self._work.results(list(tasks.values()))
+        for task in tasks.values():
+            if task.key not in results:
+                raise InputError(f'{task.label} failed: {self._work.failures[-1]}')
+        return {place: results[task.key] for place, task in tasks.items()}
+
+    def _in_order(self, tasks):
+        """Place to key and summaries, in the order of the equations, of tasks that settle them."""
+        return {
+            place: (tasks[place].key, tuple(map(FitSummary.from_plain, plain)))
+            for place, plain in self._needed(tasks).items()
+        }
+
     def _settled(self, single):
         """Objective to record to key and summaries, in the order of the equations."""
         tasks = {}
@@ -545,16 +546,9 @@ class _AxisPlan:
                 key = key_of('settle', [k for k, _ in kept])
                 arguments = (record.problem, self._settings(objective), tuple(s for _, s in kept))
                 tasks[objective, str(record)] = Task(key, f'{record}, nested equations, {objective}', settle, arguments)
-        return self._grouped_summaries(tasks)
-
-    def _grouped_summaries(self, tasks):
-        results = self._work.results(list(tasks.values()))
         found = {}
-        for (group, member), task in tasks.items():
-            if task.key not in results:
-                raise InputError(f'{task.label} failed: {self._work.failures[-1]}')
-            summaries = tuple(FitSummary.from_plain(p) for p in results[task.key])
-            found.setdefault(group, {})[member] = (task.key, summaries)
+        for (objective, record), settled in self._in_order(tasks).items():
+            found.setdefault(objective, {})[record] = settled
         return found
 
     def _together(self, groups, simulated):
@@ -568,20 +562,15 @@ class _AxisPlan:
             for index, name in enumerate(self._names):
                 key = key_of('together', name, [k for k, _ in kept])
                 arguments = (problems[place], settings, name, tuple(summaries[index] for _, summaries in kept))
-                tasks[place, name] = Task(
-                    key, f'{_place_name(place)}, {len(group)} records, {name}', fit_together, arguments
-                )
-        results = self._work.results(list(tasks.values()))
-        orders = {}
+                label = f'{_place_name(place)}, {len(group)} records, {name}'
+                tasks[place, name] = Task(key, label, fit_together, arguments)
+        results, orders = self._needed(tasks), {}
         for place in several:
-            own = [tasks[place, name] for name in self._names]
-            missing = [t.label for t in own if t.key not in results]
-            if missing:
-                raise InputError(f'{missing[0]} failed: {self._work.failures[-1]}')
-            arguments = (problems[place], settings, tuple(FitSummary.from_plain(results[t.key]) for t in own))
-            key = key_of('settle', [t.key for t in own])
-            orders['together', place] = Task(key, f'{_place_name(place)}, nested equations', settle, arguments)
-        settled = self._grouped_summaries(orders).get('together', {})
+            own = tuple(FitSummary.from_plain(results[place, name]) for name in self._names)
+            key = key_of('settle', [tasks[place, name].key for name in self._names])
+            orders[place] = Task(
+                key, f'{_place_name(place)}, nested equations', settle, (problems[place], settings, own))
+        settled = self._in_order(orders)
         return {
             place: settled[place][1] if place in settled else simulated[str(group[0])][1]
             for place, group in groups.items()
@@ -595,16 +584,11 @@ class _AxisPlan:
                 other = group[(index + 1) % len(group)] if len(group) > 1 else None
                 key, summaries = simulated[str(record)]
                 tasks[str(record)] = Task(
-                    key_of('judge', key, self._ids[str(other)] if other else None),
-                    f'{record}, forecasts',
-                    judge,
+                    key_of('judge', key, self._ids[str(other)] if other else None), f'{record}, forecasts', judge,
                     (record.problem, self._settings('simulation'), summaries, other.problem if other else None),
-                )
-        found = self._work.results(list(tasks.values()))
-        missing = [t.label for t in tasks.values() if t.key not in found]
-        if missing:
-            raise InputError(f'{missing[0]} failed: {self._work.failures[-1]}')
-        return tuple(tuple(Judgement.from_plain(p) for p in found[tasks[str(record)].key]) for record in self._records)
+                )  # fmt: skip
+        found = self._needed(tasks)
+        return tuple(tuple(map(Judgement.from_plain, found[str(record)])) for record in self._records)
 
     def _provenance(self, group):
         return {

@@ -13,13 +13,13 @@ from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
-from swath_sysid.attitude.prediction.skill import AFTER_GAP, FORECAST, score, usual_limits
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, finite
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
+from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, score, usual_limits
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_figure import LABELS, forecast_figure
 from swath_sysid.report.forecast_summary import skill_as_data

@@ -1,6 +1,7 @@
 """``swath-sysid inspect``: what is in a record."""
 import json
 
+from swath_sysid.cli.advice_words import worded
 from swath_sysid.cli.sources import add_source_arguments, check_model_and_plot, read_trials
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.record_figure import record_figure
@@ -25,5 +26,5 @@ def run(arguments):
     if arguments.json:
         print(json.dumps(record_as_data(trial, motions), indent=2))
     else:
-        print('\n'.join(record_in_words(trial, motions)))
+        print('\n'.join(record_in_words(trial, motions, worded)))
     return 0

@@ -9,6 +9,7 @@ import importlib
 import sys
 
 from swath_sysid import __version__
+from swath_sysid.cli.advice_words import worded
 from swath_sysid.common.errors import InputError
 
 VERBS = {
@@ -16,6 +17,7 @@ VERBS = {
     'compare': 'fit many equations and choose the simplest adequate one',
     'simulate': 'a trial with known truth, as an IMU would have recorded it',
     'campaign': 'a whole trial matrix: tables, figures and a model that knows its draft',
+    'paper': 'a published study carried out again, printed and obtained values side by side',
     'scale': "a model at another scale, by Froude's law",
     'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
     'forecast': 'how well the predictor forecasts a record, beside its baselines',
@@ -57,7 +59,7 @@ def main(argv=None):
     try:
         return module_of(arguments.verb).run(arguments)
     except InputError as error:
-        print(f'swath-sysid {arguments.verb}: {error}', file=sys.stderr)
+        print(f'swath-sysid {arguments.verb}: {worded(error.code, str(error))}', file=sys.stderr)
         return EXIT_INPUT
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

@@ -15,7 +15,7 @@ from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvr
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.formats.model_file import read_model
-from swath_sysid.formats.output_bag import IMU_TOPIC, writing_output_bag
+from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.nodes.health import PlayedHealth
 from swath_sysid.nodes.parameter_tables import (
@@ -81,7 +81,7 @@ def run(arguments):
     ):
         for index, reading in enumerate(readings):
             if arguments.with_imu:
-                bag.add_imu(IMU_TOPIC, reading.stamp_ns, reading.stamp_ns, readings.values[index])
+                bag.add_imu(reading.stamp_ns, readings.values[index])
             played = pipeline.add(reading)
             bag.add_played(played)
             for statuses in health.follow(played):

@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from swath_sysid.cli.advice_words import worded
+
 PLAIN_STEP = 0.25
 
 
@@ -36,4 +38,4 @@ def _plain(title):
 def show_advice(advice):
     """Print warnings, one a line, on standard error."""
     for item in advice:
-        print(f'warning [{item.code}]: {item.message}', file=sys.stderr)
+        print(f'warning [{item.code}]: {worded(item.code, item.message)}', file=sys.stderr)

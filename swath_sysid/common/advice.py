@@ -7,6 +7,9 @@ from dataclasses import dataclass
 class Advice:
     """A warning with what to do about it.
 
+    The sentence knows no command line and no node: those add by the code what their flags and parameters are
+    called (`swath_sysid.cli.advice_words`).
+
     Attributes
     ----------
     code : str
@@ -17,3 +20,8 @@ class Advice:
 
     code: str
     message: str
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun in the singular or plural: ``1 gap``, ``2 gaps``."""
+    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'

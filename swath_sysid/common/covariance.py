@@ -1,4 +1,5 @@
 """Covariance of fitted parameters, and their correlation."""
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -6,7 +7,7 @@ import numpy as np
 from swath_sysid.common.noise import autocovariance, correlated_information
 
 NOT_SEPARABLE = 0.95
-"""Correlation beyond which a record cannot tell two terms apart."""
+"""Correlation beyond which a record does not separate two terms."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,9 @@ class ParameterCovariance:
     effective_samples: float
 
 
-def sandwich_covariance(residuals, jacobians, shortest_memory):
+def sandwich_covariance(
+    residuals: Sequence[np.ndarray], jacobians: Sequence[np.ndarray], shortest_memory: int
+) -> ParameterCovariance:
     """Covariance of least-squares parameters under autocorrelated residuals.
 
     A^-1 (sum_k J_k^T Gamma_k J_k) A^-1 with A = J^T J and Gamma_k the Toeplitz matrix of the
@@ -65,7 +68,7 @@ def sandwich_covariance(residuals, jacobians, shortest_memory):
     return ParameterCovariance(matrix, float(count / max(inflation, 1.0)))
 
 
-def correlation(covariance):
+def correlation(covariance: np.ndarray) -> np.ndarray:
     """Correlation matrix of a covariance, shape (n, n); zero beside a zero variance."""
     std = np.sqrt(np.diag(covariance))
     with np.errstate(divide='ignore', invalid='ignore'):

@@ -17,6 +17,7 @@ converges, whatever the budget.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from swath_sysid.common.stopping import Stagnation, stop_reason
@@ -75,7 +76,9 @@ class GeneticSearch:
     ...     search.tell((candidates**2).sum(axis=1))
     """
 
-    def __init__(self, lower, upper, settings, seed, first=()):
+    def __init__(
+        self, lower: ArrayLike, upper: ArrayLike, settings: GeneticSettings, seed: int, first: ArrayLike = ()
+    ) -> None:
         self._lower = np.asarray(lower, dtype=float)
         self._upper = np.asarray(upper, dtype=float)
         self._settings = settings
@@ -83,28 +86,28 @@ class GeneticSearch:
         self._first = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)
         self._elite = max(1, round(settings.genetic_factor * settings.population))
         self._stagnation = Stagnation(settings.patience, settings.tolerance)
-        self._asked = None
+        self._asked = np.empty((0, self._lower.size))
         self._population = np.empty((0, self._lower.size))
         self._values = np.empty(0)
         self.generation = 0
         self.evaluations = 0
 
     @property
-    def best(self):
+    def best(self) -> np.ndarray:
         """The best candidate so far, shape (n,)."""
         return self._population[0]
 
     @property
-    def best_value(self):
+    def best_value(self) -> float:
         """Its objective value."""
         return float(self._values[0])
 
-    def ask(self):
+    def ask(self) -> np.ndarray:
         """Candidates of the next generation, shape (P, n)."""
         self._asked = self._children() if self.generation else self._first_generation()
         return self._asked
 
-    def tell(self, values):
+    def tell(self, values: np.ndarray) -> None:
         """Objective values of the candidates asked for, shape (P,); not finite counts as worst."""
         values = np.where(np.isfinite(values), values, np.inf)
         kept = self._elite if self.generation else 0
@@ -116,20 +119,20 @@ class GeneticSearch:
         self.generation += 1
         self._stagnation.note(self._values[0])
 
-    def should_stop(self):
+    def should_stop(self) -> str | None:
         """Name of the rule that stops the search, or None; see `stop_reason`."""
         if not self.generation:
             return None
         spread = np.ptp(self._population, axis=0) / (self._upper - self._lower)
         return stop_reason(self.generation, self._settings, self._stagnation, spread.max())
 
-    def _first_generation(self):
+    def _first_generation(self) -> np.ndarray:
         sample = qmc.LatinHypercube(self._lower.size, seed=self._rng).random(self._settings.population)
         population = self._lower + sample * (self._upper - self._lower)
         population[: len(self._first)] = self._first[: len(population)]
         return population
 
-    def _children(self):
+    def _children(self) -> np.ndarray:
         count = self._settings.population - self._elite
         first, second = self._parents(count), self._parents(count)
         children = np.where(
@@ -141,23 +144,23 @@ class GeneticSearch:
         children += np.where(disturbed, MUTATION_SCALE * self._mutation_steps(count), 0.0)
         return self._reflected(children)
 
-    def _parents(self, count):
+    def _parents(self, count: int) -> np.ndarray:
         """Binary tournaments, won by the better with probability ``evolution_weight``."""
         pair = np.sort(self._rng.integers(0, len(self._population), (2, count)), axis=0)
         better_wins = self._rng.random(count) < self._settings.evolution_weight
         return self._population[np.where(better_wins, pair[0], pair[1])]
 
-    def _mutation_probability(self):
+    def _mutation_probability(self) -> float:
         start, end = self._settings.mutation, self._settings.final_mutation
         if end is None:
             return start
         return start * (end / start) ** (self.generation / self._settings.generations)
 
-    def _mutation_steps(self, count):
+    def _mutation_steps(self, count: int) -> np.ndarray:
         """Normal steps of the population's own spread."""
         return self._rng.normal(size=(count, self._lower.size)) * self._population.std(axis=0)
 
-    def _reflected(self, children):
+    def _reflected(self, children: np.ndarray) -> np.ndarray:
         """Bring children that left the range back in by reflection at its bounds."""
         children = np.where(children < self._lower, 2 * self._lower - children, children)
         children = np.where(children > self._upper, 2 * self._upper - children, children)

@@ -1,5 +1,7 @@
 """How residuals are weighted, and how much information correlated ones hold."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.signal import fftconvolve
 
@@ -9,7 +11,7 @@ MODEL_FLOOR = 0.005
 """No model of a hull is trusted closer than this share of the motion's standard deviation."""
 
 
-def weighting_noise(channels):
+def weighting_noise(channels: Sequence[np.ndarray]) -> float:
     """The noise by which the residuals of a channel are weighted.
 
     Parameters
@@ -27,7 +29,7 @@ def weighting_noise(channels):
     return float(np.hypot(white, MODEL_FLOOR * motion)) or 1.0
 
 
-def autocovariance(residual, shortest_memory):
+def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
     """Tapered autocovariance of a residual, cut where it is no more than chance.
 
     The cut is the empirical rule of Politis (2003): the first lag after which
@@ -60,7 +62,7 @@ def autocovariance(residual, shortest_memory):
     return covariance[:length] * (1.0 - np.arange(length) / length)
 
 
-def correlated_information(sensitivity, covariance):
+def correlated_information(sensitivity: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """J^T Gamma J for residuals of a given autocovariance.
 
     Parameters

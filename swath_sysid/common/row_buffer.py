@@ -15,7 +15,7 @@ class RowBuffer:
     columns : int
     """
 
-    def __init__(self, capacity: int, columns: int):
+    def __init__(self, capacity: int, columns: int) -> None:
         # twice the room: rows move only once in a capacity, and the past is always contiguous
         # filled, so that the memory is taken now and not row by row
         self._rows = np.full((2 * capacity, columns), np.nan)
@@ -41,7 +41,7 @@ class RowBuffer:
             self._rows[:self.capacity] = self._rows[self._end - self.capacity:]
             self._first, self._end = max(self._first - (self._end - self.capacity), 0), self.capacity
         # four times as fast as the assignment of a row
-        pack_into(self._format, self._rows, self._rows.strides[0] * self._end, *row)
+        pack_into(self._format, self._rows.data, self._rows.strides[0] * self._end, *row)
         self._end += 1
         self._number += 1
         if self._end - self._first > self.capacity:

@@ -1,6 +1,20 @@
 """Named reasons for which a search stops."""
 
+from typing import Protocol
+
 import numpy as np
+
+
+class StopRules(Protocol):
+    """The settings of a search that end it; see `stop_reason`."""
+
+    @property
+    def generations(self) -> int:
+        """Budget."""
+
+    @property
+    def spread_tolerance(self) -> float:
+        """Share of the search range."""
 
 
 class Stagnation:
@@ -14,13 +28,13 @@ class Stagnation:
         Relative improvement that counts.
     """
 
-    def __init__(self, generations, tolerance):
+    def __init__(self, generations: int, tolerance: float) -> None:
         self._patience = generations
         self._tolerance = tolerance
         self._reference = np.inf
         self._waited = 0
 
-    def note(self, best_value):
+    def note(self, best_value: float) -> None:
         """Take the best value of one more generation."""
         if best_value < self._reference - self._tolerance * abs(self._reference) or not np.isfinite(self._reference):
             self._reference = best_value
@@ -29,12 +43,12 @@ class Stagnation:
             self._waited += 1
 
     @property
-    def exhausted(self):
+    def exhausted(self) -> bool:
         """Whether patience is over."""
         return self._patience > 0 and self._waited >= self._patience
 
 
-def stop_reason(generation, settings, stagnation, spread):
+def stop_reason(generation: int, settings: StopRules, stagnation: Stagnation, spread: float) -> str | None:
     """Name of the rule that ends the search now, or None.
 
     ``generations``: the budget is spent. ``stagnation``: the best value has not improved for

@@ -7,6 +7,7 @@ coefficients 1.49618, whole-swarm neighbourhood.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from swath_sysid.common.stopping import Stagnation, stop_reason
@@ -44,7 +45,9 @@ class SwarmSettings:
 class ParticleSwarm:
     """Minimise by particle swarm within bounds; the same use as `GeneticSearch`."""
 
-    def __init__(self, lower, upper, settings, seed, first=()):
+    def __init__(
+        self, lower: ArrayLike, upper: ArrayLike, settings: SwarmSettings, seed: int, first: ArrayLike = ()
+    ) -> None:
         self._lower = np.asarray(lower, dtype=float)
         self._upper = np.asarray(upper, dtype=float)
         self._range = self._upper - self._lower
@@ -52,8 +55,8 @@ class ParticleSwarm:
         self._rng = np.random.default_rng(seed)
         sample = qmc.LatinHypercube(self._lower.size, seed=self._rng).random(settings.population)
         self._place = self._lower + sample * self._range
-        first = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)
-        self._place[: len(first)] = first[: settings.population]
+        given = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)[: settings.population]
+        self._place[: len(given)] = given
         self._velocity = self._rng.uniform(-0.1, 0.1, self._place.shape) * self._range
         self._own_best = self._place.copy()
         self._own_value = np.full(settings.population, np.inf)
@@ -62,22 +65,22 @@ class ParticleSwarm:
         self.evaluations = 0
 
     @property
-    def best(self):
+    def best(self) -> np.ndarray:
         """The best candidate so far, shape (n,)."""
         return self._own_best[np.argmin(self._own_value)]
 
     @property
-    def best_value(self):
+    def best_value(self) -> float:
         """Its objective value."""
         return float(self._own_value.min())
 
-    def ask(self):
+    def ask(self) -> np.ndarray:
         """Places of the particles, shape (P, n)."""
         if self.generation:
             self._move()
         return self._place.copy()
 
-    def tell(self, values):
+    def tell(self, values: np.ndarray) -> None:
         """Objective values of the places asked for, shape (P,); not finite counts as worst."""
         values = np.where(np.isfinite(values), values, np.inf)
         better = values < self._own_value
@@ -87,14 +90,14 @@ class ParticleSwarm:
         self.generation += 1
         self._stagnation.note(self.best_value)
 
-    def should_stop(self):
+    def should_stop(self) -> str | None:
         """Name of the rule that stops the search, or None; see `stop_reason`."""
         if not self.generation:
             return None
         spread = (np.ptp(self._own_best, axis=0) / self._range).max()
         return stop_reason(self.generation, self._settings, self._stagnation, spread)
 
-    def _move(self):
+    def _move(self) -> None:
         s = self._settings
         own, swarm = self._rng.random((2, *self._place.shape))
         self._velocity = (

@@ -1,5 +1,4 @@
 """Rosbag2 bags: IMU topics as trials, and trials as IMU topics."""
-import os
 import tempfile
 from collections import defaultdict
 from contextlib import ExitStack, contextmanager
@@ -7,88 +6,75 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import Reader
 
+from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
-from swath_sysid.attitude.motion.sensor_mount import ACCEL, GYRO, QUATERNION, Installation, assemble_trial
+from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
-from swath_sysid.formats.mcap_checksums import add_checksums, chunk_holds, damage_of
+from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
+from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
+from swath_sysid.formats.messages import (
+    FORCE,
+    FORCE_COVARIANCE,
+    IMU_VALUES,
+    ORIENTATION,
+    ORIENTATION_COVARIANCE,
+    RATES,
+    RATES_COVARIANCE,
+    ImuMessage,
+)
+from swath_sysid.formats.output_bag import STORAGES, writing_bag
+from swath_sysid.formats.topics import IMU
 
-IMU_TYPE = 'sensor_msgs/msg/Imu'
+IMU_TYPE = IMU
 METADATA_FILE = 'metadata.yaml'
-MAGIC = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3'}
+MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
 """First bytes of a storage file, and the ending it should have."""
 
-STORAGES = {'.mcap': StoragePlugin.MCAP, '.db3': StoragePlugin.SQLITE3}
-
-MESSAGES_AT_ONCE = 50_000
-
-IMU_VALUES = 37
-"""Doubles in an Imu message: orientation 4, 9 of covariance, then rates and acceleration 3 and 9 each."""
-
-ORIENTATION, RATES, FORCE = slice(0, 4), slice(13, 16), slice(25, 28)
-ORIENTATION_COVARIANCE, RATES_COVARIANCE, FORCE_COVARIANCE = slice(4, 13), slice(16, 25), slice(28, 37)
-
-MCAP_FOOTER = 0x02
-MCAP_CHUNK = 0x06
-MCAP_DATA_END = 0x0F
+MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 10_000
 
 
 @dataclass(frozen=True)
 class ImuRecord:
-    """The messages of one IMU topic, as they are in the bag.
+    """The messages of one IMU.
 
     Attributes
     ----------
-    topic, frame_id : str
     stamps : ndarray of int64, shape (N,)
         header.stamp, ns.
-    received : ndarray of int64, shape (N,)
-        When the recorder got them, ns; they are in this order.
     values : ndarray, shape (N, 37)
-        The numbers of each message in the order of the message definition.
+        The numbers of each message in the order of the message definition, as `ORIENTATION` and its like place them;
+        a covariance that begins with -1 says that there is no such measurement.
+    received : ndarray of int64, shape (N,), optional
+        When the recorder got them, ns; they are in this order.
+    topic, frame_id : str
+        Empty where the record is no bag.
+    in_craft_axes : bool
+        Whether frame and mounting of the sensor were taken into account already.
     advice : tuple of Advice
     """
 
-    topic: str
-    frame_id: str
     stamps: np.ndarray
-    received: np.ndarray
     values: np.ndarray
+    received: np.ndarray | None = None
+    topic: str = ''
+    frame_id: str = ''
+    in_craft_axes: bool = False
     advice: tuple[Advice, ...] = ()
 
-    @property
-    def orientation(self):
-        """Quaternions x, y, z, w, shape (N, 4)."""
-        return self.values[:, ORIENTATION]
+    def __len__(self):
+        return len(self.stamps)
 
-    @property
-    def orientation_covariance(self):
-        """Shape (N, 9); -1 in the first place means that there is no orientation."""
-        return self.values[:, ORIENTATION_COVARIANCE]
-
-    @property
-    def angular_velocity(self):
-        """Body rates, rad/s, shape (N, 3)."""
-        return self.values[:, RATES]
-
-    @property
-    def angular_velocity_covariance(self):
-        """Shape (N, 9); -1 in the first place means that there are no rates."""
-        return self.values[:, RATES_COVARIANCE]
-
-    @property
-    def linear_acceleration(self):
-        """Specific force, m/s^2, shape (N, 3)."""
-        return self.values[:, FORCE]
-
-    @property
-    def linear_acceleration_covariance(self):
-        """Shape (N, 9); -1 in the first place means that there is no acceleration."""
-        return self.values[:, FORCE_COVARIANCE]
+    def __iter__(self):
+        """One `ImuReading` after the other."""
+        parts = ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE
+        for first in range(0, len(self), READINGS_AT_ONCE):
+            values = self.values[first:first + READINGS_AT_ONCE]
+            stamps = self.stamps[first:first + READINGS_AT_ONCE].tolist()
+            yield from map(ImuReading, stamps, *(values[:, part].tolist() for part in parts))
 
 
 def is_bag(path):
@@ -203,7 +189,7 @@ def read_imu(path, topic=None):
             f'the messages on {topic} come in {len(decoder.frame_ids)} frames ({names}): if these are two sensors, '
             f'record each on a topic of its own; else look whether the mounting is still right'
         )))
-    return ImuRecord(topic, next(iter(decoder.frame_ids), ''), stamps, received, values, tuple(advice))
+    return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
 
 
 def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id='imu_link'):
@@ -227,53 +213,46 @@ def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id=
     InputError
         Something stands at `path` that may not be replaced, or it cannot be written.
     """
-    path = Path(path)
     stamps = int(start_stamp_ns) + np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
-    with replacing(path) as temporary:
-        kind = path.suffix if path.suffix in STORAGES else None
-        folder = temporary.with_suffix('') if kind else temporary
-        with Writer(folder, version=9, storage_plugin=STORAGES[kind or '.mcap']) as writer:
-            store = get_typestore(Stores.ROS2_JAZZY)
-            connection = writer.add_connection(topic, IMU_TYPE, typestore=store)
-            for stamp, message in _imu_messages(store.types, trial, stamps.tolist(), frame_id):
-                writer.write(connection, stamp, store.serialize_cdr(message, IMU_TYPE))
-        if kind != '.db3':
-            add_checksums(folder / f'{folder.name}.mcap')
-        if kind:
-            os.replace(folder / f'{folder.name}{kind}', temporary)
+    sender = ImuMessage(frame_id)
+    with writing_bag(path) as add:
+        for stamp, values in zip(stamps.tolist(), imu_values(trial), strict=True):
+            add(topic, IMU_TYPE, stamp, sender.of_values(stamp, values))
 
 
-def _imu_messages(types, trial, stamps, frame_id):
-    """The stamp and the message of every sample."""
-    make_header, make_time = types['std_msgs/msg/Header'], types['builtin_interfaces/msg/Time']
-    make_quaternion, make_vector = types['geometry_msgs/msg/Quaternion'], types['geometry_msgs/msg/Vector3']
-    make_imu = types[IMU_TYPE]
-    unknown, absent = np.zeros(9), np.array([-1.0, *8 * [0.0]])
+def imu_values(trial):
+    """The numbers of the messages that an IMU in the craft's axes would have sent, without yaw.
 
-    def covariance(*channels):
-        return absent if all(channel is None for channel in channels) else unknown
+    An angle or rate that the trial does not hold is zero, unless it holds none of them: then the
+    covariance says that it is not measured.
+
+    Parameters
+    ----------
+    trial : Trial
+
+    Returns
+    -------
+    ndarray, shape (N, 37)
+    """
+    count = trial.time.size
+    values = np.zeros((count, IMU_VALUES))
 
     def known(channel):
-        return np.zeros(trial.time.size) if channel is None else channel
+        return np.zeros(count) if channel is None else channel
 
     roll, pitch = known(trial.roll), known(trial.pitch)
-    orientation = quaternion(roll, pitch, np.zeros(trial.time.size))
-    rates = body_rates(roll, pitch, known(trial.roll_rate), known(trial.pitch_rate), known(trial.yaw_rate))
-    force = known(trial.accel_x), known(trial.accel_y), known(trial.accel_z)
-    covariances = (
-        covariance(trial.roll, trial.pitch), covariance(trial.roll_rate, trial.pitch_rate),
-        covariance(trial.accel_x, trial.accel_y, trial.accel_z),
-    )
-    for stamp, turn, rate, push in zip(stamps, *(np.stack(parts, axis=1).tolist()
-                                                 for parts in (orientation, rates, force)), strict=True):
-        seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-        header = make_header(stamp=make_time(sec=seconds, nanosec=nanoseconds), frame_id=frame_id)
-        yield stamp, make_imu(
-            header=header,
-            orientation=make_quaternion(*turn), orientation_covariance=covariances[0],
-            angular_velocity=make_vector(*rate), angular_velocity_covariance=covariances[1],
-            linear_acceleration=make_vector(*push), linear_acceleration_covariance=covariances[2],
-        )
+    turns, angles = (trial.roll_rate, trial.pitch_rate), (trial.roll, trial.pitch)
+    forces = trial.accel_x, trial.accel_y, trial.accel_z
+    rates = body_rates(roll, pitch, *map(known, turns), known(trial.yaw_rate))
+    for columns, covariance, parts, channels in (
+        (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, np.zeros(count)), angles),
+        (RATES, RATES_COVARIANCE, rates, turns),
+        (FORCE, FORCE_COVARIANCE, list(map(known, forces)), forces),
+    ):  # fmt: skip
+        values[:, columns] = np.stack(parts, axis=1)
+        if all(channel is None for channel in channels):
+            values[:, covariance.start] = NOT_MEASURED
+    return values
 
 
 class _ImuDecoder:
@@ -290,6 +269,10 @@ class _ImuDecoder:
         self._blocks = []
 
     def add(self, received, raw):
+        # a broken database holds anything, also nothing
+        if not isinstance(received, int) or not isinstance(raw, bytes | memoryview):
+            self.damaged += 1
+            return
         self._waiting.append((received, raw))
         if len(self._waiting) == MESSAGES_AT_ONCE:
             self._decode()
@@ -415,7 +398,7 @@ def _open_storage(path, stack):
         advice = [_damage(path, error)]
     try:
         mended = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.name
-        _copy_whole_records(path, mended)
+        copy_whole_records(path, mended)
         return [stack.enter_context(_opened(open_storage(mended)))], advice
     except Exception as error:  # as above
         raise InputError(f'{path} is damaged beyond reading ({_reason(path, error)}): record it again') from error
@@ -428,36 +411,6 @@ def _opened(storage):
         yield storage
     finally:
         storage.close()
-
-
-def _copy_whole_records(path, target):
-    """Copy an mcap file up to its last whole record, without chunks of which the check sum does not hold or an index.
-
-    Records are an operation code, a length of eight bytes, and the content (mcap.dev/spec).
-    """
-    (magic,) = (start for start, ending in MAGIC.items() if ending == '.mcap')
-    size = path.stat().st_size
-    with open(path, 'rb') as source, open(target, 'wb') as copy:
-        copy.write(source.read(len(magic)))
-        while len(head := source.read(9)) == 9 and head[0] not in (MCAP_FOOTER, MCAP_DATA_END):
-            length = int.from_bytes(head[1:], 'little')
-            if source.tell() + length <= size:
-                content = source.read(length)
-                if head[0] != MCAP_CHUNK or chunk_holds(content):
-                    copy.write(head + content)
-            elif head[0] != MCAP_CHUNK or not _enter_plain_chunk(source):
-                break
-        copy.write(bytes([MCAP_FOOTER]) + (20).to_bytes(8, 'little') + bytes(20) + magic)
-
-
-def _enter_plain_chunk(source):
-    """Go to the first record in a chunk (records that may also stand alone); False if it is compressed."""
-    times_sizes_and_checksum, name_length, records_length = 28, 4, 8
-    source.seek(times_sizes_and_checksum, os.SEEK_CUR)
-    if int.from_bytes(source.read(name_length), 'little'):
-        return False
-    source.seek(records_length, os.SEEK_CUR)
-    return True
 
 
 def _storage_files(folder):

@@ -6,28 +6,33 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.attitude.motion.attitude import euler_angles
-from swath_sysid.attitude.motion.sensor_mount import ACCEL, QUATERNION, Installation, assemble_trial
+from swath_sysid.attitude.motion.assembly import ACCEL, QUATERNION, assemble_trial
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, euler_angles
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
-from swath_sysid.formats.tables import listed_names, read_columns, read_head, shown
+from swath_sysid.formats.tables import (
+    ANGLE_UNITS,
+    EPOCH_SECONDS,
+    LENGTH_UNITS,
+    PURE,
+    RATE_UNITS,
+    TIME_UNITS,
+    known_columns,
+    listed_names,
+    plain_name,
+    read_columns,
+    read_head,
+    remark_number,
+    shown,
+)
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2, ISO 80000-3."""
-
-EPOCH_SECONDS = 1e8
-"""A time column that begins beyond this counts from an epoch, and is told from its first sample instead."""
-
-TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 SAMPLES = 'samples'
 """The unit of a time column that numbers the samples; a comment line says how many a second."""
 
-ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
-RATE_UNITS = {'rad_s': 1.0, 'deg_s': np.pi / 180}
 ACCELERATION_UNITS = {'m_s2': 1.0, 'g': STANDARD_GRAVITY}
-LENGTH_UNITS = {'m': 1.0}
 
 TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
 QUANTITIES = (
@@ -42,7 +47,7 @@ QUANTITIES = (
     *(((f'gyro_{part}', f'gyr_{part}', f'angular_velocity_{part}'), f'gyro_{part}', RATE_UNITS) for part in 'xyz'),
     *(((f'accel_{part}', f'acc_{part}', f'linear_acceleration_{part}'), f'accel_{part}', ACCELERATION_UNITS)
       for part in 'xyz'),
-    *(((f'quaternion_{part}', f'orientation_{part}', f'q{part}'), f'quaternion_{part}', {'': 1.0})
+    *(((f'quaternion_{part}', f'orientation_{part}', f'q{part}'), f'quaternion_{part}', PURE)
       for part in 'xyzw'),
 )
 """Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
@@ -142,7 +147,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
         time = time / _sample_rate(path, head.remarks)
     trial = assemble_trial(
         time, readings, _installation(path, head.remarks, frame, mounting), source=str(path),
-        draft=_remark(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks),
+        draft=remark_number(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks),
         advice=(*advice, *small_angle_advice(columns, values)),
     )
     swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
@@ -191,10 +196,9 @@ class Column:
 
 def _find_columns(path, names):
     """The columns to read, those of the time first, and the names of those that lack a unit."""
-    known = {f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
-             for aliases, reading, units in QUANTITIES for alias in aliases for unit, scale in units.items()}
+    known = known_columns(QUANTITIES)
     bare = {alias for aliases, _, units in QUANTITIES for alias in aliases if '' not in units}
-    plain = [_plain_name(name) for name in names]
+    plain = [plain_name(name) for name in names]
     columns, unitless = _time_columns(plain, names), []
     if not columns:
         _refuse_without_time(path, names, plain)
@@ -226,7 +230,7 @@ def refuse_doubled(path, names):
     ------
     InputError
     """
-    plain = [_plain_name(name) for name in names]
+    plain = [plain_name(name) for name in names]
     twice = next((name for place, name in enumerate(names) if plain[place] in plain[:place]), None)
     if twice is not None:
         raise InputError(f"{path} has two columns '{shown(twice)}': leave one out, or rename it")
@@ -323,7 +327,7 @@ def small_angle_advice(columns, values):
 
 
 def _sample_rate(path, remarks):
-    rate = _remark(path, remarks, 'sample_rate_hz')
+    rate = remark_number(path, remarks, 'sample_rate_hz')
     if rate is None or not 0.0 < rate < math.inf:
         raise InputError(f"{path} numbers its samples and does not say how many come a second: put a line "
                          f"'# sample_rate_hz: 100' above the columns")
@@ -372,13 +376,6 @@ def _first_finite(values):
     return values[finite[0]] if finite.size else 0.0
 
 
-def _plain_name(name):
-    """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
-    plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
-    plain = re.sub('[^a-z0-9]+', '_', plain).strip('_')
-    return re.sub('_(per|p)_', '_', plain)
-
-
 def _installation(path, remarks, frame, mounting):
     """How the sensor sits: as given, else as the file says of itself."""
     if remarks.get('mounting_deg') and not any(mounting):
@@ -391,19 +388,8 @@ def _installation(path, remarks, frame, mounting):
     return Installation(frame or remarks.get('frame', 'flu').lower(), mounting)
 
 
-def _remark(path, remarks, key):
-    """The number in a ``# key: value`` line, None where there is none."""
-    if not remarks.get(key):
-        return None
-    try:
-        return float(remarks[key].replace(',', '.'))
-    except ValueError as error:
-        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is no number: "
-                         f'correct that line') from error
-
-
 def _initial_angle(path, remarks):
-    angle = _remark(path, remarks, 'initial_angle_rad')
-    if angle is None and (degrees := _remark(path, remarks, 'initial_angle_deg')) is not None:
+    angle = remark_number(path, remarks, 'initial_angle_rad')
+    if angle is None and (degrees := remark_number(path, remarks, 'initial_angle_deg')) is not None:
         return degrees * ANGLE_UNITS['deg']
     return angle

@@ -1,22 +1,69 @@
 """Descriptions of what a file may hold: each checks a plain value and names the field that is wrong.
 
-A description is a function of a value and of where it stands, for the errors; it returns the value
-as it is used from then on, or raises `InputError`.
+A description is a function of a value and of the `Place` where it stands; it returns the value as it is used from then
+on, or raises `FieldError`.
 """
 
+import difflib
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.untrusted_yaml import shown
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.untrusted_yaml import dumped, plain_content, shown, text_of
 
 LONGEST_TEXT = 200
+LONGEST_WORD = 40
+"""Characters by which a name is compared with those that there are."""
+
 PSD_ROUNDING = 1e-6
 """Least eigenvalue of a correlation matrix below zero that is rounding, not a mistake."""
 
 STD_ROUNDING = 1e-6
 """Relative difference of a standard deviation from the root of its variance that is rounding."""
+
+
+class Place(str):
+    """Where a value stands, as errors say it.
+
+    Attributes
+    ----------
+    line : int or None
+        In the file.
+    written : str or None
+        The value as it is written there.
+    faults : list of FieldError or None
+        Where unknown names are noted and left out; None: they are refused.
+    """
+
+    line = written = faults = None
+
+    def within(self, container, key, name):
+        """The place of an item of a mapping or list that may know its lines."""
+        place = Place(f'{self}, {name}' if self else name)
+        lines = getattr(container, 'lines', None)
+        place.line = self.line if lines is None else lines[key]
+        place.written = getattr(container, 'written', {}).get(key)
+        place.faults = self.faults
+        return place
+
+
+class FieldError(InputError):
+    """What is wrong with a field.
+
+    Attributes
+    ----------
+    line : int or None
+    problem : str
+        The sentence without the line.
+    """
+
+    def __init__(self, where, problem, line=None):
+        self.line = line or getattr(where, 'line', None)
+        self.problem = f'{where}{problem}' if where else problem.lstrip(': ')
+        super().__init__(self.problem if self.line is None else f'{self.problem} (line {self.line})')
 
 
 def number(lowest=-math.inf, highest=math.inf, above=None):
@@ -25,38 +72,74 @@ def number(lowest=-math.inf, highest=math.inf, above=None):
     def check(value, where):
         # a bool is an int to Python
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise InputError(f"{where}: '{shown(value)}' is not a number")
+            raise FieldError(where, f": '{shown(value)}' is not a number")
         if above is not None and not value > above:
-            raise InputError(f'{where} must be greater than {above:g}, not {shown(value)}')
+            raise FieldError(where, f' must be greater than {above:g}, not {shown(value)}')
         if not lowest <= value <= highest:
-            raise InputError(f'{where} must lie within {lowest:g} and {highest:g}, not {shown(value)}')
+            if lowest == -math.inf:
+                raise FieldError(where, f' must be at most {highest:g}, not {shown(value)}')
+            raise FieldError(where, f' must lie within {lowest:g} and {highest:g}, not {shown(value)}')
         return float(value)
 
     return check
 
 
-def text(longest=LONGEST_TEXT):
-    """A text on one line that is not too long."""
+def text(longest=LONGEST_TEXT, as_written=False):
+    """A text on one line that is not too long; where it is taken as written, 007 is one and nothing is none."""
 
     def check(value, where):
+        if as_written:
+            value = getattr(where, 'written', None) or value
         if not isinstance(value, str):
-            raise InputError(f"{where}: '{shown(value)}' is no text")
-        if len(value) > longest or not value.isprintable():
-            raise InputError(f"{where}: '{shown(value)}' is no name: at most {longest} characters on one line")
+            raise FieldError(where, f": '{shown(value)}' is no text")
+        if len(value) > longest or not value.isprintable() or as_written and not value:
+            raise FieldError(where, f": '{shown(value)}' is no name: at most {longest} characters on one line")
         return value
 
     return check
 
 
-def one_of(choices):
-    """One of some texts."""
+def one_of(choices, kind=None):
+    """One of some texts; errors may call them by their kind."""
 
     def check(value, where):
         if not isinstance(value, str) or value not in choices:
-            raise InputError(f"{where}: '{shown(value)}' must be {' or '.join(map(repr, choices))}")
+            if kind is not None:
+                raise FieldError('', f"there is no {kind} '{shown(value)}': choose from {', '.join(choices)}",
+                                 getattr(where, 'line', None))
+            raise FieldError(where, f": '{shown(value)}' must be {' or '.join(map(repr, choices))}")
         return value
 
     return check
+
+
+def whole(lowest):
+    """A whole number from a lowest on."""
+
+    def check(value, where):
+        found = number(lowest)(value, where)
+        if found != int(found):
+            raise FieldError(where, f' must be a whole number from {lowest}, not {shown(value)}')
+        return int(found)
+
+    return check
+
+
+def one_or_more(description):
+    """A list of like items, of which a single one may stand alone."""
+
+    def check(value, where):
+        items = value if isinstance(value, list) else [value]
+        if not items or isinstance(value, dict):
+            raise FieldError(where, f": '{shown(value)}' must be a list of names")
+        return list_of(description)(items, where)
+
+    return check
+
+
+def anything(value, where):
+    """Whatever it is; checked elsewhere."""
+    return value
 
 
 def if_known(description, unknown=math.nan):
@@ -74,8 +157,8 @@ def list_of(description, length=None):
     def check(value, where):
         if not isinstance(value, list) or length not in (None, len(value)):
             counted = '' if length is None else f' of {length} items'
-            raise InputError(f"{where}: '{shown(value)}' must be a list{counted}")
-        return [description(item, f'{where} {number}') for number, item in enumerate(value, 1)]
+            raise FieldError(where, f": '{shown(value)}' must be a list{counted}")
+        return [description(item, Place(where).within(value, k, f'{k + 1}')) for k, item in enumerate(value)]
 
     return check
 
@@ -92,14 +175,24 @@ def record(required, optional=None):
 
     def check(value, where):
         if not isinstance(value, dict):
-            raise InputError(f"{where}: '{shown(value)}' must have the fields {', '.join(required)}")
-        for name in value:
-            if name not in known:
-                raise InputError(f"{where}: unknown field '{shown(name)}'; fields are {', '.join(known)}")
+            raise FieldError(where, f": '{shown(value)}' must be names and values; fields are {', '.join(known)}")
+        found, where = {}, where if isinstance(where, Place) else Place(where)
+        for name, item in value.items():
+            place = where.within(value, name, shown(name))
+            if name in known:
+                found[name] = known[name](item, place)
+                continue
+            close = difflib.get_close_matches(name[:LONGEST_WORD], known, 1)
+            meant = f" '{close[0]}' is meant?" if close else ''
+            problem = f": unknown field '{shown(name)}';{meant} fields are {', '.join(known)}"
+            error = FieldError(where, problem, place.line)
+            if where.faults is None:
+                raise error
+            where.faults.append(error)
         for name in required:
             if name not in value:
-                raise InputError(f"{where}: the field '{name}' is missing")
-        return {name: known[name](item, f'{where}, {name}') for name, item in value.items()}
+                raise FieldError(where, f": the field '{name}' is missing")
+        return found
 
     return check
 
@@ -118,22 +211,40 @@ def table_of(names, kind, description):
 
     def check(value, where):
         if not isinstance(value, dict):
-            raise InputError(f"{where}: '{shown(value)}' must map names to values")
+            raise FieldError(where, f": '{shown(value)}' must map names to values")
         found = {}
         for name, item in value.items():
+            place = Place(where).within(value, name, shown(name))
             if name not in names:
-                raise InputError(f"{where}: there is no {kind} '{shown(name)}'; choose from {', '.join(names)}")
+                problem = f": there is no {kind} '{shown(name)}'; choose from {', '.join(names)}"
+                raise FieldError(where, problem, place.line)
             one = description[name] if isinstance(description, dict) else description
-            found[name] = one(item, f'{where}, {name}')
+            found[name] = one(item, place)
         return found
 
     return check
 
 
+def quantities_of(units, kind):
+    """Values with standard deviation and unit, by name.
+
+    Parameters
+    ----------
+    units : dict of str to str
+        Of every name there is.
+    kind : str
+        What a name stands for, in the errors.
+    """
+    return table_of(units, kind, {
+        name: record({'value': number(), 'std': if_known(number(lowest=0.0)), 'unit': one_of((unit,))})
+        for name, unit in units.items()
+    })  # fmt: skip
+
+
 def mapping(value, where):
     """Anything by name; what it holds is plain data already."""
     if not isinstance(value, dict):
-        raise InputError(f"{where}: '{shown(value)}' must map names to values")
+        raise FieldError(where, f": '{shown(value)}' must map names to values")
     return value
 
 
@@ -143,10 +254,77 @@ def metrics(value, where):
         if isinstance(item, dict):
             metrics(item, f'{where}, {shown(name)}')
         elif isinstance(item, list):
-            raise InputError(f"{where}, {shown(name)}: '{shown(item)}' is not a number")
+            raise FieldError(f'{where}, {shown(name)}', f": '{shown(item)}' is not a number")
         elif isinstance(item, str):
             text()(item, f'{where}, {shown(name)}')
     return value
+
+
+@dataclass(frozen=True)
+class ModelFormat:
+    """A format of model files: YAML that says its format, version and frame, and is checked on reading and writing.
+
+    Attributes
+    ----------
+    format, frame : str
+        What the fields of these names hold.
+    remedy : str
+        What to do about a file that is none, or of another version.
+    required, optional : dict of str to callable
+        The other fields, by name; see `record`.
+    version : int
+    kind : str
+        What errors call such a file.
+    """
+
+    format: str
+    frame: str
+    remedy: str
+    required: dict
+    optional: dict
+    version: int = 1
+    kind: str = 'model file'
+
+    def content(self, text, source):
+        """The checked fields of a text, by name.
+
+        Raises
+        ------
+        InputError
+            Not of this format and version, or with unknown, missing or wrong fields; the sentence names the field.
+        """
+        content = plain_content(text, source)
+        if not isinstance(content, dict) or content.get('format') != self.format:
+            raise InputError(f"{source} is no {self.kind}: its field 'format' is not '{self.format}'; {self.remedy}")
+        version = content.get('version')
+        # to Python True is 1
+        if version != self.version or not isinstance(version, int) or isinstance(version, bool):
+            raise InputError(f'{source} is a {self.kind} of version {shown(version)}; this software reads version '
+                             f'{self.version}: {self.remedy}')
+        headed = {'format': anything, 'version': anything, 'frame': one_of((self.frame,))}
+        return record(headed | self.required, self.optional)(content, source)
+
+    def text(self, **fields):
+        """The text of a file that holds these fields."""
+        return dumped({'format': self.format, 'version': self.version, 'frame': self.frame, **fields})
+
+    def read(self, path, read_text):
+        """What `read_text`, of a text and its source, makes of a file."""
+        return read_text(text_of(path), str(path))
+
+    def write(self, path, text, read_text):
+        """Write a file, whole or not at all, and not what its readers would refuse."""
+        read_text(text, f'{path} is not written: what it would hold')
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding='utf-8')
+
+
+def built(build, where):
+    """What the core makes of it; its errors do not know where it stands."""
+    try:
+        return build()
+    except InputError as error:
+        raise InputError(f'{where}: {error}') from error
 
 
 def covariance(rows, names, where):

@@ -1,25 +1,34 @@
 """Rosbag2 records of manoeuvres: odometry, IMU, and thrusters as VRX names them or as a JointState."""
 
-import os
 import re
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
+from swath_sysid.attitude.motion.attitude import quaternion
+from swath_sysid.attitude.motion.intake import NOT_MEASURED
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.bags import opened_bag
-from swath_sysid.formats.mcap_checksums import add_checksums
+from swath_sysid.formats.manoeuvring_messages import odometry_message, odometry_reading
+from swath_sysid.formats.messages import (
+    FORCE_COVARIANCE,
+    IMU_VALUES,
+    ORIENTATION,
+    RATES,
+    ImuMessage,
+    number_message,
+    typestore,
+)
+from swath_sysid.formats.output_bag import writing_bag
+from swath_sysid.formats.topics import IMU, ODOMETRY
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState
 
-ODOMETRY, IMU, JOINTS = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/Imu', 'sensor_msgs/msg/JointState'
+JOINTS = 'sensor_msgs/msg/JointState'
 NUMBERS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
 SIDES = {'port': re.compile(r'left|port', re.I), 'starboard': re.compile(r'right|starboard|stbd', re.I)}
 THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
-STORAGES = {'.mcap': StoragePlugin.MCAP, '.db3': StoragePlugin.SQLITE3}
 
 LARGEST_COMMAND = 1.0 + 1e-6
 CLOCKS_APART = 1.0
@@ -140,26 +149,25 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
     start_stamp_ns : int
         Stamp of the first sample.
     """
-    path = Path(path)
-    kind = path.suffix if path.suffix in STORAGES else None
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with replacing(path) as temporary:
-        folder = temporary.with_suffix('') if kind else temporary
-        with Writer(folder, version=9, storage_plugin=STORAGES[kind or '.mcap']) as writer:
-            names = {
-                'odometry': (f'/{namespace}/odometry', ODOMETRY), 'imu': (f'/{namespace}/sensors/imu/imu/data', IMU),
-                'left': (f'/{namespace}/thrusters/left/thrust', NUMBERS[0]),
-                'right': (f'/{namespace}/thrusters/right/thrust', NUMBERS[0]),
-            }  # fmt: skip
-            opened = {key: (writer.add_connection(*name, typestore=store), name[1]) for key, name in names.items()}
-            for stamp, messages in _messages(store.types, manoeuvre, namespace, int(start_stamp_ns)):
-                for key, message in messages.items():
-                    connection, msgtype = opened[key]
-                    writer.write(connection, stamp, store.serialize_cdr(message, msgtype))
-        if kind != '.db3':
-            add_checksums(folder / f'{folder.name}.mcap')
-        if kind:
-            os.replace(folder / f'{folder.name}{kind}', temporary)
+    m = manoeuvre
+    imu = ImuMessage(f'{namespace}/imu_link')
+    unknown = np.zeros((3, 3))
+    sides = [(f'/{namespace}/thrusters/{side}/thrust', thrust) for side, thrust in
+             (('left', m.port), ('right', m.starboard))]  # fmt: skip
+    with writing_bag(path) as add:
+        rows = np.stack([m.x, m.y, m.heading, m.surge, m.sway, m.yaw_rate], axis=1).tolist()
+        for k, (t, motion) in enumerate(zip((m.time - m.time[0]).tolist(), rows, strict=True)):
+            stamp = int(start_stamp_ns) + round(t * 1e9)
+            state = ManoeuvreState(t, *motion, unknown, unknown)
+            for topic, thrust in sides:
+                add(topic, NUMBERS[0], stamp, number_message(thrust[k]))
+            odometry = odometry_message(state, 'odom', f'{namespace}/base_link', stamp)
+            add(f'/{namespace}/odometry', ODOMETRY, stamp, odometry)
+            values = np.zeros(IMU_VALUES)
+            values[ORIENTATION] = quaternion(0.0, 0.0, state.heading)
+            values[RATES] = 0.0, 0.0, state.yaw_rate
+            values[FORCE_COVARIANCE.start] = NOT_MEASURED
+            add(f'/{namespace}/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
 
 
 def _choose(path, topics, odometry, imu, port, starboard):
@@ -211,7 +219,7 @@ def _listed(topics):
 
 def _read(path, readers, topics, advice):
     """Stamps (NaN without a header), times of arrival, s, and numbers of the messages of some topics."""
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = typestore()
     rows = {topic: [] for topic in topics}
     names = {}
     damaged = 0
@@ -245,10 +253,8 @@ def _read(path, readers, topics, advice):
 
 def _numbers(message, msgtype, names):
     if msgtype == ODOMETRY:
-        pose, twist = message.pose.pose, message.twist.twist
-        q = pose.orientation
-        yaw = np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-        return pose.position.x, pose.position.y, yaw, twist.linear.x, twist.linear.y, twist.angular.z
+        reading = odometry_reading(message)
+        return reading.x, reading.y, reading.heading, reading.surge, reading.sway, reading.yaw_rate
     if msgtype == IMU:
         return (message.angular_velocity.z,)
     if msgtype == JOINTS:
@@ -341,41 +347,3 @@ def _motion(values, time, path, advice):
                 f'child_frame_id, as nav_msgs/Odometry defines')))  # fmt: skip
             surge, sway = surge * np.cos(yaw) + sway * np.sin(yaw), -surge * np.sin(yaw) + sway * np.cos(yaw)
     return {'x': x, 'y': y, 'heading': yaw, 'surge': surge, 'sway': sway, 'yaw_rate': rate}
-
-
-def _messages(types, manoeuvre, namespace, start):
-    """Stamp, ns, and the messages of every sample."""
-    make_time, make_header = types['builtin_interfaces/msg/Time'], types['std_msgs/msg/Header']
-    point, vector = types['geometry_msgs/msg/Point'], types['geometry_msgs/msg/Vector3']
-    quaternion, pose = types['geometry_msgs/msg/Quaternion'], types['geometry_msgs/msg/Pose']
-    pose_covariance = types['geometry_msgs/msg/PoseWithCovariance']
-    twist, twist_covariance = types['geometry_msgs/msg/Twist'], types['geometry_msgs/msg/TwistWithCovariance']
-    number, imu, odometry = types[NUMBERS[0]], types[IMU], types[ODOMETRY]
-    unknown, nine, absent = np.zeros(36), np.zeros(9), np.array([-1.0, *8 * [0.0]])
-    m = manoeuvre
-    rows = zip(m.time, m.x, m.y, m.heading, m.surge, m.sway, m.yaw_rate, m.port, m.starboard, strict=True)
-    for t, x, y, psi, surge, sway, rate, left, right in rows:
-        stamp = start + round((t - m.time[0]) * 1e9)
-        seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-
-        def header(frame, at=(seconds, nanoseconds)):
-            return make_header(stamp=make_time(sec=at[0], nanosec=at[1]), frame_id=frame)
-
-        facing = quaternion(x=0.0, y=0.0, z=float(np.sin(psi / 2)), w=float(np.cos(psi / 2)))
-        turning = vector(x=0.0, y=0.0, z=float(rate))
-        place = pose(position=point(x=float(x), y=float(y), z=0.0), orientation=facing)
-        speed = twist(linear=vector(x=float(surge), y=float(sway), z=0.0), angular=turning)
-        yield stamp, {
-            'left': number(data=float(left)),
-            'right': number(data=float(right)),
-            'odometry': odometry(
-                header=header('odom'), child_frame_id=f'{namespace}/base_link',
-                pose=pose_covariance(pose=place, covariance=unknown),
-                twist=twist_covariance(twist=speed, covariance=unknown),
-            ),
-            'imu': imu(
-                header=header(f'{namespace}/imu_link'), orientation=facing, orientation_covariance=nine,
-                angular_velocity=turning, angular_velocity_covariance=nine,
-                linear_acceleration=vector(x=0.0, y=0.0, z=0.0), linear_acceleration_covariance=absent,
-            ),
-        }  # fmt: skip

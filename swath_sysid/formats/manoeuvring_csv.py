@@ -1,39 +1,44 @@
 """CSV records of manoeuvres: thrusters, speeds, yaw, position."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
-from swath_sysid.formats.tables import listed_names, read_columns, read_head, shown
+from swath_sysid.formats.tables import (
+    ANGLE_UNITS,
+    EPOCH_SECONDS,
+    LENGTH_UNITS,
+    PURE,
+    RATE_UNITS,
+    TIME_UNITS,
+    known_columns,
+    listed_names,
+    plain_name,
+    read_columns,
+    read_head,
+    remark_number,
+    shown,
+)
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
 
-TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
-_ANGLES = {'rad': 1.0, 'deg': np.pi / 180.0}
-_RATES = {'rad_s': 1.0, 'deg_s': np.pi / 180.0}
-_SPEEDS = {'m_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0}
-_METRES = {'m': 1.0}
-_FORCES = {'n': 1.0}
-_PURE = {'': 1.0}
+SPEED_UNITS = {'m_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0}
+FORCE_UNITS = {'n': 1.0}
 
-QUANTITIES = {
-    'time': (('time', 't', 'stamp', 'timestamp'), TIME_UNITS),
-    'port_thrust': (('port_thrust', 'left_thrust', 'thrust_port', 'thrust_left'), _FORCES),
-    'starboard_thrust': (('starboard_thrust', 'right_thrust', 'thrust_starboard', 'thrust_right'), _FORCES),
-    'port_command': (('port_command', 'left_command', 'command_port', 'command_left'), _PURE),
-    'starboard_command': (('starboard_command', 'right_command', 'command_starboard', 'command_right'), _PURE),
-    'surge': (('surge', 'u', 'surge_speed'), _SPEEDS),
-    'sway': (('sway', 'v', 'sway_speed'), _SPEEDS),
-    'yaw_rate': (('yaw_rate', 'r'), _RATES),
-    'heading': (('heading', 'yaw', 'psi'), _ANGLES),
-    'x': (('x',), _METRES),
-    'y': (('y',), _METRES),
-    'east': (('east',), _METRES),
-    'north': (('north',), _METRES),
-}
-"""Reading, the names its column may have, and its units with their size in SI."""
+QUANTITIES = (
+    (('time', 't', 'stamp', 'timestamp'), 'time', TIME_UNITS),
+    *((names, f'{side}_{kind}', units)
+      for kind, units in (('thrust', FORCE_UNITS), ('command', PURE))
+      for side, other in (('port', 'left'), ('starboard', 'right'))
+      for names in [(f'{side}_{kind}', f'{other}_{kind}', f'{kind}_{side}', f'{kind}_{other}')]),
+    (('surge', 'u', 'surge_speed'), 'surge', SPEED_UNITS),
+    (('sway', 'v', 'sway_speed'), 'sway', SPEED_UNITS),
+    (('yaw_rate', 'r'), 'yaw_rate', RATE_UNITS),
+    (('heading', 'yaw', 'psi'), 'heading', ANGLE_UNITS),
+    *(((name,), name, LENGTH_UNITS) for name in ('x', 'y', 'east', 'north')),
+)
+"""Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
 
 FRAMES = ('enu', 'ned')
 LARGEST_COMMAND = 1.5
@@ -83,9 +88,9 @@ def read_manoeuvring_csv(path, frame=None):
     if not finite.size:
         raise InputError(f'{path} has no readable time: check its time column')
     return ManoeuvringTrial(
-        time - finite[0] if abs(finite[0]) > 1e8 else time, port, starboard, thrust_input,
+        time - finite[0] if abs(finite[0]) > EPOCH_SECONDS else time, port, starboard, thrust_input,
         *(found.get(name) for name in ('surge', 'sway', 'yaw_rate', 'heading')), x, y, frame,
-        _remark(path, head.remarks, 'lever_m'), _remark(path, head.remarks, 'length_m'), str(path), tuple(advice),
+        *(remark_number(path, head.remarks, key) for key in ('lever_m', 'length_m')), str(path), tuple(advice),
     )  # fmt: skip
 
 
@@ -115,15 +120,10 @@ def write_manoeuvring_csv(path, manoeuvre, model, water_track=False):
 
 
 def _find_columns(path, names):
-    plain = [_plain_name(name) for name in names]
-    known = {
-        f'{alias}_{unit}' if unit else alias: (reading, scale)
-        for reading, (aliases, units) in QUANTITIES.items() for alias in aliases for unit, scale in units.items()
-    }  # fmt: skip
-    columns = {}
-    for index, name in enumerate(plain):
+    known, columns = known_columns(QUANTITIES), {}
+    for index, name in enumerate(map(plain_name, names)):
         if name in known:
-            reading, scale = known[name]
+            reading, _, scale = known[name]
             columns.setdefault(reading, (index, scale))
     if 'time' not in columns:
         raise InputError(f'{path} has no time column: looked for time_s, time_ms, t_s; found {listed_names(names)}')
@@ -147,17 +147,3 @@ def _thrusters(path, found):
         raise InputError(f'{path}: commands reach {most:g}: normalise them to -1 .. 1, or name them port_thrust_n and '
                          f'starboard_thrust_n if they are forces')  # fmt: skip
     return COMMAND, port, starboard
-
-
-def _plain_name(name):
-    """``Yaw rate [deg/s]`` as ``yaw_rate_deg_s``."""
-    return re.sub('[^a-z0-9]+', '_', name.lower().replace('°', 'deg')).strip('_')
-
-
-def _remark(path, remarks, key):
-    if not remarks.get(key):
-        return None
-    try:
-        return float(remarks[key])
-    except ValueError as error:
-        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is no number: correct it") from error

@@ -5,21 +5,21 @@ from dataclasses import asdict, fields
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.fields import (
+    ModelFormat,
+    anything,
+    built,
     check_std,
     covariance,
-    if_known,
     list_of,
     mapping,
     metrics,
     number,
     one_of,
+    quantities_of,
     record,
-    table_of,
     text,
 )
-from swath_sysid.formats.untrusted_yaml import dumped, plain_content, shown, text_of
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import INPUTS, ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.physical_range import check_physical
@@ -27,41 +27,29 @@ from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
 
-FORMAT = 'swath_sysid manoeuvring model'
-VERSION = 1
-FRAME = 'body x forward, y port, z up; world x east, y north (REP 103)'
-
-
-def _anything(value, where):
-    return value
-
-
 _SPEED = number(-100.0, 100.0)
 _INPUT = number(-1e9, 1e9)
 _REGION = {
     'slowest': _SPEED, 'fastest': _SPEED, 'largest_sway': number(0.0, 100.0), 'largest_yaw_rate': number(0.0, 100.0),
     'least_input': _INPUT, 'most_input': _INPUT, 'largest_difference': number(0.0, 2e9),
 }  # fmt: skip
-_FILE = record({
-    'format': one_of((FORMAT,)),
-    'version': _anything,
-    'frame': one_of((FRAME,)),
-    'name': text(),
-    'thrust_input': one_of(INPUTS),
-    'length_m': number(0.01, 1000.0),
-    'largest_input': number(0.0, 1e9, above=0.0),
-    'parameters': table_of(INDEX, 'parameter', {
-        p.name: record({'value': number(), 'std': if_known(number(lowest=0.0)), 'unit': one_of((p.unit,))})
-        for p in PARAMETERS
-    }),
-    'current_m_s': list_of(number(-20.0, 20.0), 2),
-    'identified': list_of(one_of((*INDEX, *CURRENT))),
-    'covariance': _anything,
-    'noise': list_of(number(0.0, 100.0), 3),
-    'region': record({field.name: _REGION[field.name] for field in fields(Region)}),
-    'metrics': metrics,
-    'provenance': mapping,
-})  # fmt: skip
+FORMAT = ModelFormat(
+    'swath_sysid manoeuvring model', 'body x forward, y port, z up; world x east, y north (REP 103)',
+    'write one with manoeuvre identify --output', {
+        'name': text(),
+        'thrust_input': one_of(INPUTS),
+        'length_m': number(0.01, 1000.0),
+        'largest_input': number(0.0, 1e9, above=0.0),
+        'parameters': quantities_of({p.name: p.unit for p in PARAMETERS}, 'parameter'),
+        'current_m_s': list_of(number(-20.0, 20.0), 2),
+        'identified': list_of(one_of((*INDEX, *CURRENT))),
+        'covariance': anything,
+        'noise': list_of(number(0.0, 100.0), 3),
+        'region': record({field.name: _REGION[field.name] for field in fields(Region)}),
+        'metrics': metrics,
+        'provenance': mapping,
+    }, {}, kind='manoeuvring model',
+)  # fmt: skip
 """What a model file holds; null stands for what is not known."""
 
 
@@ -83,16 +71,15 @@ def manoeuvring_to_yaml(identified):
         for p in PARAMETERS
         if p.name in identified.names or model[p.name] != NEUTRAL[INDEX[p.name]]
     }
-    content = {
-        'format': FORMAT, 'version': VERSION, 'frame': FRAME, 'name': model.name, 'thrust_input': model.thrust_input,
-        'length_m': float(model.length), 'largest_input': float(model.largest_input), 'parameters': parameters,
-        'current_m_s': [float(c) for c in model.current], 'identified': list(identified.names),
-        'covariance': np.asarray(identified.covariance, dtype=float).tolist(),
-        'noise': [float(n) for n in identified.noise],
-        'region': {name: float(value) for name, value in asdict(identified.region).items()},
-        'metrics': identified.metrics, 'provenance': identified.provenance,
-    }  # fmt: skip
-    return dumped(content)
+    return FORMAT.text(
+        name=model.name, thrust_input=model.thrust_input, length_m=float(model.length),
+        largest_input=float(model.largest_input), parameters=parameters,
+        current_m_s=[float(c) for c in model.current], identified=list(identified.names),
+        covariance=np.asarray(identified.covariance, dtype=float).tolist(),
+        noise=[float(n) for n in identified.noise],
+        region={name: float(value) for name, value in asdict(identified.region).items()},
+        metrics=identified.metrics, provenance=identified.provenance,
+    )  # fmt: skip
 
 
 def manoeuvring_from_yaml(text, source='the model'):
@@ -113,15 +100,7 @@ def manoeuvring_from_yaml(text, source='the model'):
     InputError
         Not such a file, of another version, or with unknown, missing or wrong fields.
     """
-    content = plain_content(text, source)
-    if not isinstance(content, dict) or content.get('format') != FORMAT:
-        raise InputError(f"{source} is no manoeuvring model (its format is not '{FORMAT}'): write one with manoeuvre "
-                         f'identify --output')  # fmt: skip
-    version = content.get('version')
-    # to Python True is 1
-    if version != VERSION or not isinstance(version, int) or isinstance(version, bool):
-        raise InputError(f'{source} has version {shown(version)}, this software reads {VERSION}: identify anew')
-    content = _FILE(content, source)
+    content = FORMAT.content(text, source)
     names = tuple(content['identified'])
     if len(set(names)) < len(names):
         raise InputError(f'{source}, identified: a name is given twice: leave one out')
@@ -134,21 +113,18 @@ def manoeuvring_from_yaml(text, source='the model'):
     told = {name: content['parameters'][name]['std'] for name in names if name in content['parameters']}
     check_std(told, np.diag(matrix)[[names.index(name) for name in told]], source)
     return IdentifiedManoeuvringModel(
-        _model_of(content, source), names, matrix, np.array(content['noise']), region, content['metrics'],
-        content['provenance'],
+        built(lambda: _model_of(content), source), names, matrix, np.array(content['noise']), region,
+        content['metrics'], content['provenance'],
     )  # fmt: skip
 
 
-def _model_of(content, source):
+def _model_of(content):
     values = {name: plain['value'] for name, plain in content['parameters'].items()}
-    try:
-        model = ManoeuvringModel(
-            parameter_values(values), thrust_input=content['thrust_input'], name=content['name'],
-            length=content['length_m'], largest_input=content['largest_input'], current=tuple(content['current_m_s']),
-        )  # fmt: skip
-        check_physical(model)
-    except InputError as error:
-        raise InputError(f'{source}: {error}') from error
+    model = ManoeuvringModel(
+        parameter_values(values), thrust_input=content['thrust_input'], name=content['name'],
+        length=content['length_m'], largest_input=content['largest_input'], current=tuple(content['current_m_s']),
+    )  # fmt: skip
+    check_physical(model)
     return model
 
 
@@ -160,12 +136,9 @@ def write_manoeuvring_model(path, identified):
     InputError
         It cannot be written, or would be refused by its readers.
     """
-    text = manoeuvring_to_yaml(identified)
-    manoeuvring_from_yaml(text, f'{path} is not written: what it would hold')
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding='utf-8')
+    FORMAT.write(path, manoeuvring_to_yaml(identified), manoeuvring_from_yaml)
 
 
 def read_manoeuvring_model(path):
     """Read a model file; see `manoeuvring_from_yaml`."""
-    return manoeuvring_from_yaml(text_of(path), str(path))
+    return FORMAT.read(path, manoeuvring_from_yaml)

@@ -1,26 +1,13 @@
 """What manoeuvring_predictor would have published on a record, written as mcap without ROS."""
 
-import os
-
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
-from swath_sysid.formats.mcap_checksums import add_checksums
-from swath_sysid.manoeuvring.prediction.pipeline import (
-    PATH_TOPIC,
-    ManoeuvreOutlook,
-    OdometryReading,
-    manoeuvring_lead_topic,
-)
-
-ODOMETRY, PATH = 'nav_msgs/msg/Odometry', 'nav_msgs/msg/Path'
-PLACES = (0, 1, 5)
-"""Rows of x, y, yaw (and of their rates) in a covariance of six."""
-
-NANOSECONDS = 1_000_000_000
+from swath_sysid.formats.manoeuvring_messages import odometry_message, path_message
+from swath_sysid.formats.messages import SECOND_NS
+from swath_sysid.formats.output_bag import writing_output_bag
+from swath_sysid.formats.topics import PATH_TOPIC, manoeuvring_lead_topic
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, OdometryReading
 
 
 def play_manoeuvres(trial, settings, identified=None):
@@ -88,60 +75,12 @@ def write_forecasts(path, forecasts, leads, namespace=''):
     InputError
         The name does not end in .mcap, or the file cannot be written.
     """
-    if not str(path).endswith('.mcap'):
-        raise InputError(f"the forecasts are written as mcap: give a name that ends in .mcap, not '{path}'")
-    store = get_typestore(Stores.ROS2_JAZZY)
     count = 0
-    with replacing(path) as temporary:
-        folder = temporary.with_suffix('')
-        with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            topics = [(PATH_TOPIC, PATH), *((manoeuvring_lead_topic(lead), ODOMETRY) for lead in leads)]
-            prefix = f'/{namespace}/' if namespace else '/'
-            connections = [writer.add_connection(prefix + topic, kind, typestore=store) for topic, kind in topics]
-            for stamp, step in forecasts:
-                count += 1
-                messages = [_path(store.types, stamp, step.path), *(_odometry(store.types, s) for s in step.leads)]
-                for connection, (_, kind), message in zip(connections, topics, messages, strict=True):
-                    writer.write(connection, round(stamp * NANOSECONDS), store.serialize_cdr(message, kind))
-        add_checksums(folder / f'{folder.name}.mcap')
-        os.replace(folder / f'{folder.name}.mcap', temporary)
+    with writing_output_bag(path, namespace=namespace) as bag:
+        for stamp, step in forecasts:
+            count += 1
+            time_ns = round(stamp * SECOND_NS)
+            bag.add(PATH_TOPIC, time_ns, path_message(step.path, stamp, 'odom'))
+            for lead, state in zip(leads, step.leads, strict=True):
+                bag.add(manoeuvring_lead_topic(lead), time_ns, odometry_message(state, 'odom', 'base_link'))
     return count
-
-
-def _header(types, stamp):
-    seconds, nanoseconds = divmod(round(stamp * NANOSECONDS), NANOSECONDS)
-    time = types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds)
-    return types['std_msgs/msg/Header'](stamp=time, frame_id='odom')
-
-
-def _pose(types, state):
-    half = 0.5 * state.heading
-    return types['geometry_msgs/msg/Pose'](
-        position=types['geometry_msgs/msg/Point'](x=state.x, y=state.y, z=0.0),
-        orientation=types['geometry_msgs/msg/Quaternion'](x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half))),
-    )  # fmt: skip
-
-
-def _path(types, stamp, path):
-    stamped = types['geometry_msgs/msg/PoseStamped']
-    poses = [stamped(header=_header(types, s.stamp), pose=_pose(types, s)) for s in path]
-    return types[PATH](header=_header(types, stamp), poses=poses)
-
-
-def _odometry(types, state):
-    vector = types['geometry_msgs/msg/Vector3']
-    twist = types['geometry_msgs/msg/Twist'](
-        linear=vector(x=state.surge, y=state.sway, z=0.0), angular=vector(x=0.0, y=0.0, z=state.yaw_rate))
-    return types[ODOMETRY](
-        header=_header(types, state.stamp), child_frame_id='base_link',
-        pose=types['geometry_msgs/msg/PoseWithCovariance'](
-            pose=_pose(types, state), covariance=_six(state.pose_covariance)),
-        twist=types['geometry_msgs/msg/TwistWithCovariance'](twist=twist, covariance=_six(state.twist_covariance)),
-    )  # fmt: skip
-
-
-def _six(block):
-    """Covariance of x, y, yaw as one of six, shape (36,)."""
-    full = np.zeros((6, 6))
-    full[np.ix_(PLACES, PLACES)] = block
-    return full.ravel()

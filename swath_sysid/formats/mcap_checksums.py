@@ -1,4 +1,8 @@
-"""Check sums of mcap files (mcap.dev/spec): of chunks, of the data section, and of the summary; zero is none."""
+"""Check sums of mcap files (mcap.dev/spec), and what is whole of a damaged one.
+
+A file is a magic, records and the magic again; a record is an operation code, a length of eight bytes and its
+content. Chunks, the data section and the summary have a check sum each; zero is none.
+"""
 import os
 import struct
 from binascii import crc32
@@ -8,13 +12,28 @@ from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 MAGIC = b'\x89MCAP0\r\n'
 FOOTER, CHUNK, DATA_END = 0x02, 0x06, 0x0F
 HEAD = struct.Struct('<BQ')
-"""Operation code and length of a record."""
-
 FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)
 CHUNK_CHECKSUM_AT = 24
 """Behind its times and its uncompressed size."""
 
 BLOCK_BYTES = 1 << 20
+
+
+def _records(file):
+    """Code, place and length of the content of one record after the other, to the footer; the file may be moved in."""
+    at, code = len(MAGIC), None
+    file.seek(at)
+    while code != FOOTER and len(head := file.read(HEAD.size)) == HEAD.size:
+        code, length = HEAD.unpack(head)
+        at += HEAD.size
+        yield code, at, length
+        at += length
+        file.seek(at)
+
+
+def _number(file, at, size=4):
+    file.seek(at)
+    return int.from_bytes(file.read(size), 'little')
 
 
 def damage_of(path):
@@ -35,71 +54,18 @@ def damage_of(path):
     """
     with open(path, 'rb') as file:
         size = file.seek(0, os.SEEK_END)
-        if size < len(MAGIC) + FOOTER_BYTES or not _records_fit(file, size):
+        records = list(_records(file))
+        if size < len(MAGIC) + FOOTER_BYTES or not records or sum(records[-1][1:]) + len(MAGIC) != size:
             return 'a record in it goes beyond its end'
-        file.seek(size - FOOTER_BYTES)
-        footer = file.read(FOOTER_BYTES)
-        summary_start, _, summary_sum = struct.unpack_from('<QQI', footer, HEAD.size)
-        if summary_sum and summary_start:
-            if _sum_of(file, summary_start, size - len(MAGIC) - 4) != summary_sum:
-                return 'the check sum of its summary does not hold'
-        at, data_sum = data_end(file, size)
-        if data_sum and _sum_of(file, 0, at) != data_sum:
-            return 'the check sum of its data does not hold'
+        summary_start = _number(file, size - FOOTER_BYTES + HEAD.size, 8)
+        summary_end = size - len(MAGIC) - 4
+        summary_sum = _number(file, summary_end)
+        if summary_sum and summary_start and _sum_of(file, summary_start, summary_end) != summary_sum:
+            return 'the check sum of its summary does not hold'
+        for code, at, _ in records:
+            if code == DATA_END and (data_sum := _number(file, at)) and _sum_of(file, 0, at - HEAD.size) != data_sum:
+                return 'the check sum of its data does not hold'
     return ''
-
-
-def data_end(file, size):
-    """Where the record stands that ends the data section, and the check sum in it (0: none)."""
-    at = len(MAGIC)
-    while at + HEAD.size <= size:
-        file.seek(at)
-        code, length = HEAD.unpack(file.read(HEAD.size))
-        if code == DATA_END:
-            return at, int.from_bytes(file.read(4), 'little')
-        if code == FOOTER:
-            break
-        at += HEAD.size + length
-    return at, 0
-
-
-def _records_fit(file, size):
-    """Whether the records fill the file from its magic to its footer."""
-    at = len(MAGIC)
-    while at + HEAD.size <= size:
-        file.seek(at)
-        code, length = HEAD.unpack(file.read(HEAD.size))
-        at += HEAD.size + length
-        if code == FOOTER:
-            break
-    return at + len(MAGIC) == size
-
-
-def chunk_holds(content):
-    """Whether the check sum of a chunk holds, or it has none.
-
-    Parameters
-    ----------
-    content : bytes
-        Of the chunk's record.
-    """
-    expected = int.from_bytes(content[CHUNK_CHECKSUM_AT:CHUNK_CHECKSUM_AT + 4], 'little')
-    if not expected:
-        return True
-    try:
-        return crc32(_records(content)) == expected
-    except Exception:  # noqa: BLE001 - the libraries raise whatever a broken byte leads them to
-        return False
-
-
-def _records(content):
-    """The records in a chunk, unpacked."""
-    at = CHUNK_CHECKSUM_AT + 4
-    name_length = int.from_bytes(content[at:at + 4], 'little')
-    compression = content[at + 4:at + 4 + name_length].decode()
-    at += 4 + name_length
-    length = int.from_bytes(content[at:at + 8], 'little')
-    return DECOMPRESSORS[compression](content[at + 8:at + 8 + length], int.from_bytes(content[16:24], 'little'))
 
 
 def add_checksums(path):
@@ -108,30 +74,64 @@ def add_checksums(path):
     Parameters
     ----------
     path : Path
-        Of a whole mcap file with plain chunks.
+        Of a whole mcap file.
     """
     with open(path, 'rb+') as file:
-        size = file.seek(0, os.SEEK_END)
-        at = len(MAGIC)
-        while True:
+
+        def write(at, total):
             file.seek(at)
-            code, length = HEAD.unpack(file.read(HEAD.size))
-            if code == DATA_END:
-                break
+            file.write(total.to_bytes(4, 'little'))
+
+        for code, at, length in _records(file):
             if code == CHUNK:
-                content = file.read(length)
-                file.seek(at + HEAD.size + CHUNK_CHECKSUM_AT)
-                file.write(crc32(_records(content)).to_bytes(4, 'little'))
-            at += HEAD.size + length
-        total = _sum_of(file, 0, at)
-        file.seek(at + HEAD.size)
-        file.write(total.to_bytes(4, 'little'))
-        footer = size - FOOTER_BYTES
-        file.seek(footer + HEAD.size)
-        summary_start = int.from_bytes(file.read(8), 'little')
-        total = _sum_of(file, summary_start, size - len(MAGIC) - 4)
-        file.seek(size - len(MAGIC) - 4)
-        file.write(total.to_bytes(4, 'little'))
+                write(at + CHUNK_CHECKSUM_AT, crc32(_unpacked(file.read(length))))
+            elif code == DATA_END:
+                write(at, _sum_of(file, 0, at - HEAD.size))
+        end = file.seek(0, os.SEEK_END) - len(MAGIC) - 4
+        write(end, _sum_of(file, _number(file, end + 4 + len(MAGIC) - FOOTER_BYTES + HEAD.size, 8), end))
+
+
+def copy_whole_records(path, target):
+    """Copy an mcap file up to its last whole record, without chunks of which the check sum does not hold or an index.
+
+    Of a plain chunk that was cut off, its own records follow: they may also stand alone.
+
+    Parameters
+    ----------
+    path, target : Path
+    """
+    size = path.stat().st_size
+    with open(path, 'rb') as source, open(target, 'wb') as copy:
+        copy.write(MAGIC)
+        source.seek(len(MAGIC))
+        while len(head := source.read(HEAD.size)) == HEAD.size and head[0] not in (FOOTER, DATA_END):
+            length = HEAD.unpack(head)[1]
+            if source.tell() + length <= size:
+                content = source.read(length)
+                if head[0] != CHUNK or _chunk_holds(content):
+                    copy.write(head + content)
+                continue
+            if head[0] != CHUNK or _number(source, source.tell() + CHUNK_CHECKSUM_AT + 4):
+                break
+            source.seek(8, os.SEEK_CUR)
+        copy.write(HEAD.pack(FOOTER, 20) + bytes(20) + MAGIC)
+
+
+def _chunk_holds(content):
+    """Whether the check sum of a chunk holds, or it has none."""
+    expected = int.from_bytes(content[CHUNK_CHECKSUM_AT:CHUNK_CHECKSUM_AT + 4], 'little')
+    try:
+        return not expected or crc32(_unpacked(content)) == expected
+    except Exception:  # noqa: BLE001 - the libraries raise whatever a broken byte leads them to
+        return False
+
+
+def _unpacked(content):
+    """The records in a chunk."""
+    at = CHUNK_CHECKSUM_AT + 8
+    end = at + int.from_bytes(content[at - 4:at], 'little')
+    compression, size = content[at:end].decode(), int.from_bytes(content[end:end + 8], 'little')
+    return DECOMPRESSORS[compression](content[end + 8:end + 8 + size], int.from_bytes(content[16:24], 'little'))
 
 
 def _sum_of(file, start, end):

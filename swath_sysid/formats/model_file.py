@@ -13,11 +13,13 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.physical_range import check_physical
 from swath_sysid.attitude.hull.scheduled_model import QUANTITIES, ScheduledModel
-from swath_sysid.attitude.hull.terms import RATIO_UNITS, TERM_NAMES
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.fields import (
+    ModelFormat,
+    anything,
+    built,
     check_std,
     covariance,
     if_known,
@@ -26,43 +28,29 @@ from swath_sysid.formats.fields import (
     metrics,
     number,
     one_of,
+    quantities_of,
     record,
     table_of,
     text,
 )
-from swath_sysid.formats.untrusted_yaml import dumped, plain_content, shown, text_of
 
-FORMAT = 'swath_sysid decay model'
-VERSION = 1
-FRAME = 'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)'
-
-def _anything(value, where):
-    return value
-
-
-_ANGLE = number(-math.pi, math.pi)
-_AMPLITUDE = number(0.0, math.pi)
 _AXIS = record({
     'equation': text(),
-    'ratios': table_of(TERM_NAMES, 'ratio', {
-        name: record({'value': number(), 'std': if_known(number(lowest=0.0)), 'unit': one_of((unit,))})
-        for name, unit in RATIO_UNITS.items()
-    }),
-    'covariance': _anything,
-    'trim_rad': _ANGLE,
+    'ratios': quantities_of(RATIO_UNITS, 'ratio'),
+    'covariance': anything,
+    'trim_rad': number(-math.pi, math.pi),
     'trim_std_rad': if_known(number(lowest=0.0)),
     'friction_rate_rad_s': number(above=0.0),
-    'valid_amplitude_rad': list_of(if_known(_AMPLITUDE, math.inf), 2),
+    'valid_amplitude_rad': list_of(if_known(number(0.0, math.pi), math.inf), 2),
     'metrics': metrics,
     'provenance': mapping,
 })  # fmt: skip
 _SCHEDULE = record({
     'quantity': one_of(QUANTITIES), 'models': list_of(record({'loading': number(above=0.0), 'model': _AXIS})),
 })  # fmt: skip
-_FILE = record(
-    {'format': one_of((FORMAT,)), 'version': _anything, 'frame': one_of((FRAME,)),
-     'axes': table_of(AXES, 'axis', _AXIS)},
-    optional={'schedule': table_of(AXES, 'axis', _SCHEDULE)},
+FORMAT = ModelFormat(
+    'swath_sysid decay model', 'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)', 'identify again',
+    {'axes': table_of(AXES, 'axis', _AXIS)}, {'schedule': table_of(AXES, 'axis', _SCHEDULE)},
 )  # fmt: skip
 """What a model file holds; null stands for what is not known."""
 
@@ -108,19 +96,12 @@ def scheduled_to_yaml(schedules):
 
 
 def _dumped(models, **more):
-    axes = {axis: _axis_to_plain(identified) for axis, identified in models.items()}
-    content = {'format': FORMAT, 'version': VERSION, 'frame': FRAME, 'axes': axes, **more}
-    return dumped(content)
+    return FORMAT.text(axes={axis: _axis_to_plain(identified) for axis, identified in models.items()}, **more)
 
 
 def model_from_yaml(text, source='the model'):
     """Models of a model file's text, by axis; see `description_from_yaml`."""
     return description_from_yaml(text, source)[0]
-
-
-def schedules_from_yaml(text, source='the model'):
-    """The schedules of a model file's text, by axis; see `description_from_yaml`."""
-    return description_from_yaml(text, source)[1]
 
 
 def description_from_yaml(text, source='the model'):
@@ -146,17 +127,7 @@ def description_from_yaml(text, source='the model'):
         Not a model file, of another version, with unknown, missing or wrong fields, or of a hull
         that no craft has; the sentence names the field.
     """
-    content = plain_content(text, source)
-    if not isinstance(content, dict) or content.get('format') != FORMAT:
-        raise InputError(f"{source} is no model file: its field 'format' is not '{FORMAT}'")
-    version = content.get('version')
-    # to Python True is 1
-    if version != VERSION or not isinstance(version, int) or isinstance(version, bool):
-        raise InputError(
-            f'{source} is a model file of version {shown(version)}; this software reads version {VERSION}: '
-            'identify again'
-        )
-    content = _FILE(content, source)
+    content = FORMAT.content(text, source)
     axes, schedule = content['axes'], content.get('schedule', {})
     if not axes:
         raise InputError(f"{source}: the field 'axes' holds no axis; give {' or '.join(AXES)}")
@@ -170,7 +141,7 @@ def _scheduled(plain, axis, where):
     models = [
         _identified(item['model'], axis, f'{where}, model {number}') for number, item in enumerate(plain['models'], 1)
     ]
-    return _built(
+    return built(
         lambda: ScheduledModel(plain['quantity'], tuple(item['loading'] for item in plain['models']), tuple(models)),
         where,
     )
@@ -181,7 +152,7 @@ def _identified(plain, axis, where):
     smallest, largest = plain['valid_amplitude_rad']
     if not smallest <= largest:
         raise InputError(f'{where}, valid_amplitude_rad: give the smallest and the largest amplitude, in this order')
-    model = _built(lambda: _model_of(plain, axis), where)
+    model = built(lambda: _model_of(plain, axis), where)
     # the model has its terms in their own order, the rows of the file are in the file's
     matrix = covariance(plain['covariance'], tuple(ratios), f'{where}, covariance')
     check_std({name: ratio['std'] for name, ratio in ratios.items()}, np.diag(matrix), where)
@@ -202,14 +173,6 @@ def _model_of(plain, axis):
     return model
 
 
-def _built(build, where):
-    """What the core makes of it; its errors do not know where it stands."""
-    try:
-        return build()
-    except InputError as error:
-        raise InputError(f'{where}: {error}') from error
-
-
 def write_model(path, models):
     """Write a model file, whole or not at all; see `model_to_yaml`.
 
@@ -218,18 +181,12 @@ def write_model(path, models):
     InputError
         It cannot be written, or would be refused by its readers.
     """
-    _write(path, model_to_yaml(models))
+    FORMAT.write(path, model_to_yaml(models), description_from_yaml)
 
 
 def write_scheduled(path, schedules):
     """Write a model file with a schedule, as `write_model`; see `scheduled_to_yaml`."""
-    _write(path, scheduled_to_yaml(schedules))
-
-
-def _write(path, text):
-    description_from_yaml(text, f'{path} is not written: what it would hold')
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding='utf-8')
+    FORMAT.write(path, scheduled_to_yaml(schedules), description_from_yaml)
 
 
 def read_description(path):
@@ -240,17 +197,12 @@ def read_description(path):
     InputError
         Also where the file cannot be read.
     """
-    return description_from_yaml(text_of(path), str(path))
+    return FORMAT.read(path, description_from_yaml)
 
 
 def read_model(path):
     """Read the models of a model file; see `read_description`."""
     return read_description(path)[0]
-
-
-def read_schedules(path):
-    """Read the schedules of a model file; see `read_description`."""
-    return read_description(path)[1]
 
 
 def _axis_to_plain(identified):

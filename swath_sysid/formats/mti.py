@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.attitude import tilt_angles
-from swath_sysid.attitude.motion.sensor_mount import ACCEL, GYRO, QUATERNION, Installation, assemble_trial
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.tables import listed_names, read_columns, read_head
 

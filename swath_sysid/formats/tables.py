@@ -8,6 +8,16 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
+TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
+ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
+RATE_UNITS = {'rad_s': 1.0, 'deg_s': np.pi / 180}
+LENGTH_UNITS = {'m': 1.0}
+PURE = {'': 1.0}
+"""Units as the names of columns end in them, with their size in SI."""
+
+EPOCH_SECONDS = 1e8
+"""A time column that begins beyond this counts from an epoch, and is taken from its first sample instead."""
+
 COMMENT_MARKS = ('#', '//', '%')
 """A line that begins with one of these is a comment."""
 
@@ -146,6 +156,36 @@ def read_columns(path, head, indices):
                                  f'sample')
             parser.parse(block + rest)
     return parser.columns(), parser.advice()
+
+
+def plain_name(name):
+    """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
+    plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
+    plain = re.sub('[^a-z0-9]+', '_', plain).strip('_')
+    return re.sub('_(per|p)_', '_', plain)
+
+
+def known_columns(quantities):
+    """Every name that a column may have, to reading, unit and size of the unit in SI.
+
+    Parameters
+    ----------
+    quantities : iterable of (tuple of str, str, dict of str to float)
+        Names before the unit, reading, and units with their size.
+    """
+    return {f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
+            for aliases, reading, units in quantities for alias in aliases for unit, scale in units.items()}
+
+
+def remark_number(path, remarks, key):
+    """The number in a ``# key: value`` line, None where there is none."""
+    if not remarks.get(key):
+        return None
+    try:
+        return float(remarks[key].replace(',', '.'))
+    except ValueError as error:
+        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is no number: "
+                         f'correct that line') from error
 
 
 def listed_names(names):

@@ -109,7 +109,7 @@ def plain_content(text, source):
         The text is too large, too deep, no YAML, or uses what is not understood here.
     """
     root = parsed(text, source)
-    return None if root is None else _plain(root, source)
+    return None if root is None else located(root, source)
 
 
 def parsed(text, source):
@@ -142,7 +142,7 @@ def parsed(text, source):
                 if open_nodes:
                     open_nodes[-1].value.append(node)
                 elif root is not None:
-                    raise InputError(f'{source}, {_line(node)}: a second document begins: give one alone')
+                    raise InputError(f'{source}, line {line_of(node)}: a second document begins: give one alone')
                 else:
                     root = node
                 if isinstance(event, _BRANCHES):
@@ -254,7 +254,7 @@ def _check_event(event, values, depth, source):
     elif depth >= DEEPEST and isinstance(event, _BRANCHES):
         wrong = f'lists and mappings lie more than {DEEPEST} deep: that is no file of this software'
     if wrong is not None:
-        raise InputError(f'{source}, {_line(event)}: {wrong}')
+        raise InputError(f'{source}, line {line_of(event)}: {wrong}')
 
 
 def _node_of(event):
@@ -264,29 +264,68 @@ def _node_of(event):
     return kind(None, [], event.start_mark)
 
 
-def _plain(node, source, name=None):
+def located(node, source, name=None):
+    """Plain data of a node, whose mappings and lists know the lines of what they hold.
+
+    Parameters
+    ----------
+    node : yaml.Node
+        Of `parsed`.
+    source : str
+        Named in the errors.
+
+    Returns
+    -------
+    LocatedDict, LocatedList, str, int, float, bool or None
+
+    Raises
+    ------
+    LocatedError
+        As `plain_content`, for what concerns names and numbers.
+    """
     # recursion is safe here: the depth is limited
     if isinstance(node, yaml.ScalarNode):
         try:
             return scalar_value(node)
         except InputError as error:
-            raise InputError(f'{_place(node, source, name)}: {error}') from error
+            raise LocatedError(source, name, line_of(node), str(error)) from error
     if isinstance(node, yaml.SequenceNode):
-        return [_plain(item, source, name) for item in node.value]
-    found = {}
+        found = LocatedList(located(item, source, name) for item in node.value)
+        found.lines = [line_of(item) for item in node.value]
+        return found
+    found = LocatedDict()
     for name_node, value_node in node.value:
-        inner = _plain(name_node, source, name) if isinstance(name_node, yaml.ScalarNode) else None
+        inner = located(name_node, source, name) if isinstance(name_node, yaml.ScalarNode) else None
         if not isinstance(inner, str):
-            raise InputError(f'{_place(name_node, source, name)}: names must be texts')
+            raise LocatedError(source, name, line_of(name_node), 'names must be texts')
         if inner in found:
-            raise InputError(f"{_place(name_node, source, name)}: '{shown(inner)}' is given twice: leave one out")
-        found[inner] = _plain(value_node, source, inner)
+            raise LocatedError(source, name, line_of(name_node), f"'{shown(inner)}' is given twice: leave one out")
+        found[inner] = located(value_node, source, inner)
+        found.lines[inner] = line_of(name_node)
+        found.written[inner] = getattr(value_node, 'value', None)
     return found
 
 
-def _place(node, source, name):
-    return f'{source}, {_line(node)}' + ('' if name is None else f', {shown(name)}')
+class LocatedDict(dict):
+    """A mapping with the line of each name, and its value as it is written."""
+
+    def __init__(self):
+        self.lines, self.written = {}, {}
 
 
-def _line(marked):
-    return f'line {marked.start_mark.line + 1}'
+class LocatedList(list):
+    """A list with the line of each item."""
+
+
+class LocatedError(InputError):
+    """What is wrong with a value, and where it stands."""
+
+    def __init__(self, source, name, line, problem):
+        place = '' if name is None else f', {shown(name)}'
+        super().__init__(f'{source}, line {line}{place}: {problem}')
+        self.line, self.problem = line, problem if name is None else f'{shown(name)}: {problem}'
+
+
+def line_of(marked):
+    """The line of a node or an event, from 1."""
+    return marked.start_mark.line + 1

@@ -13,7 +13,7 @@ from swath_sysid.attitude.motion.attitude import euler_angles
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml
-from swath_sysid.formats.topics import NEXT_TOPIC, lead_topic
+from swath_sysid.formats.topics import DESCRIPTION_TOPIC, IMU_TOPIC, NEXT_TOPIC, lead_topic
 from swath_sysid.nodes.messages import imu_reading
 from swath_sysid.nodes.qos import LATCHED
 from swath_sysid.pipeline.demonstration import attitude_at
@@ -69,11 +69,11 @@ class Listener(Node):
         self._axis = axis
         self.heard = Heard(forecasts={lead: deque() for lead in leads})
         everything = QoSProfile(depth=DEPTH)
-        self.create_subscription(Imu, 'imu/data', self._on_imu, qos_profile_sensor_data)
+        self.create_subscription(Imu, IMU_TOPIC, self._on_imu, qos_profile_sensor_data)
         self.create_subscription(Imu, NEXT_TOPIC, self._on_next, everything)
         for lead in leads:
             self.create_subscription(Imu, lead_topic(lead), self._forecast_taker(lead), everything)
-        self.create_subscription(String, 'model/description', self._on_model, LATCHED)
+        self.create_subscription(String, DESCRIPTION_TOPIC, self._on_model, LATCHED)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, everything)
         self._release = self.create_client(Trigger, 'simulated_craft/release')
 
@@ -115,7 +115,7 @@ class Listener(Node):
 
     def _on_model(self, message):
         try:
-            models = model_from_yaml(message.data, 'model/description') if message.data else {}
+            models = model_from_yaml(message.data, DESCRIPTION_TOPIC) if message.data else {}
         except InputError as error:
             self.get_logger().error(str(error))
             return

@@ -1,11 +1,10 @@
 """Publishing on /diagnostics: at steady times, whatever the clock of the craft does."""
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 
+from swath_sysid.formats.messages import diagnostics_message
 from swath_sysid.nodes.health import OK, WARN
-
-LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
 class DiagnosticsPublisher:
@@ -31,9 +30,11 @@ class DiagnosticsPublisher:
     def publish(self):
         """Publish what the node reports now."""
         reports = self._reports()
-        message = DiagnosticArray(status=[status_message(report, self._node) for report in reports])
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        name = self._node.get_fully_qualified_name()[1:]
+        self._publisher.publish(diagnostics_message(
+            self._node.get_clock().now().nanoseconds, [report.told_by(name) for report in reports],
+            self._node.get_namespace().strip('/'),
+        ))
         for report in reports:
             if self._levels.get(report.name, OK) != report.level:
                 self._log(report)
@@ -47,18 +48,6 @@ class DiagnosticsPublisher:
             logger.warning(f'{report.name}: {report.message}')
         else:
             logger.error(f'{report.name}: {report.message}')
-
-
-def status_message(report, node):
-    """The diagnostic_msgs/DiagnosticStatus of a `Report`."""
-    level, name, message, values = report.told_by(node.get_fully_qualified_name()[1:])
-    return DiagnosticStatus(
-        level=LEVELS[level],
-        name=name,
-        message=message,
-        hardware_id=node.get_namespace().strip('/'),
-        values=[KeyValue(key=key, value=value) for key, value in values.items()],
-    )
 
 
 def subscription_events(on_mismatch):

@@ -62,7 +62,7 @@ REASON_ADVICE = {
     stamps.RATE_CHANGED: 'the sample rate changed and is followed: look at the driver if that was not meant',
     intake.NOT_FINITE: 'NaN or infinite values were left out: look at the driver',
     intake.ABSURD: 'values that no craft reaches were left out: check that rates are rad/s and accelerations m/s^2',
-    intake.BAD_QUATERNION: 'quaternions that are no orientation were left out, rates were used: if the sensor has no '
+    intake.BAD_QUATERNION: 'invalid quaternions were left out, rates were used: if the sensor has no '
     'orientation, let the driver set orientation_covariance[0] to -1',
     intake.NO_ORIENTATION: 'the sensor gives no orientation, rates alone are used',
     intake.UNKNOWN_COVARIANCE: 'the sensor does not tell its noise, which is therefore measured',

@@ -11,13 +11,8 @@ from std_msgs.msg import Float64, Float64MultiArray, String
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model
-from swath_sysid.manoeuvring.prediction.pipeline import (
-    NOT_FINITE,
-    PATH_TOPIC,
-    REASONS,
-    ManoeuvreOutlook,
-    manoeuvring_lead_topic,
-)
+from swath_sysid.formats.topics import IMU_TOPIC, PATH_TOPIC, manoeuvring_lead_topic
+from swath_sysid.manoeuvring.prediction.pipeline import NOT_FINITE, REASONS, ManoeuvreOutlook
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.health import ERROR, OK, WARN, Report
@@ -55,7 +50,7 @@ class ManoeuvrePredictor(Node):
         self._intake = ModelIntake(lambda text: manoeuvring_from_yaml(text, 'manoeuvring/model'), self._refuse)
         self._kept = [
             self.create_subscription(Odometry, 'odometry', self._on_odometry, sensor),
-            self.create_subscription(Imu, 'imu/data', self._on_imu, sensor),
+            self.create_subscription(Imu, IMU_TOPIC, self._on_imu, sensor),
             self.create_subscription(Float64, 'thrusters/left/thrust', lambda m: self._on_thrust('port', m), sensor),
             self.create_subscription(
                 Float64, 'thrusters/right/thrust', lambda m: self._on_thrust('starboard', m), sensor),

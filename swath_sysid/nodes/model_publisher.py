@@ -2,6 +2,7 @@
 from std_msgs.msg import Float64MultiArray, String
 
 from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
+from swath_sysid.formats.topics import COEFFICIENTS_TOPIC, DESCRIPTION_TOPIC
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.messages import coefficients_message
 from swath_sysid.nodes.qos import LATCHED, watched_publisher
@@ -20,8 +21,8 @@ class ModelPublisher:
 
     def __init__(self, node, path, health):
         self._file = ModelFile(path, 'model_path', read_model, write_model, health)
-        self._description = watched_publisher(node, String, 'model/description', LATCHED, health)
-        self._coefficients = watched_publisher(node, Float64MultiArray, 'model/coefficients', LATCHED, health)
+        self._description = watched_publisher(node, String, DESCRIPTION_TOPIC, LATCHED, health)
+        self._coefficients = watched_publisher(node, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, health)
 
     def known(self):
         """The models in the file, by axis; none where there is no file yet, or one that cannot be used."""

@@ -9,8 +9,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.messages import number_message
 from swath_sysid.formats.model_file import description_from_yaml
-from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, lead_topic
+from swath_sysid.formats.topics import DESCRIPTION_TOPIC, HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, TYPES, lead_topic
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, PredictorHealth
@@ -55,7 +56,7 @@ class Predictor(Node):
         self._told_loading = None
         self._intake = ModelIntake(described, self._refuse_model)
         watched_subscription(
-            self, String, 'model/description', lambda message: self._intake.submit(message.data), LATCHED, self.health
+            self, String, DESCRIPTION_TOPIC, lambda message: self._intake.submit(message.data), LATCHED, self.health
         )
         watched_subscription(self, Float64, 'craft/loading', self._on_loading, NEWEST, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
@@ -92,7 +93,7 @@ class Predictor(Node):
         if step.horizon is not None:
             self._horizon.publish(horizon_message(step.trajectory(), self.parameters['frame_id']))
         if step.quiescence is not None:
-            self._quiescence.publish(Float32(data=step.quiescence))
+            self._quiescence.publish(number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC]))
 
     def _publish_next(self, forecast):
         self._next.publish(self._message.filled(forecast))
@@ -141,7 +142,7 @@ class Predictor(Node):
 
 def described(text):
     """Models and schedules of a message on model/description; an empty one takes the models away."""
-    return description_from_yaml(text, 'model/description') if text else ({}, {})
+    return description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {})
 
 
 def main(args=None):

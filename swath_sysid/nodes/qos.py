@@ -1,6 +1,7 @@
 """Publishers and subscriptions of the contract: their QoS, and the count of those that do not fit."""
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.diagnostics import publisher_events, subscription_events
 from swath_sysid.nodes.health import QOS_MISMATCH
 
@@ -12,8 +13,6 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty."""
-
-IMU_TOPIC = 'imu/data'
 
 
 def imu_subscription(node, kind, callback, depth, health):

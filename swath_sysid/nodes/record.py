@@ -12,24 +12,13 @@ from rosbags.typesys import Stores, get_typestore
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.output_bag import offered_qos
+from swath_sysid.formats.topics import IMU, LEADS, PATH_TOPIC, QUIESCENCE_TOPIC, TYPES
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.replay import message_class
 
-OURS = {
-    'imu/data': 'sensor_msgs/msg/Imu',
-    'motion/window': 'sensor_msgs/msg/PointCloud2',
-    'model/description': 'std_msgs/msg/String',
-    'model/coefficients': 'std_msgs/msg/Float64MultiArray',
-    'forecast/next': 'sensor_msgs/msg/Imu',
-    'forecast/horizon': 'trajectory_msgs/msg/JointTrajectory',
-    'forecast/quiescence': 'std_msgs/msg/Float32',
-    'identifier/progress': 'std_msgs/msg/Float32',
-    'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
-}
+OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PATH_TOPIC} | {
+    'identifier/progress': TYPES[QUIESCENCE_TOPIC]}
 """Topic, under whatever namespace, to type."""
-
-LEADS = 'forecast/lead_'
-IMU_TYPE = 'sensor_msgs/msg/Imu'
 
 LOOK_PERIOD = 0.1
 """s between looks for new topics."""
@@ -165,7 +154,7 @@ def is_ours(topic, kinds):
     name = f'/{topic.strip("/")}'
     _, found, _ = name.rpartition(f'/{LEADS}')
     if found:
-        return kinds[0] == IMU_TYPE
+        return kinds[0] == IMU
     return any(name.endswith(f'/{ours}') and kinds[0] == kind for ours, kind in OURS.items())
 
 

@@ -13,6 +13,7 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.messages import NANOSECONDS, time_message
 
@@ -35,7 +36,7 @@ class SimulatedCraftNode(Node):
         super().__init__('simulated_craft')
         self._craft = SimulatedCraft(settings)
         self._period_ns = round(NANOSECONDS / settings.rate_hz)
-        self._outlet = self.create_publisher(Imu, 'imu/data', qos_profile_sensor_data)
+        self._outlet = self.create_publisher(Imu, IMU_TOPIC, qos_profile_sensor_data)
         self._message = self._empty_message(settings.noise)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._next_ns = self._steady.now().nanoseconds

@@ -12,16 +12,16 @@ from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, ImuRe
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.forecast import (
+from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
+from swath_sysid.pipeline.forecast_messages import (
     AttitudeForecast,
-    Forecast,
     HorizonForecast,
     attitude_forecast,
     attitudes_at_leads,
     horizon_forecast,
 )
-from swath_sysid.attitude.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
-from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
 
 PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)
 """Everything that is counted."""

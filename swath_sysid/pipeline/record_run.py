@@ -1,13 +1,14 @@
 """The forecast pipeline run causally through a record, with what is learnt of the sea taken over by stamp."""
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
-from swath_sysid.attitude.prediction.skill import Run
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 
@@ -25,6 +26,28 @@ class Issued(NamedTuple):
     stamp: float
     forecast: Forecast
     horizon: Forecast
+
+
+@dataclass(frozen=True)
+class Run:
+    """A predictor run through a record.
+
+    Attributes
+    ----------
+    steps : tuple of Issued
+    step_times, refit_times : tuple of float
+        s.
+    reliability : Reliability or None
+        Of the quiescence that was forecast.
+    quiescence_limits : QuiescenceLimits or None
+        Whose keeping was forecast.
+    """
+
+    steps: tuple[Issued, ...]
+    step_times: tuple[float, ...] = ()
+    refit_times: tuple[float, ...] = ()
+    reliability: Reliability | None = None
+    quiescence_limits: QuiescenceLimits | None = None
 
 
 def samples_of(trial):

@@ -1,15 +1,23 @@
 """The picture of an identification at sea: spectra, the hull's response, random decrement."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
+
 _SHOWN = 1e-5
 _TICKS = np.array([1.0, 2.0, 5.0])
 
 
-def at_sea_figure(found):
+def at_sea_figure(found: AtSeaIdentification) -> Figure:
     """Draw an `AtSeaIdentification`.
 
     Parameters

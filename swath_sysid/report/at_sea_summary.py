@@ -1,13 +1,19 @@
 """An identification at sea in words and in plain data."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.report.fit_summary import finite_or_none
+from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
+
+if TYPE_CHECKING:
+    from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
 
 SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}
 
 
-def at_sea_as_data(found, wall_s=None):
+def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> dict:
     """What ``identify --json`` prints of a record in waves: plain numbers, strings, lists and dicts.
 
     Parameters
@@ -50,7 +56,7 @@ def at_sea_as_data(found, wall_s=None):
         'segment_s': [float(found.motion.time[0]), float(found.motion.time[-1])],
         'sources': [found.motion.source],
         'wall_s': wall_s,
-        'warnings': [{'code': a.code, 'message': a.message} for a in found.advice],
+        **warnings_as_data(found.advice),
     })  # fmt: skip
 
 
@@ -58,7 +64,7 @@ def _correlation(covariance):
     return float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
 
 
-def at_sea_in_words(found):
+def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
     """Lines for a reader.
 
     Parameters

@@ -23,8 +23,10 @@ STYLE = {
     'axes.edgecolor': MEASURED,
     'xtick.color': MEASURED,
     'ytick.color': MEASURED,
+    # a figure is 350 to 500 px wide on the page, so that a point is about a pixel
+    'font.size': 11.0,
     'axes.titlesize': 'medium',
-    'legend.fontsize': 'small',
+    'legend.fontsize': 10.0,
     'svg.fonttype': 'none',
     'axes.prop_cycle': matplotlib.cycler(color=SERIES),
 }
@@ -99,7 +101,7 @@ def decay_drawings(outcome, axis):
                 label = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
                 axes.plot(time, np.degrees(value), linewidth=1.1, label=label)
             axes.set_xlabel('time since release [s]')
-            axes.set_ylabel(f'{axis.axis} [deg]' if what == 'angle' else f'{axis.axis} rate [deg/s]')
+            axes.set_ylabel(f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]')
             axes.legend(frameon=False)
             title = f'from {angle:g} deg' if several else 'all angles'
             axes.set_title(title)
@@ -122,18 +124,8 @@ def against_angle(outcome, axis):
         for k, loading in enumerate(loadings):
             colour = SERIES[k % len(SERIES)]
             members = sorted(c for c in axis.together if c.loading == loading)
-            values = np.array([axis.together[c][axis.choice].ratio(term) for c in members])
-            axes.errorbar(
-                [c.initial_angle_deg for c in members],
-                values[:, 0],
-                TWO_STD * values[:, 1],
-                color=colour,
-                marker='o',
-                markersize=4,
-                capsize=3,
-                linewidth=1.2,
-                label=f'{LOADING_NAMES[outcome.quantity]} {loading:g}',
-            )
+            label = f'{LOADING_NAMES[outcome.quantity]} {loading:g}'
+            _ratios(axes, axis, term, members, 'initial_angle_deg', label, color=colour, linewidth=1.2)
             single = [
                 (r.condition.initial_angle_deg, fits[axis.choice].ratio(term)[0])
                 for r, fits in zip(axis.records, axis.fits['simulation'], strict=True)
@@ -151,9 +143,16 @@ def against_angle(outcome, axis):
     return found
 
 
-def _legend_below(axes):
+def _ratios(axes, axis, term, conditions, against, label, **style):
+    """A ratio of the joint fits with two standard deviations, against what the conditions differ in."""
+    values = np.array([axis.together[c][axis.choice].ratio(term) for c in conditions])
+    axes.errorbar([getattr(c, against) for c in conditions], values[:, 0], TWO_STD * values[:, 1], marker='o',
+                  markersize=4, capsize=3, label=label, **style)  # fmt: skip
+
+
+def legend_below(axes):
     """Below the axes, where no curve can run through it."""
-    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
 
 
 def _finish_ratio(axes, term, below):
@@ -162,7 +161,7 @@ def _finish_ratio(axes, term, below):
     low, high = axes.get_ylim()
     if low < 0 < high and low > -0.2 * high:
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
-    _legend_below(axes)
+    legend_below(axes)
 
 
 def against_draft(outcome, axis):
@@ -181,19 +180,8 @@ def against_draft(outcome, axis):
         axes.plot(fine, value, color=MEASURED, linewidth=1.6, label='all angles: the schedule')
         for k, angle in enumerate(angles):
             members = sorted(c for c in axis.together if c.initial_angle_deg == angle)
-            values = np.array([axis.together[c][axis.choice].ratio(term) for c in members])
-            axes.errorbar(
-                [c.loading for c in members],
-                values[:, 0],
-                TWO_STD * values[:, 1],
-                color=SERIES[k % len(SERIES)],
-                marker='o',
-                markersize=4,
-                capsize=3,
-                linewidth=0.9,
-                linestyle='--',
-                label=f'{angle:g} deg',
-            )
+            _ratios(axes, axis, term, members, 'loading', f'{angle:g} deg', color=SERIES[k % len(SERIES)],
+                    linewidth=0.9, linestyle='--')  # fmt: skip
         _finish_ratio(axes, term, LOADING_NAMES[outcome.quantity])
         found.append(
             Drawing(
@@ -227,12 +215,12 @@ def amplitude_drawings(outcome, axis):
             style = LINE_STYLES[angles.index(condition.initial_angle_deg) % len(LINE_STYLES)]
             name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if len(loadings) > 1 else '')
             axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
-        axes.set_xlabel(f'{axis.axis} amplitude [deg]')
+        axes.set_xlabel(f'{axis.motion} amplitude [deg]')
         axes.set_ylabel(label)
         _fit_to_curves(axes)
         if quantity == 'damping':
             axes.set_ylim(bottom=0.0)
-        _legend_below(axes)
+        legend_below(axes)
         caption = (
             f'{label[0].upper()}{label.partition(" [")[0][1:]} against amplitude, bands of two standard deviations'
         )

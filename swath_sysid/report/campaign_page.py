@@ -51,7 +51,7 @@ h2,h3{break-after:avoid}
 @page{size:A4 landscape;margin:12mm}
 }
 """
-MANY_COLUMNS = 9
+MANY_COLUMNS, FEW_COLUMNS = 9, 3
 CARDS = """
 @media screen and (max-width:%dpx){
 %s,%s tbody,%s tr,%s td{display:block;width:100%%}
@@ -62,13 +62,14 @@ white-space:normal}
 %s td::before{content:attr(data-name);color:var(--faint);text-align:left;font-weight:400;flex:0 1 55%%}
 }
 """
-"""Below a width, every row of a table becomes a card."""
+"""Below a width, every row of a table becomes a card; a table of few columns is narrow enough."""
 NARROW, NARROW_WIDE = 820, 1330
 
 
 def style_sheet():
     """The page's style."""
-    cards = (CARDS % (width, *([table] * 9)) for width, table in ((NARROW, 'table'), (NARROW_WIDE, 'table.wide')))
+    widths = {'table:not(.few)': NARROW, 'table.wide': NARROW_WIDE}
+    cards = (CARDS % (width, *([table] * 9)) for table, width in widths.items())
     return STYLE_SHEET + ''.join(cards)
 
 
@@ -116,7 +117,8 @@ def bullets(lines):
 
 def table_as_html(table):
     """A table; on a narrow screen every row becomes a card."""
-    kind = ' class="wide"' if len(table.columns) > MANY_COLUMNS else ''
+    size = 'wide' if len(table.columns) > MANY_COLUMNS else 'few' if len(table.columns) <= FEW_COLUMNS else ''
+    kind = f' class="{size}"' if size else ''
     head = ''.join(f'<th scope="col">{escaped(c.name)}</th>' for c in table.columns)
     rows = []
     for k, row in enumerate(table.rows):

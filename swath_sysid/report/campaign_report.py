@@ -1,7 +1,6 @@
 """The report of a campaign: a page, the same tables as CSV, the figures as SVG, and the model file."""
 
 import html
-from dataclasses import asdict
 from pathlib import Path
 
 import matplotlib
@@ -13,6 +12,7 @@ from swath_sysid.campaign.evaluation import out_of_order
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.model_file import write_scheduled
+from swath_sysid.report.campaign_extinction import conditions_table, extinction_drawings, extinction_tables
 from swath_sysid.report.campaign_figures import campaign_drawings
 from swath_sysid.report.campaign_page import (
     bullets,
@@ -82,7 +82,7 @@ def write_report(outcome, folder, wall_s):
                 body.append(written)
                 links.append((f'{axis.axis}-{anchor}', name))
     for anchor, name, parts in (
-        ('trials', 'Trials', [table_as_html(trials_table(outcome))]),
+        ('trials', 'Trials', [table_as_html(conditions_table(outcome)), table_as_html(trials_table(outcome))]),
         ('warnings', 'Warnings', _warnings(outcome)),
         ('made', 'How this was made', _how_made(outcome, wall_s)),
     ):
@@ -92,7 +92,10 @@ def write_report(outcome, folder, wall_s):
         _write(folder / TABLES / f'{table.name}.csv', table_as_csv(table))
     for name, svg in drawn:
         _write(folder / FIGURES / f'{name}.svg', svg)
-    write_scheduled(folder / MODEL, {axis.axis: axis.schedule for axis in outcome.axes})
+    speeds = sorted({axis.speed_m_s for axis in outcome.axes})
+    for speed in speeds:
+        models = {axis.motion: axis.schedule for axis in outcome.axes if axis.speed_m_s == speed}
+        write_scheduled(folder / (MODEL if speed == speeds[0] else f'model_{speed:g}m_s.yaml'), models)
     _write(folder / PAGE, page(f'Campaign: {outcome.manifest.title}', body, links))
     return folder / PAGE
 
@@ -108,7 +111,7 @@ def campaign_tables(outcome):
     -------
     list of Table
     """
-    tables = [trials_table(outcome), fits_table(outcome), coefficients_long_table(outcome)]
+    tables = [conditions_table(outcome), trials_table(outcome), fits_table(outcome), coefficients_long_table(outcome)]
     for axis in outcome.axes:
         tables += _axis_tables(outcome, axis).values()
         tables.append(errors_table(outcome, axis, every_equation=True))
@@ -124,6 +127,7 @@ def _axis_tables(outcome, axis):
         'repeats': spread_table(outcome, axis),
         'errors': errors_table(outcome, axis),
         'next_step': next_step_table(outcome, axis),
+        **extinction_tables(outcome, axis),
     }
     if len(axis.schedule.loadings) > 1:
         tables['schedule'] = schedule_table(outcome, axis)
@@ -137,14 +141,7 @@ def _write(path, text):
 
 def _in_short(outcome):
     used = sum(t.record is not None for t in outcome.trials)
-    craft = {k: v for k, v in asdict(outcome.manifest.craft).items() if v is not None}
-    parts = [
-        paragraph(
-            f'{outcome.manifest.craft.name}: {used} of {len(outcome.trials)} trials used'
-            + (f', {", ".join(_particular(k, v) for k, v in craft.items() if k != "name")}' if len(craft) > 1 else '')
-            + '.'
-        )
-    ]
+    parts = [paragraph(f'{outcome.manifest.craft.name}: {used} of {len(outcome.trials)} trials used.')]
     for axis in outcome.axes:
         parts.append(
             f'<div class="choice"><p><strong>{axis.axis.capitalize()}.</strong> '
@@ -161,11 +158,6 @@ def _in_short(outcome):
     return parts
 
 
-def _particular(key, value):
-    name, _, unit = key.rpartition('_')
-    return f'{name} {value:g} {unit}'
-
-
 def _order_statement(axis):
     groups = [*(f for fits in axis.fits.values() for f in fits), *axis.together.values(), *axis.by_draft.values()]
     wrong = [pair for fits in groups for pair in out_of_order(fits)]
@@ -178,7 +170,7 @@ def _order_statement(axis):
 
 
 def _axis_sections(outcome, axis):
-    drawings = campaign_drawings(outcome, axis)
+    drawings = campaign_drawings(outcome, axis) | {'extinction': extinction_drawings(outcome, axis)}
     drawn, shown = [], {}
     for kind, items in drawings.items():
         shown[kind] = []
@@ -214,6 +206,11 @@ def _axis_sections(outcome, axis):
             [figures(shown['against_draft']), table_as_html(tables['schedule']) if 'schedule' in tables else ''],
         ),
         ('amplitude', 'Period and damping', [figures(shown['amplitude'])]),
+        (
+            'extinction',
+            'Extinction and damping',
+            [figures(shown['extinction']), table_as_html(tables['damping']), table_as_html(tables['extinction'])],
+        ),
         (
             'errors',
             'Next step, simulation, forecast',
@@ -279,6 +276,6 @@ def _how_made(outcome, wall_s):
         f'tasks together took {outcome.cpu_s:.1f} s of processor time.',
         'The hashes of the trials are in the table of trials; the complete numbers are in the folder tables, the '
         'figures in figures, '
-        'the model in model.yaml.',
+        'the model in model.yaml, that of each further speed in a file of its own.',
     ]
     return [bullets(lines)]

@@ -49,6 +49,12 @@ class Table:
     rows: tuple[tuple, ...]
     marks: dict = field(default_factory=dict)
 
+    @classmethod
+    def of(cls, name, title, note, items, *columns):
+        """A table of like items: each column is a heading, the value of an item, and how it is shown."""
+        rows = tuple(tuple(value(item) for _, value, *_ in columns) for item in items)
+        return cls(name, title, note, tuple(Column(heading, *show) for heading, _, *show in columns), rows)
+
 
 def digits(count):
     """A function that shows numbers with so many significant digits."""
@@ -66,6 +72,14 @@ def percent(value):
     return '-' if value is None or math.isnan(value) else f'{100.0 * value:.3g} %'
 
 
+def _or_dash(value):
+    return '-' if value in (None, '') else str(value)
+
+
+def _text_or_number(value):
+    return value if isinstance(value, str) else f'{value:.4g}'
+
+
 def table_as_csv(table):
     """Text of a CSV file, its numbers with all their digits."""
     text = io.StringIO()
@@ -78,139 +92,94 @@ def table_as_csv(table):
 def trials_table(outcome):
     """Every trial of the manifest, used or not, with the reason."""
     best = {str(axis.records[index]) for axis in outcome.axes for index in axis.best.values()}
-    rows = []
-    for t in outcome.trials:
-        if t.record is None:
-            rows.append((t.name, t.entry.axis, None, None, None, None, None, None, 'no', t.reason, t.sha256))
-            continue
-        c, segment = t.record.condition, t.record.problem.segments[0]
-        kept = 'best' if str(t.record) in best else 'yes'
-        rows.append(
-            (
-                t.name,
-                c.axis,
-                c.loading,
-                c.initial_angle_deg,
-                t.record.repeat,
-                segment.start,
-                segment.end,
-                segment.cycles,
-                kept,
-                ', '.join(a.code for a in t.advice),
-                t.sha256,
-            )
-        )
-    number = digits(4)
-    columns = (
-        Column('trial'),
-        Column('axis'),
-        Column(LOADING_NAMES[outcome.quantity], number),
-        Column('initial angle [deg]', number),
-        Column('repeat', _or_dash),
-        Column('decay from [s]', digits(5)),
-        Column('to [s]', digits(5)),
-        Column('cycles', digits(3)),
-        Column('used'),
-        Column('remarks', _or_dash),
-        Column('SHA-256', lambda value: value[:12] or '-'),
-    )
-    marks = {(k, 8): 'best' if row[8] == 'best' else 'beyond' for k, row in enumerate(rows) if row[8] != 'yes'}
-    note = (
-        'Used: the decay that was found and fitted; best: the repeat of its condition that the equations explain best.'
-    )
-    return Table('trials', 'Trials', note, columns, tuple(rows), marks)
+
+    def of_record(value):
+        return lambda t: None if t.record is None else value(t.record)
+
+    def used(t):
+        return 'no' if t.record is None else 'best' if str(t.record) in best else 'yes'
+
+    def segment(name):
+        return of_record(lambda r: getattr(r.problem.segments[0], name))
+
+    table = Table.of(
+        'trials', 'Trials',
+        'Used: the decay that was found and fitted; best: the repeat of its condition that the equations explain best.',
+        outcome.trials,
+        ('trial', lambda t: t.name),
+        ('axis', lambda t: t.entry.axis),
+        (LOADING_NAMES[outcome.quantity], of_record(lambda r: r.condition.loading), digits(4)),
+        ('initial angle [deg]', of_record(lambda r: r.condition.initial_angle_deg), digits(4)),
+        *([('speed [m/s]', of_record(lambda r: r.condition.speed_m_s), digits(4))]
+          if any(t.entry.speed_m_s for t in outcome.trials) else []),
+        ('repeat', of_record(lambda r: r.repeat), _or_dash),
+        ('decay from [s]', segment('start'), digits(5)),
+        ('to [s]', segment('end'), digits(5)),
+        ('cycles', segment('cycles'), digits(3)),
+        ('used', used),
+        ('remarks', lambda t: t.reason if t.record is None else ', '.join(a.code for a in t.advice), _or_dash),
+        ('SHA-256', lambda t: t.sha256, lambda value: value[:12] or '-'),
+    )  # fmt: skip
+    place = [column.name for column in table.columns].index('used')
+    table.marks.update({
+        (k, place): 'best' if row[place] == 'best' else 'beyond'
+        for k, row in enumerate(table.rows) if row[place] != 'yes'
+    })  # fmt: skip
+    return table
 
 
-def _or_dash(value):
-    return '-' if value in (None, '') else str(value)
+def _condition_columns(outcome, condition=lambda item: item[0].condition, repeat=lambda item: item[0].repeat):
+    """Angle, loading and repeat; by default of items that begin with a record."""
+    return (
+        ('initial angle [deg]', lambda item: condition(item).initial_angle_deg, digits(4)),
+        (LOADING_NAMES[outcome.quantity], lambda item: condition(item).loading, digits(4)),
+        ('repeat', repeat),
+    )
 
 
 def objective_table(outcome, axis, objective):
     """Objective values by condition and equation of the best repeats, as the papers give them."""
     fits = axis.fits[objective]
-    rows, marks = [], {}
-    for k, (condition, index) in enumerate(axis.best.items()):
-        values = [f.objective_value for f in fits[index]]
-        rows.append((condition.initial_angle_deg, condition.loading, axis.records[index].repeat, *values))
-        beyond = beyond_noise(fits[index])
-        for column, exceeds in enumerate(beyond):
-            if exceeds:
-                marks[k, column + 3] = 'beyond'
-        marks |= {(k, column + 3): 'best' for column in tied_best(fits[index])}
+    best = [(axis.records[index], fits[index]) for index in axis.best.values()]
     unit = 'rad/s, one Euler step ahead' if objective == 'one-step' else 'dimensionless: residuals over noise'
-    columns = (*_condition_columns(outcome), *(Column(name, digits(7)) for name in axis.names))
-    note = f'{unit[0].upper()}{unit[1:]}. {noise_statement(axis.records, fits, axis.best)}'
-    return Table(
-        f'objective_{axis.axis}_{objective}',
-        f'Objective values, {axis.axis}, {objective}',
-        note,
-        columns,
-        tuple(rows),
-        marks,
-    )
-
-
-def _condition_columns(outcome):
-    return (
-        Column('initial angle [deg]', digits(4)),
-        Column(LOADING_NAMES[outcome.quantity], digits(4)),
-        Column('repeat'),
-    )
+    table = Table.of(
+        f'objective_{axis.axis}_{objective}', f'Objective values, {axis.axis}, {objective}',
+        f'{unit[0].upper()}{unit[1:]}. {noise_statement(axis.records, fits, axis.best)}', best,
+        *_condition_columns(outcome),
+        *((name, lambda item, k=k: item[1][k].objective_value, digits(7)) for k, name in enumerate(axis.names)),
+    )  # fmt: skip
+    first = len(table.columns) - len(axis.names)
+    for k, (_, own) in enumerate(best):
+        table.marks.update({(k, first + j): 'beyond' for j, exceeds in enumerate(beyond_noise(own)) if exceeds})
+        table.marks.update({(k, first + j): 'best' for j in tied_best(own)})
+    return table
 
 
 def fits_table(outcome):
     """Every fit of every record: the long table, for other programs."""
-    rows = []
-    for axis in outcome.axes:
-        for objective, fits in axis.fits.items():
-            for record, own in zip(axis.records, fits, strict=True):
-                c = record.condition
-                rows += [
-                    (
-                        record.name,
-                        c.axis,
-                        c.loading,
-                        c.initial_angle_deg,
-                        record.repeat,
-                        objective,
-                        f.equation,
-                        f.objective_value,
-                        f.r2,
-                        f.rmse,
-                        f.rate_rmse,
-                        f.samples,
-                        f.effective_samples,
-                        f.trim,
-                        f.trim_std,
-                        f.generations,
-                        f.evaluations,
-                        f.stop,
-                        ' '.join(code for code, _ in f.advice),
-                    )
-                    for f in own
-                ]
-    names = (
-        'trial',
-        'axis',
-        LOADING_NAMES[outcome.quantity],
-        'initial angle [deg]',
-        'repeat',
-        'objective',
-        'equation',
-        'objective value',
-        'R2',
-        'RMSE [rad]',
-        'rate RMSE [rad/s]',
-        'samples',
-        'effective samples',
-        'trim [rad]',
-        'trim std [rad]',
-        'generations',
-        'evaluations',
-        'stop',
-        'warnings',
-    )
-    return Table('fits', 'Fits', 'Every record with every equation.', tuple(map(Column, names)), tuple(rows))
+    items = [
+        (record, objective, fit) for axis in outcome.axes for objective, fits in axis.fits.items()
+        for record, own in zip(axis.records, fits, strict=True) for fit in own
+    ]  # fmt: skip
+
+    def of_fit(*names):
+        return ((heading, lambda item, name=name: getattr(item[2], name)) for heading, name in names)
+
+    angle, loading, repeat = (column[:2] for column in _condition_columns(outcome))
+    return Table.of(
+        'fits', 'Fits', 'Every record with every equation.', items,
+        ('trial', lambda item: item[0].name),
+        ('axis', lambda item: item[0].condition.axis),
+        loading, angle, repeat,
+        ('objective', lambda item: item[1]),
+        *of_fit(
+            ('equation', 'equation'), ('objective value', 'objective_value'), ('R2', 'r2'), ('RMSE [rad]', 'rmse'),
+            ('rate RMSE [rad/s]', 'rate_rmse'), ('samples', 'samples'), ('effective samples', 'effective_samples'),
+            ('trim [rad]', 'trim'), ('trim std [rad]', 'trim_std'), ('generations', 'generations'),
+            ('evaluations', 'evaluations'), ('stop', 'stop'),
+        ),
+        ('warnings', lambda item: ' '.join(code for code, _ in item[2].advice)),
+    )  # fmt: skip
 
 
 def coefficients_long_table(outcome):
@@ -218,126 +187,80 @@ def coefficients_long_table(outcome):
     rows = []
     for axis in outcome.axes:
         groups = [
-            ('record', r.condition, r.repeat, own) for r, own in zip(axis.records, axis.fits['simulation'], strict=True)
-        ]
-        groups += [('condition', c, None, own) for c, own in axis.together.items()]
-        for level, c, repeat, own in groups:
-            rows += [
-                (
-                    level,
-                    axis.axis,
-                    c.loading,
-                    c.initial_angle_deg,
-                    repeat,
-                    f.equation,
-                    term,
-                    value,
-                    std,
-                    RATIO_UNITS[term],
-                )
-                for f in own
-                for term, (value, std) in term_values(f).items()
-            ]
+            *(('record', r.condition.loading, r.condition.initial_angle_deg, r.repeat, own)
+              for r, own in zip(axis.records, axis.fits['simulation'], strict=True)),
+            *(('condition', c.loading, c.initial_angle_deg, None, own) for c, own in axis.together.items()),
+            *(('draft', loading, None, None, own) for loading, own in axis.by_draft.items()),
+        ]  # fmt: skip
         rows += [
-            ('draft', axis.axis, loading, None, None, f.equation, term, value, std, RATIO_UNITS[term])
-            for loading, own in axis.by_draft.items()
-            for f in own
-            for term, (value, std) in term_values(f).items()
-        ]
-    names = (
-        'level',
-        'axis',
-        LOADING_NAMES[outcome.quantity],
-        'initial angle [deg]',
-        'repeat',
-        'equation',
-        'ratio',
-        'value',
-        'standard deviation',
-        'unit',
-    )
+            (level, axis.axis, *where, fit.equation, term, *value_and_std, RATIO_UNITS[term])
+            for level, *where, own in groups for fit in own for term, value_and_std in term_values(fit).items()
+        ]  # fmt: skip
+    names = ('level', 'axis', LOADING_NAMES[outcome.quantity], 'initial angle [deg]', 'repeat', 'equation', 'ratio',
+             'value', 'standard deviation', 'unit')  # fmt: skip
     return Table('coefficients', 'Coefficients', 'All levels.', tuple(map(Column, names)), tuple(rows))
 
 
 def ranking_table(axis):
     """Equations over the whole campaign."""
     best = axis.ranking.ranked[0].criterion
-    rows = tuple(
-        (r.equation, ' '.join(r.terms), r.criterion - best, r.r2, r.held_out, r.forecast, r.best_of)
-        for r in axis.ranking.ranked
-    )
-    columns = (
-        Column('equation'),
-        Column('terms'),
-        Column('criterion above the best', digits(4)),
-        Column('smallest R2', digits(6)),
-        Column('held-out error', percent),
-        Column('forecast error, one period', percent),
-        Column('records fitted best'),
-    )
-    chosen = next(k for k, r in enumerate(rows) if r[0] == axis.ranking.choice.equation)
-    note = (
+    table = Table.of(
+        f'ranking_{axis.axis}', f'Ranking, {axis.axis}',
         'Criterion: of one set of ratios a draft for all angles and repeats; 10 more is decisively worse. Held-out: '
-        'error on '
-        'another repeat (or the second half of a lone one) over the standard deviation of the motion.'
-    )
-    return Table(f'ranking_{axis.axis}', f'Ranking, {axis.axis}', note, columns, rows, {(chosen, 0): 'best'})
+        'error on another repeat (or the second half of a lone one) over the standard deviation of the motion.',
+        axis.ranking.ranked,
+        ('equation', lambda r: r.equation),
+        ('terms', lambda r: ' '.join(r.terms)),
+        ('criterion above the best', lambda r: r.criterion - best, digits(4)),
+        ('smallest R2', lambda r: r.r2, digits(6)),
+        ('held-out error', lambda r: r.held_out, percent),
+        ('forecast error, one period', lambda r: r.forecast, percent),
+        ('records fitted best', lambda r: r.best_of),
+    )  # fmt: skip
+    table.marks[axis.ranking.ranked.index(axis.ranking.choice), 0] = 'best'
+    return table
+
+
+def _ratio_columns(terms, pair):
+    """Value and standard deviation of each term, which `pair` gives of an item and a term."""
+    return (
+        column for term in terms for column in (
+            (f'{term} [{RATIO_UNITS[term]}]', lambda item, term=term: pair(item, term)[0], digits(5)),
+            (f'{term} std', lambda item, term=term: pair(item, term)[1], digits(2)),
+        )
+    )  # fmt: skip
 
 
 def coefficient_table(outcome, axis):
     """Ratios of the chosen equation: repeats together, and all records of a draft together."""
-    rows = []
-    terms = tuple(term_values(axis.together[next(iter(axis.together))][axis.choice]))
-    for c, fits in axis.together.items():
-        rows.append((c.loading, c.initial_angle_deg, *_pairs(fits[axis.choice], terms)))
-    for loading, fits in axis.by_draft.items():
-        rows.append((loading, 'all', *_pairs(fits[axis.choice], terms)))
-    columns = (
-        Column(LOADING_NAMES[outcome.quantity], digits(4)),
-        Column('initial angle [deg]', _text_or_number),
-        *(
-            c
-            for term in terms
-            for c in (Column(f'{term} [{RATIO_UNITS[term]}]', digits(5)), Column(f'{term} std', digits(2)))
-        ),
-    )
-    note = (
-        f'Of {axis.ranking.choice.equation}; the repeats of a condition fitted together, and all records of a '
-        'draft together.'
-    )
-    return Table(f'ratios_{axis.axis}', f'Ratios to inertia, {axis.axis}', note, columns, tuple(rows))
-
-
-def _text_or_number(value):
-    return value if isinstance(value, str) else f'{value:.4g}'
-
-
-def _pairs(fit, terms):
-    values = term_values(fit)
-    return [number for term in terms for number in values[term]]
+    items = [
+        *((c.loading, c.initial_angle_deg, fits[axis.choice]) for c, fits in axis.together.items()),
+        *((loading, 'all', fits[axis.choice]) for loading, fits in axis.by_draft.items()),
+    ]
+    return Table.of(
+        f'ratios_{axis.axis}', f'Ratios to inertia, {axis.axis}',
+        f'Of {axis.ranking.choice.equation}; the repeats of a condition fitted together, and all records of a draft '
+        f'together.', items,
+        (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(4)),
+        ('initial angle [deg]', lambda item: item[1], _text_or_number),
+        *_ratio_columns(term_values(items[0][2]), lambda item, term: item[2].ratio(term)),
+    )  # fmt: skip
 
 
 def spread_table(outcome, axis):
     """How the repeats agree, beside what single fits state."""
-    rows = tuple(
-        (s.condition.loading, s.condition.initial_angle_deg, s.quantity, s.mean, s.spread, s.stated, s.repeats)
-        for s in axis.spreads
-    )
-    columns = (
-        Column(LOADING_NAMES[outcome.quantity], digits(4)),
-        Column('initial angle [deg]', digits(4)),
-        Column('quantity'),
-        Column('mean', digits(5)),
-        Column('spread between repeats', digits(2)),
-        Column('spread stated by single fits', digits(2)),
-        Column('repeats'),
-    )
-    note = (
+    angle, loading, _ = _condition_columns(outcome, lambda s: s.condition)
+    return Table.of(
+        f'repeats_{axis.axis}', f'Agreement of repeats, {axis.axis}',
         f'{spread_statement(axis)} Spread: standard deviation. Where it is much larger than stated, something other '
-        'than '
-        'noise differs between repeats.'
-    )
-    return Table(f'repeats_{axis.axis}', f'Agreement of repeats, {axis.axis}', note, columns, rows)
+        f'than noise differs between repeats.', axis.spreads,
+        loading, angle,
+        ('quantity', lambda s: s.quantity),
+        ('mean', lambda s: s.mean, digits(5)),
+        ('spread between repeats', lambda s: s.spread, digits(2)),
+        ('spread stated by single fits', lambda s: s.stated, digits(2)),
+        ('repeats', lambda s: s.repeats),
+    )  # fmt: skip
 
 
 def spread_statement(axis):
@@ -357,31 +280,24 @@ def spread_statement(axis):
 
 def errors_table(outcome, axis, every_equation=False):
     """Errors of next step, simulated motion and forecasts, of the choice or of every equation."""
-    rows = []
-    for record, own in zip(axis.records, axis.judgements, strict=True):
-        c = record.condition
-        for j in own if every_equation else [own[axis.choice]]:
-            first = (c.initial_angle_deg, c.loading, record.repeat, *((j.equation,) if every_equation else ()))
-            rows.append((*first, j.next_step, j.simulation, *j.forecasts, j.held_out))
-    columns = (
-        *_condition_columns(outcome),
-        *((Column('equation'),) if every_equation else ()),
-        Column('next step [rad/s]', digits(4)),
-        Column('simulated motion', percent),
-        *(Column(f'forecast {LEAD_NAMES[lead]} ahead', percent) for lead in LEADS),
-        Column('simulated, held out', percent),
-    )
-    note = (
+    items = [
+        (record, judged) for record, own in zip(axis.records, axis.judgements, strict=True)
+        for judged in (own if every_equation else [own[axis.choice]])
+    ]  # fmt: skip
+    name, title = f'errors_{axis.axis}', f'Errors of {axis.ranking.choice.equation}, {axis.axis}'
+    return Table.of(
+        f'errors_every_equation_{axis.axis}' if every_equation else name, 'Errors' if every_equation else title,
         'Root mean square errors; in percent: of the standard deviation of the measured motion. Forecasts start all '
-        'along '
-        'the record from the measured state, whose own noise they carry; the simulated motion starts once, at the '
-        'release.'
-    )
-    if every_equation:
-        return Table(f'errors_every_equation_{axis.axis}', 'Errors', note, columns, tuple(rows))
-    return Table(
-        f'errors_{axis.axis}', f'Errors of {axis.ranking.choice.equation}, {axis.axis}', note, columns, tuple(rows)
-    )
+        'along the record from the measured state, whose own noise they carry; the simulated motion starts once, at '
+        'the release.', items,
+        *_condition_columns(outcome),
+        *([('equation', lambda item: item[1].equation)] if every_equation else []),
+        ('next step [rad/s]', lambda item: item[1].next_step, digits(4)),
+        ('simulated motion', lambda item: item[1].simulation, percent),
+        *((f'forecast {LEAD_NAMES[lead]} ahead', lambda item, k=k: item[1].forecasts[k], percent)
+          for k, lead in enumerate(LEADS)),
+        ('simulated, held out', lambda item: item[1].held_out, percent),
+    )  # fmt: skip
 
 
 def next_step_table(outcome, axis):
@@ -390,28 +306,19 @@ def next_step_table(outcome, axis):
     record, fit = axis.records[index], axis.fits['simulation'][index][axis.choice]
     checked = next_step(fit.model.with_trim(fit.initial_states[0].trim), record.problem.motions[0])
     steady = np.convolve(np.abs(checked.measured), np.ones(CHECKED_SAMPLES), mode='valid')
-    first = int(np.argmax(steady))
-    rows = tuple(
-        (float(t), float(m), float(p), float(abs(p - m) / abs(m)) if m else float('nan'))
-        for t, m, p in zip(
-            *(v[first : first + CHECKED_SAMPLES] for v in (checked.time, checked.measured, checked.predicted)),
-            strict=True,
-        )
-    )
-    columns = (
-        Column('time [s]', digits(6)),
-        Column('measured rate [rad/s]', digits(6)),
-        Column('next-step rate [rad/s]', digits(6)),
-        Column('error', percent),
-    )
+    chosen = slice(first := int(np.argmax(steady)), first + CHECKED_SAMPLES)
+    samples = np.transpose([checked.time[chosen], checked.measured[chosen], checked.predicted[chosen]]).tolist()
     c = record.condition
-    note = (
-        f'{c.initial_angle_deg:g} deg, {LOADING_NAMES[outcome.quantity]} {c.loading:g}, repeat {record.repeat}: '
-        'where it turns '
-        'fastest. Any smooth model passes this check, because the measured rate stands on both sides; the errors of '
-        'simulated motion and forecasts tell more.'
-    )
-    return Table(f'next_step_{axis.axis}', f'Next-step check, {axis.axis}', note, columns, rows)
+    return Table.of(
+        f'next_step_{axis.axis}', f'Next-step check, {axis.axis}',
+        f'{c.initial_angle_deg:g} deg, {LOADING_NAMES[outcome.quantity]} {c.loading:g}, repeat {record.repeat}: where '
+        f'it turns fastest. Any smooth model passes this check, because the measured rate stands on both sides; the '
+        f'errors of simulated motion and forecasts tell more.', samples,
+        ('time [s]', lambda s: s[0], digits(6)),
+        ('measured rate [rad/s]', lambda s: s[1], digits(6)),
+        ('next-step rate [rad/s]', lambda s: s[2], digits(6)),
+        ('error', lambda s: abs(s[2] - s[1]) / abs(s[1]) if s[1] else float('nan'), percent),
+    )  # fmt: skip
 
 
 def _design_condition(axis):
@@ -425,18 +332,12 @@ def schedule_table(outcome, axis):
     """The ratios of the scheduled model at its loadings and between."""
     s = axis.schedule
     between = np.unique(np.round([*s.loadings, *np.linspace(s.loadings[0], s.loadings[-1], SCHEDULE_POINTS)], 9))
-    ratios, stds = s.curve(between)
-    rows = tuple(
-        (float(at), *(float(v) for pair in zip(r, d, strict=True) for v in pair))
-        for at, r, d in zip(between, ratios, stds, strict=True)
-    )
-    columns = (
-        Column(LOADING_NAMES[outcome.quantity], digits(5)),
-        *(
-            c
-            for term in s.equation.terms
-            for c in (Column(f'{term} [{RATIO_UNITS[term]}]', digits(5)), Column(f'{term} std', digits(2)))
-        ),
-    )
-    note = 'Linear between the drafts that were tried; the standard deviation adds what a straight line may miss.'
-    return Table(f'schedule_{axis.axis}', f'Scheduled model, {axis.axis}', note, columns, rows)
+    ratios, stds = (values.tolist() for values in s.curve(between))
+    places = {term: k for k, term in enumerate(s.equation.terms)}
+    return Table.of(
+        f'schedule_{axis.axis}', f'Scheduled model, {axis.axis}',
+        'Linear between the drafts that were tried; the standard deviation adds what a straight line may miss.',
+        list(zip(between.tolist(), ratios, stds, strict=True)),
+        (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(5)),
+        *_ratio_columns(places, lambda item, term: (item[1][places[term]], item[2][places[term]])),
+    )  # fmt: skip

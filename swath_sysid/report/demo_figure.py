@@ -1,16 +1,24 @@
 """The picture of the demonstration: forecasts against what was measured then, before and after identification."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE
 from swath_sysid.report.figures import MEASURED, new_figure, quiet
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from swath_sysid.pipeline.demonstration import Demonstration, Verdict
+
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
 NORMAL_90 = 1.6449
 MOST_LEADS = 4
 
 
-def demo_figure(demonstration, verdict):
+def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
     """The whole run above, each lead below.
 
     Parameters
@@ -23,7 +31,8 @@ def demo_figure(demonstration, verdict):
     matplotlib Figure
     """
     figure = new_figure(12.0, 7.4)
-    upper, lower = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
+    halves: Any = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
+    upper, lower = halves
     limit = 1.45 * np.degrees(demonstration.release_angle)
     _draw_run(quiet(upper.subplots()), demonstration, limit)
     shown = demonstration.forecasts[:MOST_LEADS]

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -13,21 +14,21 @@ SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')
 FORMATS = ('png', 'svg', 'pdf')
 
 
-def new_figure(width, height):
-    """An empty figure, inches, drawn without a display."""
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of a width and height in inches, drawn without a display."""
     figure = Figure(figsize=(width, height), layout='constrained')
     FigureCanvasAgg(figure)
     return figure
 
 
-def quiet(axes):
+def quiet(axes: Axes) -> Axes:
     """Take away what does not inform: two spines; add a faint grid."""
     axes.spines[['top', 'right']].set_visible(False)
     axes.grid(alpha=0.25, linewidth=0.6)
     return axes
 
 
-def save_figure(figure, path):
+def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure in the format of the name's ending.
 
     Raises

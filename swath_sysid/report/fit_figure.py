@@ -1,15 +1,22 @@
 """The picture of a fit: motion, residual, frequency and damping against amplitude."""
+from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, new_figure, quiet
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from swath_sysid.attitude.identification.identify import Identification
+
 MOST_PANELS = 12
 
 
-def fit_figure(identification):
+def fit_figure(identification: Identification) -> Figure:
     """Measured and simulated motion with residual of each record, and the curves with bands.
 
     Parameters
@@ -24,7 +31,8 @@ def fit_figure(identification):
     columns = min(3, len(records))
     rows = math.ceil(len(records) / columns)
     figure = new_figure(11.0, 3.4 * rows + 3.6)
-    upper, lower = figure.subfigures(2, 1, height_ratios=(3.4 * rows, 3.2))
+    halves: Any = figure.subfigures(2, 1, height_ratios=(3.4 * rows, 3.2))
+    upper, lower = halves
     grid = upper.add_gridspec(2 * rows, columns, height_ratios=(3, 1) * rows)
     for index, record in enumerate(records):
         row, column = divmod(index, columns)

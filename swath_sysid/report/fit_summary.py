@@ -1,13 +1,22 @@
 """A fit in words and in plain data, for the terminal and for other programs."""
+from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.common.covariance import correlation
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
-def fit_as_data(identification, wall_s=None, inertia=None):
+    from swath_sysid.attitude.identification.identify import Identification
+    from swath_sysid.attitude.identification.selection import Comparison
+    from swath_sysid.common.advice import Advice
+
+
+def fit_as_data(identification: Identification, wall_s: float | None = None, inertia: float | None = None) -> dict:
     """What ``identify --json`` prints: plain numbers, strings, lists and dicts.
 
     Parameters
@@ -51,14 +60,14 @@ def fit_as_data(identification, wall_s=None, inertia=None):
         'samples': identification.samples,
         'effective_samples': identification.effective_samples,
         'wall_s': wall_s,
-        'warnings': [{'code': a.code, 'message': a.message} for a in identification.advice],
+        **warnings_as_data(identification.advice),
     }
     if inertia is not None:
         data['published_form'] = vars(to_published(model, inertia))
     return finite_or_none(data)
 
 
-def warnings_as_data(advice):
+def warnings_as_data(advice: Iterable[Advice]) -> dict[str, list[dict[str, str]]]:
     """The field ``warnings`` of what ``--json`` prints, each warning once.
 
     Parameters
@@ -68,7 +77,7 @@ def warnings_as_data(advice):
     return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
 
 
-def finite_or_none(value):
+def finite_or_none(value: Any) -> Any:
     """The same data with None for numbers that JSON does not know."""
     if isinstance(value, dict):
         return {key: finite_or_none(item) for key, item in value.items()}
@@ -79,7 +88,7 @@ def finite_or_none(value):
     return float(value) if isinstance(value, float) else value
 
 
-def fit_in_words(identification, inertia=None):
+def fit_in_words(identification: Identification, inertia: float | None = None) -> list[str]:
     """Lines for a reader.
 
     Returns
@@ -124,7 +133,7 @@ def _spread(identification, name, value):
     return f'< {high:.3g} (95 %)' if low == 0.0 and value < std else f'+- {std:.3g}'
 
 
-def comparison_as_data(comparison, wall_s=None):
+def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:
     """What ``compare --json`` prints."""
     return finite_or_none(
         {

@@ -1,20 +1,30 @@
 """The picture of a forecast's skill: error against lead, a stretch with its fans, reliability."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from swath_sysid.attitude.motion.trial import Trial
+    from swath_sysid.pipeline.scoring import Run, Skill
 
 LABELS = {
     'forecast': 'forecast', 'persistence': 'persistence', 'constant_rate': 'constant rate', 'mean': 'past mean',
     'ar_40': 'AR(40)', 'var_40': 'VAR(40)', 'var_60': 'VAR(60)',
 }  # fmt: skip
 
-_FEWEST_TOLD = 10
+_MIN_COUNT = 10
 _STRETCH = 40.0
 """s of the record that show forecasts as issued, in the middle of what was scored."""
 
 
-def forecast_figure(trial, run, skill):
+def forecast_figure(trial: Trial, run: Run, skill: Skill) -> Figure:
     """Draw a `Skill` and some of the forecasts it scores.
 
     Parameters
@@ -64,7 +74,8 @@ def _legend(axes, **place):
 def _spaced(trial, run, skill):
     """Steps about the middle of what was scored, one after the other's horizon."""
     first, last = (trial.time[0] + skill.warmup, trial.time[0] + min(skill.until, trial.time[-1] - trial.time[0]))
-    middle, spaced = 0.5 * (first + last), []
+    middle = 0.5 * (first + last)
+    spaced: list = []
     for step in run.steps:
         begun = max(first, middle - 0.5 * _STRETCH) if not spaced else spaced[-1].stamp + spaced[-1].horizon.leads[-1]
         if begun <= step.stamp <= min(last, middle + 0.5 * _STRETCH) and step.horizon is not None:
@@ -103,9 +114,9 @@ def _reliability(axes, skill, scores, with_quiescence):
         if np.isfinite(held).all():
             axes.plot(LEVELS, held, 'o-', color=colour, markersize=4, linewidth=1.0, label=f'{lead:g} s')
     if with_quiescence and skill.quiescence is not None:
-        told, enough = skill.quiescence, skill.quiescence.count >= _FEWEST_TOLD
+        found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
         axes.plot(
-            told.told[enough], told.happened[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
+            found.told[enough], found.happened[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
             label='quiescence',
         )  # fmt: skip
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='probability forecast', ylabel='share that held', title='reliability')

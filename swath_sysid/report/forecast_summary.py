@@ -1,11 +1,19 @@
 """The skill of forecasts as plain data."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
-from swath_sysid.attitude.prediction.skill import AFTER_GAP, CONFIDENCE
+from swath_sysid.pipeline.scoring import AFTER_GAP, CONFIDENCE
+from swath_sysid.report.fit_summary import warnings_as_data
+
+if TYPE_CHECKING:
+    from swath_sysid.pipeline.scoring import Skill
 
 
-def skill_as_data(skill):
+def skill_as_data(skill: Skill) -> dict:
     """The scores as plain data for JSON; what is not known is None.
 
     Parameters
@@ -25,7 +33,7 @@ def skill_as_data(skill):
         'axes': {axis: _axis_as_data(scores) for axis, scores in skill.axes.items()},
         'step_s': {name: _known(value) for name, value in skill.step_time.items()},
         'refit_s': {name: _known(value) for name, value in skill.refit_time.items()},
-        'warnings': [{'code': a.code, 'message': a.message} for a in skill.advice],
+        **warnings_as_data(skill.advice),
     }
     if skill.quiescence is not None and skill.quiescence_limits is not None:
         r = skill.quiescence

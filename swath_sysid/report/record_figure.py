@@ -1,4 +1,7 @@
 """The picture of a record: the motion with its decays and gaps, and its spectrum."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import welch
@@ -6,6 +9,13 @@ from scipy.signal import welch
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from swath_sysid.attitude.motion.trial import AxisMotion
 
 MOST_POINTS = 20000
 """More samples are drawn as the smallest and largest of each stretch: no eye sees more."""
@@ -17,7 +27,7 @@ SPECTRUM_REACH = 4.0
 """The spectrum is drawn to so many times the frequency of the mean period."""
 
 
-def record_figure(motions):
+def record_figure(motions: Sequence[AxisMotion]) -> Figure:
     """Motion and spectrum of each axis; decays shaded with their turning points, gaps marked.
 
     Parameters

@@ -1,12 +1,21 @@
 """What is in a record, in words and in plain data."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
-from swath_sysid.attitude.motion.segmentation import explain_absence, find_decays
-from swath_sysid.report.fit_summary import finite_or_none
+from swath_sysid.attitude.motion.segmentation import find_decays
+from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 
 
-def record_as_data(trial, motions):
+def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     """What ``inspect --json`` prints.
 
     Parameters
@@ -25,17 +34,15 @@ def record_as_data(trial, motions):
         'longest_interval_s': float(np.diff(trial.time).max()),
         'channels': list(trial.channels),
         'axes': {motion.axis: _axis_as_data(motion) for motion in motions},
-        'warnings': [{'code': a.code, 'message': a.message} for a in trial.advice],
+        **warnings_as_data(trial.advice),
     })  # fmt: skip
 
 
 def _axis_as_data(motion):
     decays = find_decays(motion)
     values = motion.rate if motion.angle is None else motion.angle
-    advice = list(check_motion(motion))
+    advice = [*check_motion(motion, decays)]
     advice += [a for decay in decays for a in (*decay.advice, *check_decay(motion, decay))]
-    if not decays:
-        advice.append(explain_absence(motion))
     return {
         'samples': motion.size,
         'measured': [name for name in ('angle', 'rate') if getattr(motion, name) is not None],
@@ -55,12 +62,26 @@ def _axis_as_data(motion):
             }
             for decay in decays
         ],
-        'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)],
+        **warnings_as_data(advice),
     }
 
 
-def record_in_words(trial, motions):
-    """Lines for a reader; see `record_as_data`."""
+def record_in_words(
+    trial: Trial, motions: Sequence[AxisMotion], worded: Callable[[str, str], str]
+) -> list[str]:
+    """Lines for a reader; see `record_as_data`.
+
+    Parameters
+    ----------
+    trial : Trial
+    motions : sequence of AxisMotion
+    worded : callable
+        Of the code and the message of an advice; returns the message as the reader is to see it.
+
+    Returns
+    -------
+    list of str
+    """
     data = record_as_data(trial, motions)
     lines = [
         f'{data["source"]}: {data["samples"]} samples from {data["start_s"]:.2f} to {data["end_s"]:.2f} s, '
@@ -77,5 +98,5 @@ def record_in_words(trial, motions):
             f'{np.degrees(d["final_amplitude"]):.2f} {unit} ({d["beginning"]}, ended by {d["ending"]})'
             for d in found['decays']
         ]
-        lines += [f'    [{w["code"]}] {w["message"]}' for w in found['warnings']]
+        lines += [f'    [{w["code"]}] {worded(w["code"], w["message"])}' for w in found['warnings']]
     return lines

@@ -55,7 +55,7 @@ class ViewState:
     scale: float = 0.1
 
 
-def render(state):
+def render(state: ViewState) -> Group:
     """The view as something that rich can draw.
 
     Parameters
@@ -83,7 +83,7 @@ def render(state):
     )  # fmt: skip
 
 
-def chart(state):
+def chart(state: ViewState) -> Text:
     """Measured angle and the forecasts made for each moment, as text.
 
     Parameters
@@ -121,7 +121,7 @@ def chart(state):
     return text
 
 
-def line(state):
+def line(state: ViewState) -> str:
     """The view as one line, for where there is no terminal."""
     angle = f'{math.degrees(state.angle[-1]):+.2f} deg' if len(state.angle) else 'no angle'
     ahead = ', '.join(f'{math.degrees(value):+.2f} in {lead:g} s' for lead, value, _ in state.leads if value == value)

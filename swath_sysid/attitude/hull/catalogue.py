@@ -8,6 +8,7 @@ our reading.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
@@ -19,7 +20,7 @@ _LIN, _QUAD, _CUB = ('linear',), ('linear', 'quadratic'), ('linear', 'quadratic'
 _SINE = ('sine', 'sine-squared')
 
 
-def _equation(name, damping, restoring):
+def _equation(name: str, damping: Sequence[str], restoring: Sequence[str]) -> Equation:
     terms = tuple(DAMPING_TERMS[d] for d in damping) + tuple(RESTORING_TERMS[r] for r in restoring)
     return Equation(name, terms)
 
@@ -65,7 +66,7 @@ _AXIS_EQUATIONS = {
 }
 
 
-def equation_named(name):
+def equation_named(name: str) -> Equation:
     """The equation of a catalogue name, or composed from term names.
 
     ``+friction`` after a name adds dry friction; a composition is written as
@@ -92,12 +93,12 @@ def equation_named(name):
     )
 
 
-def equations_of_axis(axis):
-    """The equations that `compare` tries for an axis unless told otherwise.
+def equations_of_axis(axis: str) -> tuple[Equation, ...]:
+    """The equations that are compared for an axis (``roll`` or ``pitch``) by default.
 
     The published ones of that axis, and our own; one of each set of terms.
     """
-    distinct = {}
+    distinct: dict[tuple[str, ...], Equation] = {}
     for name in (*OWN_EQUATIONS, *_AXIS_EQUATIONS[axis]):
         distinct.setdefault(EQUATIONS[name].terms, EQUATIONS[name])
     return tuple(distinct.values())
@@ -127,7 +128,7 @@ class PublishedHull:
     objective_value: float
 
     @property
-    def rate_noise(self):
+    def rate_noise(self) -> float:
         """White noise of the rate in that record, standard deviation, rad/s.
 
         One step ahead the hull itself hardly errs: the printed error is the difference of two measured rates,
@@ -136,7 +137,9 @@ class PublishedHull:
         return self.objective_value / math.sqrt(2.0)
 
 
-def _from_form(name, axis, equation, description, form, objective_value):
+def _from_form(
+    name: str, axis: str, equation: str, description: str, form: PublishedForm, objective_value: float
+) -> PublishedHull:
     model = from_published(EQUATIONS[equation], form, axis)
     return PublishedHull(name, axis, description, model, form, objective_value)
 
@@ -189,7 +192,7 @@ PUBLISHED_HULLS = {
 }  # fmt: skip
 
 
-def hull_named(name):
+def hull_named(name: str) -> PublishedHull:
     """The published hull of that name.
 
     Raises
@@ -202,7 +205,7 @@ def hull_named(name):
     return PUBLISHED_HULLS[name]
 
 
-def hull_of_family(equation_name):
+def hull_of_family(equation_name: str) -> PublishedHull | None:
     """The published hull of the study that an equation's name belongs to, or None.
 
     Parameters

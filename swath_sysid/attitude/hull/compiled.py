@@ -1,5 +1,7 @@
 """The terms of a hull's equation and one step of its motion, compiled once for all who integrate it."""
+
 from swath_sysid.attitude.hull import terms
+from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.accelerator import accelerated
 
 damping_moment = accelerated(terms.damping_moment)
@@ -8,7 +10,10 @@ damping_slope = accelerated(terms.damping_slope)
 restoring_slope = accelerated(terms.restoring_slope)
 
 
-def step_of_arrays(x, rate, moment, step, ratios, active, friction_rate):
+def step_of_arrays(
+    x: Value, rate: Value, moment: float, step: float, ratios: Value, active: tuple[bool, ...],
+    friction_rate: float,
+) -> tuple[Value, Value, Value]:
     """One classical Runge-Kutta step of a hull under a held moment.
 
     Parameters
@@ -31,7 +36,7 @@ def step_of_arrays(x, rate, moment, step, ratios, active, friction_rate):
         Before the step, rad/s^2.
     x, rate : float or ndarray
         After it.
-    """
+    """  # fmt: skip
     half, sixth = 0.5 * step, step / 6.0
     a1 = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
     w2 = rate + half * a1

@@ -1,6 +1,8 @@
 """The nonlinear decay model of one axis: an equation (which terms) and its ratios."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from swath_sysid.attitude.hull.terms import (
     restoring_moment,
     restoring_slope,
 )
+from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.errors import InputError
 
 DEFAULT_FRICTION_RATE = 0.01
@@ -33,7 +36,7 @@ class Equation:
     name: str
     terms: tuple[str, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         unknown = [t for t in self.terms if t not in TERM_NAMES]
         if unknown:
             raise InputError(f"equation {self.name}: unknown term '{unknown[0]}': choose from {', '.join(TERM_NAMES)}")
@@ -42,27 +45,27 @@ class Equation:
         object.__setattr__(self, 'terms', tuple(t for t in TERM_NAMES if t in self.terms))
 
     @property
-    def indices(self):
+    def indices(self) -> np.ndarray:
         """Places of the terms in the vector of nine ratios."""
         return np.array([TERM_INDEX[t] for t in self.terms])
 
     @property
-    def active(self):
+    def active(self) -> tuple[bool, ...]:
         """Tuple of nine bools, in the order of ``TERM_NAMES``."""
         return tuple(name in self.terms for name in TERM_NAMES)
 
-    def contains(self, other):
+    def contains(self, other: 'Equation') -> bool:
         """Whether every term of ``other`` is a term of this equation."""
         return set(other.terms) <= set(self.terms)
 
-    def with_friction(self):
+    def with_friction(self) -> 'Equation':
         """The same equation with dry friction added."""
         return self if 'b0' in self.terms else Equation(f'{self.name}+friction', ('b0', *self.terms))
 
 
 @dataclass(frozen=True)
 class DecayModel:
-    """An equation with its ratios: what is believed of a hull about one axis.
+    """An equation with its ratios: the motion of a hull about one axis.
 
     Attributes
     ----------
@@ -86,7 +89,7 @@ class DecayModel:
     _row: tuple[float, ...] = field(init=False, repr=False, compare=False)
     _active: tuple[bool, ...] = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         ratios = np.array(self.ratios, dtype=float)
         if ratios.shape != (len(TERM_NAMES),) or not np.isfinite(ratios).all():
             raise InputError(f'a decay model takes {len(TERM_NAMES)} finite ratios, {", ".join(TERM_NAMES)}')
@@ -101,7 +104,7 @@ class DecayModel:
         object.__setattr__(self, '_row', tuple(ratios.tolist()))
         object.__setattr__(self, '_active', active)
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, DecayModel):
             return NotImplemented
         return (
@@ -111,8 +114,14 @@ class DecayModel:
         )
 
     @classmethod
-    def from_terms(cls, equation, values, **fields):
-        """Build from the ratios of the equation's own terms, by name."""
+    def from_terms(cls, equation: Equation, values: Mapping[str, float], **fields: Any) -> 'DecayModel':
+        """Build from the ratios of the equation's own terms, by name; other fields as they are.
+
+        Raises
+        ------
+        InputError
+            A name that is no term, or what the model refuses.
+        """
         ratios = np.zeros(len(TERM_NAMES))
         for name, value in values.items():
             if name not in TERM_INDEX:
@@ -121,15 +130,15 @@ class DecayModel:
         return cls(equation, ratios, **fields)
 
     @property
-    def terms(self):
+    def terms(self) -> dict[str, float]:
         """Name to ratio of the terms in use."""
         return {name: float(self.ratios[TERM_INDEX[name]]) for name in self.equation.terms}
 
-    def with_trim(self, trim):
+    def with_trim(self, trim: float) -> 'DecayModel':
         """The same hull at another angle of rest."""
         return replace(self, trim=float(trim))
 
-    def acceleration(self, angle, rate, excitation=0.0):
+    def acceleration(self, angle: Value, rate: Value, excitation: Value = 0.0) -> Value:
         """Angular acceleration, rad/s^2.
 
         Parameters
@@ -142,25 +151,25 @@ class DecayModel:
         damping = damping_moment(rate, self._row, self._active, self.friction_rate)
         return excitation - damping - restoring_moment(angle - self.trim, self._row, self._active)
 
-    def jacobian(self, angle, rate):
-        """Derivatives of the acceleration by angle, 1/s^2, and by rate, 1/s."""
+    def jacobian(self, angle: Value, rate: Value) -> tuple[Value, Value]:
+        """Derivatives of the acceleration by angle (rad), 1/s^2, and by rate (rad/s), 1/s."""
         return (
             -restoring_slope(angle - self.trim, self._row, self._active),
             -damping_slope(rate, self._row, self._active, self.friction_rate),
         )
 
     @property
-    def natural_frequency(self):
+    def natural_frequency(self) -> float:
         """Undamped natural frequency of small motions, rad/s; NaN where upright is unstable."""
         stiffness = restoring_slope(0.0, self._row, self._active)
         return float(np.sqrt(stiffness)) if stiffness > 0.0 else float('nan')
 
     @property
-    def natural_period(self):
+    def natural_period(self) -> float:
         """Undamped natural period of small motions, s."""
         return 2.0 * np.pi / self.natural_frequency
 
     @property
-    def damping_ratio(self):
+    def damping_ratio(self) -> float:
         """Linear damping over critical damping, for small motions and without friction."""
         return self._row[1] / (2.0 * self.natural_frequency)

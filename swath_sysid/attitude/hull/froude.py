@@ -14,6 +14,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -34,7 +35,7 @@ LONGEST_RATIO = 200
 """Characters; the product of several scalings is kept as an exact fraction."""
 
 
-def length_ratio(text):
+def length_ratio(text: str) -> Fraction:
     """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``.
 
     Raises
@@ -42,7 +43,7 @@ def length_ratio(text):
     InputError
         Not a positive number, or larger than `LARGEST_RATIO`, or smaller than its inverse.
     """
-    told = text if len(text) <= LONGEST_SHOWN else f'{text[:LONGEST_SHOWN]}...'
+    shown = text if len(text) <= LONGEST_SHOWN else f'{text[:LONGEST_SHOWN]}...'
     try:
         if len(text) > LONGEST_RATIO:
             raise ValueError(text)
@@ -51,16 +52,18 @@ def length_ratio(text):
         # exactly only where it is small: 1e300000000 would take for ever
         ratio = Fraction(text) if 1.0 / LARGEST_RATIO <= size <= LARGEST_RATIO else None
     except (ValueError, ZeroDivisionError) as error:
-        raise InputError(f"'{told}' is no length ratio: give a number such as 25, or 1/25 for the way back") from error
+        raise InputError(
+            f"'{shown}' is not a length ratio: give a number such as 25, or 1/25 for the way back"
+        ) from error
     if not size > 0.0:
-        raise InputError(f'the length ratio must be greater than zero, not {told}')
+        raise InputError(f'the length ratio must be greater than zero, not {shown}')
     if ratio is None:
-        raise InputError(f'the length ratio {told} is no ratio of craft: it lies within 1/{LARGEST_RATIO} and '
+        raise InputError(f'the length ratio {shown} is beyond any craft: it lies within 1/{LARGEST_RATIO} and '
                          f'{LARGEST_RATIO}')  # fmt: skip
     return ratio
 
 
-def scaled_model(model, ratio):
+def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
     """A decay model at another scale.
 
     Parameters
@@ -77,7 +80,7 @@ def scaled_model(model, ratio):
     return replace(model, ratios=model.ratios * factors, friction_rate=model.friction_rate / math.sqrt(ratio))
 
 
-def scaled(identified, ratio):
+def scaled(identified: IdentifiedModel, ratio: Fraction) -> IdentifiedModel:
     """An identified model at another scale, with its uncertainty.
 
     What it was at the scale of the trials is kept in the provenance, and scaling always starts
@@ -114,7 +117,7 @@ def scaled(identified, ratio):
     )
 
 
-def scaled_schedule(schedule, ratio):
+def scaled_schedule(schedule: ScheduledModel, ratio: Fraction) -> ScheduledModel:
     """A scheduled model at another scale: its models and, where they have a length, its loadings."""
     models = [scaled(m, ratio) for m in schedule.models]
     factor = Fraction(ratio) ** LOADING_POWERS[schedule.quantity]
@@ -124,7 +127,7 @@ def scaled_schedule(schedule, ratio):
     )
 
 
-def scaling_advice(model, ratio):
+def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
     """What Froude scaling leaves out.
 
     Parameters
@@ -139,37 +142,29 @@ def scaling_advice(model, ratio):
     """
     damping = [name for name in DAMPING_NAMES if name in model.equation.terms and name != 'b0']
     side = 'smaller' if ratio > 1 else 'larger'
-    found = [
-        Advice(
-            'viscous-scale-effect',
-            f'Froude scaling keeps wave damping, but not viscous damping: the Reynolds number changes by a factor '
-            f'{float(ratio) ** 1.5:.3g}, so that the frictional part of {", ".join(damping)} will be {side} than '
-            'scaled '
-            'here; '
-            'correct it with a friction line (ITTC 7.5-02-07-04.5) or confirm it at the other scale',
-        )
-    ]
-    if 'b0' in model.equation.terms:
-        found.append(
-            Advice(
-                'dry-friction-scaled',
-                'b0 is dry friction of a rig or mooring, which does not scale with the hull: use the result with b0 '
-                '= 0 '
-                'unless '
-                'such a rig exists there too',
-            )
-        )
-    return tuple(found)
+    viscous = Advice(
+        'viscous-scale-effect',
+        f'Froude scaling keeps wave damping, but not viscous damping: the Reynolds number changes by a factor '
+        f'{float(ratio) ** 1.5:.3g}, so that the frictional part of {", ".join(damping)} will be {side} than scaled '
+        'here; correct it with a friction line (ITTC 7.5-02-07-04.5) or confirm it at the other scale',
+    )
+    if 'b0' not in model.equation.terms:
+        return (viscous,)
+    return viscous, Advice(
+        'dry-friction-scaled',
+        'b0 is dry friction of a rig or mooring, which does not scale with the hull: use the result with b0 = 0 '
+        'unless such a rig exists there too',
+    )
 
 
-def _factors(ratio):
+def _factors(ratio: float | Fraction) -> np.ndarray:
     """What each ratio is multiplied by, shape (9,)."""
     root = math.sqrt(ratio)
     exact = {-2: 1.0 / float(ratio), -1: 1.0 / root, 0: 1.0, 1: root}
     return np.array([exact[TIME_POWERS[name]] for name in TERM_NAMES])
 
 
-def _at_scale_of_trials(identified):
+def _at_scale_of_trials(identified: IdentifiedModel) -> tuple[IdentifiedModel, Fraction]:
     """The model before any scaling, and the length ratio since."""
     history = identified.provenance.get('froude_scaling')
     if history is None:
@@ -197,7 +192,7 @@ def _at_scale_of_trials(identified):
     return origin, before
 
 
-def _ratio_in_all(before, ratio):
+def _ratio_in_all(before: Fraction, ratio: Fraction) -> Fraction:
     """The length ratio since the trials; one that could not be read back from the model file is refused here."""
     total = before * Fraction(ratio)
     try:
@@ -210,7 +205,7 @@ def _ratio_in_all(before, ratio):
         ) from error
 
 
-def _plain(identified: IdentifiedModel):
+def _plain(identified: IdentifiedModel) -> dict:
     return {
         'ratios': identified.model.terms,
         'covariance': identified.covariance.tolist(),

@@ -34,7 +34,7 @@ class IdentifiedModel:
     metrics: dict = field(default_factory=dict)
     provenance: dict = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         covariance = np.array(self.covariance, dtype=float)
         n = len(self.model.equation.terms)
         if covariance.shape != (n, n):
@@ -45,17 +45,17 @@ class IdentifiedModel:
         object.__setattr__(self, 'covariance', covariance)
 
     @classmethod
-    def exactly(cls, model):
+    def exactly(cls, model: DecayModel) -> 'IdentifiedModel':
         """A model taken as exact: a published hull, or an assumption."""
         n = len(model.equation.terms)
         return cls(model, np.zeros((n, n)))
 
     @property
-    def std(self):
+    def std(self) -> dict[str, float]:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, IdentifiedModel):
             return NotImplemented
         return (

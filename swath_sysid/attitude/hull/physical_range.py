@@ -2,6 +2,7 @@
 
 import math
 
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.common.errors import InputError
 
 SHORTEST_PERIOD = 0.05
@@ -18,7 +19,7 @@ LARGEST_DAMPING = 4.0 * _FASTEST
 FRICTION_RATES = (1e-6, 100.0)
 """rad/s; of the smoothing of dry friction."""
 
-def _either_way(size):
+def _either_way(size: float) -> tuple[float, float]:
     return -size, size
 
 
@@ -35,10 +36,10 @@ RATIO_RANGES = {
     's1': _either_way(5.0 * _FASTEST**2),
     's2': _either_way(3.0 * _FASTEST**2 / _SMALLEST_AMPLITUDE),
 }
-"""Least and largest ratio of each term; b0 and b1 are not negative, as no craft feeds on its own motion."""
+"""Least and largest ratio of each term; b0 and b1 are not negative: damping takes energy."""
 
 
-def check_physical(model):
+def check_physical(model: DecayModel) -> None:
     """Refuse a decay model that no floating craft can have.
 
     Parameters
@@ -62,6 +63,6 @@ def check_physical(model):
         _check('the natural period in s', period, SHORTEST_PERIOD, LONGEST_PERIOD)
 
 
-def _check(what, value, lowest, highest):
+def _check(what: str, value: float, lowest: float, highest: float) -> None:
     if not lowest <= value <= highest:
         raise InputError(f'{what} is {value:g}, which no craft has: it lies within {lowest:g} and {highest:g}')

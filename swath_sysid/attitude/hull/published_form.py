@@ -3,16 +3,15 @@
     b1 = 2N/I', b2 = W/I', b3 = x/I', r1 = C3/I' (or Dh/I'), r2 = C2/I', r3 = C1/I',
     s1 = C2/I' (or DH/I'), s2 = C1/I' in the sine forms.
 
-A decay cannot tell I'; it has to be given, or derived from mass and metacentric height.
+A decay does not show I'; it has to be given, or derived from mass and metacentric height.
 """
 
 from dataclasses import dataclass
 
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.terms import R1, S1
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.common.errors import InputError
-
-STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -43,12 +42,12 @@ class PublishedForm:
     c3: float = 0.0
     friction: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.inertia > 0.0:
             raise InputError(f"the inertia I' must be greater than zero, not {self.inertia}")
 
 
-def _is_sine_form(equation):
+def _is_sine_form(equation: Equation) -> bool:
     polynomial = {'r1', 'r2', 'r3'} & set(equation.terms)
     sine = {'s1', 's2'} & set(equation.terms)
     if polynomial and sine:
@@ -59,7 +58,7 @@ def _is_sine_form(equation):
     return bool(sine)
 
 
-def from_published(equation, form, axis, trim=0.0):
+def from_published(equation: Equation, form: PublishedForm, axis: str, trim: float = 0.0) -> DecayModel:
     """Decay model of coefficients in the published form.
 
     Parameters
@@ -89,7 +88,7 @@ def from_published(equation, form, axis, trim=0.0):
     return DecayModel.from_terms(equation, values, trim=trim, axis=axis)
 
 
-def to_published(model, inertia):
+def to_published(model: DecayModel, inertia: float) -> PublishedForm:
     """Coefficients in the published form of a decay model, for a given inertia.
 
     Raises
@@ -113,7 +112,7 @@ def to_published(model, inertia):
     )
 
 
-def inertia_from_metacentric_height(model, mass, metacentric_height):
+def inertia_from_metacentric_height(model: DecayModel, mass: float, metacentric_height: float) -> float:
     """Inertia with added inertia from hydrostatics, kg m^2: I' = m g GM / (r1 + s1).
 
     Parameters

@@ -1,18 +1,19 @@
 """A decay model whose ratios follow the draft (or displacement) that the craft floats at."""
 
 import bisect
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 QUANTITIES = ('draft_factor', 'draft_m', 'displacement_kg')
-UNITS = {'draft_factor': 'times the design draft', 'draft_m': 'm', 'displacement_kg': 'kg'}
 SAME = 1e-9
 """Relative difference below which two loadings are one."""
 
@@ -24,7 +25,7 @@ class ScheduledModel:
     Attributes
     ----------
     quantity : str
-        What tells the loading: ``draft_factor``, ``draft_m`` or ``displacement_kg``.
+        What the loading is given as: ``draft_factor``, ``draft_m`` or ``displacement_kg``.
     loadings : tuple of float
         Increasing.
     models : tuple of IdentifiedModel
@@ -35,7 +36,7 @@ class ScheduledModel:
     loadings: tuple[float, ...]
     models: tuple[IdentifiedModel, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.quantity not in QUANTITIES:
             raise InputError(f"a model cannot be scheduled on '{self.quantity}': choose from {', '.join(QUANTITIES)}")
         loadings = tuple(float(v) for v in self.loadings)
@@ -53,26 +54,21 @@ class ScheduledModel:
         object.__setattr__(self, 'models', tuple(self.models))
 
     @property
-    def axis(self):
+    def axis(self) -> str:
         """``roll`` or ``pitch``."""
         return self.models[0].model.axis
 
     @property
-    def equation(self):
+    def equation(self) -> Equation:
         """The equation that all loadings share."""
         return self.models[0].model.equation
 
     @property
-    def reference(self):
+    def reference(self) -> IdentifiedModel:
         """The model of the middle loading: what a reader that knows no draft should use."""
         return self.models[len(self.models) // 2]
 
-    @property
-    def reference_loading(self):
-        """Its loading."""
-        return self.loadings[len(self.models) // 2]
-
-    def at(self, loading):
+    def at(self, loading: float) -> tuple[IdentifiedModel, tuple[Advice, ...]]:
         """The model at a loading.
 
         Between two identified loadings ratios, trim and amplitude range are interpolated
@@ -110,7 +106,7 @@ class ScheduledModel:
             return mixed, (self._curvature_unknown(),)
         return mixed, ()
 
-    def _mixed(self, loading):
+    def _mixed(self, loading: float) -> IdentifiedModel:
         right = min(bisect.bisect_left(self.loadings, loading), len(self.loadings) - 1)
         if abs(self.loadings[right] - loading) <= SAME * loading:
             return self.models[right]
@@ -120,7 +116,7 @@ class ScheduledModel:
         covariance = (1.0 - weight) ** 2 * before.covariance + weight**2 * after.covariance
         covariance = covariance + np.diag(self._missed(left, loading) ** 2)
 
-        def between(a, b):
+        def between(a: Any, b: Any) -> Any:
             return (1.0 - weight) * a + weight * b
 
         old, new = before.model, after.model
@@ -131,9 +127,8 @@ class ScheduledModel:
             float(between(old.friction_rate, new.friction_rate)),
             self.axis,
         )
-        amplitudes = tuple(
-            float(between(a, b)) for a, b in zip(before.amplitude_range, after.amplitude_range, strict=True)
-        )
+        (low, high), (low_after, high_after) = before.amplitude_range, after.amplitude_range
+        amplitudes = float(between(low, low_after)), float(between(high, high_after))
         trim_std = float(np.hypot((1.0 - weight) * before.trim_std, weight * after.trim_std))
         provenance = {
             'scheduled_on': self.quantity,
@@ -142,7 +137,7 @@ class ScheduledModel:
         }
         return IdentifiedModel(model, covariance, trim_std, amplitudes, {}, provenance)
 
-    def _missed(self, left, loading):
+    def _missed(self, left: int, loading: float) -> np.ndarray:
         """What linear interpolation may miss of each ratio, shape (n,)."""
         count = len(self.loadings)
         if count < 3:
@@ -151,13 +146,13 @@ class ScheduledModel:
         away = abs((loading - self.loadings[left]) * (loading - self.loadings[left + 1]))
         return away * np.max([np.abs(self._second_difference(k)) for k in starts], axis=0)
 
-    def _second_difference(self, start):
+    def _second_difference(self, start: int) -> np.ndarray:
         """Second divided difference of the ratios over three neighbouring loadings, shape (n,)."""
         a, b, c = self.loadings[start : start + 3]
         at_a, at_b, at_c = (m.model.ratios[self.equation.indices] for m in self.models[start : start + 3])
         return ((at_c - at_b) / (c - b) - (at_b - at_a) / (b - a)) / (c - a)
 
-    def curve(self, loadings):
+    def curve(self, loadings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ratios and their standard deviations at several loadings.
 
         Parameters
@@ -173,27 +168,28 @@ class ScheduledModel:
         ratios = np.array([m.model.ratios[self.equation.indices] for m in found])
         return ratios, np.array([np.sqrt(np.diag(m.covariance)) for m in found])
 
-    def ratio(self, name):
+    def ratio(self, name: str) -> np.ndarray:
         """The identified values of one ratio, shape (loadings,)."""
         return np.array([m.model.ratios[TERM_INDEX[name]] for m in self.models])
 
-    def _outside(self, loading, nearest):
+    def _outside(self, loading: float, nearest: float) -> Advice:
         return Advice(
             'loading-outside',
             f'the model was identified for {self.quantity} {self.loadings[0]:g} to {self.loadings[-1]:g} and is not '
             f'extrapolated to {loading:g}: that of {nearest:g} is used; add trials at this loading',
         )
 
-    def _curvature_unknown(self):
+    def _curvature_unknown(self) -> Advice:
         return Advice(
             'loading-curvature-unknown',
             f'the model was identified at two values of {self.quantity} only, so that how its ratios bend between '
-            'them is '
-            'unknown: add trials at a third',
+            'them is unknown: add trials at a third',
         )
 
 
-def models_at(models, schedules, loading):
+def models_at(
+    models: Mapping[str, IdentifiedModel], schedules: Mapping[str, ScheduledModel], loading: float | None
+) -> tuple[dict[str, IdentifiedModel], tuple[Advice, ...]]:
     """The models to use at a loading: scheduled where there is a schedule, else as they are.
 
     Parameters

@@ -41,7 +41,7 @@ class CraftSettings:
     noise: SensorNoise = field(default_factory=SensorNoise)
     seed: int = 1
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.rate_hz > 0.0 and self.lift > 0.0 and self.hold >= 0.0):
             raise InputError('rate_hz and lift must be greater than zero, hold not negative')
         if not returns(self.model, self.angle):
@@ -53,7 +53,7 @@ class CraftSettings:
 
 @dataclass(frozen=True)
 class CraftReading:
-    """What the sensor says at one sample, in the craft's axes.
+    """What the sensor measures at one sample, in the craft's axes.
 
     Attributes
     ----------
@@ -80,14 +80,14 @@ class SimulatedCraft:
     settings : CraftSettings
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings: CraftSettings) -> None:
         self.settings = settings
         self._rng = np.random.default_rng(settings.seed)
         self._angles = self._rates = np.empty(0)
         self._next = 0
         self._state = settings.model.trim, 0.0
 
-    def release(self):
+    def release(self) -> float:
         """Lift the craft from where it is, hold it, and let it go.
 
         Returns
@@ -106,13 +106,8 @@ class SimulatedCraft:
         self._next = 0
         return (lift + hold) / s.rate_hz
 
-    def next_reading(self):
-        """The next reading.
-
-        Returns
-        -------
-        CraftReading
-        """
+    def next_reading(self) -> CraftReading:
+        """The next reading."""
         if self._next == len(self._angles):
             self._move_freely()
         angle, rate = float(self._angles[self._next]), float(self._rates[self._next])
@@ -120,28 +115,29 @@ class SimulatedCraft:
         self._state = angle, rate
         return self._measured(angle, rate)
 
-    def _move_freely(self):
+    def _move_freely(self) -> None:
         time = np.arange(round(FREE_SPAN * self.settings.rate_hz) + 1) / self.settings.rate_hz
         angles, rates = simulate(self.settings.model, *self._state, time)
         self._angles, self._rates, self._next = angles[1:], rates[1:], 0
 
-    def _measured(self, angle, rate):
+    def _measured(self, angle: float, rate: float) -> CraftReading:
         noise, axis = self.settings.noise, self.settings.model.axis
         other = 'pitch' if axis == 'roll' else 'roll'
         angles = {axis: angle, other: 0.0}
         force = gravity_reading(angles['roll'], angles['pitch'])
-        spread = (noise.angle, noise.angle, noise.rate, noise.rate, *[noise.acceleration] * 3)
-        errors = (spread * self._rng.normal(size=len(spread))).tolist()
+        spread = np.array([noise.angle] * 2 + [noise.rate] * 2 + [noise.acceleration] * 3)
+        errors = (spread * self._rng.normal(size=spread.size)).tolist()
+        x, y, z = (float(value) + error for value, error in zip(force.values(), errors[4:], strict=True))
         return CraftReading(
             angles['roll'] + errors[0],
             angles['pitch'] + errors[1],
             (rate if axis == 'roll' else 0.0) + errors[2],
             (rate if axis == 'pitch' else 0.0) + errors[3],
-            tuple(float(value) + error for value, error in zip(force.values(), errors[4:], strict=True)),
+            (x, y, z),
         )
 
 
-def returns(model: DecayModel, angle):
+def returns(model: DecayModel, angle: float) -> bool:
     """Whether a craft let go at rest comes back to trim.
 
     Parameters

@@ -1,15 +1,17 @@
 """Trials with known truth: a hull's free decay as an inertial sensor would have recorded it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 
-MOST_SAMPLES = 20_000_000
+MAX_SAMPLES = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -30,12 +32,15 @@ class SensorNoise:
     rate: float = 0.0165
     acceleration: float = 0.02
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.angle >= 0 and self.rate >= 0 and self.acceleration >= 0):
             raise InputError('noise cannot be negative')
 
 
-def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0.0):
+def simulated_trial(
+    model: DecayModel, initial_angle: float, duration: float, rate_hz: float, noise: SensorNoise, seed: int,
+    hold: float = 0.0,
+) -> Trial:
     """A free decay, released at rest from an initial angle, at even samples.
 
     Parameters
@@ -61,13 +66,13 @@ def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0
     ------
     InputError
         Too few or too many samples, or the motion runs away from that angle.
-    """
+    """  # fmt: skip
     if not (duration > 0.0 and rate_hz > 0.0 and hold >= 0.0):
         raise InputError('duration and rate must be greater than zero, hold not negative')
     count = int(round((hold + duration) * rate_hz))
-    if not 8 <= count <= MOST_SAMPLES:
+    if not 8 <= count <= MAX_SAMPLES:
         raise InputError(
-            f'{count} samples cannot be simulated: choose duration and rate for 8 to {MOST_SAMPLES:,} samples'
+            f'{count} samples cannot be simulated: choose duration and rate for 8 to {MAX_SAMPLES:,} samples'
         )
     time = np.arange(count) / rate_hz
     angle = np.full(count, model.trim + initial_angle)
@@ -85,14 +90,11 @@ def simulated_trial(model, initial_angle, duration, rate_hz, noise, seed, hold=0
     truth |= gravity_reading(truth['roll'], truth['pitch'])
     spread = {name: noise.rate if name.endswith('_rate') else noise.angle for name in truth}
     spread |= {name: noise.acceleration for name in truth if name.startswith('accel')}
-    measured = {name: values + spread[name] * rng.normal(size=count) for name, values in truth.items()}
+    measured: dict[str, Any] = {name: values + spread[name] * rng.normal(size=count) for name, values in truth.items()}
     return Trial(time, **measured, source='simulation', initial_angle=float(initial_angle))
 
 
-def gravity_reading(roll, pitch):
+def gravity_reading(roll: Value, pitch: Value) -> dict[str, Value]:
     """Specific force of a sensor that only gravity acts on, m/s^2, body axes forward, port, up."""
-    return {
-        'accel_x': -STANDARD_GRAVITY * np.sin(pitch),
-        'accel_y': STANDARD_GRAVITY * np.sin(roll) * np.cos(pitch),
-        'accel_z': STANDARD_GRAVITY * np.cos(roll) * np.cos(pitch),
-    }
+    up = up_in_body(roll, pitch)
+    return {name: STANDARD_GRAVITY * part for name, part in zip(('accel_x', 'accel_y', 'accel_z'), up, strict=True)}

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from swath_sysid.attitude.hull.compiled import motion_step, step_of_arrays
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 
 STEPS_PER_PERIOD = 60
@@ -35,7 +36,10 @@ def _side_by_side(x, rate, ratios, active, friction_rate, step, angles, rates, a
         accelerations[k], x, rate = step_of_arrays(x, rate, 0.0, step, ratios, active, friction_rate)
 
 
-def runge_kutta_population(x, rate, ratios, active, friction_rate, step, steps):
+def runge_kutta_population(
+    x: np.ndarray, rate: np.ndarray, ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, step: float,
+    steps: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integrate P free decays side by side with the classical Runge-Kutta scheme.
 
     Parameters
@@ -56,7 +60,7 @@ def runge_kutta_population(x, rate, ratios, active, friction_rate, step, steps):
     -------
     angles, rates, accelerations : ndarray, shape (steps + 1, P)
         Not finite from where a candidate has run away.
-    """
+    """  # fmt: skip
     angles, rates, accelerations = (np.empty((steps + 1, x.size)) for _ in range(3))
     # one step, two loops: compiled code is fast in registers, numpy on whole rows
     integrate = _one_by_one if HAS_NUMBA else _side_by_side
@@ -64,7 +68,7 @@ def runge_kutta_population(x, rate, ratios, active, friction_rate, step, steps):
     return angles, rates, accelerations
 
 
-def hermite_weights(fraction, step):
+def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
     """Weights of cubic Hermite interpolation between two neighbouring steps.
 
     Parameters
@@ -88,7 +92,7 @@ def hermite_weights(fraction, step):
     ])  # fmt: skip
 
 
-def interpolate(values, slopes, before, weights):
+def interpolate(values: np.ndarray, slopes: np.ndarray, before: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Cubic Hermite interpolation of columns at given places.
 
     Parameters
@@ -107,7 +111,7 @@ def interpolate(values, slopes, before, weights):
     return w[0] * values[before] + w[1] * slopes[before] + w[2] * values[before + 1] + w[3] * slopes[before + 1]
 
 
-def places_in_steps(time, step):
+def places_in_steps(time: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, int]:
     """Step before each time, weights of the interpolation there, and number of steps needed.
 
     ``time`` (N,) counts from the start of the simulation, s.
@@ -117,7 +121,7 @@ def places_in_steps(time, step):
     return before, hermite_weights(position - before, step), int(before.max()) + 1
 
 
-def longest_step(model, amplitude=0.0, steps_per_period=STEPS_PER_PERIOD):
+def longest_step(model: DecayModel, amplitude: float = 0.0, steps_per_period: float = STEPS_PER_PERIOD) -> float:
     """Step that follows a hull's motions up to an amplitude, rad, and their damping, s.
 
     Raises no error for a hull that is unstable upright: its fall is followed at the time
@@ -133,7 +137,7 @@ def longest_step(model, amplitude=0.0, steps_per_period=STEPS_PER_PERIOD):
     return 2.0 * math.pi / fastest / steps_per_period
 
 
-def simulate(model, angle, rate, time):
+def simulate(model: DecayModel, angle: float, rate: float, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Free decay of one hull.
 
     Parameters

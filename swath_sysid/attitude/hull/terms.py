@@ -12,7 +12,11 @@ Every formula below takes floats or arrays, so that the filter (one state), the 
 population) and the compiled kernel run the same source.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+
+from swath_sysid.attitude.motion.attitude import Value
 
 DAMPING_TERMS = {'friction': 'b0', 'linear': 'b1', 'quadratic': 'b2', 'cubic': 'b3'}
 RESTORING_TERMS = {'linear': 'r1', 'quadratic': 'r2', 'cubic': 'r3', 'sine': 's1', 'sine-squared': 's2'}
@@ -29,7 +33,7 @@ RATIO_UNITS = {
 B0, B1, B2, B3, R1, R2, R3, S1, S2 = range(9)
 
 
-def damping_moment(rate, ratios, active, friction_rate):
+def damping_moment(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
     """Damping moment over inertia, rad/s^2, of the sign of the rate.
 
     Parameters
@@ -54,7 +58,7 @@ def damping_moment(rate, ratios, active, friction_rate):
     return moment
 
 
-def restoring_moment(x, ratios, active):
+def restoring_moment(x: Value, ratios: Value, active: Sequence[bool]) -> Value:
     """Restoring moment over inertia, rad/s^2, at the angle ``x`` from trim, rad.
 
     ``ratios`` and ``active`` as in `damping_moment`; r1 is always read.
@@ -73,7 +77,7 @@ def restoring_moment(x, ratios, active):
     return moment
 
 
-def damping_slope(rate, ratios, active, friction_rate):
+def damping_slope(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
     """Derivative of `damping_moment` by the rate, 1/s."""
     slope = ratios[B1] + 0.0 * rate
     if active[B2]:
@@ -86,7 +90,7 @@ def damping_slope(rate, ratios, active, friction_rate):
     return slope
 
 
-def restoring_slope(x, ratios, active):
+def restoring_slope(x: Value, ratios: Value, active: Sequence[bool]) -> Value:
     """Derivative of `restoring_moment` by the angle, 1/s^2."""
     slope = ratios[R1] + 0.0 * x
     if active[R2]:
@@ -100,7 +104,7 @@ def restoring_slope(x, ratios, active):
     return slope
 
 
-def restoring_energy(x, ratios):
+def restoring_energy(x: Value, ratios: Value) -> Value:
     """Integral of `restoring_moment` from trim to ``x``, rad^2/s^2; all terms."""
     return (
         ratios[R1] * x**2 / 2
@@ -111,7 +115,7 @@ def restoring_energy(x, ratios):
     )
 
 
-def term_moments(x, rate, friction_rate):
+def term_moments(x: np.ndarray, rate: np.ndarray, friction_rate: float) -> np.ndarray:
     """Moment over inertia of each term with its ratio set to one.
 
     Parameters

@@ -685,8 +685,8 @@ def _advice(holds_decay, sea, period, damping, covariance, misfit, peak_period, 
     if misfit > POOR_FIT:
         found.append(Advice(
             'sea-not-fitted',
-            f'no single sea explains the motion (misfit {misfit:.1f} instead of 1; the uncertainty told is widened '
-            'for it): swell beside wind waves, a mooring, a changing speed or a helm may be in it; give start '
-            'and end of a stretch on a steady course, or record a free decay in still water',
+            f'no single sea explains the motion (misfit {misfit:.1f} instead of 1; the uncertainty is widened for '
+            'it): swell beside wind waves, a mooring, a changing speed or a helm may be in it; give start and end of a '
+            'stretch on a steady course, or record a free decay in still water',
         ))  # fmt: skip
     return tuple(found)

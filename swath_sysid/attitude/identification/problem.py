@@ -106,7 +106,7 @@ def decays_or_waves(motions, start=None, end=None):
     if absences and all(each.code == FORCED_MOTION for each in absences) and len(absences) == len(found):
         return None
     for absence in absences:
-        raise InputError(absence.message)
+        raise InputError(absence.message, absence.code)
     return _problem(motions, found)
 
 

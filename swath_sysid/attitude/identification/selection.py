@@ -1,8 +1,6 @@
 """Which equation to believe: rank many on the same records, and choose the simplest adequate one."""
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -17,6 +15,7 @@ from swath_sysid.attitude.identification.identify import (
 )
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import results_in_order
 
 FIRST_PART = 0.5
 """Share of each record, in time, on which a model is identified that the rest then judges."""
@@ -25,6 +24,8 @@ CRITERION_MARGIN = 10.0
 HELD_OUT_MARGIN = 1.1
 CANDIDATES = 'odd-cubic', 'swath-pitch-2', 'hydrofoil-pitch-3', 'swath-pitch-1', 'swath-roll-3'
 """Tried where no equation is given: each published hull has the terms of one of them, or a part of those."""
+ROUNDING = 1e-12
+"""Relative difference of two objective values that is none."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +108,17 @@ def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, pr
         raise InputError('give at least one equation to compare, and none twice')
     tasks = [(problem, replace(settings, equation=name)) for name in names]
     fits, held_out = [], []
-    for name, (fit, error) in zip(names, _map(_fit_and_hold_out, tasks, jobs), strict=True):
+    for name, (fit, error) in zip(names, results_in_order(_fit_and_hold_out, tasks, jobs), strict=True):
         fits.append(fit)
         held_out.append(error)
         if progress is not None:
             progress(len(fits), name)
-    return rank(_nested_in_order(problem, fits), held_out)
+
+    def refit(fit, better):
+        states = [r.state for r in better.records]
+        return refit_from(problem, fit.settings, fit.model.equation, better.model.ratios, states, fit.search)
+
+    return rank(enforce_nesting(fits, refit), held_out)
 
 
 def choose(problem, settings, *, progress=None):
@@ -175,11 +181,45 @@ def rank(fits, held_out):
             f'{best.name} was chosen of {len(ranked)} equations: its log likelihood, less one for each term, is '
             f'{0.5 * (second.criterion - best.criterion):.1f} above that of {second.name}.'
         ))
-    best, best_held_out = ranked[0].criterion, min(r.held_out for r in ranked)
-    likely = [r for r in ranked if r.criterion <= best + CRITERION_MARGIN]
-    adequate = [r for r in likely if r.held_out <= HELD_OUT_MARGIN * best_held_out]
+    return Comparison(tuple(ranked), *simplest_adequate(ranked))
+
+
+def simplest_adequate(ranked, criterion='criterion'):
+    """The equation with the fewest terms among those that criterion and held-out motion do not exclude.
+
+    Parameters
+    ----------
+    ranked : sequence
+        Best first, each with ``name``, ``term_count``, ``criterion`` and ``held_out``; see `RankedFit`.
+    criterion : str
+        What the reason calls it.
+
+    Returns
+    -------
+    choice : item of `ranked`
+    reason : str
+        One sentence.
+    """
+    likely = [r for r in ranked if r.criterion <= ranked[0].criterion + CRITERION_MARGIN]
+    smallest = min(r.held_out for r in ranked)
+    adequate = [r for r in likely if r.held_out <= HELD_OUT_MARGIN * smallest]
     choice = min(adequate or likely, key=lambda r: (r.term_count, r.criterion))
-    return Comparison(tuple(ranked), choice, _reason(choice, ranked, likely, adequate))
+    within = f'whose {criterion} is within {CRITERION_MARGIN:g} of the best'
+    if len(ranked) == 1:
+        return choice, f'{choice.name} is the only equation asked for.'
+    if len(likely) == 1:
+        return choice, (
+            f'{choice.name} is the only equation {within}: the others fit worse, or need more terms for it.'
+        )
+    words = (
+        f'{choice.name} has {choice.term_count} terms, the fewest of the {len(adequate or likely)} equations {within} '
+        f'({ranked[0].name})'
+    )
+    if adequate:
+        held_out = f'is within {100 * (HELD_OUT_MARGIN - 1):.0f} % of the smallest'
+        return choice, f'{words} and whose error on held-out motion {held_out}.'
+    best = min(ranked, key=lambda r: r.held_out).name
+    return choice, f'{words}; none of them predicts the held-out motion as well as {best}.'
 
 
 def information_criterion(fit, effective_samples):
@@ -191,28 +231,6 @@ def information_criterion(fit, effective_samples):
 def akaike_criterion(fit):
     """Akaike's information criterion, 2 k - 2 log likelihood."""
     return 2.0 * len(fit.model.equation.terms) - 2.0 * fit.log_likelihood
-
-
-def _reason(choice, ranked, likely, adequate):
-    if len(ranked) == 1:
-        return f'{choice.name} is the only equation asked for.'
-    words = (
-        f'{choice.name} has {choice.term_count} terms, the fewest of the {len(adequate or likely)} equations whose '
-        f'criterion is within {CRITERION_MARGIN:g} of the best ({ranked[0].name})'
-    )
-    if adequate:
-        return f'{words} and whose error on held-out motion is within {HELD_OUT_MARGIN - 1:.0%} of the smallest.'
-    return (
-        f'{words}; none of them predicts the held-out motion as well as {min(ranked, key=lambda r: r.held_out).name}.'
-    )
-
-
-def _map(function, tasks, jobs):
-    if jobs <= 1 or len(tasks) == 1:
-        yield from map(function, tasks)
-        return
-    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context('spawn')) as pool:
-        yield from pool.map(function, tasks)
 
 
 def _fit_and_hold_out(task):
@@ -253,16 +271,26 @@ def first_part(problem: Problem):
     return replace(problem, motions=cut, observed=cut)
 
 
-def _nested_in_order(problem, fits):
-    """Refine again, from the smaller model's optimum, any fit that a model it contains beats."""
-    by_size = sorted(range(len(fits)), key=lambda k: len(fits[k].model.equation.terms))
+def enforce_nesting(fits, refit):
+    """Refine again, from the smaller model's optimum, any fit that a model it contains beats.
+
+    Parameters
+    ----------
+    fits : sequence
+        Of the same records, each with ``model`` and ``objective_value``.
+    refit : callable
+        Of a fit and the better one of a model that it contains: the fit, refined from there.
+
+    Returns
+    -------
+    list
+        In the same order.
+    """
     fits = list(fits)
-    for k in by_size:
+    for k in sorted(range(len(fits)), key=lambda k: len(fits[k].model.equation.terms)):
         equation = fits[k].model.equation
         contained = [f for f in fits if f is not fits[k] and equation.contains(f.model.equation)]
         best = min(contained, key=lambda f: f.objective_value, default=None)
-        if best is not None and best.objective_value < fits[k].objective_value:
-            states = [r.state for r in best.records]
-            again = refit_from(problem, fits[k].settings, equation, best.model.ratios, states, fits[k].search)
-            fits[k] = min(again, fits[k], key=lambda f: f.objective_value)
+        if best is not None and best.objective_value < fits[k].objective_value * (1.0 - ROUNDING):
+            fits[k] = min(refit(fits[k], best), fits[k], key=lambda f: f.objective_value)
     return fits

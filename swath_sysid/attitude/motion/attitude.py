@@ -14,6 +14,7 @@ References
 """
 import math
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,16 @@ UNIT_TOLERANCE = 0.1
 """How far the squared norm of a measured quaternion may be from one."""
 
 VERTICAL_COSINE = 1e-9
-"""Below this cosine of pitch, roll and yaw cannot be told apart."""
+"""Below this cosine of pitch, roll and yaw cannot be separated."""
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, ISO 80000-3."""
+
+Value = Any
+"""A float, or an ndarray that broadcasts with the others."""
+
+Quaternion = tuple[Value, Value, Value, Value]
+"""x, y, z, w."""
 
 
 class _Arrays:
@@ -51,11 +61,11 @@ def _for_angles(first, second, third=0.0):
     return _Arrays
 
 
-def is_orientation(x, y, z, w):
-    """Whether a measured quaternion is an orientation at all.
+def is_orientation(x: Value, y: Value, z: Value, w: Value) -> Value:
+    """Whether a measured quaternion is valid.
 
-    Drivers that know none send zeros, and broken packets send anything: a quaternion whose
-    squared norm is not within `UNIT_TOLERANCE` of one, or not finite, is no orientation.
+    Drivers that know no orientation send zeros, and broken packets send anything: a quaternion whose
+    squared norm is not within `UNIT_TOLERANCE` of one, or not finite, is invalid.
 
     Parameters
     ----------
@@ -75,8 +85,8 @@ def _is_unit(x, y, z, w):
     return abs(x * x + y * y + z * z + w * w - 1) <= UNIT_TOLERANCE
 
 
-def euler_angles(x, y, z, w):
-    """Roll, pitch and yaw of a quaternion, NaN where it is no orientation.
+def euler_angles(x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, Value]:
+    """Roll, pitch and yaw of a quaternion, NaN where it is invalid.
 
     Where the x axis points straight up or down, roll is set to zero.
 
@@ -111,7 +121,7 @@ def _euler_angles(f, x, y, z, w):
     return f.where(vertical, 0.0, roll), pitch, yaw
 
 
-def tilt_angles(up_x, up_y, up_z):
+def tilt_angles(up_x: Value, up_y: Value, up_z: Value) -> tuple[Value, Value]:
     """Roll and pitch of the world's upward direction seen in body axes (FLU).
 
     Parameters
@@ -135,7 +145,25 @@ def _tilt_angles(f, up_x, up_y, up_z):
     return f.arctan2(up_y, up_z), f.arctan2(-up_x, f.hypot(up_y, up_z))
 
 
-def quaternion(roll, pitch, yaw):
+def up_in_body(roll: Value, pitch: Value) -> tuple[Value, Value, Value]:
+    """The world's upward direction seen in body axes (FLU): the inverse of `tilt_angles`.
+
+    Times gravity, what an accelerometer at rest reads.
+
+    Parameters
+    ----------
+    roll, pitch : float or ndarray
+        rad.
+
+    Returns
+    -------
+    x, y, z : float or ndarray
+        A unit vector: the last row of the rotation matrix from body to world.
+    """
+    return -np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)
+
+
+def quaternion(roll: Value, pitch: Value, yaw: Value) -> Quaternion:
     """The quaternion of roll, pitch and yaw.
 
     Parameters
@@ -163,7 +191,9 @@ def quaternion(roll, pitch, yaw):
     )
 
 
-def euler_rates(roll, pitch, rate_x, rate_y, rate_z):
+def euler_rates(
+    roll: Value, pitch: Value, rate_x: Value, rate_y: Value, rate_z: Value
+) -> tuple[Value, Value, Value]:
     """Euler rates of body rates, NaN where the x axis is vertical (they do not exist there).
 
     Parameters
@@ -189,7 +219,9 @@ def euler_rates(roll, pitch, rate_x, rate_y, rate_z):
     return rate_x + yaw_rate * f.sin(pitch), rate_y * cos_roll - rate_z * sin_roll, yaw_rate
 
 
-def body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate):
+def body_rates(
+    roll: Value, pitch: Value, roll_rate: Value, pitch_rate: Value, yaw_rate: Value
+) -> tuple[Value, Value, Value]:
     """Body rates of Euler rates: the inverse of `euler_rates`.
 
     Parameters
@@ -217,7 +249,7 @@ def body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate):
     )
 
 
-def swap_body_axes(x, y, z):
+def swap_body_axes(x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
     """A body vector from FRD (forward, right, down) to FLU (forward, left, up), or back.
 
     Holds for rates and for specific force alike: half a turn about x.
@@ -233,7 +265,7 @@ def swap_body_axes(x, y, z):
     return x, -y, -z
 
 
-def swap_frames(x, y, z, w):
+def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
     """An orientation from FRD in NED to FLU in ENU, or back.
 
     Parameters
@@ -255,7 +287,7 @@ def swap_frames(x, y, z, w):
     return half * (x + y), half * (x - y), half * (w - z), half * (w + z)
 
 
-def multiply(first, second):
+def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
     """The quaternion product ``first second``: the rotation `second`, then `first`.
 
     Parameters
@@ -280,7 +312,7 @@ def multiply(first, second):
     )
 
 
-def conjugate(x, y, z, w):
+def conjugate(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
     """The inverse of a unit quaternion.
 
     Parameters
@@ -294,7 +326,7 @@ def conjugate(x, y, z, w):
     return -x, -y, -z, w
 
 
-def rotate(rotation, x, y, z):
+def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
     """A vector turned by a unit quaternion.
 
     Parameters

@@ -3,10 +3,10 @@ from bisect import bisect_left
 
 import numpy as np
 
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.errors import InputError
 
-LEAST_ROWS = 8
+MIN_ROWS = 8
 """Fewer rows than this hold no motion to identify."""
 
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
@@ -20,13 +20,18 @@ UNEVEN_SPREAD = 0.1
 """The 90 % band of the intervals, relative to their median, from which a time base counts as uneven."""
 
 
-def clean(time, channels, source='the record'):
+Channels = dict[str, np.ndarray]
+
+
+def clean(
+    time: np.ndarray, channels: Channels, source: str = 'the record'
+) -> tuple[np.ndarray, Channels, tuple[Advice, ...]]:
     """Leave out what cannot be used, mark what cannot be true, and say so.
 
     Rows without a finite stamp, with the stamp of the row before, or out of order are left out
     (the longest increasing sequence of stamps stays, so one stray stamp costs one row). Absurd
     values become NaN. Channels without a finite value are left out. Gaps and an uneven time base
-    are only told.
+    are only reported.
 
     Parameters
     ----------
@@ -52,7 +57,7 @@ def clean(time, channels, source='the record'):
     Raises
     ------
     InputError
-        Fewer than `LEAST_ROWS` rows have a stamp of their own, or hold a usable value.
+        Fewer than `MIN_ROWS` rows have a stamp of their own, or hold a usable value.
     """
     time = np.asarray(time, dtype=float)
     rows, advice = _usable_rows(time)
@@ -62,32 +67,33 @@ def clean(time, channels, source='the record'):
                 for name, values in channels.items()}
     channels, value_advice = _plausible_channels(channels)
     advice += value_advice
-    if time.size < LEAST_ROWS:
+    if time.size < MIN_ROWS:
         raise InputError(
-            f'{source} holds {_count(time.size, "row")} with a stamp of its own and at least {LEAST_ROWS} are '
+            f'{source} holds {counted(time.size, "row")} with a stamp of its own and at least {MIN_ROWS} are '
             f'needed: check that it was recorded to the end and that its stamps increase'
         )
     filled = np.zeros(time.size, dtype=bool)
     for values in channels.values():
         filled |= np.isfinite(values)
-    if np.count_nonzero(filled) < LEAST_ROWS:
+    usable = int(np.count_nonzero(filled))
+    if usable < MIN_ROWS:
         raise InputError(
-            f'{source} holds usable values in {_count(np.count_nonzero(filled), "row")} of {time.size} and at least '
-            f'{LEAST_ROWS} are needed: check that the sensor sent data and that the units are right'
+            f'{source} holds usable values in {counted(usable, "row")} of {time.size} and at least {MIN_ROWS} are '
+            f'needed: check that the sensor sent data and that the units are right'
         )
     return time, channels, tuple(advice + _time_base_advice(time))
 
 
-def _usable_rows(time):
-    """A mask of the rows to keep (None: all of them) and what to tell."""
-    advice = []
+def _usable_rows(time: np.ndarray) -> tuple[np.ndarray | None, list[Advice]]:
+    """A mask of the rows to keep (None: all of them) and advice."""
+    advice: list[Advice] = []
     with np.errstate(invalid='ignore'):
         if np.isfinite(time).all() and np.all(np.diff(time) > 0):
             return None, advice
     rows = np.flatnonzero(np.isfinite(time))
     if rows.size < time.size:
         advice.append(Advice('missing-stamps', (
-            f'{_count(time.size - rows.size, "row")} without a finite time left out: look at what wrote the stamps'
+            f'{counted(time.size - rows.size, "row")} without a finite time left out: look at what wrote the stamps'
         )))
     fresh = np.ones(rows.size, dtype=bool)
     fresh[1:] = time[rows][1:] != time[rows][:-1]
@@ -95,14 +101,14 @@ def _usable_rows(time):
     rows = rows[fresh]
     if repeated:
         advice.append(Advice('repeated-stamps', (
-            f'{_count(repeated, "row")} with the stamp of the row before left out: if most are, write the time with '
+            f'{counted(repeated, "row")} with the stamp of the row before left out: if most are, write the time with '
             f'more digits'
         )))
     ordered = _longest_increasing(time[rows])
     disordered = int(rows.size - np.count_nonzero(ordered))
     if disordered:
         advice.append(Advice('out-of-order-stamps', (
-            f'{_count(disordered, "row")} out of order left out: if these are two recordings in one file or a '
+            f'{counted(disordered, "row")} out of order left out: if these are two recordings in one file or a '
             f'replay that looped, split it'
         )))
     keep = np.zeros(time.size, dtype=bool)
@@ -110,7 +116,7 @@ def _usable_rows(time):
     return keep, advice
 
 
-def _longest_increasing(values):
+def _longest_increasing(values: np.ndarray) -> np.ndarray:
     """A mask of the longest strictly increasing subsequence.
 
     Patience sorting (Fredman, 1975), run only over the rows in dispute: one that exceeds all
@@ -122,7 +128,9 @@ def _longest_increasing(values):
     keep[1:] &= values[1:] > np.maximum.accumulate(values)[:-1]
     keep[:-1] &= values[:-1] < np.minimum.accumulate(values[::-1])[::-1][1:]
     disputed = np.flatnonzero(~keep)
-    tails, tail_positions, previous = [], [], []
+    tails: list[float] = []
+    tail_positions: list[int] = []
+    previous: list[int] = []
     for position, value in enumerate(values[disputed].tolist()):
         length = bisect_left(tails, value)
         previous.append(tail_positions[length - 1] if length else -1)
@@ -139,13 +147,15 @@ def _longest_increasing(values):
     return keep
 
 
-def _plausible_channels(channels):
-    """The channels that hold something, absurd values as NaN, and what to tell."""
+def _plausible_channels(channels: Channels) -> tuple[Channels, list[Advice]]:
+    """The channels that hold something, absurd values as NaN, and advice."""
     plausible, advice = {}, []
-    missing, absurd, empty = {}, {}, []
+    missing: dict[str, int] = {}
+    absurd: dict[str, int] = {}
+    empty: list[str] = []
     for name, values in channels.items():
         finite = np.isfinite(values)
-        missing[name] = values.size - np.count_nonzero(finite)
+        missing[name] = values.size - int(np.count_nonzero(finite))
         largest = LARGEST_VALUES.get(_kind(name), np.inf)
         wild = finite & (np.abs(values) > largest)
         absurd[name] = int(np.count_nonzero(wild))
@@ -172,8 +182,8 @@ def _plausible_channels(channels):
     return plausible, advice
 
 
-def _time_base_advice(time):
-    """What to tell of gaps and of uneven intervals."""
+def _time_base_advice(time: np.ndarray) -> list[Advice]:
+    """Advice on gaps and uneven intervals."""
     advice = []
     intervals = np.diff(time)
     low, median, high = np.percentile(intervals, [5, 50, 95])
@@ -181,7 +191,7 @@ def _time_base_advice(time):
     if gaps.size:
         longest = gaps[np.argmax(intervals[gaps])]
         advice.append(Advice('gaps', (
-            f'{_count(gaps.size, "gap")} in the time base, the longest of {intervals[longest]:.4g} s after '
+            f'{counted(gaps.size, "gap")} in the time base, the longest of {intervals[longest]:.4g} s after '
             f't = {time[longest]:.6g} s (samples come every {median:.4g} s): nothing is filled in; choose a part '
             f'without gaps if the fit is poor'
         )))
@@ -193,7 +203,7 @@ def _time_base_advice(time):
     return advice
 
 
-def _kind(name):
+def _kind(name: str) -> str:
     """The kind of quantity a channel holds, by its name."""
     if name in ('roll', 'pitch'):
         return 'angle'
@@ -206,9 +216,5 @@ def _kind(name):
     return 'acceleration' if name.startswith('accel_') else ''
 
 
-def _listed(counts):
+def _listed(counts: dict[str, int]) -> str:
     return ', '.join(f'{name}: {count}' for name, count in counts.items() if count)
-
-
-def _count(number, noun):
-    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'

@@ -1,14 +1,15 @@
 """What contradicts itself in the data of a sensor, as a value: the code, the sentence with the cure, the axis."""
 from dataclasses import dataclass
 
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 FROZEN_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
 
-GRAVITY_CODES = frozenset({
-    'axes-of-sensor', 'accelerations-in-g', 'accelerations-scaled', 'gravity-missing', 'sensor-turned',
-})  # fmt: skip
+GRAVITY_CODES = frozenset(
+    {'axes-of-sensor', 'accelerations-in-g', 'accelerations-scaled', 'gravity-missing', 'sensor-turned'}
+)
 """Found at rest also."""
 
 OFFSET_CODES = frozenset({'rate-offset'})
@@ -20,7 +21,7 @@ RATE_CODES = frozenset({
 })  # fmt: skip
 """Found only while the craft moves."""
 
-DOUBTFUL_CODES = frozenset({'accelerations-scaled', 'gravity-missing', *FROZEN_CODES})
+DOUBTFUL_CODES = FROZEN_CODES | {'accelerations-scaled', 'gravity-missing'}
 """The rest of the data is as good without what these are about."""
 
 
@@ -38,34 +39,19 @@ class Contradiction(Advice):
     axis: str | None = None
 
     @property
-    def is_plain(self):
+    def is_plain(self) -> bool:
         """Whether nothing should be identified or forecast from such data before it is mended."""
         return self.code not in DOUBTFUL_CODES
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """What a stretch of data says of the installation.
-
-    Attributes
-    ----------
-    contradictions : tuple of Contradiction
-    decided : frozenset of str
-        The codes for which there was enough to judge by.
-    """
-
-    contradictions: tuple[Contradiction, ...] = ()
-    decided: frozenset[str] = frozenset()
-
-
-def refuse_contradictions(trial, axis=None):
+def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
     """Refuse a record whose angles, rates and accelerations contradict each other plainly.
 
     Parameters
     ----------
     trial : Trial
     axis : str, optional
-        What only concerns the other is no matter; by default both matter.
+        Contradictions that only concern the other axis are no matter; by default both matter.
 
     Raises
     ------

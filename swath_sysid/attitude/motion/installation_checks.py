@@ -3,6 +3,9 @@
 Gravity is held against the attitude, and the rates against the derivative of the angles. A sensor whose orientation,
 rates and accelerations are all turned alike about the vertical agrees with itself: no such check can see it.
 """
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from swath_sysid.attitude.motion.contradictions import (
@@ -11,7 +14,6 @@ from swath_sysid.attitude.motion.contradictions import (
     OFFSET_CODES,
     RATE_CODES,
     Contradiction,
-    Judgement,
 )
 from swath_sysid.attitude.motion.gravity_check import (
     accelerations_follow,
@@ -22,8 +24,9 @@ from swath_sysid.attitude.motion.gravity_check import (
     points_somewhere,
     size_of_gravity,
 )
-from swath_sysid.attitude.motion.rate_check import evidenced_axes, rates_against_angles
-from swath_sysid.attitude.motion.rate_comparison import LEAST_RATE, compare_rates
+from swath_sysid.attitude.motion.rate_check import rates_against_angles
+from swath_sysid.attitude.motion.rate_comparison import MIN_RATE, RateComparison, compare_rates
+from swath_sysid.attitude.motion.sensor_mount import Installation
 
 WINDOW = 30.0
 """s; over so long the accelerations of waves average out."""
@@ -31,7 +34,7 @@ WINDOW = 30.0
 BIN = 0.05
 """s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more."""
 
-LEAST_BINS = 40
+MIN_BINS = 40
 
 WINDOW_BINS = 300
 """Bins of a window of a sensor so slow that `WINDOW` holds fewer."""
@@ -39,18 +42,35 @@ WINDOW_BINS = 300
 FROZEN = 5.0
 """s of fresh stamps with the same values; the noise of a sensor does not repeat."""
 
-LEAST_FROZEN = 20
+MIN_FROZEN = 20
 """Bins of the same, at least."""
 
-MOST_STRETCHES = 20
+MAX_STRETCHES = 20
 """Of a long record, over which they are spread; up to twice as many are judged."""
 
-PARTS = (
-    ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('accel_x', 'accel_y', 'accel_z')
-)  # fmt: skip
+ANGLES, RATES = ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate')
+PARTS = ANGLES, RATES, ('accel_x', 'accel_y', 'accel_z')
 
 
-def judge(time, angles, rates, force, *, installation, interval, least_duration=0.0):
+@dataclass(frozen=True)
+class Judgement:
+    """What a stretch of data says of the installation.
+
+    Attributes
+    ----------
+    contradictions : tuple of Contradiction
+    decided : frozenset of str
+        The codes for which there was enough to judge by.
+    """
+
+    contradictions: tuple[Contradiction, ...] = ()
+    decided: frozenset[str] = frozenset()
+
+
+def judge(
+    time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.ndarray, *, installation: Installation,
+    interval: float,
+) -> Judgement:
     """Judge one stretch of data.
 
     Parameters
@@ -64,94 +84,79 @@ def judge(time, angles, rates, force, *, installation, interval, least_duration=
         What frame and mounting were taken to be.
     interval : float
         s between the samples of the sensor.
-    least_duration : float
-        s below which nothing is judged.
 
     Returns
     -------
     Judgement
-    """
-    if time.size < LEAST_BINS or time[-1] - time[0] < least_duration:
+    """  # fmt: skip
+    if time.size < MIN_BINS:
         return Judgement()
     frozen = _frozen(time, angles, rates, force)
     if frozen:
-        return Judgement(frozen, FROZEN_CODES)
+        return Judgement((frozen,), FROZEN_CODES)
     up, mean_force = mean_up(angles), mean_force_of(force)
-    comparison = _compared(time, angles, rates)
-    decided, found, turn = FROZEN_CODES, [], None
-    if mean_force is not None:
-        found += size_of_gravity(mean_force)
+    comparison = _compared(time, angles[:, :2], rates)
+    decided, turn = FROZEN_CODES, None
+    found = [] if mean_force is None else size_of_gravity(mean_force)
     if mean_force is not None or up is not None:
         decided |= GRAVITY_CODES
     if mean_force is not None and points_somewhere(mean_force):
-        turn, contradictions = direction_of_gravity(
-            mean_force / np.linalg.norm(mean_force), up, np.isfinite(angles[:, 0]).any(), comparison, installation
-        )
+        direction = mean_force / np.linalg.norm(mean_force)
+        turn, contradictions = direction_of_gravity(direction, up, comparison, installation)
         found += contradictions
     elif up is not None:
         found += list_of_craft(up, installation)
     if comparison is not None and turn is None:
-        decided |= OFFSET_CODES | (RATE_CODES if np.any(evidenced_axes(comparison)) else frozenset())
+        decided |= OFFSET_CODES | (RATE_CODES if comparison.evidenced.size else frozenset())
         found += rates_against_angles(comparison, interval, accelerations_follow(angles, force), installation)
     return Judgement(tuple(found), decided)
 
 
-def _frozen(time, angles, rates, force):
+def _frozen(time: np.ndarray, *parts: np.ndarray) -> Contradiction | None:
     """What has not changed for `FROZEN` though it should have; angles that come alone may stand still."""
-    first = min(int(np.searchsorted(time, time[-1] - FROZEN)), max(time.size - LEAST_FROZEN, 0))
-    lately = [part[first:] for part in (angles, rates, force)]
-    known = [bool(np.isfinite(part).any()) for part in lately]
+    first = min(int(np.searchsorted(time, time[-1] - FROZEN)), max(time.size - MIN_FROZEN, 0))
+    angles, rates, force = (part[first:] for part in parts)
+    known = [bool(np.isfinite(part).any()) for part in (angles, rates, force)]
     if first == 0 or not any(known[1:]):
-        return ()
-    still = [bool(np.all((part == part[0]) | np.isnan(part))) for part in lately]
+        return None
+    still = [bool(np.all((part == part[0]) | np.isnan(part))) for part in (angles, rates, force)]
     if all(still):
-        return (Contradiction('sensor-frozen', (
+        return Contradiction('sensor-frozen', (
             f'every value of the sensor has been the same for {FROZEN:g} s while its stamps go on: restart its driver, '
             f'and look for one that repeats its last message'
-        )),)  # fmt: skip
-    if known[0] and still[0] and known[1] and np.nanmax(np.nanstd(lately[1][:, :2], axis=0)) > LEAST_RATE:
-        return (Contradiction('angles-frozen', (
+        ))  # fmt: skip
+    if known[0] and still[0] and known[1] and np.nanmax(np.nanstd(rates[:, :2], axis=0)) > MIN_RATE:
+        return Contradiction('angles-frozen', (
             f'the orientation has been the same for {FROZEN:g} s while the rates show motion: look at what gives the '
             f'orientation, or let the driver set orientation_covariance[0] to -1'
-        )),)  # fmt: skip
-    return ()
+        ))  # fmt: skip
+    return None
 
 
-def _compared(time, angles, rates):
+def _compared(time: np.ndarray, angles: np.ndarray, rates: np.ndarray) -> RateComparison | None:
     """Rates and angles compared on an even time base; None where there is too little of either."""
-    known = np.isfinite(rates).any(axis=0)
-    usable = np.isfinite(angles[:, :2]).any(axis=0)
-    if not known.any() or not usable.any():
+    if not np.isfinite(rates).any() or not np.isfinite(angles).any():
         return None
-    whole = np.ones(time.size, dtype=bool)
-    for part in (angles, rates):
-        for column in part.T:
-            if np.isfinite(column).any():
-                whole &= np.isfinite(column)
+    values = np.hstack([angles, rates])
+    measured = np.isfinite(values).any(axis=0)
+    whole = np.isfinite(values[:, measured]).all(axis=1)
     # what is left out is bridged, unless it is much
-    if np.count_nonzero(whole) < max(LEAST_BINS, 0.5 * time.size):
+    if np.count_nonzero(whole) < max(MIN_BINS, 0.5 * time.size):
         return None
-    step = float(np.median(np.diff(time)))
-    kept = time[whole]
-    if np.max(np.diff(kept)) > max(1.0, 4.0 * step):
-        return None
+    step, kept = float(np.median(np.diff(time))), time[whole]
     even = np.arange(kept[0], kept[-1], step)
-    if even.size < LEAST_BINS:
+    if np.max(np.diff(kept)) > max(1.0, 4.0 * step) or even.size < MIN_BINS:
         return None
-
-    def evened(part):
-        columns = [
-            np.interp(even, kept, column[whole]) if np.isfinite(column).any() else np.full(even.size, np.nan)
-            for column in part.T
-        ]
-        return np.stack(columns, axis=1)
-
-    unwrapped = np.full(angles.shape, np.nan)
-    unwrapped[whole] = np.unwrap(angles[whole], axis=0)
-    return compare_rates(step, evened(unwrapped), evened(rates))
+    values[whole, :2] = np.unwrap(angles[whole], axis=0)
+    evened = np.full((even.size, values.shape[1]), np.nan)
+    for place in np.flatnonzero(measured):
+        evened[:, place] = np.interp(even, kept, values[whole, place])
+    return compare_rates(step, evened[:, :2], evened[:, 2:])
 
 
-def contradictions_in(time, channels, installation):
+def contradictions_in(
+    time: np.ndarray, channels: dict[str, np.ndarray], installation: Installation
+) -> tuple[Contradiction, ...]:
     """What contradicts itself in a whole record.
 
     The record is judged in stretches. What stands is found in most of those that can tell; a sensor that froze, in any.
@@ -169,18 +174,18 @@ def contradictions_in(time, channels, installation):
     -------
     tuple of Contradiction
     """
-    if time.size < LEAST_BINS:
+    if time.size < MIN_BINS:
         return ()
     interval = float(np.median(np.diff(time)))
-    size = max(WINDOW_BINS * _samples_a_bin(interval), round(WINDOW / interval))
+    size = max(WINDOW_BINS * samples_a_bin(interval), round(WINDOW / interval))
     starts = range(0, max(time.size - size // 2, 1), size // 2)
     judgements = []
-    for start in starts[:: max(len(starts) // MOST_STRETCHES, 1)]:
+    for start in starts[:: max(len(starts) // MAX_STRETCHES, 1)]:
         rows = slice(start, start + size)
         unknown = np.full(time[rows].size, np.nan)
         parts = [np.stack([channels[n][rows] if n in channels else unknown for n in names], axis=1) for names in PARTS]
         judgements.append(judge(*binned(time[rows], parts, interval), installation=installation, interval=interval))
-    found = {}
+    found: dict[tuple[str, str | None], list[Contradiction]] = {}
     for judgement in judgements:
         for contradiction in judgement.contradictions:
             found.setdefault((contradiction.code, contradiction.axis), []).append(contradiction)
@@ -190,13 +195,29 @@ def contradictions_in(time, channels, installation):
     )  # fmt: skip
 
 
-def _samples_a_bin(interval):
+def samples_a_bin(interval: float) -> int:
+    """So many samples of an interval (s) are averaged to a bin."""
     return max(int(BIN / interval + 0.5), 1)
 
 
-def binned(time, parts, interval):
-    """Samples averaged by so many that a bin is `BIN` long; a value that is missing leaves its bin unknown."""
-    count = _samples_a_bin(interval)
+def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tuple[np.ndarray, ...]:
+    """Samples averaged by so many that a bin is `BIN` long; a value that is missing leaves its bin unknown.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        s.
+    parts : sequence of 3 ndarrays, shape (N, 3)
+        Angles, rates and specific force.
+    interval : float
+        s between samples.
+
+    Returns
+    -------
+    time : ndarray, shape (M,)
+    angles, rates, force : ndarray, shape (M, 3)
+    """
+    count = samples_a_bin(interval)
     if count == 1 or time.size < 2 * count:
         return time, *parts
     whole = time.size // count * count

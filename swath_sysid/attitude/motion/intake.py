@@ -8,7 +8,7 @@ import numpy as np
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.cleaning import LARGEST_VALUES
 from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.attitude.motion.stamps import StampOrder
+from swath_sysid.attitude.motion.stamps import NANOSECOND, StampOrder, StampSettings
 
 NOT_FINITE = 'not-finite'
 ABSURD = 'absurd-value'
@@ -26,7 +26,6 @@ INTAKE_REASONS = (
 NOT_MEASURED = -1.0
 """First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu)."""
 
-NANOSECOND = 1e-9
 _UNKNOWN = (nan, nan)
 _NOT_MEASURED = (nan, nan, nan)
 _LARGEST_RATE, _LARGEST_ACCELERATION = LARGEST_VALUES['rate'], LARGEST_VALUES['acceleration']
@@ -35,7 +34,7 @@ LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = LARGEST_VALUES['angle'] ** 2, LA
 """A sensor that knows less than this knows nothing, or its covariance is not in rad^2 and rad^2/s^2."""
 
 LARGEST_PITCH = radians(80.0)
-"""Beyond it roll and yaw are hardly told apart, and every rate error is more than five times as large in theirs."""
+"""Beyond it roll and yaw can hardly be separated, and every rate error is more than five times as large in theirs."""
 
 
 class ImuReading(NamedTuple):
@@ -101,12 +100,12 @@ class CraftSample(NamedTuple):
     heave: float = nan
 
     @property
-    def stamp(self):
+    def stamp(self) -> float:
         """The stamp in seconds."""
         return self.stamp_ns * NANOSECOND
 
     @property
-    def motion(self):
+    def motion(self) -> tuple[float, ...]:
         """Angles, rates and accelerations: the seven channels in the order of a window."""
         return self[1:8]
 
@@ -126,7 +125,7 @@ class Taken(NamedTuple):
     reasons: tuple[str, ...]
 
 
-def take_in(reading, installation):
+def take_in(reading: ImuReading, installation: Installation) -> Taken:
     """Turn one IMU message into the motion of the craft; what cannot be used becomes NaN.
 
     Without an orientation the body rates stand for the Euler rates, which is good for small
@@ -141,11 +140,11 @@ def take_in(reading, installation):
     -------
     Taken
     """
-    stamp_ns, quaternion, angle_covariance, rates, rate_covariance, force, force_covariance = reading
-    reasons = []
-    quaternion = _orientation(quaternion, angle_covariance, reasons)
-    rates = _vector(rates, rate_covariance, _LARGEST_RATE, reasons)
-    force = _vector(force, force_covariance, _LARGEST_ACCELERATION, reasons)
+    stamp_ns, orientation, angle_covariance, body_rates, rate_covariance, specific_force, force_covariance = reading
+    reasons: list[str] = []
+    quaternion = _orientation(orientation, angle_covariance, reasons)
+    rates = _vector(body_rates, rate_covariance, _LARGEST_RATE, reasons)
+    force = _vector(specific_force, force_covariance, _LARGEST_ACCELERATION, reasons)
     if quaternion is None and rates is None:
         return Taken(None, (*reasons, EMPTY))
     angle_variances = rate_variances = _UNKNOWN
@@ -160,20 +159,22 @@ def take_in(reading, installation):
         if quaternion is not None:
             roll_rate, pitch_rate, yaw_rate = attitude.euler_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
         rate_variances = _variances(rate_covariance, installation, LARGEST_RATE_VARIANCE, reasons)
-    accelerations = _NOT_MEASURED if force is None else installation.vector(*force)
+    accel_x, accel_y, accel_z = _NOT_MEASURED if force is None else installation.vector(*force)
     if (quaternion is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
         reasons.append(UNKNOWN_COVARIANCE)
     return Taken(
         CraftSample(
-            stamp_ns, roll, pitch, roll_rate, pitch_rate, *accelerations, *angle_variances, *rate_variances, yaw,
-            yaw_rate,
+            stamp_ns, roll, pitch, roll_rate, pitch_rate, accel_x, accel_y, accel_z, *angle_variances, *rate_variances,
+            yaw, yaw_rate,
         ),
         tuple(reasons),
     )  # fmt: skip
 
 
-def _orientation(quaternion, covariance, reasons):
-    """The quaternion, None where it is none."""
+def _orientation(
+    quaternion: Sequence[float], covariance: Sequence[float], reasons: list[str]
+) -> Sequence[float] | None:
+    """The quaternion, None where it is invalid or not measured."""
     if covariance[0] == NOT_MEASURED:
         reasons.append(NO_ORIENTATION)
     elif attitude.is_orientation(*quaternion):
@@ -183,7 +184,9 @@ def _orientation(quaternion, covariance, reasons):
     return None
 
 
-def _vector(values, covariance, largest, reasons):
+def _vector(
+    values: Sequence[float], covariance: Sequence[float], largest: float, reasons: list[str]
+) -> Sequence[float] | None:
     """A rate or a force, None where it is not measured or cannot be true."""
     if covariance[0] == NOT_MEASURED:
         return None
@@ -194,13 +197,15 @@ def _vector(values, covariance, largest, reasons):
     return None
 
 
-def _note(reason, reasons):
+def _note(reason: str, reasons: list[str]) -> None:
     if reason not in reasons:
         reasons.append(reason)
 
 
-def _variances(covariance, installation, largest, reasons):
-    """Variances about the craft's x and y axes; `_UNKNOWN` where the sensor does not tell, or they cannot be."""
+def _variances(
+    covariance: Sequence[float], installation: Installation, largest: float, reasons: list[str]
+) -> tuple[float, float]:
+    """Variances about the craft's x and y axes; `_UNKNOWN` where they are not reported, or cannot be."""
     about_x, about_y = covariance[0], covariance[4]
     if not (0.0 < about_x < inf and 0.0 < about_y < inf):
         return _UNKNOWN
@@ -227,50 +232,26 @@ class Intake:
     stamps : StampSettings
     """
 
-    def __init__(self, installation, stamps):
+    def __init__(self, installation: Installation, stamps: StampSettings) -> None:
         self._installation = installation
         self._order = StampOrder(stamps)
 
     @property
-    def interval(self):
+    def interval(self) -> float | None:
         """Typical time between samples, s; None before the second."""
         return self._order.interval
 
-    def take(self, reading):
-        """Take in the next message.
-
-        Parameters
-        ----------
-        reading : ImuReading
-
-        Returns
-        -------
-        Taken
-            With reasons of `STAMP_REASONS` also.
-        """
+    def take(self, reading: ImuReading) -> Taken:
+        """Take in the next message; the reasons are of `STAMP_REASONS` also."""
         placed, reasons = self._order.place(reading.stamp_ns)
         if not placed:
             return Taken(None, reasons)
         taken = take_in(reading, self._installation)
         return Taken(taken.sample, reasons + taken.reasons) if reasons else taken
 
-    def place(self, sample):
-        """Place the next sample of a record, which was cleaned and turned as a whole.
-
-        Parameters
-        ----------
-        sample : CraftSample
-
-        Returns
-        -------
-        Taken
-            With reasons of `STAMP_REASONS`.
-        """
+    def place(self, sample: CraftSample) -> Taken:
+        """Place the next sample of a record, which was cleaned and turned as a whole; reasons of `STAMP_REASONS`."""
         placed, reasons = self._order.place(sample.stamp_ns)
         if placed and all(value != value for value in sample[1:5]):
             return Taken(None, (*reasons, EMPTY))
         return Taken(sample if placed else None, reasons)
-
-
-STRAIGHT = Installation()
-"""A sensor whose axes are those of the craft, FLU."""

@@ -1,7 +1,10 @@
-"""Rates held against the derivatives of their angles: axis, sign, unit, delay, offset."""
+"""Rates checked against the derivatives of their angles: axis, sign, unit, delay, offset."""
 import numpy as np
 
 from swath_sysid.attitude.motion.contradictions import Contradiction
+from swath_sysid.attitude.motion.rate_comparison import RateComparison
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.turned_axes import turn_and_cure
 
 FOLLOWS = 0.7
@@ -21,25 +24,23 @@ UNITS = {
 UNIT_TOLERANCE = 1.3
 """Factor by which the rates may differ from the derivatives of the angles, and from a unit of `UNITS`."""
 
-LAG_INTERVALS, LEAST_LAG = 2.5, 0.05
-"""A delay is told beyond so many sample intervals and so many seconds."""
+LAG_INTERVALS, MIN_LAG = 2.5, 0.05
+"""A delay is reported beyond so many sample intervals and so many seconds."""
 
 UNRELATED = 0.6
 """Correlation with the derivative of its angle at every delay below which a rate does not follow it."""
 
-LEAST_SHARE = 0.3
+MIN_SHARE = 0.3
 """Of the derivative's standard deviation that a rate must have to hold it."""
 
-LEAST_FREEDOM = 6.0
+MIN_FREEDOM = 6.0
 """Degrees of freedom below which a poor correlation is no proof: one noisy swing."""
 
 SIGNIFICANT = 4.0
 """Standard deviations beyond which a delay or a gain is no chance."""
 
-LARGEST_OFFSET = np.radians(2.0)
+MAX_OFFSET = np.radians(2.0)
 """rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets."""
-
-AXIS_NAMES = ('roll', 'pitch', 'yaw')
 
 ARRANGEMENTS = {
     'reversed': -np.eye(3),
@@ -53,70 +54,62 @@ ARRANGEMENTS = {
 """Which derivative each rate holds, where gravity is as the attitude says."""
 
 
-def agreement(comparison, arrangement):
-    """Mean correlation of the rates with the derivatives of the angles in this arrangement; 0 where none moves."""
-    if comparison is None:
-        return 0.0
-    correlations = []
-    for j in np.flatnonzero(evidenced_axes(comparison)):
-        i = int(np.argmax(np.abs(arrangement[:, j])))
-        if comparison.has_rate[i]:
-            correlations.append(arrangement[i, j] * comparison.at_once[i, j])
-    return float(np.mean(correlations)) if correlations else 0.0
+def rates_against_angles(
+    comparison: RateComparison, interval: float, accelerations: int, installation: Installation
+) -> list[Contradiction]:
+    """What contradicts itself between rates and angles.
 
+    Parameters
+    ----------
+    comparison : RateComparison
+    interval : float
+        s between the samples of the sensor.
+    accelerations : int
+        Sign with which the accelerations follow the tilt; 0: not known.
+    installation : Installation
+        What frame and mounting were taken to be.
 
-def evidenced_axes(comparison):
-    """Roll and pitch, where they move and some rate is there; compasses are too slow and too rough to tell."""
-    return comparison.moves & comparison.has_rate.any() & np.array([True, True, False])
-
-
-def rates_against_angles(comparison, interval, accelerations, installation):
-    """What contradicts itself between rates and angles."""
-    evidenced = np.flatnonzero(evidenced_axes(comparison))
-    if not evidenced.size:
-        return _offsets(comparison)
-    follows = [comparison.at_once[j, j] >= FOLLOWS for j in evidenced]
-    if not all(follows):
+    Returns
+    -------
+    list of Contradiction
+    """
+    evidenced = comparison.evidenced
+    if any(not comparison.at_once[j, j] >= FOLLOWS for j in evidenced):
         delayed = float(np.mean([comparison.lagged[j] if comparison.has_rate[j] else 0.0 for j in evidenced]))
-        rearranged = _rearranged(comparison, evidenced, accelerations, installation, max(EXPLAINS, delayed))
+        rearranged = _rearranged(comparison, accelerations, installation, max(EXPLAINS, delayed))
         if rearranged:
-            return rearranged
-    scaled = _scales(comparison, evidenced)
-    return [
-        *(scaled or _offsets(comparison)), *_delays(comparison, evidenced, interval),
-        *_unrelated(comparison, evidenced),
-    ]
+            return [rearranged]
+    scaled = [found for j in evidenced for found in _scale(comparison, j)]
+    delays = [found for j in evidenced for found in _delay(comparison, j, interval)]
+    return [*(scaled or _offsets(comparison)), *delays, *_unrelated(comparison)]
 
 
-def _rearranged(comparison, evidenced, accelerations, installation, least):
+def _rearranged(
+    comparison: RateComparison, accelerations: int, installation: Installation, least: float
+) -> Contradiction | None:
     """Rates on other axes, or with another sign, than their angles."""
-    scores = {name: agreement(comparison, arrangement) for name, arrangement in ARRANGEMENTS.items()}
-    name = max(scores, key=scores.get)
+    scores = {name: comparison.agreement(arrangement) for name, arrangement in ARRANGEMENTS.items()}
+    name = max(scores, key=lambda name: scores[name])
     if scores[name] < least:
-        return []
+        return None
+    crossed = 'the roll rate follows the pitch angle and the pitch rate the roll angle'
     if 'exchanged' in name:
         # what stands exchanged in FRD axes is exchanged and reversed in those of the craft
         signs = '' if (name == 'exchanged') == (installation.frame == 'flu') else ', and reverse both'
-        return [Contradiction('rates-swapped', (
-            f'the roll rate follows the pitch angle and the pitch rate the roll angle: exchange the x and y '
-            f'gyroscopes{signs}'
-        ))]  # fmt: skip
+        return Contradiction('rates-swapped', f'{crossed}: exchange the x and y gyroscopes{signs}')
     if name in ('to port', 'to starboard'):
         turn = (0.0, 0.0, 0.5 * np.pi if name == 'to port' else -0.5 * np.pi)
-        return [Contradiction('rates-turned', (
-            f'the roll rate follows the pitch angle and the pitch rate the roll angle, one of them reversed: '
-            f'{turn_and_cure(turn, installation)}'
-        ))]  # fmt: skip
-    if name == 'reversed' and evidenced.size > 1:
-        return [_both_reversed(accelerations, installation)]
-    axis = AXIS_NAMES[evidenced[0]] if name == 'reversed' else name.split()[0]
-    return [Contradiction('rate-sign', (
+        return Contradiction('rates-turned', f'{crossed}, one of them reversed: {turn_and_cure(turn, installation)}')
+    if name == 'reversed' and comparison.evidenced.size > 1:
+        return _both_reversed(accelerations, installation)
+    axis = AXES[comparison.evidenced[0]] if name == 'reversed' else name.split()[0]
+    return Contradiction('rate-sign', (
         f'the {axis} rate is the derivative of the {axis} angle with the opposite sign: reverse one of the two (roll '
         f'is positive to starboard, pitch bow down, and so are their rates)'
-    ), axis)]  # fmt: skip
+    ), axis)  # fmt: skip
 
 
-def _both_reversed(accelerations, installation):
+def _both_reversed(accelerations: int, installation: Installation) -> Contradiction:
     seen = 'roll and pitch rate are the derivatives of their angles with the opposite sign'
     turned = turn_and_cure((0.0, 0.0, np.pi), installation)
     reversed_signs = 'reverse the signs of the rates in the driver or the file'
@@ -127,75 +120,67 @@ def _both_reversed(accelerations, installation):
     return Contradiction('rate-sign', f'{seen}: {reversed_signs}, unless {turned}')
 
 
-def _scales(comparison, evidenced):
-    """Rates in another unit than the derivatives of the angles."""
-    found = []
-    for j in evidenced:
-        axis, gain = AXIS_NAMES[j], comparison.lagged_gain[j]
-        if comparison.lagged[j] < EXPLAINS or not _differs(comparison, j):
-            continue
-        seen = f'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle'
-        unit = next((unit for factor, unit in UNITS.items() if _is_near(gain, factor)), None)
-        if unit:
-            cure = f'{unit}; give each in the unit expected, or name the one it is in'
-        else:
-            cure = 'look at the units of angle, rate and time, and at the scale of the gyroscope'
-        found.append(Contradiction('rate-unit' if unit else 'rate-scale', f'{seen}: {cure}', axis))
-    return found
+def _scale(comparison: RateComparison, j: int) -> list[Contradiction]:
+    """A rate in another unit than the derivative of its angle."""
+    axis, gain = AXES[j], comparison.gain[j]
+    if comparison.lagged[j] < EXPLAINS or not _differs(comparison, j):
+        return []
+    unit = next((unit for factor, unit in UNITS.items() if _is_near(gain, factor)), None)
+    cure = f'{unit}; give each in the unit expected, or name the one it is in' if unit else (
+        'look at the units of angle, rate and time, and at the scale of the gyroscope')
+    return [Contradiction('rate-unit' if unit else 'rate-scale', (
+        f'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: {cure}'
+    ), axis)]  # fmt: skip
 
 
-def _differs(comparison, axis):
+def _differs(comparison: RateComparison, j: int) -> bool:
     """Whether a rate is more than noise away from the derivative of its angle."""
-    gain = comparison.lagged_gain[axis]
-    return not _is_near(gain, 1.0) and abs(gain - 1.0) > SIGNIFICANT * comparison.gain_std[axis]
+    gain = comparison.gain[j]
+    return not _is_near(gain, 1.0) and abs(gain - 1.0) > SIGNIFICANT * comparison.gain_std[j]
 
 
-def _is_near(gain, factor):
+def _is_near(gain: float, factor: float) -> bool:
     return factor / UNIT_TOLERANCE < gain < factor * UNIT_TOLERANCE
 
 
-def _delays(comparison, evidenced, interval):
-    """Rates later, or earlier, than their angles."""
-    found = []
-    for j in evidenced:
-        lag = float(comparison.lag[j])
-        limit = max(LAG_INTERVALS * interval, LEAST_LAG, SIGNIFICANT * comparison.lag_std[j])
-        if comparison.lagged[j] < EXPLAINS or abs(lag) <= limit:
-            continue
-        axis = AXIS_NAMES[j]
-        late, early = ('rate', 'angle') if lag > 0.0 else ('angle', 'rate')
-        found.append(Contradiction(f'{late}-late', (
-            f'the {axis} {late} comes {abs(lag):.2f} s after the {axis} {early}: let the driver stamp both when they '
-            f'are measured and look for a slow filter on the {late}, or move its column by as much'
-        ), axis))  # fmt: skip
-    return found
+def _delay(comparison: RateComparison, j: int, interval: float) -> list[Contradiction]:
+    """A rate later, or earlier, than its angle."""
+    axis, lag = AXES[j], float(comparison.lag[j])
+    limit = max(LAG_INTERVALS * interval, MIN_LAG, SIGNIFICANT * comparison.lag_std[j])
+    if comparison.lagged[j] < EXPLAINS or abs(lag) <= limit:
+        return []
+    late, early = ('rate', 'angle') if lag > 0.0 else ('angle', 'rate')
+    return [Contradiction(f'{late}-late', (
+        f'the {axis} {late} comes {abs(lag):.2f} s after the {axis} {early}: let the driver stamp both when they '
+        f'are measured and look for a slow filter on the {late}, or move its column by as much'
+    ), axis)]  # fmt: skip
 
 
-def _offsets(comparison):
+def _offsets(comparison: RateComparison) -> list[Contradiction]:
     """Rates that are off by a constant."""
     return [
         Contradiction('rate-offset', (
             f'the {axis} rate is {np.degrees(offset):+.1f} deg/s off the change of the angle: calibrate the gyroscope '
             f'at rest, or take the offset away'
         ), axis)
-        for axis, offset in zip(AXIS_NAMES[:2], comparison.offset[:2], strict=True) if abs(offset) > LARGEST_OFFSET
+        for axis, offset in zip(AXES, comparison.offset, strict=True) if abs(offset) > MAX_OFFSET
     ]  # fmt: skip
 
 
-def _unrelated(comparison, evidenced):
+def _unrelated(comparison: RateComparison) -> list[Contradiction]:
     """Rates that have nothing to do with the angle while it moves."""
     return [
         Contradiction('rate-unrelated', (
-            f'the {AXIS_NAMES[j]} angle moves and its rate does not follow it at any delay: look at what gives the '
+            f'the {AXES[j]} angle moves and its rate does not follow it at any delay: look at what gives the '
             f'rate, or leave it out'
-        ), AXIS_NAMES[j])
-        for j in evidenced if comparison.has_rate[j] and _is_unrelated(comparison, j)
+        ), AXES[j])
+        for j in comparison.evidenced if comparison.has_rate[j] and _is_unrelated(comparison, j)
     ]  # fmt: skip
 
 
-def _is_unrelated(comparison, axis):
+def _is_unrelated(comparison: RateComparison, j: int) -> bool:
     # noise on top of the derivative makes a rate larger, never smaller
-    if comparison.share[axis] < LEAST_SHARE:
-        return comparison.lagged[axis] < EXPLAINS
-    enough = comparison.freedom[axis] >= LEAST_FREEDOM
-    return enough and comparison.lagged[axis] < UNRELATED and _differs(comparison, axis)
+    if comparison.share[j] < MIN_SHARE:
+        return bool(comparison.lagged[j] < EXPLAINS)
+    enough = comparison.freedom[j] >= MIN_FREEDOM
+    return bool(enough and comparison.lagged[j] < UNRELATED and _differs(comparison, j))

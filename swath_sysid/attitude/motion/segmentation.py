@@ -230,7 +230,7 @@ def find_decay(motion, start=None, end=None, settings=DEFAULTS):
     """
     found = decay_or_absence(motion, start, end, settings)
     if isinstance(found, Advice):
-        raise InputError(found.message)
+        raise InputError(found.message, found.code)
     return found
 
 
@@ -567,7 +567,7 @@ def _cut_advice(fall, last, end):
     return Advice(
         'disturbed-tail',
         f'the motion after {end:.1f} s was left out, because there its swings or its period jump, with {left:.0f} % of '
-        'the first swing left: look at it, and give its end if it belongs to the decay',
+        'the first swing left: look at it, and give a later end if it belongs to the decay',
     )
 
 

@@ -42,7 +42,7 @@ class StampSettings:
     backward_jump: float = 1.0
     gap_limit: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('backward_jump', 'gap_limit'):
             if not getattr(self, name) > 0.0:
                 raise InputError(f'{name} must be positive, not {getattr(self, name)}')
@@ -77,31 +77,22 @@ class StampOrder:
     settings : StampSettings
     """
 
-    def __init__(self, settings=None):
+    def __init__(self, settings: StampSettings | None = None) -> None:
         self._settings = settings or StampSettings()
-        self._last = None
-        self._suspect = None
-        self._interval = None
-        self._settled_interval = None
-        self._looked_at = None
+        self._last: int | None = None
+        self._suspect: int | None = None
+        self._interval: float | None = None
+        self._settled_interval: float | None = None
+        self._looked_at = 0.0
         self._until_look = SETTLING_SAMPLES
 
     @property
-    def interval(self):
+    def interval(self) -> float | None:
         """Typical time between samples, s; None before the second."""
         return self._interval
 
-    def place(self, stamp_ns):
-        """Place the next stamp.
-
-        Parameters
-        ----------
-        stamp_ns : int
-
-        Returns
-        -------
-        Placed
-        """
+    def place(self, stamp_ns: int) -> Placed:
+        """Place the next stamp, ns."""
         if self._last is None:
             self._last = stamp_ns
             return FOLLOWS
@@ -118,12 +109,12 @@ class StampOrder:
         self._last = stamp_ns
         return Placed(True, reasons) if reasons else FOLLOWS
 
-    def _is_long(self, elapsed):
+    def _is_long(self, elapsed: float) -> bool:
         if self._interval is None:
             return False
         return elapsed > max(self._settings.gap_limit, LONG_GAP_INTERVALS * self._interval)
 
-    def _doubt(self, stamp_ns, elapsed):
+    def _doubt(self, stamp_ns: int, elapsed: float) -> Placed:
         if self._suspect is not None and stamp_ns > self._suspect:
             self._last, self._suspect = stamp_ns, None
             return Placed(True, (JUMPED_BACK if elapsed < 0.0 else LONG_GAP,))
@@ -131,37 +122,37 @@ class StampOrder:
         self._suspect = stamp_ns
         return Placed(False, reasons)
 
-    def _refuted(self):
+    def _refuted(self) -> tuple[str, ...]:
         """What the suspect turns out to have been, now that the next stamp does not follow it."""
         if self._suspect is None:
             return ()
-        reason = OUT_OF_ORDER if self._suspect < self._last else STRAY
+        reason = OUT_OF_ORDER if self._last is not None and self._suspect < self._last else STRAY
         self._suspect = None
         return (reason,)
 
-    def _judge_interval(self, elapsed):
+    def _judge_interval(self, elapsed: float) -> tuple[str, ...]:
         if self._interval is None:
             self._interval = self._looked_at = elapsed
             return ()
         is_gap = elapsed > GAP_INTERVALS * self._interval
         step = FOLLOWING[self._settled_interval is not None]
         self._interval *= min(max(elapsed / self._interval, 1.0 - step), 1.0 + step)
-        reasons = (GAP,) if is_gap else ()
-        return reasons + (RATE_CHANGED,) if self._has_changed() else reasons
+        changed = self._has_changed(self._interval)
+        return (*([GAP] if is_gap else ()), *([RATE_CHANGED] if changed else ()))
 
-    def _has_changed(self):
+    def _has_changed(self, interval: float) -> bool:
         if self._settled_interval is not None:
-            if _alike(self._interval, self._settled_interval, RATE_CHANGE):
+            if _alike(interval, self._settled_interval, RATE_CHANGE):
                 return False
-            self._settled_interval, self._looked_at, self._until_look = None, self._interval, SETTLING_SAMPLES
+            self._settled_interval, self._looked_at, self._until_look = None, interval, SETTLING_SAMPLES
             return True
         self._until_look -= 1
         if self._until_look == 0:
-            if _alike(self._interval, self._looked_at, SETTLED):
-                self._settled_interval = self._interval
-            self._looked_at, self._until_look = self._interval, SETTLING_SAMPLES
+            if _alike(interval, self._looked_at, SETTLED):
+                self._settled_interval = interval
+            self._looked_at, self._until_look = interval, SETTLING_SAMPLES
         return False
 
 
-def _alike(first, second, factor):
+def _alike(first: float, second: float, factor: float) -> bool:
     return second < factor * first and first < factor * second

@@ -1,10 +1,12 @@
 """Whether a time column counts what it says: seconds, and not milliseconds, ticks, or samples."""
+from collections.abc import Sequence
+
 import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
-LEAST_RATE, GREATEST_RATE = 0.5, 10_000.0
+MIN_RATE, MAX_RATE = 0.5, 10_000.0
 """Hz: sensors of motion lie well within."""
 
 USUAL_RATES = 1.0, 2_000.0
@@ -19,12 +21,14 @@ LONGEST_PERIOD, DOUBTFUL_PERIOD = 60.0, 30.0
 """s: roll and pitch of small craft take a few seconds, of ships up to 30."""
 
 CONSECUTIVE_SHARE = 0.99
-LEAST_CYCLES = 2
+MIN_CYCLES = 2
 HYSTERESIS = 0.3
 """A crossing counts when the motion has gone beyond this part of its standard deviation on both sides."""
 
 
-def check_time_base(time, motions, source, column='time_s', unit='s'):
+def check_time_base(
+    time: np.ndarray, motions: Sequence[np.ndarray], source: str, column: str = 'time_s', unit: str = 's'
+) -> tuple[Advice, ...]:
     """Refuse a time that cannot be in its unit, and say so where it is in doubt.
 
     Parameters
@@ -53,43 +57,45 @@ def check_time_base(time, motions, source, column='time_s', unit='s'):
     if unit == 's' and abs(time[0]) > LATEST_EPOCH:
         short = next((u for u, scale in SHORTER_UNITS.items() if abs(time[0]) * scale < LATEST_EPOCH), 'ns')
         raise InputError(f'{name} counts {short} since 1970 and not seconds: call it time_{short}')
-    if interval > 1.0 / LEAST_RATE:
+    if interval > 1.0 / MIN_RATE:
         fitting = [u for u, scale in SHORTER_UNITS.items()
                    if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]] if unit == 's' else []
         cure = f'call it time_{" or time_".join(fitting)}, as its unit is' if fitting else 'give it its true unit'
         raise InputError(f'{name} has a sample every {interval:.4g} s, too seldom for the motion of a craft: '
                          f'{cure}, or time_samples with a line "# sample_rate_hz: 100" above if it numbers the samples')
-    if interval < 1.0 / GREATEST_RATE:
+    if interval < 1.0 / MAX_RATE:
         raise InputError(f'{name} has a sample every {interval:.4g} s, more often than any sensor of motion: call it '
                          f'time_s if it counts seconds, or give it its true unit')
     return _check_numbering(time, motions, name) if unit == 's' else ()
 
 
-def _check_numbering(time, motions, name):
-    """What to tell of a column that counts one by one: 1 Hz, or the numbers of the samples?"""
+def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str) -> tuple[Advice, ...]:
+    """Advice on a column that counts one by one: 1 Hz, or the numbers of the samples?"""
     consecutive = np.mean(np.abs(np.diff(time) - 1.0) < 1e-9)
     plain, periods = (
         [p for p in (motion_period(time, motion, cycles) for motion in motions) if p is not None]
-        for cycles in (LEAST_CYCLES, 1)
+        for cycles in (MIN_CYCLES, 1)
     )
     if consecutive < CONSECUTIVE_SHARE or not periods or min(periods) <= DOUBTFUL_PERIOD:
         return ()
-    told = (f'{name} counts 0, 1, 2, ..., by which the craft would take {min(periods):.3g} s a cycle: if it numbers '
-            f'the samples, call it time_samples and put a line "# sample_rate_hz: 100" above; if it counts '
-            f'milliseconds, call it time_ms')
+    doubt = (
+        f'{name} counts 0, 1, 2, ..., by which the craft would take {min(periods):.3g} s a cycle: if it numbers the '
+        f'samples, call it time_samples and put a line "# sample_rate_hz: 100" above; if it counts milliseconds, call '
+        f'it time_ms'
+    )
     if plain and min(plain) > LONGEST_PERIOD:
-        raise InputError(told)
-    return (Advice('time-unit', told),)
+        raise InputError(doubt)
+    return (Advice('time-unit', doubt),)
 
 
-def motion_period(time, motion, least_cycles=LEAST_CYCLES):
+def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:
     """The mean period of a motion by its upward crossings of the median, None where it hardly swings.
 
     Parameters
     ----------
     time, motion : ndarray, shape (N,)
-    least_cycles : int
-        Fewer whole cycles tell no period.
+    min_cycles : int
+        Fewer whole cycles show no period.
 
     Returns
     -------
@@ -106,6 +112,6 @@ def motion_period(time, motion, least_cycles=LEAST_CYCLES):
         return None
     side = motion[beyond] > 0.0
     upward = time[beyond[1:][side[1:] & ~side[:-1]]]
-    if upward.size <= least_cycles:
+    if upward.size <= min_cycles:
         return None
     return float((upward[-1] - upward[0]) / (upward.size - 1))

@@ -40,21 +40,21 @@ class AxisMotion:
     source: str = ''
 
     @property
-    def size(self):
+    def size(self) -> int:
         """Number of samples."""
         return self.time.size
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.time[-1] - self.time[0])
 
     @property
-    def sample_interval(self):
+    def sample_interval(self) -> float:
         """Median time between samples, s."""
         return float(np.median(np.diff(self.time)))
 
-    def between(self, start, end):
+    def between(self, start: float | None, end: float | None) -> 'AxisMotion':
         """The samples with ``start <= time <= end`` (either may be None)."""
         keep = np.ones(self.size, dtype=bool)
         if start is not None:
@@ -63,7 +63,7 @@ class AxisMotion:
             keep &= self.time <= end
         return self.only(keep)
 
-    def only(self, keep):
+    def only(self, keep: np.ndarray | slice) -> 'AxisMotion':
         """The samples selected by a mask or a slice."""
         return replace(
             self,
@@ -122,17 +122,17 @@ class Trial:
     advice: tuple[Advice, ...] = ()
 
     @property
-    def channels(self):
+    def channels(self) -> dict[str, np.ndarray]:
         """Name to array of every channel that was measured."""
         names = (*CHANNELS, *FURTHER_CHANNELS)
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     @property
-    def axes(self):
+    def axes(self) -> tuple[str, ...]:
         """The axes of which an angle or a rate was measured."""
         return tuple(a for a in AXES if a in self.channels or f'{a}_rate' in self.channels)
 
-    def axis(self, name):
+    def axis(self, name: str) -> AxisMotion:
         """The motion about one axis, without the samples in which a value is missing.
 
         Raises

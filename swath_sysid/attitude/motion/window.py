@@ -1,15 +1,18 @@
 """The motion window: the last minute of motion in fixed memory, and the decays that end in it."""
+from __future__ import annotations
+
+from collections import deque
 from dataclasses import dataclass, field
-from math import ceil, pi
+from math import ceil, inf, pi
 from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, Intake
+from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, CraftSample, ImuReading, Intake, Taken
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
-from swath_sysid.attitude.motion.trial import AXES, CHANNELS, Trial
+from swath_sysid.attitude.motion.trial import AXES, CHANNELS, AxisMotion, Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 from swath_sysid.common.signals import bin_means
@@ -23,6 +26,8 @@ WATCH_SPAN = 2.0
 """s; motion is large or small over so long."""
 
 WATCH_BLOCK = 0.25
+"""s; the extremes of so long are kept, not every sample."""
+
 CALM = 0.35
 """Motion below this part of the largest is worth a look for a decay that has ended."""
 
@@ -33,7 +38,8 @@ NEXT_LOOK = 1.5
 LOOK_RATE = 50.0
 """Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms."""
 
-FEWEST_CYCLES = 1.5
+MIN_CYCLES = 1.5
+"""A shorter decay is not reported: it is fitted badly."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +55,7 @@ class WindowSettings:
     detect_decay : bool
         Whether to look for free decays that have ended.
     smallest_decay : float
-        rad; a decay of a smaller first amplitude is not told.
+        rad; a decay of a smaller first amplitude is not reported.
     installation : Installation
     stamps : StampSettings
     """
@@ -61,7 +67,7 @@ class WindowSettings:
     installation: Installation = field(default_factory=Installation)
     stamps: StampSettings = field(default_factory=StampSettings)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('window', 'max_rate', 'smallest_decay'):
             if not getattr(self, name) > 0.0:
                 raise InputError(f'{name} must be positive, not {getattr(self, name)}')
@@ -69,7 +75,7 @@ class WindowSettings:
 
 @dataclass(frozen=True)
 class MotionTable:
-    """Rows of a motion window, as they go out and come in on ``motion/window``.
+    """Rows of a motion window, as they are published and received.
 
     Attributes
     ----------
@@ -82,7 +88,7 @@ class MotionTable:
     rows: np.ndarray
     stamp_ns: int
 
-    def trial(self, source='motion/window'):
+    def trial(self, source: str = 'the motion window') -> Trial:
         """The rows as a trial whose time begins at zero.
 
         Raises
@@ -145,7 +151,7 @@ class MotionWindow:
         That of the settings, where another core shares it.
     """
 
-    def __init__(self, settings=None, intake=None):
+    def __init__(self, settings: WindowSettings | None = None, intake: Intake | None = None) -> None:
         self.settings = settings or WindowSettings()
         self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
         self.counts = dict.fromkeys(WINDOW_REASONS, 0)
@@ -156,74 +162,56 @@ class MotionWindow:
         self.clear()
 
     @property
-    def interval(self):
+    def interval(self) -> float | None:
         """Typical time between samples, s; None before the second."""
         return self._intake.interval
 
     @property
-    def size(self):
+    def size(self) -> int:
         """Number of rows."""
         return len(self._rows)
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """Seconds from the first to the last row."""
         rows = self._rows.last()
         return float(rows[-1, 0] - rows[0, 0]) if len(rows) else 0.0
 
     @property
-    def described(self):
+    def described(self) -> str:
         """What the window holds, for people."""
         state = 'recording' if self.recording else 'not recording'
         held = f'{self.size} samples, {self.duration:.1f} s' if self.size else 'the window is empty'
         return f'{state}, {held}'
 
     @property
-    def is_short_of_memory(self):
+    def is_short_of_memory(self) -> bool:
         """Whether samples come faster than memory was taken for, so that the window is shorter than asked."""
         return self.size == self._rows.capacity and self.duration < 0.95 * self.settings.window
 
-    def clear(self):
+    def clear(self) -> None:
         """Forget all rows."""
         self._rows.clear()
         self._stamp_ns = 0
         self._watch.restart()
 
-    def record(self, on):
-        """Begin anew, or keep the window as it is."""
+    def record(self, on: bool) -> None:
+        """Begin a new window, or keep the one there is as it is."""
         if on and not self.recording:
             self.clear()
         self.recording = on
 
-    def detect_decay(self, on):
+    def detect_decay(self, on: bool) -> None:
         """Look for decays that have ended, or do not."""
         self._watch.restart()
         self._watch.on = on
 
-    def add(self, reading):
-        """Take in one message.
-
-        Parameters
-        ----------
-        reading : ImuReading
-
-        Returns
-        -------
-        WindowStep
-        """
+    def add(self, reading: ImuReading) -> WindowStep:
+        """Take in one message."""
         return self.add_taken(self._intake.take(reading))
 
-    def add_taken(self, taken):
-        """Take in what the intake made of one message.
-
-        Parameters
-        ----------
-        taken : Taken
-
-        Returns
-        -------
-        WindowStep
-        """
+    def add_taken(self, taken: Taken) -> WindowStep:
+        """Take in what the intake made of one message."""
         sample, reasons = taken
         for reason in reasons:
             self.counts[reason] += 1
@@ -237,7 +225,7 @@ class MotionWindow:
         self._append(sample)
         return WindowStep(True, reasons, self._watch.look(sample, self))
 
-    def table(self, since=None):
+    def table(self, since: float | None = None) -> MotionTable:
         """The rows, oldest first.
 
         Parameters
@@ -254,7 +242,7 @@ class MotionWindow:
             rows = rows[np.searchsorted(rows[:, 0], since):]
         return MotionTable(rows.copy(), self._stamp_ns)
 
-    def _append(self, sample):
+    def _append(self, sample: CraftSample) -> None:
         stamp = sample[0] * NANOSECOND
         self._rows.append((stamp, *sample[1:8]))
         self._rows.drop_below(stamp - self.settings.window)
@@ -271,110 +259,96 @@ class DecayWatch:
     settings : WindowSettings
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings: WindowSettings) -> None:
         self._settings = settings
         self.on = settings.detect_decay
-        self._spans = round(WATCH_SPAN / WATCH_BLOCK)
-        self._blocks = max(ceil(settings.window / WATCH_BLOCK), self._spans)
         self.restart()
 
-    def restart(self):
-        """Forget what was seen and told."""
-        self._watches = {axis: _AxisWatch(self._spans, self._blocks) for axis in AXES}
-        self._told_until = dict.fromkeys(AXES)
-        self._block_end = None
+    def restart(self) -> None:
+        """Forget what was seen and reported."""
+        self._watches = {axis: _AxisWatch(ceil(self._settings.window / WATCH_BLOCK)) for axis in AXES}
+        self._reported_until: dict[str, float | None] = dict.fromkeys(AXES)
+        self._block_end: float | None = None
 
-    def look(self, sample, window):
-        """Take in a sample that the window holds already.
-
-        Returns
-        -------
-        FinishedDecay or None
-        """
+    def look(self, sample: CraftSample, window: MotionWindow) -> FinishedDecay | None:
+        """Take in a sample that the window holds already; the decay that has ended, if one has."""
         if not self.on:
             return None
         stamp, roll, pitch, roll_rate, pitch_rate = sample[:5]
-        stamp *= NANOSECOND
         by_roll, by_pitch = self._watches.values()
-        value = roll if roll == roll else roll_rate
-        if not by_roll.low <= value <= by_roll.high:
-            by_roll.widen(value)
-        value = pitch if pitch == pitch else pitch_rate
-        if not by_pitch.low <= value <= by_pitch.high:
-            by_pitch.widen(value)
+        by_roll.widen(roll if roll == roll else roll_rate)
+        by_pitch.widen(pitch if pitch == pitch else pitch_rate)
+        time = stamp * NANOSECOND
         if self._block_end is None:
-            self._block_end = stamp + WATCH_BLOCK
-        if stamp < self._block_end:
+            self._block_end = time + WATCH_BLOCK
+        if time < self._block_end:
             return None
-        self._block_end = stamp + WATCH_BLOCK
-        due = [axis for axis, watch in self._watches.items() if watch.is_due(stamp)]
+        self._block_end = time + WATCH_BLOCK
+        due = [axis for axis, watch in self._watches.items() if watch.is_due(time)]
         return next(filter(None, (self._search(axis, window) for axis in due)), None)
 
-    def _search(self, axis, window):
-        """The newest decay about an axis that has ended and was not told before."""
-        table = window.table(self._told_until[axis])
-        trial = averaged(table, LOOK_RATE).trial()
+    def _search(self, axis: str, window: MotionWindow) -> FinishedDecay | None:
+        """The newest decay about an axis that has ended and was not reported before."""
+        table = window.table(self._reported_until[axis])
         try:
-            motion = trial.axis(axis)
+            motion = averaged(table, LOOK_RATE).trial().axis(axis)
         except InputError:
             return None
         if motion.size < 2 * LOOK_RATE * FIRST_LOOK:
             return None
-        ended = [decay for decay in find_decays(motion) if self._is_worth_telling(decay, motion)]
+        ended = [decay for decay in find_decays(motion) if self._is_worth_reporting(decay, motion)]
         if not ended:
             return None
         newest = max(ended, key=lambda decay: decay.end)
-        self._told_until[axis] = table.rows[0, 0] + newest.end
+        self._reported_until[axis] = table.rows[0, 0] + newest.end
         return FinishedDecay(axis, newest, table)
 
-    def _is_worth_telling(self, decay, motion):
+    def _is_worth_reporting(self, decay: DecaySegment, motion: AxisMotion) -> bool:
         amplitude = decay.initial_amplitude
         if decay.quantity == 'rate':
             amplitude *= decay.period / (2.0 * pi)
         begun = decay.beginning in ('released', 'pushed')
-        large = amplitude >= self._settings.smallest_decay and decay.cycles >= FEWEST_CYCLES
+        large = amplitude >= self._settings.smallest_decay and decay.cycles >= MIN_CYCLES
         return begun and large and is_finished(decay, motion)
 
 
 class _AxisWatch:
     """How far one quantity reached lately, and when to look for a decay next."""
 
-    def __init__(self, spans, blocks):
-        self._spans = spans
-        self._lows, self._highs = np.full(blocks, np.inf), np.full(blocks, -np.inf)
-        self.low, self.high = np.inf, -np.inf
-        self._reaches = np.zeros(blocks)
-        self._calm_since = None
+    def __init__(self, blocks: int) -> None:
+        spans = round(WATCH_SPAN / WATCH_BLOCK)
+        self._lows, self._highs = deque([inf], spans), deque([-inf], spans)
+        self._reaches = deque([0.0], max(blocks, spans))
+        self._low, self._high = inf, -inf
+        self._calm_since: float | None = None
         self._wait = FIRST_LOOK
 
-    def widen(self, value):
-        """A value that may lie beyond the block's lowest and highest."""
-        if value < self.low:
-            self.low = value
-        if value > self.high:
-            self.high = value
+    def widen(self, value: float) -> None:
+        """Take in a value, which may lie beyond the block's lowest and highest."""
+        if value < self._low:
+            self._low = value
+        if value > self._high:
+            self._high = value
 
-    def is_due(self, stamp):
-        """Close a block of samples; whether to look for a decay now."""
-        for history, value in ((self._lows, self.low), (self._highs, self.high)):
-            history[:-1] = history[1:]
-            history[-1] = value
-        self.low, self.high = np.inf, -np.inf
-        reach = max(float(self._highs[-self._spans:].max() - self._lows[-self._spans:].min()), 0.0)
-        self._reaches[:-1] = self._reaches[1:]
-        self._reaches[-1] = reach
-        if reach >= CALM * self._reaches.max():
+    def is_due(self, time: float) -> bool:
+        """Close a block of samples; whether to look for a decay now, s."""
+        self._lows.append(self._low)
+        self._highs.append(self._high)
+        self._low, self._high = inf, -inf
+        reach = max(max(self._highs) - min(self._lows), 0.0)
+        self._reaches.append(reach)
+        if reach >= CALM * max(self._reaches):
             self._calm_since, self._wait = None, FIRST_LOOK
             return False
         if self._calm_since is None:
-            self._calm_since = stamp
-        if stamp - self._calm_since < self._wait:
+            self._calm_since = time
+        if time - self._calm_since < self._wait:
             return False
         self._wait *= NEXT_LOOK
         return True
 
 
-def averaged(table, rate):
+def averaged(table: MotionTable, rate: float) -> MotionTable:
     """A table with the means of its rows over even intervals, where it has more than ``rate`` rows a second.
 
     Parameters

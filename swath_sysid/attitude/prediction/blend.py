@@ -18,9 +18,6 @@ _LEAST_SHARE = 0.02
 # a squared error over its expected value counts as this much at the most: what nobody could foresee, such as a hand on
 # the craft, says little of the errors to come
 _CREDIBLE = 9.0
-# the candidate that knows its own uncertainty counts with what it claims, with a margin, while as many of its 90 %
-# intervals have held; to begin with, it has held them for so many s
-_PROVEN, _MARGIN, _FAITH = 0.7, 1.2, 20.0
 
 
 class Blend:
@@ -36,10 +33,6 @@ class Blend:
     prior : sequence of float, length E
         The candidates' weights where errors do not tell them apart: at long leads 60 s hold few independent errors, and
         the candidate that knows most should speak until another one is shown to be better.
-    claimant : int, optional
-        The candidate whose variances follow what is known from moment to moment, as a filter on a known hull does. The
-        past minute's errors say little of it once a hand has let go of the craft: while its intervals hold, it counts
-        with the variance that it claims.
 
     Attributes
     ----------
@@ -52,9 +45,8 @@ class Blend:
         Mean square error of the blend, and the share of its 90 % intervals that held.
     """
 
-    def __init__(self, leads, step, axes, prior, claimant=None):
+    def __init__(self, leads, step, axes, prior):
         self._step = step
-        self._claimant = claimant
         whole = np.maximum(np.round(np.asarray(leads) / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
@@ -77,8 +69,6 @@ class Blend:
         self._interval = np.full((depth, *self._shape[1:]), np.nan)
         self._tail = np.zeros(self._shape[1:])
         self._ratio = np.ones(self._shape[1:])
-        self._claimed = np.full((depth, *self._shape[1:]), np.nan)
-        self._held = np.full(self._shape[1:], 1.0 - _MISSES)
         self.blended_square = np.zeros(self._shape[1:])
         self.coverage = np.full(self._shape[1:], 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
@@ -109,11 +99,6 @@ class Blend:
             self._variance[then, self._places], self._interval[then, self._places], noise_variance,
         )  # fmt: skip
         now = self._row % depth
-        if self._claimant is not None:
-            error = reading - self._issued[then, self._claimant, self._places]
-            claims = np.where(np.isfinite(mean[self._claimant]), variance[self._claimant], np.nan)
-            self._weigh_claims(error, self._claimed[then, self._places], claims)
-            self._claimed[now] = claims
         self._issued[now] = mean
         weights = present_weights(self.weights, np.isfinite(mean))
         self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
@@ -129,16 +114,6 @@ class Blend:
         self.blended_square += gain * (square - self.blended_square)
         self.coverage += gain * ((square <= interval) - self.coverage)
 
-    def _weigh_claims(self, error, claimed, claims):
-        known = np.isfinite(error) & np.isfinite(claimed)
-        held = error**2 <= _QUANTILE**2 * claimed
-        time = np.minimum(self._time_variance, _MEMORY_VARIANCE) + _FAITH
-        self._held += np.where(known, self._step / time * (held - self._held), 0.0)
-        square, own = self.mean_square.copy(), self.mean_square[self._claimant]
-        proven = (self._held > _PROVEN) & np.isfinite(claims)
-        square[self._claimant] = np.where(proven, np.fmin(own, _MARGIN * claims), own)
-        self.weights = error_weights(square, self._time, self._prior)
-
     def renew(self, candidate, axis=slice(None)):
         """A candidate has a new model: what its last one did wrong is held against it no more than against a new one.
 
@@ -150,9 +125,6 @@ class Blend:
         """
         square = self.mean_square[..., axis]
         square[candidate] = np.minimum(square[candidate], _UNPROVEN * square.min(axis=0))
-        if candidate == self._claimant:
-            self._issued[:, candidate, :, axis] = self._claimed[..., axis] = np.nan
-            self._held[:, axis] = 1.0 - _MISSES
 
     def skip(self, count):
         """Pass over rows without readings or forecasts.
@@ -163,7 +135,7 @@ class Blend:
         """
         for _ in range(min(count, self._issued.shape[0])):
             now = self._row % self._issued.shape[0]
-            for issued in (self._issued, self._blended, self._variance, self._interval, self._claimed):
+            for issued in (self._issued, self._blended, self._variance, self._interval):
                 issued[now] = np.nan
             self._row += 1
         self._row += max(count - self._issued.shape[0], 0)

@@ -5,11 +5,13 @@ and a state space of all channels for each memory. They are weighted lead by lea
 the newest samples contradict is left out.
 """
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
+from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.blend import Blend
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
@@ -24,7 +26,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
     SeaRequest,
     newest_stretch,
 )
-from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter, NoiseSettings
+from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -55,16 +57,20 @@ LONGEST_BRIDGE = 60.0
 SMOOTHED_FROM = 5
 """Samples a row from which on the rows hold filtered values: fewer are too sparse to smooth without delay."""
 
-ANGLE_NOISE, RATE_NOISE = NoiseSettings(), NoiseSettings(0.005, 1e-4, 0.05)
-"""Of sensors that do not report theirs, rad and rad/s."""
+ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
+"""First guess, least and most of sensors that do not report theirs, rad and rad/s."""
 
 EXCITATION_WINDOW = 600.0
 """s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes)."""
 
-_ROW = len(CHANNELS)
-_MEASURED = slice(_ROW, _ROW + 4)
-_BLOCK = slice(_ROW + 4, _ROW + 8)
-_COLUMNS = _ROW + 8
+_channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
+_BY_AXIS = np.array([[0, 2], [1, 3]])
+"""Places of the targets: axis, then angle and rate."""
+
+_ROW, _MEASURED_COUNT = len(CHANNELS), len(TARGETS)
+_MEASURED = slice(_ROW, _ROW + _MEASURED_COUNT)
+_BLOCK = slice(_ROW + _MEASURED_COUNT, _ROW + 2 * _MEASURED_COUNT)
+_COLUMNS = _ROW + 2 * _MEASURED_COUNT
 _REGULAR = 0.5
 _IRREGULAR_SAMPLES = 10
 _NEW_STEP = 0.15
@@ -200,18 +206,17 @@ class Forecaster:
         self.settings = s = settings or ForecasterSettings()
         self._hulls = {axis: HullFilter(s.hull) for axis in AXES}
         self._models = dict.fromkeys(AXES)
-        self._meters = {axis: (NoiseMeter(ANGLE_NOISE), NoiseMeter(RATE_NOISE)) for axis in AXES}
-        self._noise = np.full((2, len(AXES)), math.nan)
-        self._reported_noise = np.zeros((2, len(AXES)))
+        self._meters = {axis: (NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)) for axis in AXES}
+        self._noise = dict.fromkeys(AXES, (math.nan, math.nan))
+        self._reported_noise = [0.0] * len(TARGETS)
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
         self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
-        self._asked = np.searchsorted(self._leads, leads - 1e-6)
-        self._over_horizon = np.searchsorted(self._leads, horizon - 1e-6)
+        self._asked, self._over_horizon = (self._places_of(wanted) for wanted in (leads, horizon))
         # the oldest forecast that is scored lies one longest lead behind the window
         self._history = RowBuffer(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
         self._quiescence = None if s.quiescence is None else Quiescence(s.quiescence, horizon)
-        self._size = MotionSize(s.window)
+        self._sizes = [MotionSize(s.window) for _ in AXES]
         self._time = 0.0
         self._due = -math.inf
         self._interval = self._step = math.nan
@@ -220,7 +225,12 @@ class Forecaster:
         self._blend = None
         self._spaces = {}
         self._waiting = None
-        self._rows_since_surprise = np.full(len(AXES), 10**9)
+        self._rows_since_surprise = [10**9] * len(AXES)
+
+    def _places_of(self, leads):
+        """Of these among all leads; a slice where they are all, which takes no copy."""
+        places = np.searchsorted(self._leads, leads - 1e-6)
+        return places if places.size < self._leads.size else slice(None)
 
     # -- models and fits
 
@@ -292,7 +302,9 @@ class Forecaster:
         if publish_next is not None and self._interval == self._interval:
             ahead = {axis: hull.ahead(self._interval) for axis, hull in self._hulls.items() if hull.is_started}
             publish_next(self._interval, ahead)
-        self._size.follow(self._hulls.values(), elapsed)
+        for size, hull in zip(self._sizes, self._hulls.values(), strict=True):
+            if hull.is_started:
+                size.follow(hull.x.item(0), hull.x.item(1), elapsed)
         if self._step != self._step:
             return Observed(reasons)
         if self._waiting is not None and self._time >= self._waiting.time + self.settings.refit_delay - 1e-9:
@@ -307,7 +319,8 @@ class Forecaster:
         """Nothing links the motion before to that to come; what is known of hull and sea stays."""
         self._is_linked = True
         self._due = -math.inf
-        self._size.restart()
+        for size in self._sizes:
+            size.restart()
         if self._blend is not None:
             self._skip_rows(_SEPARATING_ROWS)
             self._since_row = self._step
@@ -340,10 +353,7 @@ class Forecaster:
             angle, rate = sample[1 + place], sample[3 + place]
             if not hull.is_started and angle != angle and rate != rate:
                 continue
-            variances = self._variances(axis, angle, rate, sample[8 + place], sample[10 + place], even)
-            self._noise[:, place] = variances
-            reported = sample[8 + place], sample[10 + place]
-            self._reported_noise[:, place] = [variance if variance > 0.0 else 0.0 for variance in reported]
+            variances = self._noise[axis] = self._variances(place, axis, angle, rate, sample, even)
             if not (linked and hull.is_started):
                 hull.start(angle, rate, *variances)
                 continue
@@ -356,15 +366,16 @@ class Forecaster:
                 reasons += (RESTARTED[axis],)
         return reasons
 
-    def _variances(self, axis, angle, rate, angle_variance, rate_variance, even):
+    def _variances(self, place, axis, angle, rate, sample, even):
         """Of the sensor's noise: what it reports; where it reports nothing, as measured."""
         of_angle, of_rate = self._meters[axis]
         if not even:
             of_angle.restart()
             of_rate.restart()
+        for target, variance in ((place, sample[8 + place]), (place + 2, sample[10 + place])):
+            self._reported_noise[target] = variance if variance > 0.0 else 0.0
         return (
-            angle_variance if angle_variance > 0.0 else of_angle.take(angle),
-            rate_variance if rate_variance > 0.0 else of_rate.take(rate),
+            self._reported_noise[place] or of_angle.take(angle), self._reported_noise[place + 2] or of_rate.take(rate)
         )
 
     # -- rows: the motion at even steps
@@ -393,51 +404,59 @@ class Forecaster:
         self._score_anew()
 
     def _score_anew(self):
-        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()), _PLACE[HULL])
+        self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()))
         whole = self._leads / self._step
-        self._leads_are_rows = bool(np.all(np.abs(whole - np.round(whole)) < 0.02)) and whole[0] > 0.9
+        are_rows = np.abs(whole - np.round(whole)) < 0.02
+        self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._blend.steps.size == whole.size
 
     def _restart_block(self):
-        self._block_sum, self._block_count = np.zeros((2, 4))
-        self._smoothed = np.full(_ROW, math.nan)
+        self._block_sum, self._block_count = [0.0] * len(TARGETS), [0] * len(TARGETS)
+        self._smoothed = [math.nan] * _ROW
 
     def _follow_rows(self, sample, elapsed):
         self._since_row += elapsed
-        measured = np.array((*sample[1:5], sample.yaw_rate, *sample[5:8], sample.heave))
-        known = np.isfinite(measured)
-        self._block_sum[known[:4]] += measured[:4][known[:4]]
-        self._block_count += known[:4]
+        measured = _channels_of(sample)
+        for place, value in enumerate(measured[:_MEASURED_COUNT]):
+            if value == value:
+                self._block_sum[place] += value
+                self._block_count[place] += 1
         is_smoothed = self._samples_a_row >= SMOOTHED_FROM
         if is_smoothed:
-            before = np.where(np.isnan(self._smoothed), measured, self._smoothed)
             gain = 2.0 / self._samples_a_row
-            self._smoothed = np.where(known, before + gain * (measured - before), self._smoothed)
+            for place, value in enumerate(measured):
+                if value == value:
+                    before = self._smoothed[place]
+                    self._smoothed[place] = before + gain * (value - before) if before == before else value
         steps = round(self._since_row / self._step)
         if steps < 1 or self._since_row < self._step - 0.5 * self._interval:
             return
         # a row is a sample's, whatever the clocks of sensor and rows make of their steps
         self._since_row = 0.0
         self._skip_rows(steps - 1)
-        row = np.empty(_COLUMNS)
-        row[:_ROW] = self._smoothed if is_smoothed else measured
+        row = list(self._smoothed if is_smoothed else measured)
         if is_smoothed:
             for place, hull in enumerate(self._hulls.values()):
                 if hull.is_started:
-                    row[[place, place + 2]] = hull.x[:2]
-        row[_MEASURED] = measured[:4]
-        row[_BLOCK] = np.where(self._block_count > 0, self._block_sum / np.maximum(self._block_count, 1.0), math.nan)
-        self._block_sum[:] = self._block_count[:] = 0.0
+                    row[place], row[place + 2] = hull.x.item(0), hull.x.item(1)
+        block = zip(self._block_sum, self._block_count, strict=True)
+        self._take_row(np.array([
+            *row, *measured[:_MEASURED_COUNT], *[total / count if count else math.nan for total, count in block]
+        ]), steps)  # fmt: skip
+
+    def _take_row(self, row, steps):
+        """A row is complete, so many steps after the one before."""
+        self._block_sum, self._block_count = [0.0] * len(TARGETS), [0] * len(TARGETS)
         self._history.append(row)
         for space in self._spaces.values():
-            space.step(row[:_ROW])
+            space.step(row)
         self._follow_oscillator()
-        mean, covariance = self._candidates(self._step * self._blend.steps, 0.0)
+        self._at_row = mean, covariance = self._candidates(self._step * self._blend.steps, None)
         variance = np.diagonal(covariance, axis1=2, axis2=3)
         self._blend.take(
-            row[_MEASURED][:2], mean[..., :2], variance[..., :2], self._reported_noise[0], self._rows_since_surprise
-        )
-        self._rows_since_surprise += steps
-        self._at_row = mean, covariance
+            row[_MEASURED][:2], mean[..., :2], variance[..., :2], np.array(self._reported_noise[:2]),
+            np.array(self._rows_since_surprise),
+        )  # fmt: skip
+        self._rows_since_surprise = [rows + steps for rows in self._rows_since_surprise]
 
     def _skip_rows(self, count):
         if count > 0:
@@ -460,7 +479,8 @@ class Forecaster:
 
     def _use(self, name, model):
         if model is not None:
-            self._spaces[name] = space = InnovationsFilter(model, TARGETS, self._leads[-1] + 2.0 * self._step)
+            horizon = self._leads[-1] + 2.0 * self._step
+            self._spaces[name] = space = InnovationsFilter(model, TARGETS, horizon, self._blend.steps)
             space.seed(self._past(max(_SEEDED_FROM, _SEEDED_ROWS * self._step)))
 
     # -- what is learnt of the sea
@@ -486,7 +506,7 @@ class Forecaster:
         rows = self._history.last(int(min(EXCITATION_WINDOW, self.settings.window) / self._step) + 1)
         angle, rate = newest_stretch(rows[:, _BLOCK][:, [place, place + 2]].T, self._step)
         samples = self._samples_a_row
-        noise = self._noise[:, place] / samples
+        noise = [variance / samples for variance in self._noise[axis]]
         return hull.excitation_request(self._step, angle, rate, *noise, samples)
 
     def _take_over(self):
@@ -507,26 +527,29 @@ class Forecaster:
         self._due = following if self._time - slack < following <= self._time + period else self._time + period - slack
 
     def _candidates(self, leads, age):
-        """Forecasts of every candidate, (K, L, 4), and their covariances, (K, L, 4, 4); NaN where there is none."""
+        """Forecasts of every candidate, (K, L, 4), and their covariances, (K, L, 4, 4); NaN where there is none.
+
+        ``age`` is the time since the newest row, s; None: the leads are whole steps from it.
+        """
         mean = np.full((len(CANDIDATES), leads.size, len(TARGETS)), math.nan)
         covariance = np.zeros((*mean.shape, len(TARGETS)))
         hull_place = _PLACE[HULL]
-        for place, hull in enumerate(self._hulls.values()):
+        for place, (axis, hull) in enumerate(self._hulls.items()):
             # without a hull it carries on the rate, which an oscillator does better
-            if not hull.is_started or (self._models[AXES[place]] is None and OSCILLATOR in self._spaces):
-                continue
-            pair = np.ix_(range(leads.size), [place, place + 2])
-            angle, rate, spread = hull.forecast(leads)
-            mean[hull_place][pair] = np.column_stack([angle, rate])
-            # of the readings to come, as the state spaces'
-            spread = spread + np.diag(self._noise[:, place])
-            covariance[hull_place][np.ix_(range(leads.size), [place, place + 2], [place, place + 2])] = spread
+            if hull.is_started and (self._models[axis] is not None or OSCILLATOR not in self._spaces):
+                mean[hull_place, :, place], mean[hull_place, :, place + 2], spread = hull.forecast(leads)
+                # of the readings to come, as the state spaces'
+                covariance[hull_place, :, place::2, place::2] = spread + np.diag(self._noise[axis])
         for name, space in self._spaces.items():
             k = _PLACE[name]
-            mean[k], covariance[k] = space.forecast(leads, age)
+            mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
             if space.strain > HEALTHY_STRAIN:
                 mean[k][:, self._hull_vouches()] = math.nan
-        np.clip(mean[..., :2], -math.pi, math.pi, out=mean[..., :2])
+            # nothing acts: there is nothing else to know
+            mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
+        angles = mean[..., :2]
+        # a third of what np.clip takes
+        np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
         return mean, covariance
 
     def _hull_vouches(self):
@@ -539,42 +562,38 @@ class Forecaster:
 
     def _issue(self, stamp):
         if self._leads_are_rows and abs(self._since_row) < 0.5 * self._interval:
-            mean, covariance = (part[:, self._blend.place_of_lead] for part in self._at_row)
+            candidates = self._at_row
         else:
-            mean, covariance = self._candidates(self._leads, self._since_row)
+            candidates = self._candidates(self._leads, self._since_row)
         # a noise that is only measured is an upper bound, with which intervals would come out too narrow
-        mean, covariance = self._blend.combine(mean, covariance, AXIS_OF_TARGET, self._reported_noise.ravel())
+        mean, covariance = self._blend.combine(*candidates, AXIS_OF_TARGET, np.array(self._reported_noise))
         known = [place for place in range(len(AXES)) if math.isfinite(mean[0, place])]
-        forecast, horizon = (self._forecast(stamp, chosen, mean, covariance, known)
-                             for chosen in (self._asked, self._over_horizon))
-        if self._quiescence is not None:
-            quiet = self._stays_quiet(horizon)
-            forecast, horizon = replace(forecast, quiescence=quiet), replace(horizon, quiescence=quiet)
-        return forecast, horizon
-
-    def _forecast(self, stamp, chosen, mean, covariance, known):
-        mean, covariance = mean[chosen], covariance[chosen]
-        axes = {}
-        for place in known:
-            pair = [place, place + 2]
-            axes[AXES[place]] = AxisForecast.normal(
-                mean[:, place], mean[:, place + 2], covariance[:, pair][:, :, pair]
-            )
+        quiescence = math.nan if self._quiescence is None else self._stays_quiet(mean, covariance)
         joint = [*known, *(place + 2 for place in known)]
-        return Forecast(stamp, self._leads[chosen], axes, covariance[:, joint][:, :, joint])
+        if len(known) < len(AXES):
+            mean, covariance = mean[:, joint], covariance[:, joint][:, :, joint]
+        return [
+            self._forecast(stamp, chosen, mean[chosen], covariance[chosen], known, quiescence)
+            for chosen in (self._asked, self._over_horizon)
+        ]
 
-    def _stays_quiet(self, horizon):
-        motion, deviation = np.full((2, horizon.leads.size, len(AXES), 2), math.nan)
-        for place, axis in enumerate(AXES):
-            ahead = horizon.axes.get(axis)
-            if ahead is not None:
-                motion[:, place] = np.column_stack([ahead.angle, ahead.rate])
-                deviation[:, place] = np.sqrt(ahead.covariance[:, (0, 1), (0, 1)])
+    def _forecast(self, stamp, chosen, mean, covariance, known, quiescence):
+        count = len(known)
+        axes = {
+            AXES[place]: AxisForecast(mean[:, k], mean[:, count + k], covariance[:, k::count, k::count])
+            for k, place in enumerate(known)
+        }
+        return Forecast(stamp, self._leads[chosen], axes, covariance, quiescence)
+
+    def _stays_quiet(self, mean, covariance):
+        mean, covariance = mean[self._over_horizon], covariance[self._over_horizon]
+        deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         newest, time = self._history.newest, self._time - self._since_row
         self._quiescence.learn(self._time, lambda times: (
-            self._history.at(newest + (times - time) / self._step)[:, _MEASURED][:, [[0, 2], [1, 3]]]
+            self._history.at(newest + (times - time) / self._step)[:, _MEASURED][:, _BY_AXIS]
         ))  # fmt: skip
-        return self._quiescence.probability(self._time, motion, deviation, self._size.activity)
+        activity = np.array([size.activity for size in self._sizes])
+        return self._quiescence.probability(self._time, mean[:, _BY_AXIS], deviation[:, _BY_AXIS], activity)
 
     # -- for people
 
@@ -595,12 +614,12 @@ class Forecaster:
         if not has_waves:
             advice += (Advice('no-waves', 'the waves are not learnt yet: forecasts improve within a minute or two'),)
         advice += tuple(note for hull in started.values() for note in hull.advice())
-        shape = len(CANDIDATES), len(AXES), self._asked.size
+        shape = len(CANDIDATES), len(AXES), len(self.settings.leads)
         candidate, weights = np.full((2, *shape), math.nan)
         nrmse, coverage = np.full((2, *shape[1:]), math.nan)
         if self._blend is not None:
             places = self._blend.place_of_lead[self._asked]
-            size = np.maximum(self._size.deviation, _LEAST_ACTIVITY)
+            size = np.array([max(size.deviation, _LEAST_ACTIVITY) for size in self._sizes])
             candidate = np.sqrt(self._blend.mean_square[:, places]).transpose(0, 2, 1) / size[:, None]
             weights = self._blend.weights[:, places].transpose(0, 2, 1)
             nrmse = np.sqrt(self._blend.blended_square[places]).T / size[:, None]
@@ -612,7 +631,7 @@ class Forecaster:
 
 
 class MotionSize:
-    """Running mean and size of the angles and rates.
+    """Running size of the motion about one axis.
 
     Parameters
     ----------
@@ -623,38 +642,34 @@ class MotionSize:
     def __init__(self, memory):
         self._memory = memory
         self._elapsed = 0.0
-        self.mean = np.full(len(AXES), math.nan)
-        self._square, self._rate_square, self._recent = np.full((3, len(AXES)), _LEAST_VARIANCE)
+        self._mean = math.nan
+        self._square = self._rate_square = self._recent = _LEAST_VARIANCE
 
     def restart(self):
         """Begin the recent size anew."""
-        self._recent[:] = _LEAST_VARIANCE
+        self._recent = _LEAST_VARIANCE
 
-    def follow(self, hulls, elapsed):
-        """Take the filtered motion one sample later."""
+    def follow(self, angle, rate, elapsed):
+        """Take the filtered motion, rad and rad/s, so many seconds later."""
         self._elapsed += elapsed
         slow = elapsed / min(self._memory, self._elapsed) if elapsed > 0.0 else 0.0
         quick = min(1.0, elapsed / min(_ACTIVITY_TIME, max(self._elapsed, elapsed, 1e-9)))
-        for place, hull in enumerate(hulls):
-            if not hull.is_started:
-                continue
-            angle, rate = hull.x[:2].tolist()
-            if self.mean[place] != self.mean[place]:
-                self.mean[place] = angle
-            self.mean[place] += slow * (angle - self.mean[place])
-            square = (angle - self.mean[place]) ** 2
-            self._square[place] += slow * (square - self._square[place])
-            self._rate_square[place] += slow * (rate * rate - self._rate_square[place])
-            # both halves of the oscillation's energy, so that the size does not swing with the phase
-            share = self._square[place] / max(self._rate_square[place], _LEAST_VARIANCE)
-            self._recent[place] += quick * (0.5 * (square + share * rate * rate) - self._recent[place])
+        if self._mean != self._mean:
+            self._mean = angle
+        self._mean += slow * (angle - self._mean)
+        square = (angle - self._mean) ** 2
+        self._square += slow * (square - self._square)
+        self._rate_square += slow * (rate * rate - self._rate_square)
+        # both halves of the oscillation's energy, so that the size does not swing with the phase
+        share = self._square / max(self._rate_square, _LEAST_VARIANCE)
+        self._recent += quick * (0.5 * (square + share * rate * rate) - self._recent)
 
     @property
     def deviation(self):
-        """Over the memory, by axis, rad."""
-        return np.sqrt(self._square)
+        """Over the memory, rad."""
+        return math.sqrt(self._square)
 
     @property
     def activity(self):
-        """Over the last seconds, by axis, rad."""
-        return np.maximum(np.sqrt(self._recent), _LEAST_ACTIVITY)
+        """Over the last seconds, rad."""
+        return max(math.sqrt(self._recent), _LEAST_ACTIVITY)

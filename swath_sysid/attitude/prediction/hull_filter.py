@@ -5,9 +5,10 @@
     d(trim)/dt, dk/dt, dd/dt = slow random walks, from what the identification knows of them
     dz/dt       = A z + w                                               (`modal_moment`)
 
-The moment is a sum of two: one of which nothing is known but its size (second-order Markov: a hand on the craft, a
-gust, a sea not yet learnt) and, once learnt, that of the sea (`excitation_model`). The size of each is the one that
-the estimated states support: in still water it vanishes, and the hull alone remains.
+Two of them follow every sample: one on which nothing acts, and one that is driven by the sum of two moments: one of
+which nothing is known but its size (second-order Markov: a hand on the craft, a gust, a sea not yet learnt) and, once
+learnt, that of the sea (`excitation_model`). Which one speaks is decided by the likelihood of their innovations, in
+Wald's sequential test: once a hand lets go, the hull alone remains within some tenths of a second.
 """
 import math
 from collections import deque
@@ -16,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
-from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.stats import chi2
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
@@ -29,8 +29,10 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
+_OF_HULL = slice(TRIM, HULL_STATES)
 
 NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
+NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
 
 TRIM_DRIFT = 3e-6**2
 """rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the sea."""
@@ -63,6 +65,9 @@ MARKOV_STD = 0.3
 LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e4
 """Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft."""
 
+CHALLENGING_LEVEL = 0.01
+"""Of the unknown moment where it has to show anew that it acts."""
+
 LEVEL_INTERVAL = 0.05
 """s between two judgements of the moments' sizes."""
 
@@ -72,14 +77,11 @@ FREE_LEVEL_INTERVAL = 1.0
 LEVEL_TIMES = 2.0, 60.0
 """s; a size drifts towards what the states support: the unknown moment's, and that of a learnt sea."""
 
-CONVINCING = 3.0, 12.0
-"""Logarithm of the likelihood ratio from which on either is taken to have shrunk at once."""
+CONVINCING, LOST = 10.0, 2.0
+"""Logarithms of the likelihood ratio from which on the filter that does not speak takes over, and begins anew."""
 
 UNFORESEEN = 1e-8
 """Of a learnt sea's variance: that of the unknown moment beside it, at first."""
-
-RENEWAL = 2.0
-"""s; after so long a moment's smallness tells anew."""
 
 STRAIN_GAIN = 0.2
 MOST_STRAIN = 3.5
@@ -99,7 +101,6 @@ QUIET = 3.0
 
 LONGEST_STEP = 0.05
 """s; the moment acts by the mean of its values at both ends of a step."""
-
 
 CONTRADICTION = 3.0
 """Standard deviations."""
@@ -190,9 +191,8 @@ class Observed(NamedTuple):
         The filter began anew from this sample.
     log_likelihood : float
         Of the sample, natural logarithm; zero where nothing was measured or it was rejected.
-    advice : tuple of Advice
     surprised : bool
-        A moment that nothing foretold has begun to act: a hand, a line, a gust.
+        A moment that nothing foretold has begun to act, or ceased to: a hand, a line, a gust.
     """
 
     nis: float = math.nan
@@ -200,7 +200,6 @@ class Observed(NamedTuple):
     rejected: bool = False
     restarted: bool = False
     log_likelihood: float = 0.0
-    advice: tuple[Advice, ...] = ()
     surprised: bool = False
 
 
@@ -257,36 +256,175 @@ class ExcitationFit:
     levels: tuple[float, float]
 
 
-class HullFilter(ExtendedKalmanFilter):
-    """Extended Kalman filter of one axis.
+class HullTrack(ExtendedKalmanFilter):
+    """Extended Kalman filter of a hull under a moment; each call says how much time has passed.
 
-    It holds no clock: every call says how much time has passed. Same calls, same numbers. ``x`` and ``P`` are
-    filterpy's; so are ``predict`` and ``update`` where numba is absent, after `linearise`.
+    ``x`` and ``P`` are filterpy's; so are ``predict`` and ``update`` where numba is absent, after `linearise`.
+    """
+
+    def __init__(self):
+        super().__init__(dim_x=HULL_STATES, dim_z=2)
+        self.x, self.P = np.zeros(HULL_STATES), np.eye(HULL_STATES)
+        self.moment = NO_MOMENT
+        self.strain = 1.0
+        self.set_hull(None)
+
+    def set_hull(self, model):
+        """Swap the equation; None: a constant rate that the moment drives."""
+        self.hull = NO_HULL if model is None else (
+            tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate)
+        )  # fmt: skip
+        fastest = 0.0
+        if model is not None:
+            by_angle, by_rate = model.jacobian(model.trim, 0.0)
+            fastest = max(math.sqrt(abs(by_angle)), abs(by_rate))
+        self.drifts = TRIM_DRIFT, 0.0 if model is None else SCALE_DRIFT
+        self.longest = min(LONGEST_STEP, 0.25 / fastest if fastest > 0.0 else LONGEST_STEP)
+        self.foreseen = None
+
+    def set_state(self, mean, covariance):
+        """Replace the state, of whatever size."""
+        self.x, self.P = np.array(mean), np.array(covariance)
+        self.dim_x = self.x.size
+        self._I = np.eye(self.dim_x)
+        self.foreseen = None
+
+    def set_part(self, places, mean, covariance):
+        """Replace some states, which become independent of the others."""
+        self.x[places] = mean
+        self.P[places] = self.P[:, places] = 0.0
+        self.P[places, places] = covariance
+        self.foreseen = None
+
+    def advance(self, duration):
+        """Predict over a duration, s."""
+        foreseen, self.foreseen = self.foreseen, None
+        if foreseen is not None and abs(foreseen[0] - duration) < 1e-6:
+            _, self.x, self.P = foreseen
+        elif duration > 0.0:
+            self._predict_to(np.array([duration]))
+
+    def ahead(self, lead):
+        """Mean and covariance one lead after the present state, which stays as it is."""
+        if self.foreseen is None or self.foreseen[0] != lead:
+            now = self.x.copy(), self.P.copy()
+            self._predict_to(np.array([lead]))
+            self.foreseen = lead, self.x, self.P
+            self.x, self.P = now
+        return self.foreseen[1:]
+
+    def forecast(self, leads):
+        """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
+        now = self.x, self.P
+        self.x, self.P = self.x.copy(), self.P.copy()
+        found = self._predict_to(np.diff(np.asarray(leads, dtype=float), prepend=0.0))
+        self.x, self.P = now
+        return found
+
+    def _predict_to(self, durations):
+        means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
+        if HAS_NUMBA:
+            hull_step.predict_to(
+                self.x, self.P, self.moment, self.hull, self.drifts, durations, self.longest, means, spreads
+            )
+            return means, spreads
+        for k, duration in enumerate(durations.tolist()):
+            count = max(1, math.ceil(duration / self.longest - 1e-6)) if duration > 0.0 else 0
+            for _ in range(count):
+                self.linearise(duration / count)
+                self.predict()
+                hull_step.limit(self.P)
+            means[k], spreads[k] = self.x[:2], self.P[:2, :2]
+        return means, spreads
+
+    def linearise(self, step):
+        """Set F, Q and the end of the mean for filterpy's own ``predict``.
+
+        Parameters
+        ----------
+        step : float
+            s, short against the hull's period.
+        """
+        blocks, h, at_rest = self.moment
+        f = ModalMoment(blocks, h, at_rest).transition(step)
+        now = self.x[HULL_STATES:]
+        mean_output = 0.5 * (h + h @ f)
+        angle, rate, to_angle, to_rate = hull_step.hull_step(
+            *map(float, self.x[:HULL_STATES]), float(mean_output @ now), float(self.P[1, 1]), step, self.hull
+        )
+        self._then = np.concatenate([[angle, rate], self.x[_OF_HULL], f @ now])
+        slopes = np.array([to_angle, to_rate])
+        self.F = np.eye(self.dim_x)
+        self.F[:2, :HULL_STATES] = slopes[:, :5]
+        self.F[:2, HULL_STATES:] = np.outer(slopes[:, 5], mean_output)
+        self.F[HULL_STATES:, HULL_STATES:] = f
+        # what drives the moment in the step acts on the hull by half
+        driven = np.zeros((self.dim_x, h.size))
+        driven[:2], driven[HULL_STATES:] = np.outer(slopes[:, 5], 0.5 * h), np.eye(h.size)
+        self.Q = driven @ (at_rest - f @ at_rest @ f.T) @ driven.T
+        self.Q[_OF_HULL, _OF_HULL] += step * np.diag([self.drifts[0], self.drifts[1], self.drifts[1]])
+
+    def predict_x(self, u=0):
+        """filterpy's hook: the mean over the step of the nonlinear hull that `linearise` has set."""
+        self.x = self._then
+
+    def innovation(self, elapsed, values, variances):
+        """Number of values, their NIS and log likelihood, and the NIS had the moment jumped."""
+        found = hull_step.innovation(
+            self.x, self.P, self.moment[1], self.hull, elapsed, *values, *variances, MARKOV_STD
+        )
+        if found[0] > 0:
+            self.strain += STRAIN_GAIN * (found[1] / found[0] - self.strain)
+        return found
+
+    def take_in(self, values, variances, learns):
+        """Update with what was measured of angle and rate (NaN: not measured); see `hull_step.update`."""
+        if HAS_NUMBA:
+            hull_step.observe(self.x, self.P, *values, *variances, learns)
+            return
+        considered = self.x[_OF_HULL].copy(), self.P[_OF_HULL, _OF_HULL].copy()
+        places = [k for k, value in enumerate(values) if value == value]
+        rows = np.eye(self.dim_x)[places]
+        self.update(
+            np.array(values)[places], lambda x: rows, lambda x: rows @ x, R=np.diag(np.array(variances)[places])
+        )
+        if not learns:
+            self.x[_OF_HULL], self.P[_OF_HULL, _OF_HULL] = considered
+
+
+class HullFilter:
+    """The filter of one axis: free and driven hull, of which one speaks.
+
+    It holds no clock: every call says how much time has passed. Same calls, same numbers.
 
     Parameters
     ----------
     settings : HullFilterSettings
+
+    Attributes
+    ----------
+    is_free : bool
+        Whether the hull on which nothing acts speaks.
+    moments : list of ModalMoment
+        The unknown one and, once learnt, that of the sea.
+    levels : ndarray, shape (1,) or (2,)
+        Their variances over those that they were taken up with.
     """
 
     def __init__(self, settings=None):
         self.settings = s = settings or HullFilterSettings()
-        self._use_moments([markov_moment(MARKOV_STD**2, MARKOV_TIME)], [1.0])
-        self.model = None
-        self.is_started = False
+        self.free, self.driven = HullTrack(), HullTrack()
+        self.is_started = self.is_free = False
         self.rejections = 0
         self._may_learn = True
-        self._quiet = 0.0
-        self._uncertainty = HullUncertainty(math.nan)
+        self._quiet = self._evidence = self._since_level = 0.0
         self._gates = [math.inf, *(float(chi2.isf(s.gate_probability, m)) for m in (1, 2))]
-        size = HULL_STATES + self.moments[0].size
-        super().__init__(dim_x=size, dim_z=2)
-        self.x, self.P = np.zeros(size), np.eye(size)
-        self._since_level = 0.0
-        self._strain = 1.0
-        self._doubt = 0.0
-        self._foreseen = None
         self._recent = deque(maxlen=RECENT)
-        self._use_hull()
+        self._use_moments([markov_moment(MARKOV_STD**2, MARKOV_TIME)], [1.0])
+        size = HULL_STATES + self.moments[0].size
+        self.driven.set_state(np.zeros(size), np.eye(size))
+        self.model = None
+        self.set_hull(None)
 
     @classmethod
     def for_window(cls, request, moment):
@@ -309,13 +447,39 @@ class HullFilter(ExtendedKalmanFilter):
         hand = made.moments[0]
         made._use_moments([hand, moment], (UNFORESEEN * moment.variance / hand.variance, 1.0))
         size = HULL_STATES + hand.size + moment.size
-        made._resize(np.zeros(size), np.eye(size))
-        made._set_part(range(TRIM, HULL_STATES), request.hull_mean, request.hull_covariance)
+        made.driven.set_state(np.zeros(size), np.eye(size))
+        for track in (made.free, made.driven):
+            track.set_part(_OF_HULL, request.hull_mean, request.hull_covariance)
         made._may_learn = not request.hull_is_learnt
         made._quiet = math.inf
         return made
 
     # -- hull and moment ---------------------------------------------------------------------------------------
+
+    @property
+    def speaking(self):
+        """The track whose state and forecasts count."""
+        return self.free if self.is_free else self.driven
+
+    @property
+    def x(self):
+        """Mean of the state, shape (n,): angle, rate, trim, logarithms of the scales, the moment's."""
+        return self.speaking.x
+
+    @property
+    def P(self):
+        """Covariance of the state, shape (n, n)."""
+        return self.speaking.P
+
+    @property
+    def strain(self):
+        """Running mean of the innovations squared over their expectation; one is healthy."""
+        return self.speaking.strain
+
+    @property
+    def learns_hull(self):
+        """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
+        return self._may_learn and self._quiet > QUIET
 
     def set_hull(self, model, uncertainty=None):
         """Swap the hull; the state of motion and the moment's estimate go on.
@@ -327,30 +491,21 @@ class HullFilter(ExtendedKalmanFilter):
         uncertainty : HullUncertainty or None
             None: exactly known, but for what no model is exact in.
         """
-        was_without = self.model is None
-        self.model = model
-        self._uncertainty = uncertainty or HullUncertainty(IDENTIFIED_TRIM_STD if model else math.nan)
-        self._foreseen = None
-        self._use_hull()
-        if was_without and model is not None and self.is_started:
+        was_without, self.model = self.model is None, model
+        self._prior = self._prior_of(uncertainty or HullUncertainty(IDENTIFIED_TRIM_STD))
+        mean = [model.trim if model else 0.0, 0.0, 0.0]
+        for track in (self.free, self.driven):
+            track.set_hull(model)
+            track.set_part(_OF_HULL, mean, np.diag(self._prior))
+        if model is None:
+            self.is_free = False
+        elif was_without and self.is_started:
             # the moment that stood for the hull's own has nothing to say of the one that is left
             self.levels[0] = 1.0
             self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
 
-    def _use_hull(self):
-        model, u = self.model, self._uncertainty
-        self._hull = NO_HULL if model is None else (
-            tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate)
-        )  # fmt: skip
-        fastest = 0.0
-        if model is not None:
-            by_angle, by_rate = model.jacobian(model.trim, 0.0)
-            fastest = max(math.sqrt(abs(by_angle)), abs(by_rate))
-        self._drifts = TRIM_DRIFT, 0.0 if model is None else SCALE_DRIFT
-        self._longest = min(LONGEST_STEP, 0.25 / fastest if fastest > 0.0 else LONGEST_STEP)
-        self._set_part([TRIM, STIFFNESS, DAMPING], [model.trim if model else 0.0, 0.0, 0.0], np.diag(self._prior(u)))
-
-    def _prior(self, uncertainty):
+    def _prior_of(self, uncertainty):
+        """Variances of trim and the logarithms of the scales."""
         if self.model is None:
             return np.array([UNKNOWN_TRIM_STD**2, 0.0, 0.0])
         trim_std = uncertainty.trim_std if uncertainty.trim_std == uncertainty.trim_std else UNKNOWN_TRIM_STD
@@ -360,48 +515,35 @@ class HullFilter(ExtendedKalmanFilter):
             min(max(uncertainty.damping_std, LEAST_DAMPING_STD), MOST_SCALE_STD),
         ])
 
-    def _set_part(self, places, mean, covariance):
-        self.x[places] = mean
-        self.P[places] = 0.0
-        self.P[:, places] = 0.0
-        self.P[np.ix_(list(places), list(places))] = covariance
-
     def set_excitation(self, fit, age=0.0):
         """Take up a learnt moment.
 
-        The filter goes on from the state that the fit found at its window's end, and takes in anew the samples that
-        have come since.
+        The driven hull goes on from the state that the fit found at its window's end, and takes in anew the samples
+        that have come since; a hull on which nothing acts is not concerned.
 
         Parameters
         ----------
-        fit : ExcitationFit or None
-            None: forget the one in use.
+        fit : ExcitationFit
         age : float
             s from the time of the window's last sample to that of the newest one here.
         """
-        self._foreseen = None
-        hand = self.moments[0]
-        if fit is None:
-            kept = np.arange(HULL_STATES + hand.size)
-            self._use_moments([hand], self.levels[:1])
-            self._resize(self.x[kept], self.P[np.ix_(kept, kept)])
+        self._use_moments([self.moments[0], fit.moment], fit.levels)
+        self._evidence = 0.0
+        if self.is_free:
+            self._challenge()
             return
-        self._use_moments([hand, fit.moment], fit.levels)
         self._quiet = math.inf
-        self._resize(fit.mean.copy(), fit.covariance)
+        self.driven.set_state(fit.mean, fit.covariance)
+        self._challenge()
         since, passed = [], 0.0
         while self._recent and passed + self._recent[-1][0] < age + 1e-6:
             since.append(self._recent.pop())
             passed += since[-1][0]
         if age - passed > 1e-6:
-            self._advance_state(self.x, self.P, age - passed)
+            self.driven.advance(age - passed)
+            self.free.advance(age - passed)
         for sample in reversed(since):
             self.observe(*sample)
-
-    def _resize(self, mean, covariance):
-        self.x, self.P = mean, np.array(covariance)
-        self.dim_x = mean.size
-        self._I = np.eye(self.dim_x)
 
     def excitation_request(self, step, angle, rate, angle_variance, rate_variance, samples=1):
         """A window of the past, with what is known of the hull now, for `fit_excitation`.
@@ -424,10 +566,9 @@ class HullFilter(ExtendedKalmanFilter):
         """
         if self.model is None:
             return None
-        hull = slice(TRIM, HULL_STATES)
         return ExcitationRequest(
-            self.model, self.x[hull].copy(), self.P[hull, hull].copy(), self.learns_hull, step, angle, rate,
-            angle_variance, rate_variance, samples,
+            self.model, self.x[_OF_HULL].copy(), self.P[_OF_HULL, _OF_HULL].copy(), self.learns_hull, step, angle,
+            rate, angle_variance, rate_variance, samples,
         )  # fmt: skip
 
     def _use_moments(self, moments, levels):
@@ -435,40 +576,17 @@ class HullFilter(ExtendedKalmanFilter):
         ends = HULL_STATES + np.cumsum([0, *[m.size for m in self.moments]])
         self._parts = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
         self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
-        whole = self._whole()
-        self._transition = None
+        whole = joined(self.moments, self.levels)
         self._insignificant = INSIGNIFICANT**2 / self.moments[0].variance
-        self._moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
-
-    def _whole(self):
-        return joined([m.scaled(g) for m, g in zip(self.moments, self.levels, strict=True)])
+        self.driven.moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
 
     def _set_level(self, place, level):
         """Give a moment another size: the covariance that it tends to."""
         self.levels[place] = level = min(max(level, LEAST_LEVEL), MOST_LEVEL)
         moment, part = self.moments[place], self._parts[place]
         part = slice(part.start - HULL_STATES, part.stop - HULL_STATES)
-        self._moment[2][part, part] = level * moment.stationary
-
-    @property
-    def learns_hull(self):
-        """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
-        return self._may_learn and self._quiet > QUIET
-
-    @property
-    def covariance(self):
-        """Of angle and rate, shape (2, 2)."""
-        return self.P[:2, :2].copy()
-
-    @property
-    def strain(self):
-        """Running mean of the innovations squared over their expectation; one is healthy."""
-        return self._strain
-
-    @property
-    def moment(self):
-        """The estimated moment over inertia, rad/s^2."""
-        return float(self._moment[1] @ self.x[HULL_STATES:])
+        self.driven.moment[2][part, part] = level * moment.stationary
+        self.driven.foreseen = None
 
     # -- the samples -------------------------------------------------------------------------------------------
 
@@ -487,14 +605,15 @@ class HullFilter(ExtendedKalmanFilter):
         spread = np.diag([
             angle_variance if has_angle else INITIAL_ANGLE_STD**2, rate_variance if has_rate else INITIAL_RATE_STD**2
         ])
-        self._set_part([ANGLE, RATE], motion, spread)
+        if self.is_free:
+            self.driven.set_part(_OF_HULL, self.x[_OF_HULL], self.P[_OF_HULL, _OF_HULL])
+        self.driven.set_part(slice(2), motion, spread)
         if len(self.moments) == 1:
             self._set_level(0, max(self.levels[0], 1.0))
-        self._set_part(range(HULL_STATES, self.dim_x), 0.0, self._moment[2])
-        self.is_started = True
+        self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
+        self.is_started, self.is_free = True, False
         self.rejections = 0
-        self._strain = 1.0
-        self._foreseen = None
+        self._challenge()
 
     def observe(self, elapsed, angle, rate, angle_variance, rate_variance):
         """Predict over the time since the sample before, and take in what was measured (NaN: not measured).
@@ -513,125 +632,76 @@ class HullFilter(ExtendedKalmanFilter):
         Observed
         """
         self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
-        if self._foreseen is not None and abs(self._foreseen[0] - elapsed) < 1e-6:
-            _, self.x, self.P = self._foreseen
-        elif elapsed > 0.0:
-            self._advance_state(self.x, self.P, elapsed)
-        self._foreseen = None
-        measured, nis, log_likelihood, gate_nis = hull_step.innovation(
-            self.x, self.P, self._moment[1], self._hull, elapsed, angle, rate, angle_variance, rate_variance,
-            MARKOV_STD,
-        )  # fmt: skip
+        values, variances, speaking = (angle, rate), (angle_variance, rate_variance), self.speaking
+        tracks = (self.driven,) if self.model is None else (self.driven, self.free)
+        for track in tracks:
+            track.advance(elapsed)
+        found = {track: track.innovation(elapsed, values, variances) for track in tracks}
+        measured, nis, log_likelihood, gate_nis = found[speaking]
         if measured == 0:
             return Observed()
         if gate_nis > self._gates[measured]:
             return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
         self.rejections = 0
-        self._strain += STRAIN_GAIN * (nis / measured - self._strain)
-        surprised = self._strain > MOST_STRAIN
+        surprised = self.driven.strain > MOST_STRAIN
         if surprised:
             self._something_new(angle, rate, elapsed)
-        self._take_in(angle, rate, angle_variance, rate_variance)
-        self._quiet = self._quiet + elapsed if self.levels[0] < self._insignificant else 0.0
+        for track in tracks:
+            track.take_in(values, variances, track is speaking and self.learns_hull)
+        if self.model is not None:
+            surprised = self._weigh(found[self.free][2] - found[self.driven][2]) or (surprised and not self.is_free)
+        is_quiet = self.is_free or self.levels[0] < self._insignificant
+        self._quiet = self._quiet + elapsed if is_quiet else 0.0
         self._since_level += elapsed
         if self._since_level >= (FREE_LEVEL_INTERVAL if self.model is None else LEVEL_INTERVAL) - 1e-6:
-            self._judge_levels(self._since_level)
+            if not self.is_free:
+                self._judge_levels(self._since_level)
             self._since_level = 0.0
-        return Observed(nis, measured, False, False, log_likelihood, surprised=surprised)
+        return Observed(nis, measured, False, False, log_likelihood, surprised)
 
-    def _advance_state(self, mean, covariance, duration):
-        if HAS_NUMBA:
-            hull_step.predict(mean, covariance, self._moment, self._hull, self._drifts, duration, self._longest)
-            return
-        own = self.x, self.P
-        self.x, self.P = mean.copy(), covariance.copy()
-        for _ in range(count := self.steps(duration)):
-            self.linearise(duration / count)
-            self.predict()
-        mean[:], covariance[:] = self.x, self.P
-        hull_step.limit(covariance)
-        self.x, self.P = own
+    def _weigh(self, for_free):
+        """Wald's sequential test of the track that speaks against the other one; whether the other takes over.
 
-    def steps(self, duration):
-        """How many steps a prediction over a duration, s, takes."""
-        return max(1, math.ceil(duration / self._longest - 1e-6))
-
-    def linearise(self, step):
-        """Set F, Q and the end of the mean for filterpy's own ``predict``.
-
-        Parameters
-        ----------
-        step : float
-            s, short against the hull's period.
+        Wald (1945), Ann. Math. Stat. 16, 117. The other one begins anew from the state of that which speaks as often
+        as it has lost (Page 1954, Biometrika 41, 100): when a hand lets go is not known.
         """
-        h, at_rest = self._moment[1:]
-        if self._transition is None or self._transition[0] != step:
-            self._transition = step, self._whole().transition(step)
-        f = self._transition[1]
-        now = self.x[HULL_STATES:]
-        then = f @ now
-        mean_output = 0.5 * (h + h @ f)
-        angle, rate, to_angle, to_rate = hull_step.hull_step(
-            *map(float, self.x[:HULL_STATES]), float(mean_output @ now), float(self.P[1, 1]), step, self._hull
-        )
-        self._then = np.concatenate([[angle, rate], self.x[2:HULL_STATES], then])
-        hull, gain = np.eye(HULL_STATES), np.zeros(HULL_STATES)
-        hull[0], hull[1] = to_angle[:5], to_rate[:5]
-        gain[:2] = to_angle[5], to_rate[5]
-        self.F = np.zeros((self.dim_x, self.dim_x))
-        self.F[:HULL_STATES, :HULL_STATES], self.F[HULL_STATES:, HULL_STATES:] = hull, f
-        self.F[:HULL_STATES, HULL_STATES:] = np.outer(gain, mean_output)
-        # what drives the moment in the step acts on the hull by half
-        noise = at_rest - f @ at_rest @ f.T
-        driven = np.vstack([np.outer(gain, 0.5 * h), np.eye(h.size)])
-        self.Q = driven @ noise @ driven.T
-        drifts = np.array(self._drifts)[[0, 1, 1]]
-        self.Q[TRIM:HULL_STATES, TRIM:HULL_STATES] += np.diag(drifts * step)
+        self._evidence += -for_free if self.is_free else for_free
+        if self._evidence > CONVINCING:
+            self.is_free = not self.is_free
+            self._evidence = 0.0
+            return True
+        if self._evidence < -LOST:
+            self._challenge()
+        return False
 
-    def predict_x(self, u=0):
-        """filterpy's hook: the mean over the step of the nonlinear hull that `linearise` has set."""
-        self.x = self._then
-
-    def _take_in(self, angle, rate, angle_variance, rate_variance):
-        if HAS_NUMBA:
-            hull_step.observe(self.x, self.P, angle, rate, angle_variance, rate_variance, self.learns_hull)
+    def _challenge(self):
+        """The track that does not speak begins anew from the state of the one that does."""
+        self._evidence = 0.0
+        if not self.is_free:
+            self.free.set_state(self.x[:HULL_STATES], self.P[:HULL_STATES, :HULL_STATES])
+            self.free.strain = 1.0
             return
-        hull = slice(TRIM, HULL_STATES)
-        considered = self.x[hull].copy(), self.P[hull, hull].copy()
-        places = [k for k, value in enumerate((angle, rate)) if value == value]
-        rows = np.eye(self.dim_x)[places]
-        self.update(
-            np.array([angle, rate])[places], lambda x: rows, lambda x: rows @ x,
-            R=np.diag([angle_variance, rate_variance])[np.ix_(places, places)],
-        )  # fmt: skip
-        if not self.learns_hull:
-            self.x[hull], self.P[hull, hull] = considered
+        self._set_level(0, CHALLENGING_LEVEL)
+        self.driven.set_state(np.zeros(self._parts[-1].stop), np.zeros((self._parts[-1].stop,) * 2))
+        self.driven.set_part(slice(HULL_STATES), self.x, self.P)
+        self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
+        self.driven.strain = 1.0
 
     def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
         self.rejections += 1
         if self.rejections < self.settings.gate_patience:
             return Observed(nis, measured, rejected=True)
-        count = self.rejections
         self.start(angle, rate, angle_variance, rate_variance)
-        self._hold_still()
-        advice = Advice(
-            'gate-restarted',
-            f'{count} samples in a row disagreed with the forecast, so the filter began anew from the sensor: '
-            'check the mounting and the noise settings if this repeats',
-        )
-        return Observed(nis, measured, restarted=True, advice=(advice,))
-
-    def _hold_still(self):
-        """A craft that lies where its hull would not rest is held there by a moment."""
-        if self.model is None:
-            return
-        held = -float(self.model.acceleration(float(self.x[0] - self.x[2]) + self.model.trim, float(self.x[1])))
-        self._raise_level(held * held)
+        if self.model is not None:
+            # a craft that lies where its hull would not rest is held there by a moment
+            at = float(self.x[ANGLE] - self.x[TRIM]) + self.model.trim
+            self._raise_level(float(self.model.acceleration(at, float(self.x[RATE]))) ** 2)
+        return Observed(nis, measured, restarted=True)
 
     def _something_new(self, angle, rate, elapsed):
         """The innovations are too large: another moment has begun to act, of the size that they show."""
-        self._strain = 1.0
-        e0, e1 = angle - float(self.x[0]), rate - float(self.x[1])
+        self.driven.strain = 1.0
+        e0, e1 = angle - float(self.driven.x[ANGLE]), rate - float(self.driven.x[RATE])
         size = e1 / elapsed if e1 == e1 else 2.0 * e0 / (elapsed * elapsed)
         self._raise_level((NEWCOMER * size) ** 2)
 
@@ -643,50 +713,17 @@ class HullFilter(ExtendedKalmanFilter):
 
     def _add(self, place, level):
         part = self._parts[place]
-        self.P[part, part] += level * self.moments[place].stationary
+        self.driven.P[part, part] += level * self.moments[place].stationary
         self._set_level(place, self.levels[place] + level)
 
-    # -- the moments' sizes ------------------------------------------------------------------------------------
-
     def _judge_levels(self, elapsed):
-        """Let each moment's size follow what its estimated states support (see `supported_level`)."""
+        """Let each moment's size follow what its estimated states support."""
         for place, (moment, part, inverse) in enumerate(zip(self.moments, self._parts, self._inverses, strict=True)):
-            level, factor = float(self.levels[place]), 1.0
-            unknown, square = hull_step.support(self.x, self.P, part.start, inverse)
+            level = float(self.levels[place])
+            unknown, square = hull_step.support(self.driven.x, self.driven.P, part.start, inverse)
             known, square = moment.size - unknown / level, square / level
-            # nothing convinces where not even one direction is known
-            if square < 0.5 * known and known > 0.99:
-                factor, evidence, of_a_quarter = supported_level(
-                    self.x[part], self.P[part, part], level * moment.stationary
-                )
-                if evidence < CONVINCING[place] and not self._has_long_been_small(place, of_a_quarter, elapsed):
-                    factor = 1.0
-            if factor == 1.0:
-                gain = min(elapsed / LEVEL_TIMES[place], 1.0)
-                factor = math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0))
-            else:
-                self._shrink(part, level * moment.stationary, factor)
-            self._set_level(place, factor * level)
-
-    def _has_long_been_small(self, place, of_a_quarter, elapsed):
-        """Whether the evidence for a moment much smaller has added up."""
-        if place > 0:
-            return False
-        self._doubt = max(self._doubt + of_a_quarter * elapsed / RENEWAL, 0.0)
-        if self._doubt < CONVINCING[0]:
-            return False
-        self._doubt = 0.0
-        return True
-
-    def _shrink(self, part, prior, factor):
-        """Had the moment been that much smaller all along: its estimate beside the smaller prior (Bayes' rule)."""
-        # a measurement z = 0 of covariance prior / (1 / factor - 1)
-        noise = prior / (1.0 / factor - 1.0)
-        cross = self.P[:, part]
-        gain = cho_solve(cho_factor(self.P[part, part] + noise), cross.T).T
-        self.x = self.x - gain @ self.x[part]
-        covariance = self.P - gain @ cross.T
-        self.P = 0.5 * (covariance + covariance.T)
+            gain = min(elapsed / LEVEL_TIMES[place], 1.0)
+            self._set_level(place, level * math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0)))
 
     def advice(self):
         """What to say of the model: whether the sea, or the craft in still water, contradicts it.
@@ -701,7 +738,7 @@ class HullFilter(ExtendedKalmanFilter):
         if self.model is None:
             return ()
         found = []
-        prior, spread = self._prior(self._uncertainty)[1:], np.diag(self.P)[STIFFNESS:HULL_STATES]
+        prior, spread = self._prior[1:], np.diag(self.P)[STIFFNESS:HULL_STATES]
         scales = self.x[STIFFNESS:HULL_STATES]
         for name, log_scale, before, now, much in zip(
             ('stiffness', 'damping'), scales.tolist(), prior.tolist(), spread.tolist(), MUCH, strict=True
@@ -727,12 +764,7 @@ class HullFilter(ExtendedKalmanFilter):
         tuple of 5 floats
             Angle, rate, angle variance, covariance of both, rate variance.
         """
-        if self._foreseen is None or self._foreseen[0] != lead:
-            mean, covariance = self.x.copy(), self.P.copy()
-            if lead > 0.0:
-                self._advance_state(mean, covariance, lead)
-            self._foreseen = lead, mean, covariance
-        _, mean, covariance = self._foreseen
+        mean, covariance = self.speaking.ahead(lead)
         return (
             float(mean[0]), float(mean[1]), float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
         )
@@ -750,51 +782,5 @@ class HullFilter(ExtendedKalmanFilter):
         angle, rate : ndarray, shape (L,)
         covariance : ndarray, shape (L, 2, 2)
         """
-        durations = np.diff(np.asarray(leads, dtype=float), prepend=0.0)
-        mean, covariance = self.x.copy(), self.P.copy()
-        means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
-        if HAS_NUMBA:
-            hull_step.predict_to(
-                mean, covariance, self._moment, self._hull, self._drifts, durations, self._longest, means, spreads
-            )
-        else:
-            for k, duration in enumerate(durations.tolist()):
-                if duration > 0.0:
-                    self._advance_state(mean, covariance, duration)
-                means[k], spreads[k] = mean[:2], covariance[:2, :2]
+        means, spreads = self.speaking.forecast(leads)
         return means[:, 0], means[:, 1], spreads
-
-
-_FACTORS = np.geomspace(4.0, 1e8, 60)[:, None]
-
-
-def supported_level(mean, covariance, prior):
-    """The factor (a quarter or less) on a moment's variance that its estimate supports best, and its evidence.
-
-    With the prior N(0, V) and the estimate N(z, P), the evidence for a prior N(0, V / c) over that for N(0, V) is
-    the product over the eigenvectors of P against V, with eigenvalues r and whitened means u, of
-
-        sqrt(c / q) exp(-(c - 1) u^2 / (2 q)),      q = 1 + (c - 1) r,
-
-    so that only what is known (r < 1) counts.
-
-    Parameters
-    ----------
-    mean : ndarray, shape (n,)
-    covariance, prior : ndarray, shape (n, n)
-
-    Returns
-    -------
-    factor : float
-    evidence, of_a_quarter : float
-        Logarithms of the likelihood ratio, of that factor and of a quarter.
-    """
-    size = np.sqrt(np.diag(prior))
-    scale = np.outer(size, size)
-    values, vectors = eigh(covariance / scale, prior / scale + 1e-12 * np.eye(size.size))
-    square = (vectors.T @ (mean / size)) ** 2
-    values = np.clip(values, 0.0, 1.0)
-    q = 1.0 + (_FACTORS - 1.0) * values
-    evidence = 0.5 * (np.log(_FACTORS / q) - (_FACTORS - 1.0) * (square / q)).sum(axis=1)
-    best = int(evidence.argmax())
-    return 1.0 / float(_FACTORS[best, 0]), float(evidence[best]), float(evidence[0])

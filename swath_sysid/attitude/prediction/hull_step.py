@@ -1,8 +1,8 @@
-"""The arithmetic of `HullFilter`, compiled where numba is: what every sample of every axis costs.
+"""The arithmetic of `HullTrack`, compiled where numba is: what every sample of every axis costs.
 
 The state is [angle, rate, trim, log stiffness scale, log damping scale, moment's states z]; mean (n,) and covariance
 (n, n) are changed in place. The moment's blocks are sparse (`modal_moment`), the hull couples to them by one row: a
-step takes some thousand multiplications where dense matrices take forty thousand. `HullFilter.linearise` says the
+step takes some thousand multiplications where dense matrices take forty thousand. `HullTrack.linearise` says the
 same in matrices, for filterpy.
 """
 import math
@@ -36,27 +36,18 @@ LARGEST_RATE_VARIANCE = 100.0
 
 
 @accelerated
-def scaled(ratios, stiffness, damping):
-    """The ratios with damping and restoring terms multiplied by a factor each."""
-    return (
-        ratios[0] * damping, ratios[1] * damping, ratios[2] * damping, ratios[3] * damping,
-        ratios[4] * stiffness, ratios[5] * stiffness, ratios[6] * stiffness, ratios[7] * stiffness,
-        ratios[8] * stiffness,
-    )  # fmt: skip
-
-
-@accelerated
-def expected(ratios, rate, variance):
-    """The ratios with the linear damping that makes the damping moment its mean over a normally distributed rate.
+def expected_ratios(ratios, stiffness, damping, rate, variance):
+    """The ratios with both scales, and with the linear damping that makes the damping its mean over a normal rate.
 
     E[w^3] = m^3 + 3 m v, and E[|w| w] is near m sqrt(m^2 + 8 v / pi), right for small and for large m (Roberts and
     Spanos 1990, Random Vibration and Statistical Linearization): the less is known of the rate, the more the motion
     is damped.
     """
-    speed = abs(rate)
-    more = ratios[2] * (math.sqrt(rate * rate + 8.0 / math.pi * variance) - speed) + 3.0 * ratios[3] * variance
+    more = ratios[2] * (math.sqrt(rate * rate + 8.0 / math.pi * variance) - abs(rate)) + 3.0 * ratios[3] * variance
     return (
-        ratios[0], ratios[1] + more, ratios[2], ratios[3], ratios[4], ratios[5], ratios[6], ratios[7], ratios[8]
+        ratios[0] * damping, (ratios[1] + more) * damping, ratios[2] * damping, ratios[3] * damping,
+        ratios[4] * stiffness, ratios[5] * stiffness, ratios[6] * stiffness, ratios[7] * stiffness,
+        ratios[8] * stiffness,
     )  # fmt: skip
 
 
@@ -72,7 +63,7 @@ def hull_step(angle, rate, trim, stiffness, damping, moment, rate_variance, step
     moment : float
         Mean over the step, rad/s^2.
     rate_variance : float
-        Of what is known of the rate, rad^2/s^2; see `expected`.
+        Of what is known of the rate, rad^2/s^2; see `expected_ratios`.
     step : float
         s, short against the natural period.
     hull : tuple
@@ -88,7 +79,7 @@ def hull_step(angle, rate, trim, stiffness, damping, moment, rate_variance, step
     """
     ratios, active, friction_rate = hull
     stiffness, damping = math.exp(min(max(stiffness, -MOST), MOST)), math.exp(min(max(damping, -MOST), MOST))
-    ratios = expected(scaled(ratios, stiffness, damping), rate, rate_variance)
+    ratios = expected_ratios(ratios, stiffness, damping, rate, rate_variance)
     half = 0.5 * step
     x = angle - trim
     # numpy's functions turn a float into a numpy.float64, which is slow to go on with

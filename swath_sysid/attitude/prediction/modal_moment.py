@@ -11,7 +11,7 @@ exponential and no Lyapunov equation has to be solved while the filter runs, how
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag, eig, solve_continuous_lyapunov
+from scipy.linalg import block_diag, eig, expm, solve_continuous_lyapunov
 
 SLOWEST_DECAY = 1e-4
 """1/s; a pole decays at least so fast, so that the stationary covariance exists."""
@@ -58,24 +58,6 @@ class ModalMoment:
         return block_diag(*[[[first, v], [-v, second]] for first, second, v in self.blocks])
 
     @classmethod
-    def from_continuous(cls, generator, output, stationary):
-        """Bring a stable continuous state space into modal form.
-
-        Parameters
-        ----------
-        generator : ndarray, shape (n, n)
-        output : ndarray, shape (n,)
-        stationary : ndarray, shape (n, n)
-
-        Returns
-        -------
-        ModalMoment
-            With one state more where the number of real poles is odd.
-        """
-        poles, vectors = _separate_poles(generator)
-        return cls._of_poles(poles, vectors, output, stationary)
-
-    @classmethod
     def from_discrete(cls, transition, output, stationary, step):
         """Bring a stable discrete state space into continuous modal form.
 
@@ -95,10 +77,7 @@ class ModalMoment:
         values, vectors = _separate_poles(transition)
         # a negative real number has no real continuous counterpart: what alternates from step to step is forgotten
         values = np.where((np.abs(values.imag) < 1e-9) & (values.real <= 0.0), np.exp(-FASTEST_DECAY * step), values)
-        return cls._of_poles(np.log(values) / step, vectors, output, stationary)
-
-    @classmethod
-    def _of_poles(cls, poles, vectors, output, stationary):
+        poles = np.log(values) / step
         decay = np.clip(poles.real, -FASTEST_DECAY, -SLOWEST_DECAY)
         real = np.flatnonzero(np.abs(poles.imag) < 1e-9)
         pairs = np.flatnonzero(poles.imag >= 1e-9)
@@ -135,19 +114,11 @@ class ModalMoment:
         """F over an interval, s; shape (n, n)."""
         first, second, v = self.blocks.T
         a, b = np.exp(first * interval), np.exp(second * interval)
-        c, s = a * np.cos(v * interval), a * np.sin(v * interval)
-        return block_diag(*[[[c1, s1], [-s1, c2]] for c1, s1, c2 in zip(c, s, np.where(v > 0.0, c, b), strict=True)])
-
-    def spectrum(self, frequency):
-        """Two-sided spectral density, shape (N,), at frequencies, rad/s; its integral over 2 pi is the variance."""
-        generator, identity = self.generator, np.eye(self.size)
-        drive = -(generator @ self.stationary + self.stationary @ generator.T)
-        rows = np.array([np.linalg.solve((1j * w * identity - generator).T, self.output) for w in frequency])
-        return np.real(np.einsum('ni,ij,nj->n', rows, drive, rows.conj()))
-
-    def scaled(self, factor):
-        """The same moment with that many times the variance."""
-        return ModalMoment(self.blocks, self.output, factor * self.stationary)
+        c, s, at = a * np.cos(v * interval), a * np.sin(v * interval), np.arange(0, self.size, 2)
+        made = np.zeros((self.size, self.size))
+        made[at, at], made[at + 1, at + 1] = c, np.where(v > 0.0, c, b)
+        made[at, at + 1], made[at + 1, at] = s, -s
+        return made
 
 
 def _separate_poles(matrix):
@@ -181,13 +152,13 @@ def markov_moment(variance, time):
     corner = 1.0 / time
     generator = np.array([[0.0, 1.0], [-corner * corner, -1.8 * corner]])
     stationary = variance * np.diag([1.0, corner * corner])
-    return ModalMoment.from_continuous(generator, np.array([1.0, 0.0]), stationary)
+    return ModalMoment.from_discrete(expm(generator * time), np.array([1.0, 0.0]), stationary, time)
 
 
-def joined(moments):
-    """The sum of independent moments as one."""
+def joined(moments, levels):
+    """The sum of independent moments as one, each with so many times its variance."""
     return ModalMoment(
         np.concatenate([m.blocks for m in moments]),
         np.concatenate([m.output for m in moments]),
-        block_diag(*[m.stationary for m in moments]),
+        block_diag(*[level * m.stationary for m, level in zip(moments, levels, strict=True)]),
     )

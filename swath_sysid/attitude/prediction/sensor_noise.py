@@ -1,35 +1,9 @@
 """White noise of a sensor that does not tell it, from the roughness of its samples."""
 import math
-from dataclasses import dataclass
 
-from swath_sysid.common.errors import InputError
+_FIRST, _MEMORY = 20, 1000
+"""Samples that the first guess counts for, and over which the variance is averaged."""
 
-
-@dataclass(frozen=True)
-class NoiseSettings:
-    """Bounds of a `NoiseMeter`.
-
-    Attributes
-    ----------
-    initial, least, most : float
-        Standard deviation before enough samples have come, and its bounds, in the channel's unit.
-    memory : int
-        Samples over which it is averaged.
-    """
-
-    initial: float = 0.002
-    least: float = 1e-4
-    most: float = 0.02
-    memory: int = 1000
-
-    def __post_init__(self):
-        if not 0.0 < self.least <= self.initial <= self.most:
-            raise InputError('noise bounds must be ordered: 0 < least <= initial <= most')
-        if self.memory < _FIRST:
-            raise InputError(f'memory must be at least {_FIRST} samples')
-
-
-_FIRST = 20
 _THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of the third difference of white noise
 _CLIP = 16.0
 
@@ -43,13 +17,13 @@ class NoiseMeter:
 
     Parameters
     ----------
-    settings : NoiseSettings
+    initial, least, most : float
+        Standard deviation before enough samples have come, and its bounds, in the channel's unit.
     """
 
-    def __init__(self, settings):
-        self.settings = settings
-        self.variance = self._average = settings.initial**2
-        self._least, self._most, self._floor = settings.least**2, settings.most**2, 0.01 * settings.least**2
+    def __init__(self, initial, least, most):
+        self.variance = self._average = initial**2
+        self._least, self._most, self._floor = least**2, most**2, 0.01 * least**2
         self._count = _FIRST
         self.restart()
 
@@ -67,7 +41,7 @@ class NoiseMeter:
             average, square = self._average, third * third / _THIRD_DIFFERENCE_GAIN
             if square > _CLIP * average:
                 square = _CLIP * average
-            if self._count < self.settings.memory:
+            if self._count < _MEMORY:
                 self._count += 1
             average += (square - average) / self._count
             self._average = average = average if average > self._floor else self._floor

@@ -75,14 +75,22 @@ class InnovationsFilter:
         taken.  A target that the model does not have is NaN.
     horizon : float
         s; the longest lead and age together.
+    steps : sequence of int, optional
+        From the newest row: those of `at_steps`.
+
+    Attributes
+    ----------
+    strain : float
+        Running mean of the targets' innovations squared over their expectation; one is healthy.
     """
 
-    def __init__(self, model, targets, horizon):
+    def __init__(self, model, targets, horizon, steps=()):
         self.model = model
         self.targets = tuple(targets)
         self.horizon = horizon
         self._places = np.array(model.places, dtype=int)
         self._scale = 1.0 / model.scale
+        self._following = np.vstack([model.c, model.a])
         self._driven = model.k @ model.s @ model.k.T
         self._floor = _KNOWN * np.diag(model.s)
         watched = [name in self.targets for name in model.channels]
@@ -90,7 +98,7 @@ class InnovationsFilter:
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
         self._strain_gain = min(1.0, model.step / _STRAIN_TIME)
         self._largest = _BREAK * np.diag(model.s)
-        self._prepare()
+        self._prepare(np.array(steps, dtype=int))
         self.restart()
 
     def restart(self):
@@ -99,17 +107,7 @@ class InnovationsFilter:
         self._p = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
         self._told = None
-        self._strain = 1.0
-
-    @property
-    def strain(self):
-        """Running mean of the targets' innovations squared over their expectation; one is healthy."""
-        return self._strain
-
-    @property
-    def settled(self):
-        """Whether the state is known without error: the rows have been complete for long enough."""
-        return self._p is None
+        self.strain = 1.0
 
     def seed(self, rows):
         """Start anew and step through the recent past.
@@ -143,21 +141,21 @@ class InnovationsFilter:
         z = (row[self._places] - self.model.mean) * self._scale
         self._told = None
         if self._p is None:
-            error = z - self.model.c @ self._x
-            self._follow_strain(error)
+            following = self._following @ self._x
+            error = z - following[:z.size]
+            self._follow_strain(error[self._watched])
             # false for NaN, too
             if (error * error < self._largest).all():
-                self._x = self.model.a @ self._x + self.model.k @ error
+                self._x = following[z.size:] + self.model.k @ error
                 self._recent.append(z)
                 return
             self._p = np.zeros_like(self.model.a)
         self._update(z, np.isfinite(z))
 
     def _follow_strain(self, error):
-        error = error[self._watched]
         square = float(error @ self._precision @ error) / error.size
         if square == square:
-            self._strain += self._strain_gain * (square - self._strain)
+            self.strain += self._strain_gain * (square - self.strain)
 
     def _update(self, z, seen):
         """The Kalman update with the channels that were seen; all or none of them, too.
@@ -230,11 +228,11 @@ class InnovationsFilter:
         covariance : ndarray, shape (L, M, M)
             Of the readings: the sensor's noise is part of the innovations.
         """
-        means, covariances = self._whole_steps()
         steps = (np.asarray(leads, dtype=float) + age) / self.model.step
         near = np.round(steps)
         whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
         part = steps - whole
+        means, covariances = self._whole_steps()
         if not (np.abs(part) > 1e-6).any():
             return means[whole + 1], covariances[whole]
         weights = cubic_weights(part)
@@ -242,83 +240,76 @@ class InnovationsFilter:
         part = part[:, None, None]
         return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._steps + 1)]
 
-    def at_steps(self, steps):
-        """As `forecast`, at whole steps from the newest row: what a score needs.
-
-        Parameters
-        ----------
-        steps : ndarray of int, shape (L,)
-        """
-        means, covariances = self._whole_steps()
-        return means[steps + 1], covariances[steps]
+    def at_steps(self):
+        """As `forecast`, at the steps that were prepared: one matrix product, and while all is known no other."""
+        return self._ahead(*self._at_steps)
 
     def _whole_steps(self):
         """Means at steps -1, 0, ... and covariances at steps 0, 1, ... of the targets, until the next row comes."""
         if self._told is None:
-            path = np.concatenate([np.array(self._recent)[:, self._used], self._ahead @ self._x])
-            covariances = self._free
-            if self._p is not None:
-                covariances = self._free + self._of_state @ self._p @ self._of_state.transpose(0, 2, 1)
-            self._told = self._as_targets(path) + self._offset, covariances
+            self._told = self._ahead(self._of_past, self._of_state, self._free)
         return self._told
 
+    def _ahead(self, of_past, of_state, free):
+        means = (of_past @ np.concatenate([self._x, *self._recent])).reshape(-1, len(self.targets)) + self._offset
+        if self._p is None:
+            return means, free
+        return means, free + of_state @ self._p @ of_state.transpose(0, 2, 1)
+
     def _find_targets(self):
-        """Which channels the targets need, and how: ``_direct`` as they are, ``_differenced`` by their difference."""
-        model = self.model
-        place_of = {name: place for place, name in enumerate(model.channels)}
-        sources = [place_of.get(name, place_of.get(name.removesuffix('_rate'))) for name in self.targets]
-        self._used = sorted({source for source in sources if source is not None})
-        self._direct, self._differenced = [], []
-        self._unit, self._offset = np.full((2, len(sources)), np.nan)
-        for place, (name, source) in enumerate(zip(self.targets, sources, strict=True)):
-            if source is None:
-                continue
-            if name in place_of:
-                self._direct.append((place, self._used.index(source)))
-                self._unit[place], self._offset[place] = model.scale[source], model.mean[source]
-            else:
-                self._differenced.append((place, self._used.index(source)))
-                self._unit[place], self._offset[place] = model.scale[source] / model.step, 0.0
-
-    def _as_targets(self, path):
-        """A linear function of the used channels at consecutive steps, as that of the targets two steps further in.
-
-        Parameters
-        ----------
-        path : ndarray, shape (T, used, ...)
+        """The targets' units, and how each is made of channels: itself, or the difference of the one it is the rate of.
 
         Returns
         -------
-        ndarray, shape (T - 4, M, ...)
+        list of (int, int, dict of int to float)
+            Place of the target, channel, and by the steps from it the factors of that channel.
         """
-        result = np.full((path.shape[0] - 4, len(self.targets), *path.shape[2:]), np.nan)
-        for place, source in self._direct:
-            result[:, place] = path[2:-2, source]
-        for place, source in self._differenced:
-            result[:, place] = sum(f * path[2 + k:path.shape[0] - 2 + k, source] for k, f in _DIFFERENCE.items())
-        return result * self._unit.reshape(-1, *(1,) * (path.ndim - 2))
+        model = self.model
+        place_of = {name: place for place, name in enumerate(model.channels)}
+        self._unit, self._offset = np.full((2, len(self.targets)), np.nan)
+        sources = []
+        for place, name in enumerate(self.targets):
+            is_direct = name in place_of
+            source = place_of.get(name if is_direct else name.removesuffix('_rate'))
+            if source is not None:
+                sources.append((place, source, {0: 1.0} if is_direct else _DIFFERENCE))
+                self._unit[place] = model.scale[source] / (1.0 if is_direct else model.step)
+                self._offset[place] = model.mean[source] if is_direct else 0.0
+        return sources
 
-    def _prepare(self):
+    def _prepare(self, prepared):
         """What every forecast needs of the model: its response, ahead of time.
 
         The error of a forecast h steps ahead is the sum of psi_j e over j < h, psi_0 = 1, psi_j = C A^(j-1) K, and
         C A^(h-1) times the state's own error.
         """
-        self._find_targets()
-        m, states = self.model, self.model.a.shape[0]
+        m, (states, channels) = self.model, self.model.k.shape
         self._steps = steps = int(np.ceil(self.horizon / m.step - 1e-6))
-        ahead = np.empty((steps + 4, len(self._used), states))
-        row = m.c[self._used]
-        for h in range(steps + 4):
-            ahead[h] = row
-            row = row @ m.a
-        self._ahead = ahead
-        nothing = np.zeros((_PAST, len(self._used), states))
-        self._of_state = np.ascontiguousarray(self._as_targets(np.concatenate([nothing, ahead]))[1:-1])
-        now = np.eye(len(m.channels))[None, self._used]
-        response = np.concatenate([np.zeros((_PAST, *now.shape[1:])), now, ahead[:-1] @ m.k])
-        response = self._as_targets(response)[:-1]
+        sources = self._find_targets()
+
+        def as_targets(path):
+            """Of the channels at consecutive steps, shape (T, C, ...), the targets from two steps further in."""
+            result = np.full((path.shape[0] - 4, len(self.targets), *path.shape[2:]), np.nan)
+            for place, source, factors in sources:
+                terms = [f * path[2 + k:path.shape[0] - 2 + k, source] for k, f in factors.items()]
+                result[:, place] = self._unit[place] * sum(terms)
+            return result
+
+        ahead = np.empty((steps + 4, channels, states))
+        ahead[0] = m.c
+        for h in range(1, steps + 4):
+            ahead[h] = ahead[h - 1] @ m.a
+        past = np.zeros((_PAST + steps + 4, channels, states + _PAST * channels))
+        past[_PAST:, :, :states] = ahead
+        past[:_PAST, :, states:] = np.eye(_PAST * channels).reshape(_PAST, channels, -1)
+        of_past = as_targets(past)
+        self._of_past = of_past.reshape(-1, past.shape[2])
+        self._of_state = np.ascontiguousarray(of_past[1:-1, :, :states])
+        now = np.eye(channels)[None]
+        response = as_targets(np.concatenate([np.zeros((_PAST, *now.shape[1:])), now, ahead[:-1] @ m.k]))[:-1]
         self._free = np.cumsum(response @ m.s @ response.transpose(0, 2, 1), axis=0)[1:]
+        of_steps = of_past[prepared + 1].reshape(-1, past.shape[2])
+        self._at_steps = of_steps, self._of_state[prepared], self._free[prepared]
 
 
 def side_by_side(models):

@@ -14,8 +14,6 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_value
 from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter, ManoeuvreFilterSettings
 
-PATH_TOPIC = 'manoeuvring/forecast'
-
 LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, BELIEVED, NO_THRUST = 'not-finite', 'outlier', 'sensor-believed', 'no-thrust'
 REASONS = {
@@ -28,11 +26,6 @@ REASONS = {
     NO_THRUST: 'no thrust command for long, it is taken as zero: check the thruster topics, or stop_after_s',
 }
 """What is counted, and what to do about it."""
-
-
-def manoeuvring_lead_topic(lead):
-    """Topic of the forecasts at one lead: 0.5 s is on ``manoeuvring/lead_0_5s``."""
-    return f'manoeuvring/lead_{str(float(lead)).replace(".", "_")}s'
 
 
 @dataclass(frozen=True)

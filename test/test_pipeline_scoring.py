@@ -10,12 +10,12 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecast import NORMAL_QUANTILES, AxisForecast, Forecast
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
-from swath_sysid.attitude.prediction.skill import METHODS, Run, score, usual_limits
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.pipeline.record_run import run_through
+from swath_sysid.pipeline.record_run import Run, run_through
+from swath_sysid.pipeline.scoring import METHODS, score, usual_limits
 from swath_sysid.report.forecast_figure import forecast_figure
 from swath_sysid.report.forecast_summary import skill_as_data
 
@@ -48,7 +48,7 @@ def forecasts_with_errors(trial, errors, deviation, leads=LEADS):
     for k, stamp in enumerate(trial.time.tolist()):
         angle = np.interp(stamp + np.array(leads), trial.time, trial.roll) + errors[k]
         covariance = np.tile(np.diag([deviation**2, 1.0]), (len(leads), 1, 1))
-        ahead = Forecast(stamp, np.array(leads), {'roll': AxisForecast.normal(angle, 0.0 * angle, covariance)})
+        ahead = Forecast(stamp, np.array(leads), {'roll': AxisForecast(angle, 0.0 * angle, covariance)})
         steps.append(SimpleNamespace(stamp=stamp, forecast=ahead, horizon=ahead))
     return Run(tuple(steps))
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.attitude.prediction.baselines import BASELINES, Record, baseline_forecasts, running_regression
+from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, running_regression
 
 LEADS = np.array([0.1, 0.5, 1.0])
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.baselines import BASELINES, Record, baseline_forecasts
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts
 
 FORECAST = 'forecast'
 METHODS = (FORECAST, *BASELINES)
@@ -30,30 +30,6 @@ _SELDOM = 2.0
 _LEAST_LIMIT = 1e-4
 _LEAST_WARMUP = 30.0
 """s from which limits of quiescence can be taken."""
-
-
-@dataclass(frozen=True)
-class Run:
-    """A predictor run through a record.
-
-    Attributes
-    ----------
-    steps : tuple
-        Those that issued a forecast, each with ``stamp`` (s, in the record's time), ``forecast`` (at the leads)
-        and ``horizon``, both `Forecast`.
-    step_times, refit_times : tuple of float
-        s.
-    reliability : Reliability or None
-        Of the quiescence that was forecast.
-    quiescence_limits : QuiescenceLimits or None
-        Whose keeping was forecast.
-    """
-
-    steps: tuple
-    step_times: tuple[float, ...] = ()
-    refit_times: tuple[float, ...] = ()
-    reliability: Reliability | None = None
-    quiescence_limits: QuiescenceLimits | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,247 @@
+"""A study of free decays carried out again: its trials simulated, its search and ours on each.
+
+The trials are those of the hull that the study prints, released as it says, with white noise of the rate from the
+printed objective value of each record: one step ahead the noise sets it, as the difference of two readings. How the
+ratios follow the draft is not printed and assumed.
+"""
+from concurrent.futures import as_completed
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named
+from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.one_step import OneStepObjective
+from swath_sysid.attitude.identification.problem import Problem, prepare
+from swath_sysid.attitude.identification.search import (
+    PRESETS,
+    SearchSettings,
+    full_ratios,
+    published_space,
+    run_search,
+)
+from swath_sysid.campaign.evaluation import FitSummary
+from swath_sysid.campaign.papers.publication import DecayPublication, decay_publication
+
+DRAFT_FACTORS = (0.9, 1.0, 1.1)
+DRAFT_POWERS = {'b1': 0.8, 'b2': 0.5, 'b3': 0.5, 'r1': -0.6, 'r2': -0.4, 'r3': 0.3, 's1': -0.6, 's2': -0.4}
+"""Assumed: a ratio at draft factor f is that at design draft times f to this power."""
+
+HOLD_S = 1.0
+RATE_HZ = 100.0
+SWARM = {'generations': 2000, 'population': 200}
+"""The study that names it gives no budget of the swarm: that of its genetic search."""
+
+OTHER_SEEDS = (101, 102, 103)
+
+COEFFICIENTS = {
+    'b1': ('N', 0.5), 'b2': ('W', 1.0), 'b3': ('x', 1.0), 'r1': ('C3', 1.0), 'r2': ('C2', 1.0), 'r3': ('C1', 1.0),
+    's1': ('C2', 1.0), 's2': ('C1', 1.0),
+}  # fmt: skip
+"""Name and factor of the printed coefficient that a ratio times the inertia is."""
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """What a search of the published objective ended with.
+
+    Attributes
+    ----------
+    value : float
+        rad/s.
+    inertia : float
+        The I' that it stopped at.
+    ratios : dict of str to float
+        To the inertia.
+    """
+
+    value: float
+    inertia: float
+    ratios: dict
+
+
+@dataclass(frozen=True)
+class SearchedEquation:
+    """One equation on one record by the published objective.
+
+    Attributes
+    ----------
+    genetic, swarm : Optimum
+        With the budget and ranges of the study.
+    exact : Optimum
+        By bounded least squares: no search can go lower. Its inertia is NaN.
+    """
+
+    genetic: Optimum
+    swarm: Optimum
+    exact: Optimum
+
+
+@dataclass(frozen=True)
+class StudiedRecord:
+    """One condition of the study: its best repeat, searched with every equation, and fitted our way.
+
+    Attributes
+    ----------
+    draft_factor, angle_deg : float
+    repeat : int
+    hull : DecayModel
+        That the record was simulated of.
+    problem : Problem
+    searched : dict of str to SearchedEquation
+    ours : FitSummary
+        Of the chosen equation, by the simulated motion.
+    """
+
+    draft_factor: float
+    angle_deg: float
+    repeat: int
+    hull: DecayModel
+    problem: Problem
+    searched: dict
+    ours: FitSummary
+
+
+def hull_at(name, draft_factor):
+    """The published hull at a multiple of its design draft."""
+    model = PUBLISHED_HULLS[name].model
+    ratios = {term: value * draft_factor ** DRAFT_POWERS[term] for term, value in model.terms.items()}
+    return DecayModel.from_terms(model.equation, ratios, axis=model.axis)
+
+
+def assumed_inertia(name):
+    """I' that the coefficients are shown with: as printed, or as the catalogue assumes; 0.09 where neither is."""
+    form = PUBLISHED_HULLS[name].form
+    return 0.09 if form is None else form.inertia
+
+
+def study_record(name, draft_factor, angle_deg, seed):
+    """One condition: simulate its repeats, keep the best, search every equation, and fit the chosen one our way.
+
+    Parameters
+    ----------
+    name : str
+        One of ``DECAY_STUDIES``.
+    draft_factor, angle_deg : float
+        A row of its printed table of objective values.
+    seed : int
+
+    Returns
+    -------
+    StudiedRecord
+    """
+    publication = decay_publication(name)
+    printed = publication.printed_objective[draft_factor, angle_deg]
+    hull = hull_at(name, draft_factor)
+    problems = [
+        _record(publication, hull, angle_deg, min(printed.values()), 100 * seed + repeat)
+        for repeat in range(publication.repeats)
+    ]
+    chosen = equation_named(publication.chosen)
+    repeat = int(np.argmin([_exact(p, chosen).value for p in problems]))
+    problem = problems[repeat]
+    searched = {e: _searched(problem, equation_named(e), name, seed) for e in publication.equations}
+    ours = FitSummary.of(identify_problem(problem, IdentificationSettings(publication.chosen)))
+    return StudiedRecord(draft_factor, angle_deg, repeat + 1, hull, problem, searched, ours)
+
+
+def _record(publication, hull, angle_deg, objective_value, seed):
+    """A simulated record, cut from the release to the duration of the study."""
+    noise = SensorNoise(rate=objective_value / np.sqrt(2.0))
+    trial = simulated_trial(hull, np.radians(angle_deg), publication.duration_s, RATE_HZ, noise, seed, hold=HOLD_S)
+    return prepare([trial.axis(hull.axis)], HOLD_S, HOLD_S + publication.duration_s)
+
+
+def objective_of(problem):
+    """The published objective of a record."""
+    return OneStepObjective.of(problem.motions, [s.trim for s in problem.states], problem.friction_rate)
+
+
+def _exact(problem, equation):
+    """The least value within the published ranges, in which a ratio is only bound to be positive."""
+    objective = objective_of(problem)
+    ratios = objective.minimum(equation, np.zeros(len(TERM_NAMES)), np.full(len(TERM_NAMES), np.inf))
+    return Optimum(float(objective(ratios[None])[0]), float('nan'), _by_name(equation, ratios))
+
+
+def _by_name(equation, ratios):
+    return {term: float(ratios[k]) for term, k in zip(equation.terms, equation.indices, strict=True)}
+
+
+def _searched(problem, equation, name, seed):
+    return SearchedEquation(
+        genetic=searched_optimum(problem, equation, name, SearchSettings(preset=name, seed=seed)),
+        swarm=searched_optimum(problem, equation, name, SearchSettings('pso', **SWARM, seed=seed)),
+        exact=_exact(problem, equation),
+    )
+
+
+def searched_optimum(problem, equation, name, settings):
+    """Search the published objective in the published variables and ranges."""
+    space, objective = published_space(equation, PRESETS[name], problem.scales), objective_of(problem)
+    found = run_search(lambda c: objective(full_ratios(c, equation, problem.scales)), space, settings)
+    ratios = full_ratios(space.to_ratios(found.best[None]), equation, problem.scales)[0]
+    return Optimum(found.value, float(found.best[0]), _by_name(equation, ratios))
+
+
+@dataclass(frozen=True)
+class DecayStudy:
+    """A study carried out again.
+
+    Attributes
+    ----------
+    publication : DecayPublication
+    records : tuple of StudiedRecord
+        In the order of the printed objective values.
+    inertias : tuple of float
+        I' at which searches with other seeds stop on the record of the printed coefficients.
+    """
+
+    publication: DecayPublication
+    records: tuple[StudiedRecord, ...]
+    inertias: tuple[float, ...]
+
+    def at(self, draft_factor, angle_deg):
+        """The record of one condition."""
+        return next(r for r in self.records if (r.draft_factor, r.angle_deg) == (draft_factor, angle_deg))
+
+    @property
+    def inertia(self):
+        """I' that the coefficients are shown with."""
+        return assumed_inertia(self.publication.name)
+
+    def chosen(self, record):
+        """The searches of the chosen equation on a record."""
+        return record.searched[self.publication.chosen]
+
+
+def run_decay_study(name, executor, note=lambda done, total: None):
+    """Carry a study out again.
+
+    Parameters
+    ----------
+    name : str
+        One of ``DECAY_STUDIES``.
+    executor : concurrent.futures.Executor
+        A record a task.
+    note : callable, optional
+        Called with the records done and in all.
+
+    Returns
+    -------
+    DecayStudy
+    """
+    publication = decay_publication(name)
+    places = list(publication.printed_objective)
+    futures = [executor.submit(study_record, name, *place, seed) for seed, place in enumerate(places, start=1)]
+    for done, _ in enumerate(as_completed(futures), start=1):
+        note(done, len(futures))
+    records = tuple(f.result() for f in futures)
+    printed = publication.coefficients
+    problem = DecayStudy(publication, records, ()).at(printed.draft_factor, printed.angle_deg).problem
+    equation = equation_named(publication.chosen)
+    found = [searched_optimum(problem, equation, name, SearchSettings(preset=name, seed=s)) for s in OTHER_SEEDS]
+    return DecayStudy(publication, records, tuple(f.inertia for f in found))

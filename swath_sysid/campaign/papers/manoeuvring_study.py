@@ -1,0 +1,201 @@
+"""The study of a catamaran's manoeuvring carried out again, on turns simulated of its own derivatives.
+
+Its method: nonlinear least squares on the simulated motion, from GPS position and speed of one turn, the resistance
+fixed by towing, every other derivative within a range. Ours: `identify_manoeuvring` on the same turn, with the
+compass and the gyro that a craft has today.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, printed_values
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.hull.prime import PrimeUnits
+from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
+from swath_sysid.manoeuvring.hull.simulation import simulate
+from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification, identify_manoeuvring
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
+
+STEP_S = 0.2
+RELATIVE_STEP = 1e-4
+NOISE = SensorNoise()
+
+
+@dataclass(frozen=True)
+class EstimatedDerivative:
+    """One derivative, without dimension times 1e5.
+
+    Attributes
+    ----------
+    name : str
+    printed : float
+        The number in the study's table.
+    truth : float
+        As it is read, and simulated.
+    estimate, std : float
+        By the study's method; NaN standard deviation where fixed.
+    ours, ours_std : float
+        NaN where our identification leaves the term out.
+    lower, upper : float
+        Range of the estimate.
+    mariner : float
+    """
+
+    name: str
+    printed: float
+    truth: float
+    estimate: float
+    std: float
+    ours: float
+    ours_std: float
+    lower: float
+    upper: float
+    mariner: float
+
+
+@dataclass(frozen=True)
+class ManoeuvringStudy:
+    """The study carried out again.
+
+    Attributes
+    ----------
+    content : dict
+        Of its file.
+    truth, estimated : ManoeuvringModel
+    ours : ManoeuvringIdentification
+    derivatives : tuple of EstimatedDerivative
+    iterations : ndarray, shape (K, n)
+        Every free derivative over its true value, by iteration.
+    free : tuple of str
+    runs : dict of str to (Manoeuvre, Manoeuvre)
+        ``identification`` and ``validation``: as simulated, and as measured.
+    """
+
+    content: dict
+    truth: ManoeuvringModel
+    estimated: ManoeuvringModel
+    ours: ManoeuvringIdentification
+    derivatives: tuple[EstimatedDerivative, ...]
+    iterations: np.ndarray
+    free: tuple[str, ...]
+    runs: dict
+
+    def simulated(self, model, run):
+        """A model under the thrusts of a run, from its first state."""
+        port, starboard = self.content['runs'][run]
+        return _turn(model, self.content['assumed'], port, starboard)
+
+
+def run_manoeuvring_study(seed=1):
+    """Carry the study out again.
+
+    Parameters
+    ----------
+    seed : int
+
+    Returns
+    -------
+    ManoeuvringStudy
+    """
+    content = printed_values(MANOEUVRING_STUDY)
+    units = PrimeUnits(content['craft']['length_m'], content['assumed']['speed_m_s'])
+    prime = {**content['derivatives']['printed'], **content['reading']['corrected']}
+    factor = content['reading']['factor']
+    values = {name: units.from_prime(name, factor * value) for name, value in prime.items()}
+    truth = _craft(content, values)
+    runs = {}
+    for k, (name, (port, starboard)) in enumerate(content['runs'].items()):
+        exact = _turn(truth, content['assumed'], port, starboard)
+        runs[name] = exact, with_noise(exact, NOISE, seed + k)
+    estimated, std, shares, free = _estimated(content, truth, values, runs['identification'][1])
+    ours = _ours(content, runs)
+    derivatives = tuple(
+        _derivative(content, units, name, truth, estimated, std.get(name, float('nan')), ours) for name in prime
+    )
+    return ManoeuvringStudy(content, truth, estimated, ours, derivatives, shares, free, runs)
+
+
+def _craft(content, values):
+    mass, length = content['craft']['displacement_kg'], content['craft']['length_m']
+    known = {
+        'm': mass, 'Iz': mass * (content['assumed']['gyradius_over_length'] * length) ** 2,
+        'lever': content['assumed']['lever_m'], **content['thrust'],
+    }  # fmt: skip
+    largest = max(max(thrusts) for thrusts in content['runs'].values())
+    return ManoeuvringModel(parameter_values({**known, **values}), length=length, largest_input=largest)
+
+
+def _turn(model, assumed, port, starboard):
+    """An approach with the larger thrust on both sides, then the turn."""
+    count = [round(assumed[key] / STEP_S) for key in ('approach_s', 'turn_s')]
+    return simulate(model, np.repeat([starboard, port], count), np.repeat([starboard, starboard], count), STEP_S)
+
+
+def _estimated(content, truth, values, measured):
+    """Least squares within ranges; model, standard deviations by name, shares of the truth by iteration, names."""
+    assumed = content['assumed']
+    free = tuple(name for name in values if name not in content['fixed_by_towing'])
+    scale = np.array([values[name] for name in free])
+    port, starboard = content['runs']['identification']
+    history = []
+
+    def model_of(shares):
+        return truth.with_values(**dict(zip(free, shares * scale, strict=True)))
+
+    def residuals(shares):
+        found = _turn(model_of(shares), assumed, port, starboard)
+        gap = np.concatenate([
+            (found.x - measured.x) / NOISE.position, (found.y - measured.y) / NOISE.position,
+            (np.hypot(found.surge, found.sway) - np.hypot(measured.surge, measured.sway)) / NOISE.speed,
+        ])  # fmt: skip
+        return np.nan_to_num(gap, nan=1e6, posinf=1e6, neginf=-1e6)
+
+    def jacobian(shares):
+        history.append(shares.copy())
+        steps = RELATIVE_STEP * np.eye(len(free))
+        return np.stack([residuals(shares + s) - residuals(shares - s) for s in steps], axis=1) / (2.0 * RELATIVE_STEP)
+
+    bounds = assumed['least_share'], assumed['largest_share']
+    start = np.full(len(free), assumed['start_share'])
+    found = least_squares(residuals, start, jacobian, bounds=bounds, xtol=1e-8, ftol=1e-8, max_nfev=200)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    std = dict(zip(free, np.abs(scale) * np.sqrt(np.diag(covariance)), strict=True))
+    return model_of(found.x), std, np.array([*history, found.x]), free
+
+
+def _ours(content, runs):
+    trials = [
+        ManoeuvringTrial(
+            m.time, m.port, m.starboard, surge=m.surge, sway=m.sway, yaw_rate=m.yaw_rate, heading=m.heading, x=m.x,
+            y=m.y, frame='enu', source=name,
+        )
+        for name, (_, m) in runs.items()
+    ]  # fmt: skip
+    settings = ManoeuvringSettings(
+        mass=content['craft']['displacement_kg'], lever=content['assumed']['lever_m'],
+        length=content['craft']['length_m'], fixed=content['thrust'], current='none',
+    )  # fmt: skip
+    identification, validation = prepare_all(trials)
+    return identify_manoeuvring([identification], settings, [validation])
+
+
+def _derivative(content, units, name, truth, estimated, std, ours):
+    def prime(value):
+        return units.to_prime(name, value) * 1e5
+
+    assumed, own = content['assumed'], ours.derivatives.get(name)
+    fixed = name in content['fixed_by_towing']
+    bounds = sorted(prime(truth[name]) * (1.0 if fixed else assumed[key]) for key in ('least_share', 'largest_share'))
+    return EstimatedDerivative(
+        name, content['derivatives']['printed'][name], prime(truth[name]), prime(estimated[name]),
+        abs(prime(std)), prime(own.value) if own else float('nan'), abs(prime(own.std)) if own else float('nan'),
+        *bounds, content['mariner'][name],
+    )  # fmt: skip
+
+
+def track_error(found, measured):
+    """Root mean square distance of two tracks, m."""
+    return float(np.sqrt(np.mean((found.x - measured.x) ** 2 + (found.y - measured.y) ** 2)))
+

@@ -1,0 +1,121 @@
+"""What the studies print, as it is printed; one YAML file a study beside this module."""
+from dataclasses import dataclass, field
+from importlib import resources
+
+import yaml
+
+from swath_sysid.attitude.hull.catalogue import EQUATIONS
+from swath_sysid.common.errors import InputError
+
+DECAY_STUDIES = ('swath-pitch', 'swath-roll', 'hydrofoil-pitch', 'swath-usv-pitch')
+MANOEUVRING_STUDY = 'wam-v'
+STUDIES = (*DECAY_STUDIES, MANOEUVRING_STUDY)
+
+
+@dataclass(frozen=True)
+class PrintedTable:
+    """A printed table or equation.
+
+    Attributes
+    ----------
+    table : str
+        Which of the study.
+    draft_factor, angle_deg : float or None
+        Of the record that it is of, where it is of one.
+    rows : tuple
+    ratios, published_form : dict of str to float
+        Of the chosen equation: over the inertia, or with it.
+    """
+
+    table: str
+    draft_factor: float | None = None
+    angle_deg: float | None = None
+    rows: tuple = ()
+    ratios: dict = field(default_factory=dict)
+    published_form: dict = field(default_factory=dict)
+    inertia: float | None = None
+
+
+@dataclass(frozen=True)
+class DecayPublication:
+    """A study of free decays.
+
+    Attributes
+    ----------
+    name, title, axis : str
+    craft : dict
+        Particulars, by the keys of a manifest.
+    equations : tuple of str
+        In the order of the study.
+    chosen : str
+    duration_s : float
+    repeats : int
+    objective : PrintedTable
+        Rows of draft_factor, angle_deg and values, rad/s.
+    coefficients : PrintedTable
+    next_step : PrintedTable or None
+        Rows of time, s, measured and identified rate, rad/s, and error, %.
+    figures, claims : tuple of dict
+        Specifications; see the files.
+    """
+
+    name: str
+    title: str
+    axis: str
+    craft: dict
+    equations: tuple
+    chosen: str
+    duration_s: float
+    repeats: int
+    objective: PrintedTable
+    coefficients: PrintedTable
+    figures: tuple
+    claims: tuple
+    next_step: PrintedTable | None = None
+
+    @property
+    def printed_objective(self):
+        """(draft factor, angle in deg) to equation to printed value, rad/s."""
+        return {
+            (row['draft_factor'], row['angle_deg']): dict(zip(self.equations, row['values'], strict=True))
+            for row in self.objective.rows
+        }
+
+    @property
+    def out_of_order(self):
+        """(draft factor, angle, larger, contained equation) where the larger is printed with the larger value.
+
+        An equation that contains another cannot fit worse than it: such a search had not converged.
+        """
+        return tuple(
+            (*place, big, small)
+            for place, values in self.printed_objective.items()
+            for big in values
+            for small in values
+            if big != small and EQUATIONS[big].contains(EQUATIONS[small]) and values[big] > values[small]
+        )
+
+
+def printed_values(name):
+    """The content of a study's file.
+
+    Raises
+    ------
+    InputError
+        There is no such study.
+    """
+    if name not in STUDIES:
+        raise InputError(f"there is no paper '{name}': choose from {', '.join(STUDIES)}")
+    text = resources.files(__package__).joinpath(f'{name}.yaml').read_text(encoding='utf-8')
+    return yaml.safe_load(text)
+
+
+def decay_publication(name):
+    """A study of free decays by its name."""
+    content = printed_values(name)
+    tables = {
+        key: PrintedTable(**{k: tuple(v) if isinstance(v, list) else v for k, v in content[key].items()})
+        for key in ('objective', 'coefficients', 'next_step') if key in content
+    }
+    lists = {key: tuple(content[key]) for key in ('equations', 'figures', 'claims')}
+    return DecayPublication(name, **{**content, **tables, **lists})

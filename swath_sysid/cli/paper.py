@@ -1,0 +1,40 @@
+"""``swath-sysid paper``: a published study carried out again, printed and obtained values side by side."""
+
+import os
+import time
+from pathlib import Path
+
+from swath_sysid.campaign.executors import executor_of
+from swath_sysid.campaign.papers.decay_study import run_decay_study
+from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study
+from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, STUDIES
+from swath_sysid.cli.progress import progress_of
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.report.paper_decay import decay_page
+from swath_sysid.report.paper_manoeuvring import manoeuvring_page
+
+
+def add_arguments(parser):
+    """The study, the page, the processes."""
+    parser.add_argument('study', choices=STUDIES)
+    parser.add_argument('--output', metavar='FILE.html', help='default: STUDY.html in this folder')
+    parser.add_argument('--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one a core)')
+
+
+def run(arguments):
+    """Simulate, identify, and write one page."""
+    began = time.perf_counter()
+    path = Path(arguments.output or f'{arguments.study}.html')
+    check_outputs([Output('--output', path, endings=('html',))])
+    if arguments.study == MANOEUVRING_STUDY:
+        study, page_of = run_manoeuvring_study(), manoeuvring_page
+    else:
+        with executor_of(arguments.jobs) as executor, progress_of('paper') as progress:
+            study = run_decay_study(arguments.study, executor, lambda done, total: progress(done / total))
+        page_of = decay_page
+    text = page_of(study, time.perf_counter() - began)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding='utf-8')
+    print(path)
+    return 0

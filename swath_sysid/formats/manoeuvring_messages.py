@@ -1,0 +1,78 @@
+"""Between ROS messages of surge, sway and yaw and plain values, without ROS; encoders return the serialised message."""
+import numpy as np
+
+from swath_sysid.formats.messages import SECOND_NS, header, make, serialised, stamp_ns
+from swath_sysid.formats.topics import ODOMETRY, PATH
+from swath_sysid.manoeuvring.prediction.pipeline import OdometryReading
+
+PLANAR = (0, 1, 5)
+"""Rows of x, y, yaw (and of their rates) in a covariance of six."""
+
+LARGEST_VARIANCE = 1e4
+"""Odometry that states a larger one does not know the quantity."""
+
+
+def odometry_message(state, frame_id, child_frame_id, stamp=None):
+    """The nav_msgs/Odometry of a `ManoeuvreState`; heave, roll and pitch are zero, with zero variance.
+
+    Parameters
+    ----------
+    state : ManoeuvreState
+    frame_id, child_frame_id : str
+    stamp : int, optional
+        ns; by default that of the state.
+    """
+    vector = 'geometry_msgs/msg/Vector3'
+    twist = make(
+        'geometry_msgs/msg/Twist', make(vector, float(state.surge), float(state.sway), 0.0),
+        make(vector, 0.0, 0.0, float(state.yaw_rate)),
+    )  # fmt: skip
+    return serialised(make(
+        ODOMETRY, header(round(state.stamp * SECOND_NS) if stamp is None else stamp, frame_id), child_frame_id,
+        make('geometry_msgs/msg/PoseWithCovariance', _pose(state), _of_six(state.pose_covariance)),
+        make('geometry_msgs/msg/TwistWithCovariance', twist, _of_six(state.twist_covariance)),
+    ))  # fmt: skip
+
+
+def path_message(path, stamp, frame_id):
+    """The nav_msgs/Path of states, each pose with the stamp that it is for."""
+    poses = [
+        make('geometry_msgs/msg/PoseStamped', header(round(state.stamp * SECOND_NS), frame_id), _pose(state))
+        for state in path
+    ]
+    return serialised(make(PATH, header(round(stamp * SECOND_NS), frame_id), poses))
+
+
+def _pose(state):
+    half = 0.5 * state.heading
+    return make(
+        'geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', float(state.x), float(state.y), 0.0),
+        make('geometry_msgs/msg/Quaternion', 0.0, 0.0, float(np.sin(half)), float(np.cos(half))),
+    )  # fmt: skip
+
+
+def _of_six(block):
+    """Covariance of x, y, yaw as one of six, shape (36,)."""
+    full = np.zeros((6, 6))
+    full[np.ix_(PLANAR, PLANAR)] = block
+    return full.ravel()
+
+
+def odometry_reading(message):
+    """The `OdometryReading` of a nav_msgs/Odometry."""
+    pose, twist = message.pose.pose, message.twist.twist
+    q = pose.orientation
+    heading = float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)))
+    std = {}
+    for names, covariance in (
+        (('x', 'y', 'heading'), message.pose.covariance), (('surge', 'sway', 'yaw_rate'), message.twist.covariance)
+    ):  # fmt: skip
+        for name, place in zip(names, PLANAR, strict=True):
+            variance = float(covariance[7 * place])
+            # all zero means unknown, as for sensor_msgs
+            if 0.0 < variance < LARGEST_VARIANCE:
+                std[name] = variance**0.5
+    return OdometryReading(
+        stamp_ns(message.header.stamp) / SECOND_NS, pose.position.x, pose.position.y, heading, twist.linear.x,
+        twist.linear.y, twist.angular.z, std,
+    )  # fmt: skip

@@ -1,0 +1,152 @@
+"""The published studies: their printed values, and their trials and searches carried out again."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from scipy.optimize import nnls
+
+from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+from swath_sysid.attitude.identification import search
+from swath_sysid.campaign.papers import decay_study
+from swath_sysid.campaign.papers.decay_study import hull_at, study_record
+from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study, track_error
+from swath_sysid.campaign.papers.publication import DECAY_STUDIES, STUDIES, decay_publication, printed_values
+from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
+from swath_sysid.report.campaign_page import escaped
+from swath_sysid.report.paper_decay import trend_of
+from swath_sysid.report.paper_manoeuvring import manoeuvring_page
+
+
+@pytest.mark.parametrize('name', DECAY_STUDIES)
+def test_every_record_of_a_study_has_a_printed_value_an_equation(name):
+    publication = decay_publication(name)
+    drafts, angles = zip(*publication.printed_objective, strict=True)
+    assert len(publication.printed_objective) == len(set(drafts)) * len(set(angles))
+    for values in publication.printed_objective.values():
+        assert len(values) == len(publication.equations)
+        assert all(0.005 < value < 0.06 for value in values.values())
+
+
+@pytest.mark.parametrize('name', [n for n in DECAY_STUDIES if decay_publication(n).next_step])
+def test_printed_errors_one_step_ahead_are_those_of_their_printed_rates(name):
+    for _, measured, identified, percent in decay_publication(name).next_step.rows:
+        assert 100.0 * abs(identified / measured - 1.0) == pytest.approx(percent, abs=0.3)
+
+
+def test_the_printed_coefficients_are_those_of_the_catalogues_hulls():
+    printed = decay_publication('hydrofoil-pitch').coefficients.ratios
+    assert printed == PUBLISHED_HULLS['hydrofoil-pitch'].model.terms
+    form = decay_publication('swath-usv-pitch').coefficients.published_form
+    assert form['C3'] / form["I'"] == pytest.approx(PUBLISHED_HULLS['swath-usv-pitch'].model.terms['r1'])
+    assert 2.0 * form['N'] / form["I'"] == pytest.approx(PUBLISHED_HULLS['swath-usv-pitch'].model.terms['b1'])
+
+
+def test_printed_values_that_no_converged_search_has_are_found():
+    # swath-pitch-1 contains swath-pitch-2, and is printed with .025670453 beside .02566616
+    assert (1.0, 9, 'swath-pitch-1', 'swath-pitch-2') in decay_publication('swath-pitch').out_of_order
+    assert (1.0, 15, 'swath-roll-1', 'swath-roll-2') in decay_publication('swath-roll').out_of_order
+
+
+def test_a_study_that_is_none_is_refused():
+    with pytest.raises(InputError, match='swath-roll'):
+        printed_values('catamaran')
+
+
+def test_hulls_follow_the_draft_by_powers():
+    design, deep = hull_at('swath-pitch', 1.0), hull_at('swath-pitch', 1.1)
+    assert design.terms == PUBLISHED_HULLS['swath-pitch'].model.terms
+    assert deep.terms['r1'] == pytest.approx(design.terms['r1'] * 1.1**-0.6)
+
+
+@pytest.mark.parametrize(
+    ('values', 'trend'),
+    [([3, 2, 1], 'falls'), ([1, 2, 3], 'rises'), ([1, 0.9, 1.05], 'steady'), ([1, 3, 2], 'neither')],
+)
+def test_trends(values, trend):
+    assert trend_of(values) == trend
+
+
+@pytest.fixture
+def short_search(monkeypatch):
+    """The studies' searches with a fiftieth of their budget."""
+    for name in DECAY_STUDIES:
+        preset = search.PRESETS[name]
+        few = replace(preset.genetic, generations=40, population=60)
+        monkeypatch.setitem(search.PRESETS, name, replace(preset, genetic=few))
+    monkeypatch.setitem(decay_study.SWARM, 'generations', 40)
+
+
+def test_a_record_is_searched_down_to_its_exact_optimum_and_no_lower():
+    record = study_record('swath-roll', 1.0, 5, seed=2)
+    motion, trim = record.problem.motions[0], record.problem.states[0].trim
+    x, w, step = motion.angle[:-1] - trim, motion.rate[:-1], np.diff(motion.time)
+    # the published objective written out, its least value by non-negative least squares
+    columns = np.column_stack([w, np.abs(w) * w, w**3, np.sin(x), np.sin(x) ** 2]) * -step[:, None]
+    _, least = nnls(columns, np.diff(motion.rate))
+    found = record.searched['swath-roll-3']
+    assert found.exact.value == pytest.approx(least / np.sqrt(step.size), rel=1e-9)
+    for by_search in (found.genetic, found.swarm):
+        assert found.exact.value * (1.0 - 1e-12) <= by_search.value <= found.exact.value * (1.0 + 1e-4)
+        ratios = np.array(list(by_search.ratios.values()))
+        error = np.diff(motion.rate) - columns @ ratios
+        assert by_search.value == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
+        assert 0.0 < by_search.inertia <= 0.1
+    # about as printed, 0.007095983 rad/s, since the noise sets it
+    assert found.genetic.value == pytest.approx(0.0071, rel=0.1)
+    # the objective is far off the hull, the simulated motion is on it
+    assert found.exact.ratios['b1'] > 100.0 * record.hull.terms['b1']
+    for term, value in record.hull.terms.items():
+        estimate, std = record.ours.ratio(term)
+        assert abs(estimate - value) < 4.0 * std
+
+
+@pytest.mark.parametrize('name', ['hydrofoil-pitch', 'swath-roll'])
+def test_the_page_of_a_study_has_its_figures_and_tables(name, tmp_path, short_search, capsys):
+    page = tmp_path / 'study.html'
+    assert main(['paper', name, '--output', str(page), '--jobs', '1']) == 0
+    assert str(page) in capsys.readouterr().out
+    text = page.read_text(encoding='utf-8')
+    publication = decay_publication(name)
+    for figure in publication.figures:
+        assert f'As figure {figure["number"]}:' in text
+    for values in publication.printed_objective.values():
+        assert all(f'{value:.7g}' in text for value in values.values())
+    assert all(escaped(claim['text']) in text for claim in publication.claims)
+    assert '>nan' not in text
+
+
+@pytest.fixture(scope='module')
+def manoeuvring():
+    return run_manoeuvring_study()
+
+
+def test_the_catamarans_own_method_fits_its_track_and_tells_none_of_its_derivatives(manoeuvring):
+    exact, measured = manoeuvring.runs['identification']
+    assert track_error(measured, exact) == pytest.approx(0.3 * np.sqrt(2.0), rel=0.1)
+    assert track_error(manoeuvring.simulated(manoeuvring.estimated, 'identification'), exact) < 0.1
+    free = [d for d in manoeuvring.derivatives if np.isfinite(d.std)]
+    assert len(free) == 10
+    assert sum(d.std > abs(d.truth) for d in free) >= 8
+    assert all(d.lower <= d.estimate <= d.upper for d in free)
+
+
+def test_the_catamarans_derivatives_are_read_in_the_prime_system(manoeuvring):
+    # Y of dv/dt: rho L^3 / 2
+    assert manoeuvring.truth['Yv_dot'] == pytest.approx(-1120e-5 * 0.5 * 1025.0 * 3.91**3)
+    # N of r: rho L^4 U / 2
+    assert manoeuvring.truth['Nr'] == pytest.approx(-177e-5 * 0.5 * 1025.0 * 3.91**4 * 0.5)
+
+
+def test_the_page_of_the_catamaran(manoeuvring):
+    text = manoeuvring_page(manoeuvring, wall_s=1.0)
+    assert all(f'As figure {n}:' in text for n in (4, 5, 6))
+    assert all(str(value) in text for value in printed_values('wam-v')['derivatives']['printed'].values())
+
+
+def test_every_file_of_a_study_is_read():
+    folder = decay_study.__file__.rpartition('/')[0]
+    for name in STUDIES:
+        with open(f'{folder}/{name}.yaml', encoding='utf-8') as file:
+            assert yaml.safe_load(file) == printed_values(name)
