@@ -31,7 +31,7 @@ setup(
     license=MANIFEST.findtext('license'),
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['campaign/papers/*.yaml']},
+    package_data={NAME: ['py.typed', 'campaign/papers/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (SHARE.as_posix(), ['package.xml']),
@@ -57,7 +57,7 @@ setup(
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fast': ['numba>=0.59'],
         'cluster': ['distributed'],
-        'test': ['hypothesis', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
+        'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
     },
     entry_points={
         'console_scripts': ['swath-sysid = swath_sysid.start:command_line'],

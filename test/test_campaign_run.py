@@ -76,7 +76,7 @@ def done(trials, tmp_path_factory):
     write_report(outcome, output, 1.0)
     return outcome, output
 
-
+@pytest.mark.slow
 def test_every_record_with_every_equation(done):
     outcome, _ = done
     (axis,) = outcome.axes
@@ -117,6 +117,7 @@ def test_interrupted_and_continued_gives_the_same_tables(trials, done, tmp_path,
     (signal.SIGKILL, -signal.SIGKILL, ''),
     (signal.SIGINT, 130, 'stopped: the same command goes on from the finished fits'),
 ])
+@pytest.mark.slow
 def test_two_processes_stopped_and_continued_give_the_same_tables(trials, done, tmp_path, number, code, last_words):
     command = [
         sys.executable, '-m', 'swath_sysid.cli.main', 'campaign', str(trials / 'campaign.yaml'),
@@ -154,7 +155,7 @@ def test_what_differs_is_computed_again(trials, done, tmp_path):
     seeded = run_campaign(read_manifest(trials / 'seeded.yaml'), store, SerialExecutor())
     assert seeded.kept == 0
 
-
+@pytest.mark.slow
 def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys):
     for path in trials.glob('*.csv'):
         (tmp_path / path.name).write_text(path.read_text())
@@ -361,7 +362,7 @@ def test_futures_of_the_serial_executor_carry_errors():
     future = SerialExecutor().submit(int, 'x')
     assert isinstance(future, Future) and isinstance(future.exception(), ValueError)
 
-
+@pytest.mark.slow
 def test_measured_trials(data_folder, tmp_path):
     """The smallest and the largest angle of the measured platform: friction is found."""
     (tmp_path / 'campaign.yaml').write_text(

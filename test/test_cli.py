@@ -99,7 +99,7 @@ def test_compare_ranks_and_chooses(trial_file, tmp_path, capsys):
     assert main(command) == 0
     assert 'Choice: swath-pitch-3 has 4 terms' in capsys.readouterr().out
 
-
+@pytest.mark.slow
 def test_compare_in_processes_gives_the_same(trial_file, capsys):
     answers = []
     for jobs in ('1', '2'):

@@ -52,7 +52,7 @@ def test_white_noise_is_no_fault():
     trial = simulated_trial(hull_named('swath-pitch').model, np.radians(6.0), 15.0, 50.0, noisy, 1, 0.0)
     assert identify([trial.axis('pitch')]).verdict.level != REFUSED
 
-
+@pytest.mark.slow
 def test_measured_decays_pass(data_folder):
     for name in ('kvlcc2/run2_0kn.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_3deg_repeat1.csv',
                  'foswec/pitch_8.4deg_repeat3.csv'):

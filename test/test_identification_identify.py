@@ -27,7 +27,7 @@ def settings(equation='swath-pitch-2', **options):
     search = SearchSettings(**options.pop('search', {}))
     return IdentificationSettings(equation, search=search, **options)
 
-
+@pytest.mark.slow
 def test_truth_of_the_published_pitch_hull_within_its_uncertainty():
     errors, scores = [], []
     for seed in range(20):
@@ -122,7 +122,7 @@ def test_a_containing_equation_never_fits_worse(objective):
     for larger, smaller in pairs:
         assert larger.objective_value <= smaller.objective_value * (1 + 1e-9)
 
-
+@pytest.mark.slow
 def test_comparison_chooses_the_simplest_adequate_equation():
     true = HULL.from_terms(EQUATIONS['swath-pitch-6'], {'b1': 0.6, 'r1': 10.0, 'r2': 25.0})
     problem = prepare([decay(model=true, noise=SensorNoise(3e-4, 0.004))])
@@ -169,6 +169,7 @@ class TestRealRecords:
         assert found.r2 >= 0.9999
         assert 2.54 <= found.model.natural_period <= 2.55
 
+    @pytest.mark.slow
     def test_kvlcc2_at_rest_from_any_seed(self, data_folder):
         motion = read_trial(data_folder / 'decay/kvlcc2/run2_0kn.csv').axis('roll')
         found = [identify([motion], settings('odd-cubic', search={'seed': seed})) for seed in range(3)]
@@ -177,6 +178,7 @@ class TestRealRecords:
         assert found[0].records[0].segment.duration > 160
         assert identify([motion], settings('linear')).r2 == pytest.approx(0.993, abs=0.001)
 
+    @pytest.mark.slow
     def test_foswec_jointly_needs_friction(self, data_folder):
         motions = [read_trial(p).axis('pitch') for p in sorted((data_folder / 'decay/foswec').glob('*.csv'))]
         assert len(motions) == 9

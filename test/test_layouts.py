@@ -6,11 +6,12 @@ from xml.etree import ElementTree
 import pytest
 
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, lead_topic
-from swath_sysid.nodes.parameter_tables import PREDICTOR, defaults
+from swath_sysid.nodes.parameters.parameter import defaults
+from swath_sysid.nodes.parameters.predictor import TABLE
 from swath_sysid.share import share_folder
 
 CONFIG = share_folder() / 'config'
-LEADS = [f'/{lead_topic(lead)}' for lead in defaults(PREDICTOR)['leads_s']]
+LEADS = [f'/{lead_topic(lead)}' for lead in defaults(TABLE)['leads_s']]
 OURS = {
     '/imu/data', '/model/description', '/model/coefficients', '/motion/window', '/identifier/progress', '/diagnostics',
     f'/{NEXT_TOPIC}', f'/{HORIZON_TOPIC}', *LEADS,

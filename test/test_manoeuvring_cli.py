@@ -35,7 +35,7 @@ def model(folder):
                  '--generations', 3, '--population', 10) == 0  # fmt: skip
     return folder / 'model.yaml'
 
-
+@pytest.mark.slow
 def test_identify_writes_model_and_pictures(folder, model):
     assert model.is_file()
     names = {path.name for path in (folder / 'plots').iterdir()}
@@ -80,7 +80,7 @@ def test_simulate_from_the_identified_model(folder, model, test, capsys):
     assert swath('simulate', '--hull', 'wamv-vrx-new', '--test', 'zigzag') == 0
     assert 'first overshoot' in capsys.readouterr().out
 
-
+@pytest.mark.slow
 def test_play_through_is_repeatable_and_right(folder, model, capsys):
     bag = folder / 'circle.mcap'
     swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'turning-circle', '--output', bag)
@@ -129,7 +129,7 @@ def test_one_clear_sentence(folder, words, match):
     with pytest.raises(InputError, match=match):
         swath(*(word.format(runs=folder / 'runs') for word in words))
 
-
+@pytest.mark.slow
 def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path, capsys):
     bag = tmp_path / 'zigzag.mcap'
     assert swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--output', bag) == 0

@@ -30,6 +30,8 @@ from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.identification.windows import cut
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
 
+pytestmark = pytest.mark.slow
+
 OLD = preset('wamv-vrx-old')
 QUICK = dict(mass=180.0, generations=4, population=12)
 

@@ -237,7 +237,7 @@ def test_stability_check_knows_the_unstable_craft():
         assert (found.largest_growth < 0) == expected
     assert not check_stability(stable.with_values(Nv=-1.1 * critical), REGION).stable
 
-
+@pytest.mark.slow
 def test_programme_excites_and_noise_is_as_asked():
     runs = trial_programme(PRESETS['wamv-vrx-old'])
     assert min(run.port.min() for run in runs.values()) < 0

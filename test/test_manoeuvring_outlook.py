@@ -53,7 +53,7 @@ def lead_errors(found, m, lead):
         for k, s in found if 100 < k < len(m.time) - step
     ]
 
-
+@pytest.mark.slow
 def test_forecasts_are_due_and_right(manoeuvre):
     found = play(ManoeuvreOutlook(SETTINGS, MODEL), manoeuvre, list(enumerate(readings(manoeuvre))))
     assert 100 <= len(found) <= 107
@@ -66,13 +66,13 @@ def test_forecasts_are_due_and_right(manoeuvre):
     assert np.all(np.linalg.eigvalsh(state.pose_covariance) > 0)
     assert np.all(np.linalg.eigvalsh(state.twist_covariance) > 0)
 
-
+@pytest.mark.slow
 def test_same_messages_same_numbers(manoeuvre):
     rows = list(enumerate(readings(manoeuvre)))[:200]
     first, second = (play(ManoeuvreOutlook(SETTINGS, MODEL), manoeuvre, rows) for _ in range(2))
     assert [s.leads[0].x for _, s in first] == [s.leads[0].x for _, s in second]
 
-
+@pytest.mark.slow
 def test_a_model_is_swapped_in_under_way(manoeuvre):
     outlook = ManoeuvreOutlook(SETTINGS)
     rows = list(enumerate(readings(manoeuvre)))

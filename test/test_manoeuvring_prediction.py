@@ -131,7 +131,7 @@ def test_current_and_wind_are_followed():
     *_, (_, filter_) = filtered(identified(), run)
     assert np.allclose(filter_.x[6:8], model.current, atol=0.1)
 
-
+@pytest.mark.slow
 def test_model_forecasts_better_than_steady_motion():
     runs = [run_of(name, seed=k) for k, name in enumerate(('mixed', 'turns_fast', 'zigzag_10'))]
     scores = score_forecasts(identified(), runs[:1], training=runs[1:], supplied=True, leads=(1.0, 5.0, 10.0))
@@ -145,7 +145,7 @@ def test_model_forecasts_better_than_steady_motion():
     with pytest.raises(InputError, match='same kind'):
         score_forecasts(identified(), [replace(runs[0], thrust_input='command')])
 
-
+@pytest.mark.slow
 def test_arx_learns_a_linear_craft():
     runs = [run_of(name, seed=k) for k, name in enumerate(('turns_fast', 'speed_up'))]
     arx = fit_arx(runs)

@@ -17,6 +17,8 @@ from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, prepare
 from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 
+pytestmark = pytest.mark.slow
+
 OLD = preset('wamv-vrx-old')
 SETTINGS = ManoeuvringSettings(mass=180.0, generations=2, population=12)
 

@@ -81,16 +81,17 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     options = ('-r', '__ns:=/wamv')
     predictor = start_node('manoeuvring_predictor', '-p', f'leads_s:=[{LEAD}]', '-p', 'forecast_rate_hz:=1.0',
                            '-p', 'horizon_s:=2.0', *options)  # fmt: skip
+    former = tmp_path / 'former.yaml'
+    former.write_text('/**/identifier: {ros__parameters: {manoeuvre_mass_kg: 180.0, manoeuvre_lever_m: 1.027135}}')
     identifier = start_node(
-        'identifier', '-p', f'manoeuvre_model_path:={path}', '-p', 'manoeuvre_mass_kg:=180.0', '-p',
-        'manoeuvre_lever_m:=1.027135', *options)  # fmt: skip
+        'manoeuvring_identifier', '--params-file', str(former), '-p', f'model_path:={path}', *options)
     bench = Bench('wamv')
     forecasts, models, progress = [], [], []
     try:
         craft = Craft(bench, driven())
         bench.node.create_subscription(Odometry, 'manoeuvring/lead_2_0s', forecasts.append, RELIABLE)
         bench.node.create_subscription(String, 'manoeuvring/model', models.append, LATCHED)
-        bench.node.create_subscription(Float32, 'identifier/progress', progress.append, RELIABLE)
+        bench.node.create_subscription(Float32, 'manoeuvring_identifier/progress', progress.append, RELIABLE)
         wait_for(lambda: craft.odometry.get_subscription_count() == 2 and craft.left.get_subscription_count() == 2
                  and craft.right.get_subscription_count() == 2, 'subscriptions')  # fmt: skip
         response = bench.call('identifier/identify_manoeuvring')
@@ -116,7 +117,7 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         assert sharp < 0.8 * blind
         again = bench.call_async('identifier/identify_manoeuvring')
         wait_for(lambda: any(v.get('state') == 'identifying' for _, _, v in bench.statuses.values()), 'identification')
-        assert bench.call('identifier/cancel').success
+        assert bench.call('manoeuvring_identifier/cancel').success
         assert not bench.wait_for_answer(again, 'identify_manoeuvring').success
     finally:
         bench.close()
@@ -124,4 +125,5 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     for code, output in codes:
         assert code == 0, output
     assert 'new model' in codes[0][1]
+    assert 'sets mass_kg, lever_m in the section of an earlier version' in codes[1][1]
     assert 'began anew' not in codes[0][1]

@@ -9,8 +9,8 @@ from rclpy.qos import QoSProfile  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 
 from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
-from swath_sysid.nodes.health import PASSED_OVER  # noqa: E402
 from swath_sysid.nodes.predictor import PASSED_OVER_NS, Predictor  # noqa: E402
+from swath_sysid.pipeline.health import PASSED_OVER  # noqa: E402
 
 pytestmark = pytest.mark.dds
 

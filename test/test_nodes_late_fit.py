@@ -8,9 +8,9 @@ rclpy = pytest.importorskip('rclpy')
 from imu_stream import EPOCH_NS, reading  # noqa: E402
 from live_bench import imu_message  # noqa: E402
 
-from swath_sysid.nodes.health import HARMLESS, LATE_FIT, NOT_FITTED  # noqa: E402
 from swath_sysid.nodes.predictor import Predictor  # noqa: E402
 from swath_sysid.nodes.worker import WorkerError  # noqa: E402
+from swath_sysid.pipeline.health import HARMLESS, LATE_FIT, NOT_FITTED  # noqa: E402
 
 pytestmark = pytest.mark.dds
 

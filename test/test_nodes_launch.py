@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from swath_sysid.nodes.parameter_tables import ALL_TABLES
+from swath_sysid.nodes.parameters.files import table_of
 
 ROOT = Path(__file__).resolve().parents[1]
 ARGUMENTS = {
@@ -17,7 +17,7 @@ ARGUMENTS = {
 }
 NODES = {
     'swath_sysid': {'imu_buffer', 'predictor', 'identifier'},
-    'manoeuvring': {'manoeuvring_predictor', 'identifier'},
+    'manoeuvring': {'manoeuvring_predictor', 'manoeuvring_identifier'},
 }
 TYPES = {'str': str, 'float': float, 'bool': bool}
 SUBSTITUTIONS = {'var', 'find-pkg-share', 'file-content', 'not-equals'}
@@ -66,7 +66,7 @@ def test_every_node_is_started_once_with_parameters_of_its_types(name, launch):
             assert conditions == [(first, None), (None, last)] and first == last
     for node in nodes:
         assert node.get('pkg') == 'swath_sysid' and node.get('name') == node.get('exec')
-        defaults = {p.name: p.default for p in ALL_TABLES[node.get('exec')]} | {'use_sim_time': False}
+        defaults = {p.name: p.default for p in table_of(node.get('exec'))} | {'use_sim_time': False}
         for parameter in node.findall('param'):
             # a path such as 12 or `boat #2` would otherwise be read as YAML
             assert isinstance(defaults[parameter.get('name')], TYPES[parameter.get('type')])
@@ -85,7 +85,8 @@ def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
     assert hears == {
         'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
         'manoeuvring': {
-            'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters, 'identifier': {'odometry'} | thrusters},
+            'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters,
+            'manoeuvring_identifier': {'odometry'} | thrusters},
     }[name]
 
 

@@ -27,11 +27,11 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
-from swath_sysid.attitude.identification.refit import COEFFICIENT_NAMES  # noqa: E402
+from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES  # noqa: E402
 from swath_sysid.attitude.motion.window import COLUMNS  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, read_model  # noqa: E402
 from swath_sysid.nodes.messages import time_message, window_table  # noqa: E402
-from swath_sysid.nodes.parameter_tables import TABLES  # noqa: E402
+from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, table_of  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -207,8 +207,6 @@ def test_while_it_identifies_it_answers_and_forecasts_and_can_be_cancelled(ident
     bench.heard['identifier/progress'].clear()
     running_one = bench.call_async('identifier/identify')
     wait_for(lambda: bench.statuses['identifier: identification'][2]['state'] == 'identifying', 'work')
-    busy = bench.call('identifier/identify_manoeuvring')
-    assert not busy.success and 'is running' in busy.message
     assert 'is running' in bench.call('identifier/rollback').message
     another_one = bench.call_async('identifier/identify')
     identified.rest(100)
@@ -305,7 +303,7 @@ def test_the_buffer_publishes_clears_and_records_when_asked(identified):
 
 
 def test_parameters_are_described_and_checked_on_change(craft):
-    for node, table in TABLES.items():
+    for node, table in ((node, table_of(node)) for node in ATTITUDE_NODES):
         for parameter, told in zip(table, craft.bench.describe_parameters(node, [p.name for p in table]), strict=True):
             assert parameter.meaning in told.description and told.read_only == parameter.read_only
             assert parameter.unit in told.description

@@ -8,7 +8,7 @@ rclpy = pytest.importorskip('rclpy')
 
 from live_bench import Bench, start_node, start_together, stop, wait_for  # noqa: E402
 
-from swath_sysid.nodes.parameter_tables import ALL_TABLES  # noqa: E402
+from swath_sysid.nodes.parameters.files import NODES  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -52,7 +52,9 @@ def watcher():
     """A node that sees all nodes on simulated time, since they hear /clock only then."""
     bench = Bench()
     processes = [
-        start_together('-p', 'use_sim_time:=true'), start_node('manoeuvring_predictor', '-p', 'use_sim_time:=true')]
+        start_together('-p', 'use_sim_time:=true'),
+        *(start_node(f'manoeuvring_{kind}', '-p', 'use_sim_time:=true') for kind in ('identifier', 'predictor')),
+    ]
     try:
         yield bench.node
     finally:
@@ -66,14 +68,14 @@ def test_the_policy_has_the_form_that_sros2_reads(policy):
     (enclave,) = policy.findall('enclaves/enclave')
     assert enclave.get('path') == '/swath_sysid'
     profiles = enclave.findall('profiles/profile')
-    assert [profile.get('node') for profile in profiles] == list(ALL_TABLES)
+    assert [profile.get('node') for profile in profiles] == list(NODES)
     for profile in profiles:
         assert {(e.tag, *e.attrib.items()) for e in profile} <= {
             (f'{kind}s', (rule, 'ALLOW')) for kind, rule, _ in RULES}
         assert all(entry.tag == entries.tag[:-1] and entry.text for entries in profile for entry in entries)
 
 
-@pytest.mark.parametrize('node', ALL_TABLES)
+@pytest.mark.parametrize('node', NODES)
 def test_the_policy_allows_what_a_node_does_and_no_more(node, policy, watcher):
     expected = allowed(policy.find(f".//profile[@node='{node}']"))
     # services and topics of a node are discovered one by one, and are too many until none is missing

@@ -10,26 +10,28 @@ from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes import parameter_tables
-from swath_sysid.nodes.parameter_tables import (
-    ALL_TABLES,
-    IDENTIFIER,
-    IMU_BUFFER,
-    PREDICTOR,
-    SENSOR,
+from swath_sysid.nodes.parameters.files import (
+    NODES,
     configuration_file,
-    defaults,
-    manoeuvring_pipeline_settings,
     markdown_table,
-    pipeline_settings,
-    refit_settings,
+    table_of,
     values_from_file,
-    window_settings,
+    with_moved_parameters,
 )
+from swath_sysid.nodes.parameters.identifier import refit_settings
+from swath_sysid.nodes.parameters.imu_buffer import window_settings
+from swath_sysid.nodes.parameters.manoeuvring_identifier import manoeuvring_settings
+from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
+from swath_sysid.nodes.parameters.parameter import SENSOR, defaults
+from swath_sysid.nodes.parameters.predictor import pipeline_settings
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
-SETTINGS_OF = {'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': pipeline_settings,
-               'manoeuvring_predictor': manoeuvring_pipeline_settings}  # fmt: skip
+SETTINGS_OF = {
+    'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': pipeline_settings,
+    'manoeuvring_identifier': manoeuvring_settings, 'manoeuvring_predictor': manoeuvring_pipeline_settings,
+}
+ALL_TABLES = {node: table_of(node) for node in NODES}
+IMU_BUFFER, IDENTIFIER, PREDICTOR, *_ = ALL_TABLES.values()
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -87,13 +89,12 @@ def test_values_reach_the_settings():
 def test_every_parameter_matters():
     """No option does nothing: a changed value changes the settings, or the node reads it by name."""
     others = {
-        'manoeuvre_thrust_input': 'force',
+        'thrust_input': 'force',
         'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0], 'axes': ['roll'], 'equation': 'swath-pitch-1',
         'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7], 'quiet_for_s': 3.0,
     }
     for node, table in ALL_TABLES.items():
-        source = ''.join(path.read_text() for path in Path(parameter_tables.__file__).parent.glob('*.py')
-                         if path.stem != 'parameter_tables')
+        source = ''.join(path.read_text() for path in (ROOT / 'swath_sysid' / 'nodes').glob('*.py'))
         before = SETTINGS_OF[node](defaults(table))
         for parameter in table:
             default = parameter.default
@@ -113,7 +114,7 @@ def test_every_parameter_matters():
 def test_the_configuration_file_holds_the_defaults():
     path = ROOT / 'config' / 'swath_sysid.yaml'
     assert path.read_text(encoding='utf-8') == configuration_file(), (
-        'write it anew: python -c "from swath_sysid.nodes.parameter_tables import configuration_file; '
+        'write it anew: python -c "from swath_sysid.nodes.parameters.files import configuration_file; '
         'print(configuration_file(), end=\'\')" > config/swath_sysid.yaml'
     )
     for node, table in ALL_TABLES.items():
@@ -136,9 +137,9 @@ def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
     ('predictor: {ros__parameters: {leads: [1.0]}}', 'has no parameter leads'),
     ('predictor: {ros__parameters: {horizon_s: 5}}', '1.0 instead of 1'),
     ('predictor: {ros__parameters: {leads_s: 1.0}}', 'must be of the type of'),
-    ('predictor: {leads_s: [1.0]}', 'is no ROS parameter file'),
-    ('[1, 2]', 'is no ROS parameter file'),
-    ('', 'is no ROS parameter file'),
+    ('predictor: {leads_s: [1.0]}', 'is not a ROS parameter file'),
+    ('[1, 2]', 'is not a ROS parameter file'),
+    ('', 'is not a ROS parameter file'),
     ('a: [', 'is not YAML'),
 ])
 def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentence):
@@ -148,6 +149,33 @@ def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentenc
         values_from_file(path, 'predictor')
     with pytest.raises(InputError, match='cannot read'):
         values_from_file(tmp_path / 'missing.yaml', 'predictor')
+
+
+FORMER = {
+    '/**/identifier': {'ros__parameters': {'equation': 'odd-cubic', 'manoeuvre_window_s': 120.0,
+                                           'manoeuvre_mass_kg': 180.0}},
+    'manoeuvre_predictor': {'ros__parameters': {'leads_s': [2.0]}},
+}  # fmt: skip
+
+
+def test_a_parameter_file_of_an_earlier_version_is_still_read(tmp_path):
+    path = tmp_path / 'former.yaml'
+    path.write_text(yaml.safe_dump(FORMER))
+    assert values_from_file(path, 'identifier') == defaults(IDENTIFIER)
+    moved = changed('manoeuvring_identifier', window_s=120.0, mass_kg=180.0)
+    assert values_from_file(path, 'manoeuvring_identifier') == moved
+    assert values_from_file(path, 'manoeuvring_predictor') == changed('manoeuvring_predictor', leads_s=[2.0])
+    given = ['node', '--ros-args', '--params-file', str(path), '-p', 'mass_kg:=200.0']
+    arguments, (warning,) = with_moved_parameters(given, 'manoeuvring_identifier')
+    assert arguments == [
+        'node', '--ros-args', '-p', 'mass_kg:=180.0', '-p', 'window_s:=120.0', '--', *given[1:]]
+    assert 'sets mass_kg, window_s in the section of an earlier version' in warning and '/**/manoeuvr' in warning
+
+
+def test_a_parameter_file_of_today_is_handed_on_as_it_is():
+    given = ['node', '--ros-args', '--params-file', str(ROOT / 'config' / 'swath_sysid.yaml')]
+    for node in NODES:
+        assert with_moved_parameters(given, node) == (given, [])
 
 
 @pytest.mark.parametrize('node', ALL_TABLES)

@@ -24,10 +24,12 @@ from swath_sysid.formats.messages import ImuMessage, diagnostics_message, horizo
 from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model
 from swath_sysid.formats.output_bag import OutputBag, writing_output_bag
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC
-from swath_sysid.nodes.health import ERROR, PlayedHealth
+from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.health import ERROR
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
+from swath_sysid.pipeline.played_health import PlayedHealth
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
@@ -229,7 +231,7 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
 
 def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
     pipeline = PlayThrough(PlayThroughSettings(auto_identify=False))
-    health = PlayedHealth(pipeline, (1.0, 1.0, 1.0))
+    health = PlayedHealth(ADVICE, pipeline, 'imu/data', (1.0, 1.0, 1.0))
     readings = list(read_readings(bag))[:300]
     told = []
     for shift in (0, 11, -20):

@@ -8,15 +8,15 @@ from pathlib import Path
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS
-from swath_sysid.nodes.health import reasons_table
-from swath_sysid.nodes.parameter_tables import ALL_TABLES, markdown_table
+from swath_sysid.nodes.parameters.files import NODES, markdown_table
+from swath_sysid.nodes.reason_advice import reasons_table
 
 README = Path(__file__).resolve().parents[1] / 'README.md'
 
 
 def parameters():
     """The parameters of every node."""
-    return '\n'.join(f'### {node}\n\n{markdown_table(node)}' for node in ALL_TABLES).rstrip()
+    return '\n'.join(f'### {node}\n\n{markdown_table(node)}' for node in NODES).rstrip()
 
 
 GENERATED = {'diagnostics': lambda: reasons_table().rstrip(), 'parameters': parameters}

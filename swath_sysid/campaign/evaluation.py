@@ -13,7 +13,6 @@ they can run in any process or on any machine and their results be kept:
 from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
@@ -475,6 +474,8 @@ def beyond_noise(summaries):
     tuple of bool
         One an equation, False for the best.
     """
+    from scipy.stats import chi2
+
     best = min(summaries, key=lambda f: f.objective_value)
     found = []
     for fit in summaries:

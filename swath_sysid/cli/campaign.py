@@ -4,6 +4,7 @@ import contextlib
 import os
 import sys
 import time
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from rich.console import Console
@@ -12,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from swath_sysid.campaign.executors import executor_of
 from swath_sysid.campaign.manifest import read_manifest, write_new_manifest
 from swath_sysid.campaign.result_store import ResultStore
+from swath_sysid.campaign.run import Progress as CampaignProgress
 from swath_sysid.campaign.run import run_campaign
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
@@ -23,7 +25,7 @@ EXIT_LEFT_OUT = 1
 PLAIN_STEP_S = 5.0
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The manifest, or the folder to make one for; output and workers."""
     parser.add_argument('manifest', nargs='?', metavar='MANIFEST.yaml', help='what was tried and what to fit')
     parser.add_argument(
@@ -38,7 +40,7 @@ def add_arguments(parser):
     )
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Write a manifest, or work one off."""
     if (arguments.new is None) == (arguments.manifest is None):
         raise InputError('give either a manifest, or --new with the folder of the trials')
@@ -89,7 +91,7 @@ def _progress():
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task('reading trials', total=None)
 
-        def tell(state):
+        def tell(state: CampaignProgress) -> None:
             running = f'{"; ".join(state.running[:2])}{" ..." if len(state.running) > 2 else ""}'
             bar.update(task, completed=state.done, total=state.total, description=running)
 
@@ -99,7 +101,7 @@ def _progress():
 def _plain():
     told = time.monotonic()
 
-    def tell(state):
+    def tell(state: CampaignProgress) -> None:
         nonlocal told
         if time.monotonic() - told < PLAIN_STEP_S:
             return

@@ -4,13 +4,12 @@ import json
 import os
 import sys
 import time
-
-from rich.console import Console
-from rich.table import Table
+from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.problem import prepare
-from swath_sysid.attitude.identification.selection import compare
+from swath_sysid.attitude.identification.selection import Comparison, compare
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.cli.identify import (
     add_force_argument,
@@ -34,7 +33,7 @@ from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """Records, equations, search, output."""
     add_source_arguments(parser)
     parser.add_argument('--equations', metavar='NAME,NAME', help='default: all published for the axis, and our own')
@@ -45,7 +44,7 @@ def add_arguments(parser):
     add_force_argument(parser)
 
 
-def equations_asked(text, axis):
+def equations_asked(text: str, axis: str) -> list[Equation]:
     """Equations of a list of names, separated by commas outside of compositions, or those of the axis."""
     if text is None:
         return equations_of_axis(axis)
@@ -53,7 +52,7 @@ def equations_asked(text, axis):
     return [equation_named(name.strip()) for name in names if name.strip()]
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Compare, print the ranking, and write what was asked for."""
     began = time.perf_counter()
     settings = settings_of(arguments)
@@ -84,7 +83,10 @@ def run(arguments):
     return conclude_fit(arguments, choice.verdict)
 
 
-def _print_ranking(comparison):
+def _print_ranking(comparison: Comparison) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table('equation', 'terms', 'R2', 'objective', 'criterion', 'held-out error', 'period [s]', 'damping ratio')
     best = comparison.ranked[0].criterion
     for ranked in comparison.ranked:

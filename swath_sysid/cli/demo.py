@@ -8,23 +8,29 @@ import subprocess
 import sys
 import tempfile
 import time
+from argparse import ArgumentParser, Namespace
 from collections import deque
+from collections.abc import Callable
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
+from rclpy.node import Node
 from rich.console import Console
 from rich.live import Live
 
 import swath_sysid
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulated_craft import returns
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.nodes.demo_monitor import Heard
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
@@ -54,7 +60,7 @@ ERROR_SPAN_S = 3.0
 EXIT_FAILED = 1
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The craft, and where the picture goes."""
     parser.add_argument('--axis', choices=AXES, help='default: that of the hull, else roll')
     parser.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)} (default: one of the axis)')
@@ -64,7 +70,7 @@ def add_arguments(parser):
     parser.add_argument('--seed', type=int, default=1, help='of the sensor noise (default: %(default)s)')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Run the demonstration; 0 if its forecasts are as good as promised."""
     try:
         import rclpy
@@ -113,7 +119,7 @@ def run(arguments):
 class _Craft:
     """The hull, how it is released, and what the nodes are to do."""
 
-    def __init__(self, hull, axis):
+    def __init__(self, hull: str | None, axis: str):
         self.hull = hull or HULLS[axis or 'roll']
         self.model = hull_named(self.hull).model
         self.axis = self.model.axis
@@ -129,12 +135,12 @@ class _Craft:
         self.leads = tuple(sorted({0.5, 1.0, self.lead, round(2.0 * self.period, 2)}))
 
     @property
-    def horizon(self):
+    def horizon(self) -> float:
         """Of the forecasts, s."""
         return max(5.0, self.leads[-1])
 
     @property
-    def parameters(self):
+    def parameters(self) -> dict[str, dict]:
         """The nodes' ROS parameters."""
         return {
             '/**/identifier': {'ros__parameters': {'axes': [self.axis], 'equation': EQUATIONS[self.axis]}},
@@ -142,12 +148,12 @@ class _Craft:
         }
 
     @property
-    def pipeline_settings(self):
+    def pipeline_settings(self) -> PipelineSettings:
         """What the predictor is set to."""
         return PipelineSettings(forecaster=ForecasterSettings(leads=self.leads, horizon=self.horizon))
 
 
-def _environment(domain):
+def _environment(domain: int):
     root = str(Path(swath_sysid.__file__).resolve().parents[1])
     return {
         'ROS_DOMAIN_ID': str(domain),
@@ -163,7 +169,7 @@ class _Interrupts:
     Not in the middle of a message: what rclpy makes of a KeyboardInterrupt there is another error.
     """
 
-    def __init__(self, spin_once):
+    def __init__(self, spin_once: Callable):
         self._spin_once = spin_once
         self._is_spinning = self._has_come = False
 
@@ -171,16 +177,16 @@ class _Interrupts:
         self._previous = {number: signal.signal(number, self._come) for number in (signal.SIGINT, signal.SIGTERM)}
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
 
-    def _come(self, *_):
+    def _come(self, *_) -> None:
         if not self._is_spinning:
             raise KeyboardInterrupt
         self._has_come = True
 
-    def spin_once(self, node, timeout_sec):
+    def spin_once(self, node: Node, timeout_sec: float) -> None:
         """As that of rclpy; raises KeyboardInterrupt at its end."""
         self._is_spinning = True
         try:
@@ -193,7 +199,7 @@ class _Interrupts:
 
 
 @contextmanager
-def _processes(craft, seed, log_path):
+def _processes(craft: _Craft, seed: int, log_path: Path):
     """The craft and the three nodes, each a process of its own, ended with the demonstration."""
     with tempfile.TemporaryDirectory() as folder, open(log_path, 'w', encoding='utf-8') as log:
         parameters = Path(folder) / 'demo.yaml'
@@ -216,7 +222,7 @@ def _processes(craft, seed, log_path):
             _stop(running.values())
 
 
-def _stop(processes):
+def _stop(processes: Any) -> None:
     for process in processes:
         if process.poll() is None:
             # unlike SIGINT, this ends also one that is still importing without a word
@@ -231,19 +237,20 @@ def _stop(processes):
 
 
 @contextmanager
-def _shown(craft):
+def _shown(craft: _Craft):
     """A function that shows a `ViewState`: live on a terminal, else a line now and then."""
     console = Console()
     live = Live(console=console, refresh_per_second=8, transient=True) if console.is_terminal else None
-    told = [-LINE_S, '']
+    printed, stage = -LINE_S, ''
 
-    def show(state):
+    def show(state: ViewState) -> None:
+        nonlocal printed, stage
         if live is not None:
             live.update(render(state))
             return
         now = time.monotonic()
-        if now - told[0] >= LINE_S or state.stage != told[1]:
-            told[:] = now, state.stage
+        if now - printed >= LINE_S or state.stage != stage:
+            printed, stage = now, state.stage
             print(line(state), flush=True)
 
     with live or nullcontext():
@@ -261,7 +268,7 @@ class _Stage:
     spin_once : callable
     """
 
-    def __init__(self, listener, processes, show, spin_once):
+    def __init__(self, listener: Any, processes: Any, show: Callable[[ViewState], None], spin_once: Callable):
         self.listener = listener
         self.show = show
         self.title = ''
@@ -271,7 +278,7 @@ class _Stage:
         self._spin_once = spin_once
         self._drawn = -FRAME_S
 
-    def wait(self, stage, done, timeout):
+    def wait(self, stage: str, done: Callable[[], bool], timeout: float) -> bool:
         """Go on until ``done()``; False if that took longer than the time-out, s."""
         deadline = time.monotonic() + timeout
         while not done():
@@ -286,19 +293,19 @@ class _Stage:
                 self.show(self._state(stage))
         return True
 
-    def pause(self, stage, duration):
+    def pause(self, stage: str, duration: float) -> None:
         """Go on for a while, s of the sensor's stamps."""
         end = self.listener.heard.angles[-1][0] + round(duration / NANOSECOND)
         self.wait(stage, lambda: self.listener.heard.angles[-1][0] >= end, 10.0 * duration + ANSWER_TIMEOUT_S)
 
-    def release(self, stage):
+    def release(self, stage: str) -> int:
         """Have the craft released; the stamp at which it is let go, ns."""
         answer = self.listener.release()
         if not self.wait(stage, answer.done, ANSWER_TIMEOUT_S) or not answer.result().success:
             raise InputError('the simulated craft does not answer: see demo.log')
         return int(answer.result().message)
 
-    def _state(self, stage):
+    def _state(self, stage: str):
         heard = self.listener.heard
         angles = _table(list(_last(heard.angles, 1500))[::10], 2)
         drawn = _table(_last(heard.forecasts[self.drawn_lead], 150), 3)
@@ -311,7 +318,7 @@ class _Stage:
             self.scale,
         )  # fmt: skip
 
-    def _lead_row(self, lead, angles):
+    def _lead_row(self, lead: float, angles: Any):
         made = _table(_last(self.listener.heard.forecasts[lead], 150), 3)
         if not len(made) or not len(angles):
             return lead, math.nan, math.nan
@@ -320,7 +327,7 @@ class _Stage:
         return lead, made[-1, 1], float(np.sqrt(np.mean(missed**2))) if due.any() else math.nan
 
 
-def _demonstrate(craft, stage):
+def _demonstrate(craft: _Craft, stage: _Stage):
     """Release the craft, wait for its model, release it again."""
     heard = stage.listener.heard
     stage.title = f'{craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
@@ -341,11 +348,11 @@ def _demonstrate(craft, stage):
     return _demonstration(craft, heard, first, second)
 
 
-def _demonstration(craft, heard, first, second):
+def _demonstration(craft: _Craft, heard: Heard, first: Any, second: int):
     start = heard.angles[0][0]
     unaided = without_model(heard.readings, craft.axis, craft.pipeline_settings)
 
-    def relative(found):
+    def relative(found: Any):
         return tuple(LeadForecasts(lead, *_table(rows, 3, start).T) for lead, rows in sorted(found.items()))
 
     time_, angle = _table(heard.angles, 2, start).T
@@ -356,7 +363,7 @@ def _demonstration(craft, heard, first, second):
     )  # fmt: skip
 
 
-def _conclude(demonstration, output, began):
+def _conclude(demonstration: Demonstration, output: Path, began: float):
     """Write the picture, print the verdict."""
     verdict = verdict_of(demonstration)
     picture = output / 'demo.png'
@@ -366,7 +373,7 @@ def _conclude(demonstration, output, began):
     return verdict.is_good
 
 
-def _keep_running(stage):
+def _keep_running(stage: _Stage) -> None:
     """Release the craft over and over until Ctrl-C."""
     while True:
         stage.release('lifting the craft')
@@ -374,18 +381,18 @@ def _keep_running(stage):
         stage.listener.forget()
 
 
-def _described(models, versions):
+def _described(models: dict[str, IdentifiedModel], versions: int):
     for axis, held in models.items():
         yield f'{axis}: {held.model.equation.name}, version {versions}, period {held.model.natural_period:.2f} s'
         yield ', '.join(f'{name} {value:.3g} ± {held.std[name]:.2g}' for name, value in held.model.terms.items())
 
 
-def _last(rows, count):
+def _last(rows: Any, count: int):
     """The last rows of a deque, oldest first."""
     return list(deque(rows, maxlen=count))
 
 
-def _table(rows, columns, start=0):
+def _table(rows: Any, columns: int, start: int = 0):
     """Rows whose first column is a stamp, ns, as an array with seconds since the start."""
     if not rows:
         return np.empty((0, columns))

@@ -2,8 +2,9 @@
 import json
 import math
 import time
-from argparse import ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -29,7 +30,7 @@ _LONGEST_WARMUP = 600.0
 _WINDOW = ForecasterSettings().window
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The record, the model, the leads, and how to tell."""
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
@@ -63,7 +64,7 @@ def add_arguments(parser):
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Run the predictor through the record and tell its skill."""
     check_model_and_plot(arguments, [arguments.record, arguments.model])
     trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
@@ -78,7 +79,7 @@ def run(arguments):
     duration = float(trial.time[-1] - trial.time[0])
     warmup = min(_LONGEST_WARMUP, round(duration / 3.0)) if arguments.warmup is None else arguments.warmup
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
-    quiet = QuiescenceLimits(*angles, *rates, duration=arguments.quiet_for)
+    quiet = QuiescenceLimits(angles[0], angles[1], rates[0], rates[1], arguments.quiet_for)
     limits, base = usual_limits(trial, quiet, warmup), ForecasterSettings()
     settings = replace(
         base, leads=arguments.leads, window=arguments.window,
@@ -104,7 +105,7 @@ def run(arguments):
     return 0
 
 
-def _tell(skill, name):
+def _tell(skill: Any, name: str) -> None:
     console = Console()
     for axis, scores in skill.axes.items():
         table = Table(title=f'{name}, {axis}: RMSE / standard deviation {_span(skill)}', title_justify='left')
@@ -133,11 +134,11 @@ def _tell(skill, name):
     )
 
 
-def _span(skill):
+def _span(skill: Any):
     return f'from {skill.warmup:g} to {skill.until:.0f} s'
 
 
-def _tell_quiescence(console, skill):
+def _tell_quiescence(console: Any, skill: Any) -> None:
     limits, found = skill.quiescence_limits, skill.quiescence
     if limits is None or found is None:
         return
@@ -151,39 +152,39 @@ def _tell_quiescence(console, skill):
     )
 
 
-def _cell(value, digits=3):
+def _cell(value: Any, digits: int = 3):
     return f'{value:.{digits}f}' if math.isfinite(value) else '-'
 
 
-def _numbers(text):
+def _numbers(text: str):
     try:
         return tuple(finite(part) for part in text.split(','))
     except ValueError as error:
         raise ArgumentTypeError(f"'{text}' is no list of numbers separated by commas") from error
 
 
-def _leads(text):
+def _leads(text: str):
     leads = _numbers(text)
     if not leads or any(lead <= 0.0 for lead in leads):
         raise ArgumentTypeError('leads are positive seconds, separated by commas')
     return tuple(sorted(set(leads)))
 
 
-def _limits(text):
+def _limits(text: str):
     parts = _numbers(text)
     if len(parts) != 2 or min(parts) < 0.0:
         raise ArgumentTypeError('give two values, of which none is negative: ROLL,PITCH')
     return tuple(math.radians(part) or math.inf for part in parts)
 
 
-def _not_negative(text):
+def _not_negative(text: str):
     value = finite(text)
     if value < 0.0:
         raise ArgumentTypeError('must not be negative')
     return value
 
 
-def _positive(text):
+def _positive(text: str):
     value = finite(text)
     if value <= 0.0:
         raise ArgumentTypeError('must be positive')

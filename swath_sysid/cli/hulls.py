@@ -1,14 +1,17 @@
 """Arguments that name a hull: published, from a model file, or an equation with given ratios."""
 
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named, hull_named, hull_of_family
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.physical_range import check_physical
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 
 
-def add_hull_arguments(parser):
+def add_hull_arguments(parser: ArgumentParser) -> None:
     """``--hull``, ``--equation`` with ``--ratio``, or ``--model``."""
     choice = parser.add_mutually_exclusive_group(required=True)
     choice.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)}')
@@ -21,7 +24,7 @@ def add_hull_arguments(parser):
     parser.add_argument('--axis', choices=('roll', 'pitch'), help='axis, with --equation or a model file of both axes')
 
 
-def hull_of(arguments):
+def hull_of(arguments: Namespace) -> DecayModel:
     """The decay model that the arguments name.
 
     Raises
@@ -50,7 +53,7 @@ def hull_of(arguments):
     return model
 
 
-def published_ratios_for(equation, axis=None):
+def published_ratios_for(equation: Equation, axis: str | None = None) -> DecayModel:
     """An equation with the ratios of the published hull of its family.
 
     The hull of the same craft and axis in the name is taken, the linear restoring standing for
@@ -69,12 +72,12 @@ def published_ratios_for(equation, axis=None):
     return DecayModel.from_terms(equation, values, axis=axis or model.axis)
 
 
-def _refuse_ratios(arguments):
+def _refuse_ratios(arguments: Namespace) -> None:
     if arguments.ratio:
         raise InputError('--ratio goes with --equation: a published hull or a model file has its own ratios')
 
 
-def _ratio(text):
+def _ratio(text: str):
     name, _, value = text.partition('=')
     try:
         return name.strip(), float(value)
@@ -82,7 +85,7 @@ def _ratio(text):
         raise InputError(f"'{text}' is no ratio: write NAME=VALUE, for example r1=10.1") from error
 
 
-def _model_of_axis(path, axis):
+def _model_of_axis(path: str | Path, axis: str):
     models = read_model(path)
     if axis is None and len(models) > 1:
         raise InputError(f'{path} holds {" and ".join(models)}: choose one with --axis')

@@ -3,15 +3,18 @@
 import json
 import sys
 import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
 
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
-from swath_sysid.attitude.identification.fit_quality import REFUSED
+from swath_sysid.attitude.identification.fit_quality import REFUSED, Verdict
 from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings, identify_problem
-from swath_sysid.attitude.identification.problem import decays_or_waves, prepare
+from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
 from swath_sysid.attitude.identification.selection import choose
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import (
     EXIT_POOR_FIT,
@@ -23,6 +26,7 @@ from swath_sysid.cli.sources import (
     read_trials,
 )
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import write_model
 from swath_sysid.report.at_sea_figure import at_sea_figure
@@ -33,7 +37,7 @@ from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import finite_or_none, fit_as_data, fit_in_words, warnings_as_data
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """Records, model, search, output."""
     add_source_arguments(parser)
     kind = parser.add_mutually_exclusive_group()
@@ -55,7 +59,7 @@ def add_arguments(parser):
     add_force_argument(parser)
 
 
-def add_force_argument(parser):
+def add_force_argument(parser: ArgumentParser) -> None:
     """``--force``, and what the exit codes mean; shared with compare."""
     parser.add_argument(
         '--force', action='store_true', help='write the model even where the fit explains too little of the motion'
@@ -66,7 +70,7 @@ def add_force_argument(parser):
     )
 
 
-def add_search_arguments(parser):
+def add_search_arguments(parser: ArgumentParser) -> None:
     """Objective and search; shared with compare."""
     parser.add_argument('--objective', choices=OBJECTIVES, default=OBJECTIVES[0], help='default: %(default)s')
     parser.add_argument('--search', choices=ALGORITHMS, default='ga', help='default: %(default)s')
@@ -77,7 +81,7 @@ def add_search_arguments(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def settings_of(arguments, equation=None):
+def settings_of(arguments: Namespace, equation: str | None = None) -> IdentificationSettings:
     """Identification settings of the command line."""
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
@@ -87,7 +91,7 @@ def settings_of(arguments, equation=None):
     return IdentificationSettings(equation, arguments.objective, search, arguments.start, arguments.end)
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Identify, print, and write what was asked for."""
     began = time.perf_counter()
     particulars, type_b = particulars_of(arguments), type_b_of(arguments)
@@ -123,12 +127,12 @@ def run(arguments):
     return conclude_fit(arguments, found.verdict)
 
 
-def is_to_be_written(arguments, verdict):
+def is_to_be_written(arguments: Namespace, verdict: Verdict) -> bool:
     """Whether a fit is good enough for a model file, or one was asked for nevertheless; shared with compare."""
     return arguments.force or verdict.level != REFUSED
 
 
-def conclude_fit(arguments, verdict):
+def conclude_fit(arguments: Namespace, verdict: Verdict) -> int:
     """The exit code, and a word where the model was not written; shared with compare."""
     if is_to_be_written(arguments, verdict):
         return 0
@@ -137,7 +141,7 @@ def conclude_fit(arguments, verdict):
     return EXIT_POOR_FIT
 
 
-def _problem_of(arguments, motions):
+def _problem_of(arguments: Namespace, motions: Sequence[AxisMotion]) -> Problem | None:
     """The free decays of the records, or None where they are to be taken for motion in waves."""
     if arguments.at_sea:
         return None
@@ -148,7 +152,7 @@ def _problem_of(arguments, motions):
     return decays_or_waves(motions)
 
 
-def _run_at_sea(arguments, trials, axis, read_advice, began):
+def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_advice: Sequence[Advice], began: float):
     """Identify from motion in waves, print, and write what was asked for."""
     if len(trials) > 1:
         raise InputError('motion in waves is identified from one record at a time: give one, the longest')

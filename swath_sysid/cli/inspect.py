@@ -1,5 +1,6 @@
 """``swath-sysid inspect``: what is in a record."""
 import json
+from argparse import ArgumentParser, Namespace
 
 from swath_sysid.cli.advice_words import worded
 from swath_sysid.cli.sources import add_source_arguments, check_model_and_plot, read_trials
@@ -8,14 +9,14 @@ from swath_sysid.report.record_figure import record_figure
 from swath_sysid.report.record_summary import record_as_data, record_in_words
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The record, and the picture."""
     add_source_arguments(parser, many=False)
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the record')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Describe the record, and draw it."""
     check_model_and_plot(arguments, [arguments.trial])
     (trial,), _ = read_trials([arguments.trial], arguments)

@@ -7,6 +7,8 @@ when it is asked for.
 import argparse
 import importlib
 import sys
+from argparse import ArgumentParser
+from types import ModuleType
 
 from swath_sysid import __version__
 from swath_sysid.cli.advice_words import worded
@@ -32,7 +34,7 @@ EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
 
 
-def build_parser(verb):
+def build_parser(verb: str | None) -> ArgumentParser:
     """Parser of the command line, with the arguments of one verb filled in."""
     parser = argparse.ArgumentParser(
         prog='swath-sysid', description='Record, identify and forecast the motion of small craft.'
@@ -46,12 +48,12 @@ def build_parser(verb):
     return parser
 
 
-def module_of(verb):
+def module_of(verb: str) -> ModuleType:
     """Module of a verb."""
     return importlib.import_module(f'swath_sysid.cli.{verb.replace("-", "_")}')
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     argv = sys.argv[1:] if argv is None else argv
     verb = next((word for word in argv if not word.startswith('-')), None)

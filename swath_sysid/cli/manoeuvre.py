@@ -3,8 +3,11 @@
 import argparse
 import json
 import time
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +24,12 @@ from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringM
 from swath_sysid.manoeuvring.hull.model import COMMAND, INPUTS
 from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
 from swath_sysid.manoeuvring.identification.assembly import seen_region
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.trial import prepare_all
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
 from swath_sysid.report.figures import FORMATS, save_figure
@@ -44,7 +48,7 @@ from swath_sysid.report.manoeuvring_summary import (
 PROGRAMME = 'programme'
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The sub-verbs and their arguments."""
     verbs = parser.add_subparsers(dest='task', metavar='TASK', required=True)
     _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
@@ -53,13 +57,13 @@ def add_arguments(parser):
     _add_play_through(verbs.add_parser('play-through', help='what manoeuvring_predictor would have published on a bag'))
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Run the sub-verb; returns the exit code."""
     tasks = {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate, 'play-through': _play_through}
     return tasks[arguments.task](arguments)
 
 
-def add_run_arguments(parser):
+def add_run_arguments(parser: ArgumentParser) -> None:
     """How to read runs; shared by the sub-verbs that take them."""
     parser.add_argument('runs', nargs='+', metavar='RUN', help='CSV file or rosbag2 bag')
     parser.add_argument('--frame', choices=FRAMES, help='of yaw, sway and position (default: as the file states)')
@@ -74,13 +78,13 @@ def add_run_arguments(parser):
     parser.add_argument('--starboard-topic', metavar='TOPIC')
 
 
-def read_runs(paths, arguments):
+def read_runs(paths: Sequence[str], arguments: Namespace) -> list[ManoeuvringTrial]:
     """Read and prepare runs, all in one step."""
     refuse_twice(paths)
     return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
 
 
-def _read(path, arguments):
+def _read(path: str | Path, arguments: Namespace):
     if not Path(path).exists():
         raise InputError(f'there is no file {path}: check the name')
     if is_bag(path):
@@ -94,7 +98,7 @@ def _read(path, arguments):
     return read_manoeuvring_csv(path, arguments.frame)
 
 
-def _add_identify(parser):
+def _add_identify(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
     parser.add_argument(
         '--validate', nargs='+', metavar='RUN', help='runs kept out of the fit (default: a third, of three or more)'
@@ -126,7 +130,7 @@ def _add_identify(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def _identify(arguments):
+def _identify(arguments: Namespace):
     began = time.perf_counter()
     if arguments.validate and arguments.no_validation:
         raise InputError('give --validate or --no-validation, not both')
@@ -169,7 +173,7 @@ def _identify(arguments):
     return 0
 
 
-def _for_file(found, data, paths):
+def _for_file(found: Any, data: dict, paths: Sequence[str]):
     told = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
     metrics = {key: data[key] for key in told}
     provenance = {**provenance_of(paths), 'runs': data['runs']}
@@ -177,7 +181,7 @@ def _for_file(found, data, paths):
         found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance)
 
 
-def _assignment(text):
+def _assignment(text: str):
     name, sign, value = text.partition('=')
     try:
         return name.strip(), finite(value)
@@ -185,7 +189,7 @@ def _assignment(text):
         raise InputError(f"'{text}' is no NAME=VALUE: write, as an example, Xu_dot=-18") from error
 
 
-def _target(text):
+def _target(text: str):
     name, _, rest = text.partition('=')
     value, _, spread = rest.partition(':')
     try:
@@ -197,7 +201,7 @@ def _target(text):
     return name.strip(), target
 
 
-def _add_forecast(parser):
+def _add_forecast(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
     parser.add_argument('--model', required=True, metavar='MODEL.yaml', help='model file of manoeuvre identify')
     parser.add_argument(
@@ -213,7 +217,7 @@ def _add_forecast(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def _forecast(arguments):
+def _forecast(arguments: Namespace):
     check_model_and_plot(arguments, [*arguments.runs, *arguments.train, arguments.model])
     identified = read_manoeuvring_model(arguments.model)
     leads = _leads(arguments.leads) if arguments.leads else LEADS
@@ -232,7 +236,7 @@ def _forecast(arguments):
     return 0
 
 
-def _leads(text):
+def _leads(text: str):
     try:
         leads = tuple(finite(part) for part in text.split(','))
     except ValueError as error:
@@ -242,7 +246,7 @@ def _leads(text):
     return leads
 
 
-def _add_play_through(parser):
+def _add_play_through(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
     parser.add_argument('--model', metavar='MODEL.yaml', help='without: steady motion')
     parser.add_argument('--output', required=True, metavar='OUT.mcap')
@@ -250,7 +254,7 @@ def _add_play_through(parser):
     parser.add_argument('--leads', metavar='S,S,..', default='1,5,10', help='default: %(default)s')
 
 
-def _play_through(arguments):
+def _play_through(arguments: Namespace):
     if len(arguments.runs) != 1 or not is_bag(arguments.runs[0]):
         raise InputError('one bag is played through: give one rosbag2 bag')
     output = Output('--output', arguments.output, is_recording=True, endings=('mcap',))
@@ -265,7 +269,7 @@ def _play_through(arguments):
     return 0
 
 
-def _add_simulate(parser):
+def _add_simulate(parser: ArgumentParser) -> None:
     choice = parser.add_mutually_exclusive_group(required=True)
     choice.add_argument('--model', metavar='MODEL', help=f'model file, or one of {", ".join(PRESETS)}')
     choice.add_argument('--hull', choices=tuple(PRESETS), help='a ready-made craft')
@@ -296,7 +300,7 @@ def _add_simulate(parser):
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
-def _simulate(arguments):
+def _simulate(arguments: Namespace):
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
     is_folder = arguments.test == PROGRAMME
@@ -329,7 +333,7 @@ def _simulate(arguments):
     return 0
 
 
-def _programme(model, arguments):
+def _programme(model: Any, arguments: Namespace):
     if not arguments.output:
         raise InputError('the programme writes several runs: name a folder with --output')
     if arguments.plot:
@@ -355,7 +359,7 @@ def _programme(model, arguments):
     return 0
 
 
-def _write(path, manoeuvre, model):
+def _write(path: str | Path, manoeuvre: Manoeuvre, model: Any) -> None:
     ending = Path(path).suffix
     if ending == '.csv':
         write_manoeuvring_csv(path, manoeuvre, model)
@@ -365,7 +369,7 @@ def _write(path, manoeuvre, model):
         raise InputError(f"'{path}' is neither .csv nor a bag (.mcap, .db3, or a folder name): choose one of these")
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """The sub-verbs as a program of their own (for trying out)."""
     parser = argparse.ArgumentParser(prog='manoeuvre')
     add_arguments(parser)

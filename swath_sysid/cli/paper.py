@@ -2,6 +2,7 @@
 
 import os
 import time
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from swath_sysid.campaign.executors import executor_of
@@ -15,14 +16,14 @@ from swath_sysid.report.paper_decay import decay_page
 from swath_sysid.report.paper_manoeuvring import manoeuvring_page
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The study, the page, the processes."""
     parser.add_argument('study', choices=STUDIES)
     parser.add_argument('--output', metavar='FILE.html', help='default: STUDY.html in this folder')
     parser.add_argument('--jobs', type=int, default=os.cpu_count(), metavar='N', help='processes (default: one a core)')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Simulate, identify, and write one page."""
     began = time.perf_counter()
     path = Path(arguments.output or f'{arguments.study}.html')

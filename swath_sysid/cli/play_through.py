@@ -2,7 +2,9 @@
 
 import os
 import sys
+from argparse import ArgumentParser, Namespace
 from dataclasses import replace
+from typing import Any
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import progress_of, show_advice
@@ -17,20 +19,19 @@ from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_foreca
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.nodes.health import PlayedHealth
-from swath_sysid.nodes.parameter_tables import (
-    manoeuvring_pipeline_settings,
-    pipeline_settings,
-    refit_settings,
-    values_from_file,
-    window_settings,
-)
+from swath_sysid.formats.topics import IMU_TOPIC
+from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, values_from_file
+from swath_sysid.nodes.parameters.identifier import refit_settings
+from swath_sysid.nodes.parameters.imu_buffer import window_settings
+from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
+from swath_sysid.pipeline.played_health import PlayedHealth
 
 PROGRESS_STEP = 2000
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The record, the output, and what the nodes would be started with."""
     parser.add_argument('record', metavar='RECORD', help='rosbag2 bag, CSV file or MTi text export')
     parser.add_argument('--output', required=True, metavar='OUT.mcap', help='bag of what the nodes publish')
@@ -44,7 +45,7 @@ def add_arguments(parser):
     parser.add_argument('--with-imu', action='store_true', help='copy the IMU messages to the output as well')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Play the record through and write the output."""
     if arguments.refit_delay < 0.0:
         raise InputError('the refit delay must not be negative')
@@ -55,9 +56,7 @@ def run(arguments):
     manoeuvres, imu = holds_manoeuvres(arguments.record) if is_bag(arguments.record) else (False, True)
     if manoeuvres and not imu:
         return _play_manoeuvres(arguments)
-    buffer, identifier, predictor = (
-        values_from_file(arguments.params, name) for name in ('imu_buffer', 'identifier', 'predictor')
-    )
+    buffer, identifier, predictor = (values_from_file(arguments.params, name) for name in ATTITUDE_NODES)
     settings = PlayThroughSettings(
         window_settings(buffer), refit_settings(identifier), pipeline_settings(predictor),
         identifier['auto_identify'], arguments.refit_delay,
@@ -73,7 +72,8 @@ def run(arguments):
         )  # fmt: skip
     pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
     pipeline.window.record(buffer['record_at_start'])
-    health = PlayedHealth(pipeline, [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)])
+    periods = [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)]
+    health = PlayedHealth(ADVICE, pipeline, IMU_TOPIC, periods)
     verdicts = []
     with (
         progress_of('play-through') as progress,
@@ -105,8 +105,10 @@ def run(arguments):
     return 0
 
 
-def _play_manoeuvres(arguments):
+def _play_manoeuvres(arguments: Namespace):
     """What manoeuvring_predictor would have published: the bag holds odometry and thrust, and no IMU."""
+    from swath_sysid.nodes.parameters.manoeuvring_predictor import manoeuvring_pipeline_settings
+
     values = values_from_file(arguments.params, 'manoeuvring_predictor')
     trial = read_manoeuvring_bag(arguments.record)
     model = arguments.model or values['model_file']
@@ -118,7 +120,7 @@ def _play_manoeuvres(arguments):
     return 0
 
 
-def _known_models(model, model_path):
+def _known_models(model: str | None, model_path: str):
     """The models at the start: of the file named, else of the node's own file if it has one already."""
     if model:
         return read_model(model)
@@ -126,7 +128,7 @@ def _known_models(model, model_path):
     return read_model(own) if os.path.exists(own) else None
 
 
-def _report_counts(pipeline):
+def _report_counts(pipeline: Any) -> None:
     """What was counted by reason, on standard error."""
     counts = {**pipeline.forecasts.counts, **pipeline.window.counts}
     counted = ', '.join(f'{reason} {count}' for reason, count in counts.items() if count)

@@ -1,20 +1,22 @@
 """Progress on a terminal as a bar, elsewhere as plain lines; always on standard error."""
 
 import sys
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
 from swath_sysid.cli.advice_words import worded
+from swath_sysid.common.advice import Advice
 
 PLAIN_STEP = 0.25
 
 
 @contextmanager
-def progress_of(title):
+def progress_of(title: str) -> Iterator[Callable[..., None]]:
     """A function that takes the share done, 0 to 1, and optionally what is being done."""
     if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
         columns = (TextColumn('{task.description}'), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(title, total=1.0)
@@ -23,10 +25,10 @@ def progress_of(title):
     yield _plain(title)
 
 
-def _plain(title):
+def _plain(title: str):
     told = 0.0
 
-    def tell(share, what=''):
+    def tell(share: float, what: str = '') -> None:
         nonlocal told
         if share >= told + PLAIN_STEP or (share >= 1.0 > told):
             told = share
@@ -35,7 +37,7 @@ def _plain(title):
     return tell
 
 
-def show_advice(advice):
+def show_advice(advice: Iterable[Advice]) -> None:
     """Print warnings, one a line, on standard error."""
     for item in advice:
         print(f'warning [{item.code}]: {worded(item.code, item.message)}', file=sys.stderr)

@@ -1,13 +1,14 @@
 """``swath-sysid record``: write our topics from ROS to a bag."""
 
 import sys
+from argparse import ArgumentParser, Namespace
 from datetime import datetime
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The file."""
     parser.add_argument(
         '--output', metavar='OUT.mcap', help='default: swath_sysid_DATE_TIME.mcap in the present folder'
@@ -18,7 +19,7 @@ def add_arguments(parser):
     parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Record until a signal comes."""
     try:
         from swath_sysid.nodes.record import record

@@ -1,12 +1,13 @@
 """``swath-sysid replay``: publish the topics of a bag over ROS."""
 
 import sys
+from argparse import ArgumentParser, Namespace
 
 from swath_sysid.cli.sources import finite
 from swath_sysid.common.errors import InputError
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The bag, and how fast it is replayed."""
     parser.add_argument('bag', metavar='BAG', help='rosbag2 bag: folder, .mcap or .db3')
     parser.add_argument('--rate', type=finite, default=1.0, metavar='R', help='times real time (default: %(default)s)')
@@ -23,7 +24,7 @@ def add_arguments(parser):
     )  # fmt: skip
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Replay until the end or a signal."""
     try:
         from swath_sysid.nodes.replay import ReplaySettings, replay

@@ -2,17 +2,17 @@
 import argparse
 import os
 import sys
+from argparse import ArgumentParser, Namespace
 from importlib import import_module
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
-from swath_sysid.formats.model_file import read_model
 
-NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_predictor')
+NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
 
-MODEL_PARAMETERS = {'identifier': 'model_path', 'manoeuvring_predictor': 'model_file'}
-MODEL_READERS = {'identifier': read_model, 'manoeuvring_predictor': read_manoeuvring_model}
+MODEL_PARAMETERS = {
+    'identifier': 'model_path', 'manoeuvring_identifier': 'model_path', 'manoeuvring_predictor': 'model_file',
+}
 
 OPEN_TO_THE_SUBNET = (
     'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
@@ -20,7 +20,7 @@ OPEN_TO_THE_SUBNET = (
 )
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument('--only', choices=NODES, metavar='NODE', help=f'one node alone: {", ".join(NODES)}')
     parser.add_argument('--params-file', metavar='FILE', help='ROS parameter file for all nodes')
@@ -33,7 +33,7 @@ def add_arguments(parser):
     )
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Run the nodes until a signal comes; returns the exit code."""
     try:
         import rclpy  # noqa: F401 - only to say what to do where it is missing
@@ -48,7 +48,7 @@ def run(arguments):
     return program.main(['swath-sysid', '--ros-args', *given])
 
 
-def ros_arguments(arguments):
+def ros_arguments(arguments: Namespace) -> list[str]:
     """What stands behind ``--ros-args`` for the nodes.
 
     Raises
@@ -65,7 +65,7 @@ def ros_arguments(arguments):
             raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
         if Path(arguments.model).expanduser().exists():
             # a node would go on without it, which whoever types a command does not see
-            MODEL_READERS[node](Path(arguments.model).expanduser())
+            _read_model(node, Path(arguments.model).expanduser())
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
     if arguments.namespace:
@@ -77,6 +77,14 @@ def ros_arguments(arguments):
     return [*given, *arguments.ros_args]
 
 
-def _quoted(text):
+def _read_model(node: str, path: Path) -> None:
+    if node == 'identifier':
+        from swath_sysid.formats.model_file import read_model as read
+    else:
+        from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model as read
+    read(path)
+
+
+def _quoted(text: str):
     """A YAML string, whatever is in it: ROS takes the values of parameters for YAML."""
     return "'" + text.replace("'", "''") + "'"

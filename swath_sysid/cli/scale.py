@@ -1,12 +1,14 @@
 """``swath-sysid scale``: a model at another scale, by Froude's law."""
 
+from argparse import ArgumentParser, Namespace
+
 from swath_sysid.attitude.hull.froude import length_ratio, scaled, scaled_schedule, scaling_advice
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.formats.model_file import read_description, read_model, write_model, write_scheduled
 from swath_sysid.formats.outputs import Output, check_outputs
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The model file, the length ratio, and where to write."""
     parser.add_argument('model', metavar='MODEL.yaml', help='model file, with or without a schedule on draft')
     parser.add_argument(
@@ -18,7 +20,7 @@ def add_arguments(parser):
     parser.add_argument('--output', required=True, metavar='FILE.yaml', help='write the scaled model file')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Scale, warn, and write."""
     check_outputs([Output('--output', arguments.output)], [arguments.model])
     ratio = length_ratio(arguments.ratio)

@@ -1,20 +1,19 @@
 """``swath-sysid simulate``: a trial with known truth."""
 
 import math
+from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.hull.catalogue import hull_named, hull_of_family
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.cli.hulls import add_hull_arguments, hull_of
 from swath_sysid.cli.sources import finite
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.bags import write_imu_bag
-from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.outputs import Output, check_outputs
 
 NO_NOISE = SensorNoise(0.0, 0.0, 0.0)
 
 
-def add_arguments(parser):
+def add_arguments(parser: ArgumentParser) -> None:
     """The hull, the release, the sensor, and the file."""
     usual = SensorNoise()
     add_hull_arguments(parser)
@@ -49,7 +48,7 @@ def add_arguments(parser):
     parser.add_argument('--output', required=True, metavar='FILE', help='FILE.csv, FILE.mcap, FILE.db3 or a bag folder')
 
 
-def run(arguments):
+def run(arguments: Namespace) -> int:
     """Write the trial."""
     check_outputs([Output('--output', arguments.output, is_recording=True)], [arguments.model])
     model = hull_of(arguments).with_trim(math.radians(arguments.trim_deg))
@@ -60,14 +59,17 @@ def run(arguments):
         model, math.radians(arguments.initial_angle_deg), arguments.duration, arguments.rate,
         NO_NOISE if arguments.noise == 'none' else noise, arguments.seed, arguments.hold,
     )  # fmt: skip
-    write = write_csv if arguments.output.endswith('.csv') else write_imu_bag
+    if arguments.output.endswith('.csv'):
+        from swath_sysid.formats.csv_trials import write_csv as write
+    else:
+        from swath_sysid.formats.bags import write_imu_bag as write
     write(arguments.output, trial)
     ratios = ', '.join(f'{name} {value:.6g}' for name, value in model.terms.items())
     print(f'{arguments.output}: {trial.time.size} samples of {model.axis}, {model.equation.name}, true ratios {ratios}')
     return 0
 
 
-def _rate_noise(arguments):
+def _rate_noise(arguments: Namespace):
     if arguments.rate_noise is not None:
         return arguments.rate_noise
     hull = hull_named(arguments.hull) if arguments.hull else hull_of_family(arguments.equation or '')

@@ -1,10 +1,14 @@
 """Arguments and reading of records, shared by the verbs that take them."""
 
 import math
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from swath_sysid import __version__
-from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -16,7 +20,7 @@ EXIT_POOR_FIT = 1
 """The result was printed, but explains too little to be written as a model."""
 
 
-def add_source_arguments(parser, many=True):
+def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
     """The records, the axis, and how to read them."""
     parser.add_argument(
         'trials' if many else 'trial', metavar='TRIAL', nargs='+' if many else None,
@@ -35,7 +39,7 @@ def add_source_arguments(parser, many=True):
     parser.add_argument('--end', type=finite, metavar='S', help='end of the decay (default: found)')
 
 
-def finite(text):
+def finite(text: str) -> float:
     """A number for argparse that is neither NaN nor infinite."""
     value = float(text)
     if not math.isfinite(value):
@@ -43,7 +47,7 @@ def finite(text):
     return value
 
 
-def check_model_and_plot(arguments, inputs):
+def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> None:
     """Refuse a model file (``--output``) and a picture (``--plot``) that cannot be written, before any work."""
     check_outputs(
         [Output('--output', getattr(arguments, 'output', None)), Output('--plot', arguments.plot, endings=FORMATS)],
@@ -51,7 +55,7 @@ def check_model_and_plot(arguments, inputs):
     )
 
 
-def read_trials(paths, arguments):
+def read_trials(paths: Sequence[str], arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...]]:
     """Read the trials of the command line and show what is to be told of them; of identical files the first counts.
 
     Returns
@@ -67,19 +71,20 @@ def read_trials(paths, arguments):
     return trials, advice
 
 
-def refuse_twice(paths):
+def refuse_twice(paths: Sequence[str]) -> None:
     """Refuse a command line that names a record more than once."""
     twice = {str(path) for path in paths if paths.count(path) > 1}
     if twice:
         raise InputError(f'{sorted(twice)[0]} is given twice: name each record once')
 
 
-def without_copies(paths):
+def without_copies(paths: Sequence[str]) -> tuple[list[str], tuple[Advice, ...]]:
     """The paths of which the content is that of none before, and advice about the others."""
     refuse_twice(paths)
     if len(paths) < 2:
         return list(paths), ()
-    first, advice = {}, []
+    first: dict[str, str] = {}
+    advice = []
     for path in paths:
         if not Path(path).exists():
             raise InputError(f'there is no file {path}: check the name')
@@ -92,24 +97,24 @@ def without_copies(paths):
     return list(first.values()), tuple(advice)
 
 
-def chosen_axis(trials, asked):
+def chosen_axis(trials: Sequence[Trial], asked: str | None) -> str:
     """The axis asked for, or the one that moves more in the first trial."""
     if asked is not None:
         return asked
     return max(trials[0].axes or AXES[:1], key=lambda axis: _excursion(trials[0].axis(axis)))
 
 
-def _excursion(motion):
+def _excursion(motion: AxisMotion) -> float:
     values = motion.rate if motion.angle is None else motion.angle
-    return float(values.max() - values.min())
+    return 0.0 if values is None else float(np.ptp(values))
 
 
-def motions_of(trials, axis):
+def motions_of(trials: Sequence[Trial], axis: str) -> list[AxisMotion]:
     """The motion about one axis of each trial."""
     return [trial.axis(axis) for trial in trials]
 
 
-def provenance_of(paths):
+def provenance_of(paths: Sequence[str]) -> dict:
     """Sources with their hashes, and the software version."""
     return {
         'software': f'swath_sysid {__version__}',

@@ -1,4 +1,5 @@
 """Arguments of a tank's standard output: what is known of the craft, and how well."""
+from argparse import ArgumentParser, Namespace
 from dataclasses import fields
 
 from swath_sysid.attitude.identification.extinction import Particulars, TypeB
@@ -8,7 +9,7 @@ from swath_sysid.common.errors import InputError
 SOURCES = tuple(f.name for f in fields(TypeB))
 
 
-def add_tank_arguments(parser):
+def add_tank_arguments(parser: ArgumentParser) -> None:
     """Inertia or what it follows from, the size, and ``--extinction``."""
     group = parser.add_argument_group('damping in dimensions')
     group.add_argument(
@@ -30,7 +31,7 @@ def add_tank_arguments(parser):
     )  # fmt: skip
 
 
-def particulars_of(arguments):
+def particulars_of(arguments: Namespace) -> Particulars:
     """What is known of the craft.
 
     Raises
@@ -50,7 +51,7 @@ def particulars_of(arguments):
     return Particulars(**given)
 
 
-def type_b_of(arguments):
+def type_b_of(arguments: Namespace) -> TypeB:
     """Uncertainties of the command line.
 
     Raises

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
+from swath_sysid.common.latin_hypercube import latin_hypercube
 from swath_sysid.common.stopping import Stagnation, stop_reason
 
 BLEND = 0.6
@@ -127,7 +127,7 @@ class GeneticSearch:
         return stop_reason(self.generation, self._settings, self._stagnation, spread.max())
 
     def _first_generation(self) -> np.ndarray:
-        sample = qmc.LatinHypercube(self._lower.size, seed=self._rng).random(self._settings.population)
+        sample = latin_hypercube(self._rng, self._settings.population, self._lower.size)
         population = self._lower + sample * (self._upper - self._lower)
         population[: len(self._first)] = self._first[: len(population)]
         return population

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from swath_sysid.common.signals import white_noise
 
@@ -48,6 +47,8 @@ def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
     ndarray, shape (L,)
         Lags 0 to L - 1, L at most N / 4.
     """
+    from scipy.signal import fftconvolve
+
     count = residual.size
     centred = residual - residual.mean()
     longest = max(1, count // 4)
@@ -78,5 +79,7 @@ def correlated_information(sensitivity: np.ndarray, covariance: np.ndarray) -> n
     """
     if covariance.size == 1:
         return covariance[0] * sensitivity.T @ sensitivity
+    from scipy.signal import fftconvolve
+
     kernel = np.concatenate([covariance[:0:-1], covariance])[:, None]
     return sensitivity.T @ fftconvolve(sensitivity, kernel, mode='same', axes=0)

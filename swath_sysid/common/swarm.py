@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
+from swath_sysid.common.latin_hypercube import latin_hypercube
 from swath_sysid.common.stopping import Stagnation, stop_reason
 
 
@@ -53,7 +53,7 @@ class ParticleSwarm:
         self._range = self._upper - self._lower
         self._settings = settings
         self._rng = np.random.default_rng(seed)
-        sample = qmc.LatinHypercube(self._lower.size, seed=self._rng).random(settings.population)
+        sample = latin_hypercube(self._rng, settings.population, self._lower.size)
         self._place = self._lower + sample * self._range
         given = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)[: settings.population]
         self._place[: len(given)] = given

@@ -9,7 +9,7 @@ from struct import Struct
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from swath_sysid.attitude.identification.refit import COEFFICIENT_NAMES, coefficients
+from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.common.errors import InputError

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.tables import read_head
 
 TIME_WORDS = ('time', 'stamp', 'packetcounter', 'sampletimefine')
@@ -33,7 +32,7 @@ class Output:
     """
 
     option: str
-    path: str | Path
+    path: str | Path | None
     is_folder: bool = False
     is_recording: bool = False
     endings: tuple[str, ...] = ()
@@ -128,12 +127,18 @@ def _check_ending(output):
             f"{output.option} cannot be written as '{output.path}': end the name in .{', .'.join(output.endings)}")
 
 
+def _is_bag(path):
+    from swath_sysid.formats.bags import is_bag
+
+    return is_bag(path)
+
+
 def _check_target(output):
     path = Path(output.path)
     if output.is_folder:
         if path.exists() and not path.is_dir():
             raise InputError(f'{output.option} {path} is no folder: choose another name')
-        if path.is_dir() and is_bag(path):
+        if path.is_dir() and _is_bag(path):
             raise InputError(f'{output.option} {path} is a rosbag2 bag: choose a folder of its own')
         return
     if path.is_dir():
@@ -152,7 +157,7 @@ def _refuse_input(output, path):
     if not output.is_folder and _are_same(output.path, path):
         raise InputError(f'{output.option} {output.path} is read by this command, and would be lost: choose another '
                          f'name')
-    if path.is_dir() and is_bag(path):
+    if path.is_dir() and _is_bag(path):
         bag = Path(os.path.realpath(path))
         place = Path(os.path.realpath(output.path))
         if bag == place or bag in place.parents:
@@ -187,7 +192,7 @@ def _is_recording(path):
     try:
         if not path.is_file():
             return False
-        if is_bag(path):
+        if _is_bag(path):
             return True
         names = [name.lower().lstrip('_ ') for name in read_head(path).names]
     except (InputError, OSError):

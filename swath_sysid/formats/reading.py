@@ -3,7 +3,6 @@ import hashlib
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.bags import is_bag, read_bag
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.mti import is_mti, read_mti
 from swath_sysid.formats.tables import read_head
@@ -46,6 +45,8 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
     InputError
         There is no such file, it is none of these, or holds no usable motion.
     """
+    from swath_sysid.formats.bags import is_bag, read_bag
+
     path = Path(path)
     try:
         if not path.exists():

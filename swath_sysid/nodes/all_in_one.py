@@ -7,7 +7,7 @@ from swath_sysid.nodes.imu_buffer import ImuBuffer
 from swath_sysid.nodes.predictor import Predictor
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Run imu_buffer, predictor and identifier until a signal comes; returns the exit code.
 
     Those that hear the sensor share the executor with the least delay. The identifier's services

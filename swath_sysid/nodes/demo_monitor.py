@@ -1,6 +1,8 @@
 """The node of the demonstration that listens: to the sensor, the forecasts, the model and the diagnostics."""
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
@@ -64,7 +66,7 @@ class Listener(Node):
     leads : sequence of float
     """
 
-    def __init__(self, axis, leads):
+    def __init__(self, axis: str, leads: Sequence[float]):
         super().__init__('demo')
         self._axis = axis
         self.heard = Heard(forecasts={lead: deque() for lead in leads})
@@ -77,43 +79,43 @@ class Listener(Node):
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, everything)
         self._release = self.create_client(Trigger, 'simulated_craft/release')
 
-    def is_ready(self):
+    def is_ready(self) -> bool:
         """Whether the craft, the forecasts and the identifier can all be heard."""
         heard = self.heard
         nodes = {name.partition(':')[0] for name in heard.diagnostics}
         streams = (heard.angles, heard.nexts, *heard.forecasts.values())
         return all(streams) and {'imu_buffer', 'identifier'} <= nodes and self._release.service_is_ready()
 
-    def release(self):
+    def release(self) -> Any:
         """Have the craft lifted and let go; a future of the service's response, whose message is the stamp (ns)."""
         return self._release.call_async(Trigger.Request())
 
-    def forget(self):
+    def forget(self) -> None:
         """Keep what is recent only."""
         for kept in (self.heard.readings, self.heard.angles, *self.heard.forecasts.values()):
             while len(kept) > RECENT:
                 kept.popleft()
 
-    def _on_imu(self, message):
+    def _on_imu(self, message: Any) -> None:
         reading = imu_reading(message)
         self.heard.readings.append(reading)
         angle = float(euler_angles(*reading.orientation)[AXES.index(self._axis)])
         self.heard.angles.append((reading.stamp_ns, angle))
 
-    def _on_next(self, message):
+    def _on_next(self, message: Any) -> None:
         self.heard.nexts += 1
 
-    def _forecast_taker(self, lead):
+    def _forecast_taker(self, lead: float):
         kept = self.heard.forecasts[lead]
 
-        def take(message):
+        def take(message: Any) -> None:
             # a forecast is an Imu: its stamp is the time it is for
             forecast = imu_reading(message)
             kept.append((forecast.stamp_ns, *attitude_at(forecast, self._axis)))
 
         return take
 
-    def _on_model(self, message):
+    def _on_model(self, message: Any) -> None:
         try:
             models = model_from_yaml(message.data, DESCRIPTION_TOPIC) if message.data else {}
         except InputError as error:
@@ -125,6 +127,6 @@ class Listener(Node):
         if self._axis in models and heard.model_ns is None and heard.angles:
             heard.model_ns = heard.angles[-1][0]
 
-    def _on_diagnostics(self, message):
+    def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             self.heard.diagnostics[status.name] = ord(status.level), status.message

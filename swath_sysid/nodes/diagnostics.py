@@ -1,10 +1,13 @@
 """Publishing on /diagnostics: at steady times, whatever the clock of the craft does."""
+from collections.abc import Callable
+
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
 
 from swath_sysid.formats.messages import diagnostics_message
-from swath_sysid.nodes.health import OK, WARN
+from swath_sysid.pipeline.health import OK, WARN, Report
 
 
 class DiagnosticsPublisher:
@@ -19,20 +22,20 @@ class DiagnosticsPublisher:
         Returns the `Report` list of now.
     """
 
-    def __init__(self, node, period, reports):
+    def __init__(self, node: Node, period: float, reports: Callable[[], list[Report]]):
         self._node = node
         self._reports = reports
-        self._levels = {}
+        self._levels: dict[str, int] = {}
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # a timer of ROS time stalls when a bag loops
         self._timer = node.create_timer(period, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def publish(self):
+    def publish(self) -> None:
         """Publish what the node reports now."""
         reports = self._reports()
         name = self._node.get_fully_qualified_name()[1:]
         self._publisher.publish(diagnostics_message(
-            self._node.get_clock().now().nanoseconds, [report.told_by(name) for report in reports],
+            self._node.get_clock().now().nanoseconds, [report.status_of(name) for report in reports],
             self._node.get_namespace().strip('/'),
         ))
         for report in reports:
@@ -40,7 +43,7 @@ class DiagnosticsPublisher:
                 self._log(report)
             self._levels[report.name] = report.level
 
-    def _log(self, report):
+    def _log(self, report: Report) -> None:
         logger = self._node.get_logger()
         if report.level == OK:
             logger.info(f'{report.name}: {report.message}')
@@ -50,11 +53,11 @@ class DiagnosticsPublisher:
             logger.error(f'{report.name}: {report.message}')
 
 
-def subscription_events(on_mismatch):
-    """Event callbacks that tell of publishers with incompatible QoS."""
+def subscription_events(on_mismatch: Callable[[], None]) -> SubscriptionEventCallbacks:
+    """Event callbacks that report publishers with incompatible QoS."""
     return SubscriptionEventCallbacks(incompatible_qos=lambda event: on_mismatch())
 
 
-def publisher_events(on_mismatch):
-    """Event callbacks that tell of subscriptions with incompatible QoS."""
+def publisher_events(on_mismatch: Callable[[], None]) -> PublisherEventCallbacks:
+    """Event callbacks that report subscriptions with incompatible QoS."""
     return PublisherEventCallbacks(incompatible_qos=lambda event: on_mismatch())

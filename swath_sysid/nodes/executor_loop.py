@@ -3,19 +3,25 @@ import re
 import signal
 import sys
 import threading
+from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.nodes.parameters.files import with_moved_parameters
+
+Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
+"""Makers of executors, each with the makers of the nodes that it runs."""
 
 WAKE_PERIOD = 0.1
 """s; so often a spinning thread looks whether it is to stop. Costs 0.1 % of a core."""
 
 
-def events_executor(context=None):
+def events_executor(context: rclpy.Context | None = None) -> Executor:
     """The executor with the least delay: IMU at 1000 Hz takes a quarter of a core less than with the standard one.
 
     It serves no ``async def`` services.
@@ -27,16 +33,17 @@ def events_executor(context=None):
     return EventsExecutor(context=context)
 
 
-def run(plan, args=None):
+def run(plan: Plan, args: list[str] | None = None, node_name: str | None = None) -> int:
     """Start nodes, spin them until a signal comes, and stop them.
 
     Parameters
     ----------
     plan : sequence of (callable, sequence of callable)
-        Makers of executors, each with the makers of the nodes that it runs. The first executor spins
-        in the main thread, the others each in a thread of its own.
+        The first executor spins in the main thread, the others each in a thread of its own.
     args : list of str, optional
         As for `rclpy.init`; by default those of the process.
+    node_name : str, optional
+        Of a node whose parameters had other names earlier: those in parameter files are taken too.
 
     Returns
     -------
@@ -45,14 +52,15 @@ def run(plan, args=None):
     """
     stop, signalled = threading.Event(), threading.Event()
 
-    def on_signal(*_):
+    def on_signal(*_: object) -> None:
         signalled.set()
         stop.set()
 
     previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-    executors, nodes = [], []
+    executors: list[Executor] = []
+    nodes: list[Node] = []
     try:
-        _initialise(args)
+        _initialise(args, node_name)
         for make_executor, makers in plan:
             executors.append(make_executor())
             for make_node in makers:
@@ -74,11 +82,15 @@ def run(plan, args=None):
             signal.signal(number, signal.SIG_IGN if signalled.is_set() else handler)
 
 
-def _initialise(args):
+def _initialise(args: list[str] | None, node_name: str | None) -> None:
     """Start rclpy without its own signal handlers.
 
     Those raise KeyboardInterrupt, at a second Ctrl-C in the midst of destroying nodes.
     """
+    if node_name is not None:
+        args, warnings = with_moved_parameters(sys.argv if args is None else args, node_name)
+        for warning in warnings:
+            print(f'swath_sysid: {warning}', file=sys.stderr, flush=True)
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -87,10 +99,10 @@ def _initialise(args):
         raise InputError(f'ROS cannot be started with these arguments: {reason}') from error
 
 
-def _spin_all(executors, stop):
-    failures = []
+def _spin_all(executors: list[Executor], stop: threading.Event) -> None:
+    failures: list[BaseException] = []
 
-    def guarded(executor):
+    def guarded(executor: Executor) -> None:
         try:
             _spin(executor, stop)
         except BaseException as error:  # raised again in the main thread
@@ -110,7 +122,7 @@ def _spin_all(executors, stop):
         raise failures[0]
 
 
-def _spin(executor, stop):
+def _spin(executor: Executor, stop: threading.Event) -> None:
     try:
         while not stop.is_set() and rclpy.ok():
             executor.spin_once(timeout_sec=WAKE_PERIOD)

@@ -6,25 +6,26 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from swath_sysid.attitude.motion.window import MotionWindow
+from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
-from swath_sysid.nodes.health import BufferHealth
 from swath_sysid.nodes.messages import imu_reading, window_message
-from swath_sysid.nodes.parameter_tables import IMU_BUFFER, window_settings
-from swath_sysid.nodes.parameters import NodeParameters
+from swath_sysid.nodes.parameters.declared import NodeParameters
+from swath_sysid.nodes.parameters.imu_buffer import TABLE, window_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
+from swath_sysid.nodes.reason_advice import ADVICE
+from swath_sysid.pipeline.health import BufferHealth, Report
 
 
 class ImuBuffer(Node):
     """imu/data in, motion/window out, services ~/publish_window, ~/clear and ~/record."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('imu_buffer')
-        self.parameters = NodeParameters(self, IMU_BUFFER, window_settings, self._change)
+        self.parameters = NodeParameters(self, TABLE, window_settings, self._change)
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
-        self.health = BufferHealth(self.resolve_topic_name(IMU_TOPIC), self.window)
+        self.health = BufferHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.window)
         self._publisher = watched_publisher(self, PointCloud2, 'motion/window', LATCHED, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
@@ -32,10 +33,10 @@ class ImuBuffer(Node):
         self.create_service(SetBool, '~/record', self._on_record)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
-    def _change(self, settings):
+    def _change(self, settings: WindowSettings) -> None:
         self.window.detect_decay(settings.detect_decay)
 
-    def _on_imu(self, message):
+    def _on_imu(self, message: Imu) -> None:
         begun = perf_counter()
         reading = imu_reading(message)
         step = self.window.add(reading)
@@ -50,10 +51,10 @@ class ImuBuffer(Node):
         self.health.note_frame_id(message.header.frame_id)
         self.health.note_message(reading.stamp_ns, begun, perf_counter())
 
-    def _publish(self, table):
+    def _publish(self, table: MotionTable) -> None:
         self._publisher.publish(window_message(table, self.parameters['frame_id']))
 
-    def _on_publish_window(self, request, response):
+    def _on_publish_window(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.window.size:
             self._publish(self.window.table())
         response.success = self.window.size > 0
@@ -62,23 +63,23 @@ class ImuBuffer(Node):
             response.message += f': check that the IMU publishes on {self.health.topic}'
         return response
 
-    def _on_clear(self, request, response):
+    def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.window.clear()
         response.success, response.message = True, self.window.described
         return response
 
-    def _on_record(self, request, response):
+    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self.window.record(request.data)
         response.success, response.message = True, self.window.described
         return response
 
-    def _reports(self):
+    def _reports(self) -> list[Report]:
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
 
 
-def main(args=None):
-    """Run the node until it is told to stop."""
+def main(args: list[str] | None = None) -> int:
+    """Run the node until a signal comes."""
     return run([(events_executor, [ImuBuffer])], args)
 
 

@@ -1,9 +1,11 @@
 """The file that a node keeps its model in: read at the start, replaced whenever the model changes."""
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.health import BAD_MODEL_FILE, NOT_SAVED
+from swath_sysid.pipeline.health import BAD_MODEL_FILE, NOT_SAVED, IdentifierHealth
 
 
 class ModelFile:
@@ -22,14 +24,14 @@ class ModelFile:
     health : IdentifierHealth
     """
 
-    def __init__(self, path, name, read, write, health):
+    def __init__(self, path: str | Path, name: str, read: Callable, write: Callable, health: IdentifierHealth):
         self._name = name
         # not Path.expanduser, which raises an error for a user that does not exist
         self._path = Path(os.path.expanduser(path)) if path else None
         self._read, self._write, self._health = read, write, health
         self._refusal = ''
 
-    def read(self):
+    def read(self) -> Any:
         """The model in the file; None where there is none, or one that cannot be used."""
         # nor Path.exists, which raises one for a name that is too long
         if self._path is None or not os.path.exists(self._path):
@@ -41,7 +43,7 @@ class ModelFile:
             self._health.note(BAD_MODEL_FILE, self._name, self._refusal)
             return None
 
-    def keep(self, model):
+    def keep(self, model: Any) -> str:
         """Replace what is in the file; an empty model takes it away.
 
         Returns

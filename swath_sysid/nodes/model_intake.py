@@ -1,6 +1,8 @@
 """Model texts from the network: read in a thread of their own, so that no callback waits for one."""
 import threading
 from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
@@ -25,23 +27,23 @@ class ModelIntake:
         Of the sentence about a text that cannot be used; called by `taken`.
     """
 
-    def __init__(self, read, on_refused):
+    def __init__(self, read: Callable, on_refused: Callable[[str], None]):
         self._read = read
         self._on_refused = on_refused
-        self._waiting = deque(maxlen=MOST_WAITING)
-        self._endings = deque(maxlen=MOST_ENDINGS)
+        self._waiting: deque[str] = deque(maxlen=MOST_WAITING)
+        self._endings: deque[tuple[Any, str | None]] = deque(maxlen=MOST_ENDINGS)
         self._come = threading.Semaphore(0)
         self._closing = False
         self._thread = threading.Thread(target=self._serve, name='model intake', daemon=True)
         self._thread.start()
 
-    def submit(self, text):
+    def submit(self, text: str) -> None:
         """Have a text read."""
         # enough of a larger one to be refused as too large, without keeping all of it
         self._waiting.append(text[: LARGEST_TEXT + 1])
         self._come.release()
 
-    def taken(self):
+    def taken(self) -> Iterator[Any]:
         """What the texts hold that were read since the last call, in their order; those refused are reported."""
         while self._endings:
             content, refusal = self._endings.popleft()
@@ -50,13 +52,13 @@ class ModelIntake:
             else:
                 self._on_refused(refusal)
 
-    def close(self):
+    def close(self) -> None:
         """End the thread."""
         self._closing = True
         self._come.release()
         self._thread.join()
 
-    def _serve(self):
+    def _serve(self) -> None:
         while True:
             self._come.acquire()
             if self._closing:
@@ -65,7 +67,7 @@ class ModelIntake:
             if self._waiting:
                 self._endings.append(self._ending(self._waiting.popleft()))
 
-    def _ending(self, text):
+    def _ending(self, text: str):
         try:
             return self._read(text), None
         except InputError as error:

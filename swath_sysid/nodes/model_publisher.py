@@ -1,11 +1,16 @@
 """Where the identified models go: model/description, model/coefficients and the model file."""
+from pathlib import Path
+
+from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray, String
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
 from swath_sysid.formats.topics import COEFFICIENTS_TOPIC, DESCRIPTION_TOPIC
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.messages import coefficients_message
 from swath_sysid.nodes.qos import LATCHED, watched_publisher
+from swath_sysid.pipeline.health import IdentifierHealth
 
 
 class ModelPublisher:
@@ -19,16 +24,16 @@ class ModelPublisher:
     health : IdentifierHealth
     """
 
-    def __init__(self, node, path, health):
+    def __init__(self, node: Node, path: str | Path, health: IdentifierHealth):
         self._file = ModelFile(path, 'model_path', read_model, write_model, health)
         self._description = watched_publisher(node, String, DESCRIPTION_TOPIC, LATCHED, health)
         self._coefficients = watched_publisher(node, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, health)
 
-    def known(self):
+    def known(self) -> dict[str, IdentifiedModel]:
         """The models in the file, by axis; none where there is no file yet, or one that cannot be used."""
         return self._file.read() or {}
 
-    def publish(self, models):
+    def publish(self, models: dict[str, IdentifiedModel]) -> str:
         """Publish models by axis and save them.
 
         Returns

@@ -8,17 +8,17 @@ from std_msgs.msg import Float32, Float64, String
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.attitude.hull.scheduled_model import models_at
+from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import number_message
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, TYPES, lead_topic
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
-from swath_sysid.nodes.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, PredictorHealth
 from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
 from swath_sysid.nodes.model_intake import ModelIntake
-from swath_sysid.nodes.parameter_tables import PREDICTOR, pipeline_settings
-from swath_sysid.nodes.parameters import NodeParameters
+from swath_sysid.nodes.parameters.declared import NodeParameters
+from swath_sysid.nodes.parameters.predictor import TABLE, pipeline_settings
 from swath_sysid.nodes.qos import (
     IMU_TOPIC,
     LATCHED,
@@ -28,8 +28,12 @@ from swath_sysid.nodes.qos import (
     watched_publisher,
     watched_subscription,
 )
+from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.sea_fitting import SeaFitting
-from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+from swath_sysid.pipeline.forecast_health import PredictorHealth
+from swath_sysid.pipeline.forecast_messages import AttitudeForecast
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
 PASSED_OVER_NS = 100_000_000
 """A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late."""
@@ -38,11 +42,11 @@ PASSED_OVER_NS = 100_000_000
 class Predictor(Node):
     """imu/data, model/description and craft/loading in, forecast/* out."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('predictor')
-        self.parameters = NodeParameters(self, PREDICTOR, pipeline_settings, self._on_parameters)
+        self.parameters = NodeParameters(self, TABLE, pipeline_settings, self._on_parameters)
         self.pipeline = ForecastPipeline(self.parameters.settings)
-        self.health = PredictorHealth(self.resolve_topic_name(IMU_TOPIC), self.pipeline)
+        self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger())
         self._message = AttitudeMessage(self.parameters['frame_id'])
         self._next = watched_publisher(self, Imu, NEXT_TOPIC, NEWEST, self.health)
@@ -52,8 +56,8 @@ class Predictor(Node):
         }
         self._horizon = watched_publisher(self, JointTrajectory, HORIZON_TOPIC, NEWEST, self.health)
         self._quiescence = watched_publisher(self, Float32, QUIESCENCE_TOPIC, NEWEST, self.health)
-        self._described = {}, {}
-        self._told_loading = None
+        self._described: tuple[dict, dict] = {}, {}
+        self._published_loading: float | None = None
         self._intake = ModelIntake(described, self._refuse_model)
         watched_subscription(
             self, String, DESCRIPTION_TOPIC, lambda message: self._intake.submit(message.data), LATCHED, self.health
@@ -62,13 +66,13 @@ class Predictor(Node):
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """Also end the worker and the intake."""
         self.sea.close()
         self._intake.close()
         super().destroy_node()
 
-    def _on_imu(self, message):
+    def _on_imu(self, message: Imu) -> None:
         """Forecast from a sample, or where others wait behind it, from the newest ones only."""
         self._take_models()
         messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]
@@ -80,7 +84,7 @@ class Predictor(Node):
             self.health.note_frame_id(each.header.frame_id)
             self.health.note_message(reading.stamp_ns, begun, perf_counter())
 
-    def _add(self, reading, is_passed_over):
+    def _add(self, reading: ImuReading, is_passed_over: bool) -> None:
         self.sea.hand_over(reading.stamp_ns)
         step = self.pipeline.add(reading, None if is_passed_over else self._publish_next)
         if step.sea_request is not None:
@@ -95,10 +99,10 @@ class Predictor(Node):
         if step.quiescence is not None:
             self._quiescence.publish(number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC]))
 
-    def _publish_next(self, forecast):
+    def _publish_next(self, forecast: AttitudeForecast) -> None:
         self._next.publish(self._message.filled(forecast))
 
-    def _take_models(self):
+    def _take_models(self) -> None:
         """Use what came on model/description, once it is read."""
         for description in self._intake.taken():
             self._described = description
@@ -107,46 +111,46 @@ class Predictor(Node):
             known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in description[0].items()) or 'none'
             self.get_logger().info(f'new model: {known}')
 
-    def _refuse_model(self, sentence):
+    def _refuse_model(self, sentence: str) -> None:
         self.health.note_refused_model(sentence)
         self.get_logger().error(f'{sentence}; the model before it stays')
 
-    def _on_loading(self, message):
-        before, self._told_loading = self._told_loading, message.data
+    def _on_loading(self, message: Float64) -> None:
+        before, self._published_loading = self._published_loading, message.data
         try:
             self._load()
         except InputError as error:
-            self._told_loading = before
+            self._published_loading = before
             self.health.note(BAD_LOADING, 'loading')
             self.get_logger().error(f'{error}; the loading before it stays')
 
-    def _on_parameters(self, settings):
+    def _on_parameters(self, settings: PipelineSettings) -> None:
         self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)
         self._load()
 
-    def _load(self):
+    def _load(self) -> None:
         """Hand on the models at the present loading; the filters keep their state."""
-        models, advice = models_at(*self._described, self.parameters['loading'] or self._told_loading)
+        models, advice = models_at(*self._described, self.parameters['loading'] or self._published_loading)
         self.pipeline.set_models(models)
         self.health.settle('loading')
         for item in advice:
             self.health.note(LOADING_ADVICE, 'loading')
             self.get_logger().warning(item.message)
 
-    def _reports(self):
+    def _reports(self) -> list[Report]:
         # also while the sensor is silent
         self._take_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
 
 
-def described(text):
+def described(text: str) -> tuple[dict, dict]:
     """Models and schedules of a message on model/description; an empty one takes the models away."""
     return description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {})
 
 
-def main(args=None):
-    """Run the node until it is told to stop."""
+def main(args: list[str] | None = None) -> int:
+    """Run the node until a signal comes."""
     return run([(events_executor, [Predictor])], args)
 
 

@@ -1,9 +1,14 @@
 """Publishers and subscriptions of the contract: their QoS, and the count of those that do not fit."""
+from collections.abc import Callable
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.diagnostics import publisher_events, subscription_events
-from swath_sysid.nodes.health import QOS_MISMATCH
+from swath_sysid.pipeline.health import QOS_MISMATCH, Reasons
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Reliable, transient local, depth 1: who comes late gets the last one."""
@@ -14,8 +19,15 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty."""
 
+SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Connects with any publisher."""
 
-def imu_subscription(node, kind, callback, depth, health):
+THRUSTERS = {'port': 'thrusters/left/thrust', 'starboard': 'thrusters/right/thrust'}
+
+
+def imu_subscription(
+    node: Node, kind: type, callback: Callable, depth: int, health: Reasons
+) -> Subscription:
     """Subscribe to the sensor with sensor data QoS (best effort, volatile), but a longer queue.
 
     Best effort and volatile connect with any publisher. The depth is the subscriber's own matter:
@@ -28,9 +40,9 @@ def imu_subscription(node, kind, callback, depth, health):
     )
 
 
-def waiting(subscription, most):
+def waiting(subscription: Subscription, most: int) -> list:
     """The messages that a subscription has received and that wait to be handled, at most so many, oldest first."""
-    messages = []
+    messages: list = []
     # as rclpy's own executors and wait_for_message take them
     with subscription.handle:
         while len(messages) < most:
@@ -41,12 +53,16 @@ def waiting(subscription, most):
     return messages
 
 
-def watched_publisher(node, kind, topic, qos, health):
+def watched_publisher(
+    node: Node, kind: type, topic: str, qos: QoSProfile | int, health: Reasons
+) -> Publisher:
     """A publisher whose refused subscriptions are counted."""
     return node.create_publisher(kind, topic, qos, event_callbacks=publisher_events(lambda: health.note(QOS_MISMATCH)))
 
 
-def watched_subscription(node, kind, topic, callback, qos, health):
+def watched_subscription(
+    node: Node, kind: type, topic: str, callback: Callable, qos: QoSProfile, health: Reasons
+) -> Subscription:
     """A subscription whose refused publishers are counted."""
     return node.create_subscription(
         kind, topic, callback, qos, event_callbacks=subscription_events(lambda: health.note(QOS_MISMATCH))

@@ -1,7 +1,10 @@
 """Recording: every topic of ours, wherever in the graph it appears, to one mcap file."""
 import os
 import shutil
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -45,7 +48,7 @@ class Recording:
         The name does not end in .mcap, something has it already, or the folder cannot be written to.
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path):
         self.path = Path(path)
         if self.path.suffix != '.mcap':
             raise InputError(f"recordings are mcap: give an output name that ends in .mcap, not '{path}'")
@@ -61,30 +64,30 @@ class Recording:
             self._writer.open()
         except OSError as error:
             raise InputError(f'cannot write {path}: {error.strerror}; choose another folder') from error
-        self.counts = {}
+        self.counts: dict[str, int] = {}
 
-    def add_topic(self, topic, kind, latched, reliable):
+    def add_topic(self, topic: str, kind: str, latched: bool, reliable: bool) -> Callable[[int, bytes], None]:
         """Begin with a topic; returns a function that takes time, ns, and serialised message."""
         connection = self._writer.add_connection(
             topic, kind, typestore=self._store, offered_qos_profiles=[offered_qos(latched, reliable)]
         )
         self.counts[topic] = 0
 
-        def write(time_ns, raw):
+        def write(time_ns: int, raw: bytes) -> None:
             self._writer.write(connection, time_ns, raw)
             self.counts[topic] += 1
 
         return write
 
-    def save(self):
+    def save(self) -> None:
         """Bring what has come to the disk, as a whole chunk."""
-        storage = self._writer.storage
+        storage: Any = self._writer.storage
         if storage.chunk.bio.tell():
             storage.close_chunk()
             storage.bio.flush()
             os.fsync(storage.bio.fileno())
 
-    def close(self):
+    def close(self) -> None:
         """Finish the file and give it its name."""
         self._writer.close()
         add_checksums(self._folder / f'{self._folder.name}.mcap')
@@ -102,34 +105,37 @@ class Record(Node):
         Further topics, by their full names.
     """
 
-    def __init__(self, recording, others=()):
+    def __init__(self, recording: Recording, others: Sequence[str] = ()):
         super().__init__('record')
         self._recording = recording
         self._others = {f'/{topic.strip("/")}' for topic in others}
-        self._subscribed = {}
+        self._subscribed: dict[str, Any] = {}
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._look()
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
         self.create_timer(SAVE_PERIOD, recording.save, clock=steady)
 
-    def _look(self):
+    def _look(self) -> None:
         for topic, kinds in self.get_topic_names_and_types():
             if topic not in self._subscribed and self._is_wanted(topic, kinds):
                 publishers = self.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._subscribe(topic, kinds[0], [publisher.qos_profile for publisher in publishers])
 
-    def _is_wanted(self, topic, kinds):
+    def _is_wanted(self, topic: str, kinds: Sequence[str]):
         asked = topic in self._others and len(kinds) == 1 and message_class(kinds[0]) is not None
         return asked or is_ours(topic, kinds)
 
-    def _subscribe(self, topic, kind, offered):
+    def _write(self, write: Callable[[int, bytes], None], raw: Any) -> None:
+        write(self.get_clock().now().nanoseconds, raw)
+
+    def _subscribe(self, topic: str, kind: str, offered: Sequence[QoSProfile]) -> None:
         """With the strictest QoS that every publisher offers."""
         latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
         reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
         write = self._recording.add_topic(topic, kind, latched, reliable)
         self._subscribed[topic] = self.create_subscription(
-            message_class(kind), topic, lambda raw: write(self.get_clock().now().nanoseconds, raw),
+            message_class(kind), topic, partial(self._write, write),
             QoSProfile(
                 depth=DEPTH,
                 reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
@@ -140,7 +146,7 @@ class Record(Node):
         self.get_logger().info(f'recording {topic}')
 
 
-def is_ours(topic, kinds):
+def is_ours(topic: str, kinds: Sequence[str]) -> bool:
     """Whether a topic is one of the contract, in any namespace.
 
     Parameters
@@ -158,7 +164,7 @@ def is_ours(topic, kinds):
     return any(name.endswith(f'/{ours}') and kinds[0] == kind for ours, kind in OURS.items())
 
 
-def record(path, others=(), args=None):
+def record(path: str | Path, others: Sequence[str] = (), args: list[str] | None = None) -> tuple[int, dict[str, int]]:
     """Record until a signal comes.
 
     Parameters

@@ -4,8 +4,11 @@ import importlib
 import signal
 import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import rclpy
 from rclpy.node import Node
@@ -57,7 +60,7 @@ class ReplaySettings:
     wait: float = 15.0
     listeners: int = 0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.rate > 0.0:
             raise InputError(f'the rate must be greater than zero, not {self.rate}')
         if not self.wait >= 0.0:
@@ -80,11 +83,11 @@ class Replay(Node):
         There is no such bag, or no topic of a known type in it.
     """
 
-    def __init__(self, path, settings):
+    def __init__(self, path: str | Path, settings: Any):
         super().__init__('replay')
         self._replaying = settings
         self._open = ExitStack()
-        self.unknown_types = set()
+        self.unknown_types: set[str] = set()
         self.sent = 0
         self._told = -CLOCK_PERIOD
         try:
@@ -100,11 +103,11 @@ class Replay(Node):
         self._time_outlet = self.create_publisher(Clock, '/clock', 10) if settings.clock else None
 
     @property
-    def topics(self):
+    def topics(self) -> tuple[str, ...]:
         """Names of what is published."""
         return tuple(sorted(self._outlets))
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """Also close the bag."""
         self._open.close()
         super().destroy_node()
@@ -122,7 +125,7 @@ class Replay(Node):
     def _connections(self):
         return [connection for reader in self._readers for connection in reader.connections]
 
-    def wait_for_listeners(self, should_stop):
+    def wait_for_listeners(self, should_stop: Callable[[], bool]) -> int:
         """Wait until all who are to hear the bag are connected, at most as long as was set.
 
         Those are as many as were set; else all that are found, once nobody else has come for as long as discovery
@@ -160,7 +163,7 @@ class Replay(Node):
         imus = {c.topic for c in self._connections() if c.msgtype == IMU_TYPE} & set(self._outlets)
         return max(self._outlets[topic].get_subscription_count() for topic in imus or self._outlets)
 
-    def play(self, should_stop):
+    def play(self, should_stop: Callable[[], bool]) -> None:
         """Publish everything at its time, once or over and over.
 
         Parameters
@@ -173,8 +176,8 @@ class Replay(Node):
             if not self._replaying.loop:
                 return
 
-    def _play_once(self, should_stop):
-        begun = first = None
+    def _play_once(self, should_stop: Callable[[], bool]) -> None:
+        begun, first = 0.0, None
         for time_ns, topic, raw in self._messages():
             if first is None:
                 begun, first = time.monotonic(), time_ns
@@ -196,7 +199,7 @@ class Replay(Node):
         for received, _, topic, raw in heapq.merge(*streams, key=lambda message: message[:2]):
             yield received, topic, raw
 
-    def _wait_until(self, due, begun, first, should_stop):
+    def _wait_until(self, due: float, begun: float, first: Any, should_stop: Callable[[], bool]):
         """Sleep, telling the time meanwhile; False: stop."""
         while not should_stop():
             now = time.monotonic()
@@ -208,14 +211,14 @@ class Replay(Node):
                 self._tell_time(first + round((now - begun) * self._replaying.rate / NANOSECOND))
         return False
 
-    def _tell_time(self, time_ns):
+    def _tell_time(self, time_ns: int) -> None:
         now = time.monotonic()
         if self._time_outlet is not None and now >= self._told + CLOCK_PERIOD:
             self._told = now
             self._time_outlet.publish(Clock(clock=time_message(time_ns)))
 
 
-def message_class(name):
+def message_class(name: str) -> type | None:
     """The class of a message type such as sensor_msgs/msg/Imu, None where its package is not installed."""
     package, _, kind = name.partition('/msg/')
     try:
@@ -224,7 +227,7 @@ def message_class(name):
         return None
 
 
-def _qos(connection):
+def _qos(connection: Any):
     """Reliable, so that it connects with every subscription; latched where it was."""
     offered = connection.ext.offered_qos_profiles
     latched = any(qos.durability == QosDurability.TRANSIENT_LOCAL for qos in offered)
@@ -237,7 +240,7 @@ def _qos(connection):
 
 
 
-def replay(path, settings, tell, args=None):
+def replay(path: str | Path, settings: Any, tell: Callable[[str], None], args: list[str] | None = None) -> None:
     """Replay a bag until its end or a signal.
 
     Parameters

@@ -1,10 +1,13 @@
 """The sea learnt in a process of its own, and handed back to the pipeline between two samples."""
 from collections import deque
+from typing import Any
 
 from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
-from swath_sysid.nodes.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 from swath_sysid.nodes.messages import NANOSECONDS
 from swath_sysid.nodes.worker import Worker
+from swath_sysid.pipeline.forecast_health import PredictorHealth
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+from swath_sysid.pipeline.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 
 
 class SeaFitting:
@@ -18,21 +21,21 @@ class SeaFitting:
         With ``error(sentence)``.
     """
 
-    def __init__(self, pipeline, health, logger):
+    def __init__(self, pipeline: ForecastPipeline, health: PredictorHealth, logger: Any):
         self._pipeline = pipeline
         self._health = health
         self._logger = logger
         # a fit ends in the worker's thread: a deque hands it over to that of the samples
-        self._ended = deque()
+        self._ended: deque[tuple[Any, Exception | None]] = deque()
         self._is_fitting = False
         self._due_ns = self._newest_ns = 0
         self.worker = Worker(warm_up, lambda: health.note(WAVE_WORKER_DIED))
 
-    def close(self):
+    def close(self) -> None:
         """End the worker."""
         self.worker.close()
 
-    def submit(self, request, stamp_ns):
+    def submit(self, request: Any, stamp_ns: int) -> None:
         """Fit what a step asked for, unless a fit is still under way.
 
         Parameters
@@ -48,7 +51,7 @@ class SeaFitting:
         self._due_ns = stamp_ns + round(self._pipeline.settings.forecaster.refit_delay * NANOSECONDS)
         self.worker.submit(fit_sea, (request,), lambda *ending: self._ended.append(ending))
 
-    def hand_over(self, stamp_ns):
+    def hand_over(self, stamp_ns: int) -> None:
         """Install the fits that have ended by the sample of this stamp."""
         while self._ended:
             fit, error = self._ended.popleft()

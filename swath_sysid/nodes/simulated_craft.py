@@ -2,6 +2,7 @@
 import argparse
 import math
 import sys
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -32,7 +33,7 @@ class SimulatedCraftNode(Node):
     settings : CraftSettings
     """
 
-    def __init__(self, settings):
+    def __init__(self, settings: Any):
         super().__init__('simulated_craft')
         self._craft = SimulatedCraft(settings)
         self._period_ns = round(NANOSECONDS / settings.rate_hz)
@@ -46,7 +47,7 @@ class SimulatedCraftNode(Node):
         self.create_timer(self._period_ns / NANOSECONDS, self._publish_due, clock=self._steady)
 
     @staticmethod
-    def _empty_message(noise):
+    def _empty_message(noise: SensorNoise) -> Imu:
         message = Imu()
         message.header.frame_id = 'base_link'
         for name, spread in (
@@ -55,7 +56,7 @@ class SimulatedCraftNode(Node):
             getattr(message, f'{name}_covariance')[::4] = [spread * spread] * 3
         return message
 
-    def _publish_due(self):
+    def _publish_due(self) -> None:
         now_ns = self._steady.now().nanoseconds
         late = now_ns - self._next_ns
         if late > LARGEST_LAG * NANOSECONDS:
@@ -64,7 +65,7 @@ class SimulatedCraftNode(Node):
             self._publish(self._next_ns + self._offset_ns)
             self._next_ns += self._period_ns
 
-    def _publish(self, stamp_ns):
+    def _publish(self, stamp_ns: int) -> None:
         reading, message = self._craft.next_reading(), self._message
         message.header.stamp = time_message(stamp_ns)
         turn, rates, force = message.orientation, message.angular_velocity, message.linear_acceleration
@@ -75,13 +76,13 @@ class SimulatedCraftNode(Node):
         force.x, force.y, force.z = reading.force
         self._outlet.publish(message)
 
-    def _on_release(self, request, response):
+    def _on_release(self, request: Any, response: Any):
         lets_go = self._next_ns + self._offset_ns + round(self._craft.release() * NANOSECONDS)
         response.success, response.message = True, str(lets_go)
         return response
 
 
-def start(args=None):
+def start(args: list[str] | None = None) -> int:
     """Run a published hull until a signal comes; returns the exit code."""
     parser = argparse.ArgumentParser(prog='simulated_craft')
     parser.add_argument('--hull', required=True)

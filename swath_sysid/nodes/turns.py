@@ -2,6 +2,7 @@
 from collections import deque
 
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 from rclpy.task import Future
 
 PERIOD = 0.1
@@ -16,12 +17,12 @@ class Turns:
     node : rclpy.node.Node
     """
 
-    def __init__(self, node):
-        self._waiting = deque()
+    def __init__(self, node: Node):
+        self._waiting: deque[Future] = deque()
         self._timer = node.create_timer(PERIOD, self._next, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
-    async def wait(self):
+    async def wait(self) -> None:
         """Go on when it is this one's turn: at once, unless another one went on just before."""
         if self._timer.is_canceled():
             self._timer.reset()
@@ -30,7 +31,7 @@ class Turns:
         self._waiting.append(turn)
         await turn
 
-    def _next(self):
+    def _next(self) -> None:
         if self._waiting:
             self._waiting.popleft().set_result(None)
         else:

@@ -1,13 +1,18 @@
 """The identifier's side of motion/window: the newest window, and how to get a fresh one."""
+from collections.abc import Callable
+from typing import Any
+
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
+from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.health import BAD_WINDOW
 from swath_sysid.nodes.messages import window_table
 from swath_sysid.nodes.qos import LATCHED, watched_subscription
+from swath_sysid.pipeline.health import BAD_WINDOW, IdentifierHealth
 
 
 class WindowClient:
@@ -23,16 +28,16 @@ class WindowClient:
         Called with the `MotionTable` of every window that was not asked for by `fetch`.
     """
 
-    def __init__(self, node, service, health, on_window):
-        self.newest = None
+    def __init__(self, node: Node, service: str, health: IdentifierHealth, on_window: Callable[[MotionTable], None]):
+        self.newest: MotionTable | None = None
         self._node = node
         self._health = health
         self._on_window = on_window
-        self._awaited = None
+        self._awaited: Future | None = None
         self._client = node.create_client(Trigger, service)
         watched_subscription(node, PointCloud2, 'motion/window', self._receive, LATCHED, health)
 
-    async def fetch(self, timeout):
+    async def fetch(self, timeout: float) -> str:
         """Have the buffer publish its window and wait for it, at most so many seconds.
 
         Returns
@@ -52,14 +57,14 @@ class WindowClient:
         self._node.destroy_timer(timer)
         return problem
 
-    def stop_waiting(self, problem):
+    def stop_waiting(self, problem: str) -> bool:
         """End a `fetch` that waits, if there is one."""
         if self._awaited is not None and not self._awaited.done():
             self._awaited.set_result(problem)
             return True
         return False
 
-    def _receive(self, message):
+    def _receive(self, message: Any) -> None:
         try:
             self.newest = window_table(message)
         except InputError as error:
@@ -69,9 +74,9 @@ class WindowClient:
         if not self.stop_waiting(''):
             self._on_window(self.newest)
 
-    def _give_up(self):
+    def _give_up(self) -> None:
         self.stop_waiting('no window came within window_timeout_s: check that imu_buffer publishes motion/window')
 
-    def _on_answer(self, future):
+    def _on_answer(self, future: Future) -> None:
         if not future.result().success:
             self.stop_waiting(future.result().message)

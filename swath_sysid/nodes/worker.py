@@ -11,8 +11,10 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import swath_sysid
 from swath_sysid.common.errors import InputError
@@ -27,6 +29,9 @@ CANCEL_PATIENCE = 0.3
 POLL_PERIOD = 0.02
 IDLE_PERIOD = 0.5
 
+OnEnd = Callable[[Any, Exception | None], None]
+OnProgress = Callable[[float], None]
+
 PROGRESS, DONE, REFUSED, CANCELLED, FAILED = 'progress', 'done', 'refused', 'cancelled', 'failed'
 
 
@@ -35,7 +40,7 @@ class WorkerError(RuntimeError):
 
 
 class _Job:
-    def __init__(self, work, on_progress, on_end):
+    def __init__(self, work: tuple, on_progress: OnProgress | None, on_end: OnEnd):
         self.work = work
         self.on_progress = on_progress
         self.on_end = on_end
@@ -53,24 +58,27 @@ class Worker:
         Called (from the worker's thread) when the process died and was started again.
     """
 
-    def __init__(self, warm_up, on_death=None):
+    def __init__(self, warm_up: Callable[[], None], on_death: Callable[[], None] | None = None):
         self._warm_up = warm_up
         self._on_death = on_death
-        self._jobs = queue.SimpleQueue()
-        self._unfinished = []
+        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._unfinished: list[_Job] = []
         self._closing = threading.Event()
-        self._process = self._connection = None
+        self._process: subprocess.Popen
+        self._connection: Connection
         self._ready = False
         self._start()
         self._thread = threading.Thread(target=self._serve, name='worker', daemon=True)
         self._thread.start()
 
     @property
-    def pid(self):
+    def pid(self) -> int:
         """Process id of the worker now."""
         return self._process.pid
 
-    def submit(self, function, arguments, on_end, on_progress=None):
+    def submit(
+        self, function: Callable, arguments: tuple, on_end: OnEnd, on_progress: OnProgress | None = None
+    ) -> None:
         """Have ``function(*arguments)`` run; with ``on_progress`` also given ``progress=`` and ``should_cancel=``.
 
         Parameters
@@ -89,19 +97,19 @@ class Worker:
         self._unfinished.append(job)
         self._jobs.put(job)
 
-    def cancel(self):
+    def cancel(self) -> None:
         """Have all work submitted end with `Cancelled`, what runs now within half a second."""
         for job in tuple(self._unfinished):
             job.cancelled.set()
 
-    def close(self):
+    def close(self) -> None:
         """End the process; what runs ends with `Cancelled`."""
         self._closing.set()
         self._jobs.put(None)
         self._thread.join()
         self._end_process()
 
-    def _start(self):
+    def _start(self) -> None:
         self._ready = False
         ours, theirs = socket.socketpair()
         # held from here on, so that a start that fails leaves nothing open
@@ -119,7 +127,7 @@ class Worker:
             )
         self._connection.send((self._warm_up, (), False))
 
-    def _end_process(self):
+    def _end_process(self) -> None:
         self._connection.close()
         try:
             self._process.wait(CANCEL_PATIENCE)
@@ -127,12 +135,12 @@ class Worker:
             self._process.kill()
             self._process.wait()
 
-    def _restart(self):
+    def _restart(self) -> None:
         self._process.kill()
         self._end_process()
         self._start()
 
-    def _serve(self):
+    def _serve(self) -> None:
         while not self._closing.is_set():
             try:
                 job = self._jobs.get(timeout=IDLE_PERIOD)
@@ -144,7 +152,7 @@ class Worker:
                 self._unfinished.remove(job)
                 job.on_end(result, error)
 
-    def _look_after(self):
+    def _look_after(self) -> None:
         """Amid no work: hear that the process is ready; start another if it died after that.
 
         One that never got ready is started again with the next work only, not for ever.
@@ -158,7 +166,7 @@ class Worker:
             self._ready = False
             self._revive()
 
-    def _hear_ready(self):
+    def _hear_ready(self) -> None:
         """The answer of the warm-up, if it has come."""
         kind, content = self._connection.recv()
         if kind == FAILED:
@@ -177,7 +185,7 @@ class Worker:
             self._on_death()
         return WorkerError(f'the worker process ended {how} and was started again: try again')
 
-    def _do(self, job):
+    def _do(self, job: _Job):
         try:
             return self._exchange(job)
         except WorkerError as error:
@@ -185,7 +193,7 @@ class Worker:
         except (EOFError, OSError):
             return None, self._revive()
 
-    def _exchange(self, job):
+    def _exchange(self, job: _Job):
         sent, asked_at = False, None
         while True:
             if self._ready and not sent and not job.cancelled.is_set():
@@ -198,7 +206,8 @@ class Worker:
                 kind, content = self._connection.recv()
                 if kind != PROGRESS:
                     return _ending(kind, content)
-                job.on_progress(content)
+                if job.on_progress is not None:
+                    job.on_progress(content)
             if job.cancelled.is_set() or self._closing.is_set():
                 now = time.monotonic()
                 if not sent:
@@ -211,7 +220,7 @@ class Worker:
                     return None, Cancelled()
 
 
-def _ending(kind, content):
+def _ending(kind: str, content: Any):
     """What a job ended in: result and error, one of them None."""
     if kind == DONE:
         return content, None
@@ -222,7 +231,7 @@ def _ending(kind, content):
     return None, WorkerError(content)
 
 
-def serve(connection):
+def serve(connection: Any) -> None:
     """What the process does: one function after the other, until the node is gone."""
     while True:
         try:
@@ -233,11 +242,11 @@ def serve(connection):
             return
 
 
-def _carried_out(connection, function, arguments, reports):
+def _carried_out(connection: Any, function: Callable, arguments: tuple, reports: bool):
     """Run a function and say how it ended."""
     reported = [0.0]
 
-    def progress(share):
+    def progress(share: float) -> None:
         if share - reported[0] >= 0.01 or share >= 1.0:
             reported[0] = share
             connection.send((PROGRESS, float(share)))

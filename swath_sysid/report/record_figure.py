@@ -4,7 +4,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import welch
 
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
@@ -95,6 +94,8 @@ def _draw_spectrum(axes, motion, decays):
         axes.set_visible(False)
         return
     period = decays[0].period if decays else mean_period(points)
+    from scipy.signal import welch
+
     length = int(np.clip(SPECTRUM_PERIODS * period / signal.interval, 16, signal.value.size))
     frequency, density = welch(
         signal.value, 1.0 / signal.interval, nperseg=length, nfft=4 * length, detrend='linear'

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter, savgol_coeffs
 
 from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, runge_kutta_population, simulate
 from swath_sysid.attitude.identification.one_step import with_angle_and_rate
@@ -134,6 +133,8 @@ def measured_states(motion, period):
     first : int
         The first sample with enough past.
     """
+    from scipy.signal import lfilter, savgol_coeffs
+
     interval = motion.sample_interval
     window = int(STATE_PERIODS * period / interval)
     angle, rate = with_angle_and_rate(motion)

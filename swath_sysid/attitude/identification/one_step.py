@@ -14,7 +14,6 @@ simulation objective is the default for that reason.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import lsq_linear
 
 from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
@@ -129,6 +128,8 @@ def with_angle_and_rate(motion):
     if motion.rate is None:
         return motion.angle, np.gradient(motion.angle, motion.time)
     if motion.angle is None:
+        from scipy.integrate import cumulative_trapezoid
+
         angle = cumulative_trapezoid(motion.rate, motion.time, initial=0.0)
         return angle - angle[angle.size // 2 :].mean(), motion.rate
     return motion.angle, motion.rate

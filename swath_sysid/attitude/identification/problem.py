@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from swath_sysid.attitude.identification.motion_fit import InitialState, Noise
 from swath_sysid.attitude.identification.scaling import Scales
@@ -213,6 +212,8 @@ def _initial_state(motion, segment, noise):
 
 def _angle_from_rate(motion, segment):
     """Initial angle from trim: the integral of the rate has come to rest in the last whole periods."""
+    from scipy.integrate import cumulative_trapezoid
+
     angle = cumulative_trapezoid(motion.rate, motion.time, initial=0.0)
     whole = max(1, int(motion.duration / segment.period) // 2)
     last = motion.time >= motion.time[-1] - whole * segment.period

@@ -8,11 +8,10 @@ import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.at_sea import gain_over, identify_at_sea, is_at_sea
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.motion_fit import MotionFit
@@ -25,9 +24,6 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
-
-COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')
-"""Columns of ``model/coefficients``: the ratios to inertia, and the trim, rad."""
 
 LONGEST_HISTORY = 20
 
@@ -241,7 +237,7 @@ def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
         return AxisVerdict(axis, None, message, found.misfit)
     if held is not None:
         # twice, as in `_chance_ratio`: both are uncertain
-        gain, by_chance = gain_over(held.model, motion, heave, should_cancel=should_cancel), chi2.isf(BY_CHANCE, 2)
+        gain, by_chance = gain_over(held.model, motion, heave, should_cancel=should_cancel), chdtri(2, BY_CHANCE)
         if gain < by_chance:
             message = f'not published, the current model explains the window as well ({summary})'
             return AxisVerdict(axis, None, message, found.misfit)
@@ -299,7 +295,7 @@ def _chance_ratio(found):
     sums of squared residuals, over the noise variance, differ by twice a chi-squared variable of k
     degrees of freedom (Wilks 1938; twice, because both are uncertain).
     """
-    excess = 2.0 * chi2.isf(BY_CHANCE, len(found.model.equation.terms)) / found.effective_samples
+    excess = 2.0 * chdtri(len(found.model.equation.terms), BY_CHANCE) / found.effective_samples
     return float(1.0 / np.sqrt(1.0 + excess))
 
 
@@ -375,22 +371,3 @@ class Refitter:
     def steps_back(self):
         """How often `rollback` can be called."""
         return len(self._history)
-
-
-def coefficients(models):
-    """The numbers of ``model/coefficients``.
-
-    Parameters
-    ----------
-    models : dict of str to IdentifiedModel
-
-    Returns
-    -------
-    axes : tuple of str
-        Of the rows.
-    values : ndarray, shape (axes, 10)
-        Columns as `COEFFICIENT_NAMES`.
-    """
-    axes = tuple(axis for axis in AXES if axis in models)
-    rows = [[*models[axis].model.ratios.tolist(), models[axis].model.trim] for axis in axes]
-    return axes, np.array(rows, dtype=float).reshape(len(axes), len(COEFFICIENT_NAMES))

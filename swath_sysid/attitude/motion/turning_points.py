@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 from swath_sysid.common.signals import bin_means, noise_level, quantum, without_spikes
 
@@ -338,6 +337,8 @@ def turning_points_of(signal):
     if value.size < 3 or least == 0.0:
         empty = np.empty(0)
         return TurningPoints(empty, empty, signal.quantity, signal.noise)
+    from scipy.signal import find_peaks
+
     index = _alternating(*(find_peaks(sign * value, prominence=least)[0] for sign in (1.0, -1.0)))
     before, at, after = value[index - 1], value[index], value[index + 1]
     bend = before - 2.0 * at + after

@@ -159,6 +159,10 @@ def _misfit(scores, noise):
     return float(np.sqrt(np.nanmean(np.square(shares))))
 
 
+def warm_up():
+    """Whoever calls this has loaded all that a refit needs."""
+
+
 class ManoeuvreRefitter:
     """The manoeuvring model of a craft as refits change it, with the way back.
 
@@ -186,6 +190,11 @@ class ManoeuvreRefitter:
             return False
         self.model = self._history.pop()
         return True
+
+    @property
+    def steps_back(self):
+        """How often `rollback` can be called."""
+        return sum(model is not None for model in self._history)
 
     @property
     def described(self):

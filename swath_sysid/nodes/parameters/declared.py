@@ -1,7 +1,13 @@
 """Declaring a node's parameters from its table, and checking every change."""
+from collections.abc import Callable
+from typing import Any
+
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.nodes.parameters.parameter import NodeParameter, Table, Values
 
 
 class NodeParameters:
@@ -22,7 +28,10 @@ class NodeParameters:
         A value given at the start is not allowed.
     """
 
-    def __init__(self, node, table, settings_of, on_change=None):
+    def __init__(
+        self, node: Node, table: Table, settings_of: Callable[[Values], Any],
+        on_change: Callable[[Any], None] | None = None,
+    ):
         self._names = {parameter.name for parameter in table}
         self._settings_of = settings_of
         self._on_change = on_change
@@ -31,21 +40,21 @@ class NodeParameters:
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> Any:
         return self.values[name]
 
-    def _changed(self, parameters):
+    def _changed(self, parameters: list[Parameter]) -> Values:
         ours = {p.name: _plain(p.value) for p in parameters if p.name in self._names}
         return {**self.values, **ours}
 
-    def _check(self, parameters):
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
             self._settings_of(self._changed(parameters))
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _apply(self, parameters):
+    def _apply(self, parameters: list[Parameter]) -> None:
         changed = self._changed(parameters)
         if changed != self.values:
             self.values = changed
@@ -54,19 +63,19 @@ class NodeParameters:
                 self._on_change(self.settings)
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """Arrays come as array.array: as lists they compare and print like the defaults."""
     return value if isinstance(value, bool | int | float | str) else list(value)
 
 
-def _descriptor(parameter):
+def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
     unit = f' [{parameter.unit}]' if parameter.unit else ''
     descriptor = ParameterDescriptor(description=f'{parameter.meaning}{unit}', read_only=parameter.read_only)
     if parameter.range_text:
         descriptor.additional_constraints = parameter.range_text
     if isinstance(parameter.default, float) and parameter.lowest is not None:
         descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(parameter.lowest), to_value=float(parameter.highest), step=0.0)
+            FloatingPointRange(from_value=float(parameter.lowest), to_value=float(parameter.highest or 0.0), step=0.0)
         ]
     elif type(parameter.default) is int and parameter.lowest is not None:
         descriptor.integer_range = [IntegerRange(from_value=parameter.lowest, to_value=parameter.highest, step=1)]

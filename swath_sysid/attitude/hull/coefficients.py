@@ -1,0 +1,27 @@
+"""The numbers of identified models in one table."""
+import numpy as np
+
+from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.motion.trial import AXES
+
+COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')
+"""The ratios to inertia, and the trim, rad."""
+
+
+def coefficients(models):
+    """The ratios and the trim of models, a row an axis.
+
+    Parameters
+    ----------
+    models : dict of str to IdentifiedModel
+
+    Returns
+    -------
+    axes : tuple of str
+        Of the rows.
+    values : ndarray, shape (axes, 10)
+        Columns as `COEFFICIENT_NAMES`.
+    """
+    axes = tuple(axis for axis in AXES if axis in models)
+    rows = [[*models[axis].model.ratios.tolist(), models[axis].model.trim] for axis in axes]
+    return axes, np.array(rows, dtype=float).reshape(len(axes), len(COEFFICIENT_NAMES))

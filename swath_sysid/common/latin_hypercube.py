@@ -1,0 +1,26 @@
+"""Latin hypercube sampling, with the numbers of `scipy.stats.qmc`, which takes half a second to load."""
+import numpy as np
+
+
+def latin_hypercube(rng, count, dimensions):
+    """Points in the unit cube of which every coordinate hits each of ``count`` equal slices once.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    count, dimensions : int
+
+    Returns
+    -------
+    ndarray, shape (count, dimensions)
+
+    Notes
+    -----
+    McKay, Beckman and Conover, Technometrics 21 (1979), 239-245.
+    """
+    (rng,) = rng.spawn(1)
+    within = rng.uniform(size=(count, dimensions))
+    slices = np.tile(np.arange(1, count + 1), (dimensions, 1))
+    for row in slices:
+        rng.shuffle(row)
+    return (slices.T - within) / count

@@ -1,0 +1,160 @@
+"""What the identifiers of both wings have in common: one identification at a time, in a worker process."""
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import Float32
+from std_srvs.srv import Trigger
+
+from swath_sysid.common.stopping import Cancelled
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.parameters.declared import NodeParameters
+from swath_sysid.nodes.parameters.parameter import Table, Values
+from swath_sysid.nodes.qos import SERVICES, watched_publisher
+from swath_sysid.nodes.reason_advice import ADVICE
+from swath_sysid.nodes.turns import Turns
+from swath_sysid.nodes.worker import Worker
+from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
+
+BUSY = 'an identification is running: wait for it or call ~/cancel'
+CANCELLED = 'the identification was cancelled'
+
+Answer = tuple[bool, str]
+"""Whether a model was published, and one line about it: what the services answer."""
+
+
+class IdentificationNode(Node):
+    """Services ~/identify, ~/cancel and ~/rollback, ~/progress and diagnostics.
+
+    What is identified is up to a derived node, which first makes what the four methods to be overridden need, and
+    then calls `serve`.
+
+    Parameters
+    ----------
+    name : str
+    table : tuple of NodeParameter
+    settings_of : callable
+        Of the values of all parameters.
+    """
+
+    def __init__(self, name: str, table: Table, settings_of: Callable[[Values], Any]):
+        super().__init__(name)
+        self.parameters = NodeParameters(self, table, settings_of, self.change)
+        self.health = IdentifierHealth(ADVICE)
+        self._ended: Future | None = None
+        self._turns = Turns(self)
+        self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
+
+    def serve(
+        self, warm_up: Callable[[], None], identify: Sequence[str] = ('~/identify',),
+        rollback: Sequence[str] = ('~/rollback',),
+    ) -> None:
+        """Start the worker, which first runs ``warm_up()``, and offer the services under these names."""
+        # an async service holds its group while it waits: in the node's own it would lock out all else
+        waiting: dict[str, Any] = {'callback_group': ReentrantCallbackGroup(), 'qos_profile': SERVICES}
+        for service in identify:
+            self.create_service(Trigger, service, self._on_identify, **waiting)
+        for service in rollback:
+            self.create_service(Trigger, service, self._on_rollback, qos_profile=SERVICES)
+        self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
+        self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self.reports)
+        self.worker = Worker(warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED))
+
+    def change(self, settings: Any) -> None:
+        """Settings have changed; may be overridden."""
+
+    async def identify(self) -> Answer:
+        """Identify on the newest motion; to be overridden."""
+        raise NotImplementedError
+
+    def rollback(self) -> Answer:
+        """Return to the model before; to be overridden."""
+        raise NotImplementedError
+
+    def reports(self) -> list[Report]:
+        """The statuses of now; to be overridden."""
+        raise NotImplementedError
+
+    def when_free(self) -> None:
+        """An identification or its cancelling has ended; may be overridden."""
+
+    def stop_waiting(self) -> None:
+        """What is waited for before the worker begins is given up; may be overridden."""
+
+    def destroy_node(self) -> None:
+        """Also end the worker."""
+        self.worker.close()
+        super().destroy_node()
+
+    @property
+    def busy(self) -> bool:
+        """Whether an identification is under way."""
+        return self._ended is not None
+
+    def alone(self, work: Callable[[], Awaitable[Answer]]) -> Awaitable[Answer]:
+        """What a work ends in, which runs once for all who ask meanwhile."""
+        if self._ended is not None:
+            return self._ended
+        # at once, not when the coroutine is first run
+        self._ended = Future()
+        return self._done(work, self._ended)
+
+    def begin(self, work: Callable[[], Awaitable[Answer]]) -> None:
+        """Have a work done that nobody waits for; not while another one is."""
+        executor = self.executor
+        if executor is not None:
+            self._ended = Future()
+            executor.create_task(self._done(work, self._ended))
+
+    async def _done(self, work: Callable[[], Awaitable[Answer]], ended: Future) -> Answer:
+        answer = await work()
+        self._ended = None
+        self.health.end(*answer)
+        self.get_logger().info(answer[1])
+        ended.set_result(answer)
+        self.when_free()
+        return answer
+
+    async def carried_out(self, function: Callable, request: Any) -> tuple[Any, str]:
+        """Have the worker do something: its result and an empty sentence, or None and what went wrong."""
+        ended = Future()
+        executor = self.executor
+        assert executor is not None, 'a coroutine of this node runs in its executor'
+
+        def end(outcome: Any, error: Exception | None) -> None:
+            ended.set_result((outcome, error))
+            # without this an idle executor never comes to look
+            executor.wake()
+
+        self.health.begin()
+        self.worker.submit(function, (request,), end, self._on_progress)
+        outcome, error = await ended
+        if error is None:
+            return outcome, ''
+        return None, CANCELLED if isinstance(error, Cancelled) else str(error)
+
+    def _on_progress(self, share: float) -> None:
+        self.health.progress = share
+        self._progress.publish(Float32(data=float(share)))
+
+    async def _on_identify(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        answer = await self.alone(self.identify)
+        await self._turns.wait()
+        response.success, response.message = answer
+        return response
+
+    async def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = self.busy, 'nothing is running'
+        if self._ended is not None:
+            ended = self._ended
+            self.stop_waiting()
+            self.worker.cancel()
+            await ended
+            response.message = 'the identification has ended'
+        return response
+
+    def _on_rollback(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = (False, BUSY) if self.busy else self.rollback()
+        return response

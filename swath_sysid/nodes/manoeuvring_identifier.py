@@ -1,0 +1,110 @@
+"""The node manoeuvring_identifier: fits the model of a twin-thruster craft to how it was driven, when asked."""
+import sys
+from collections.abc import Callable
+
+from nav_msgs.msg import Odometry
+from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import Float64, String
+
+from swath_sysid import __version__
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_model_file import (
+    manoeuvring_to_yaml,
+    read_manoeuvring_model,
+    write_manoeuvring_model,
+)
+from swath_sysid.manoeuvring.identification.refit import (
+    ManoeuvreRefitRequest,
+    ManoeuvreRefitter,
+    refit_manoeuvring,
+    warm_up,
+)
+from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
+from swath_sysid.nodes.executor_loop import run
+from swath_sysid.nodes.identification import Answer, IdentificationNode
+from swath_sysid.nodes.kept_model import ModelFile
+from swath_sysid.nodes.manoeuvring_messages import odometry_reading
+from swath_sysid.nodes.parameters.manoeuvring_identifier import TABLE, manoeuvring_settings
+from swath_sysid.nodes.qos import LATCHED, SENSOR, THRUSTERS, watched_publisher, watched_subscription
+from swath_sysid.pipeline.health import OK, Report
+
+
+class ManoeuvringIdentifier(IdentificationNode):
+    """odometry and thrusters in, manoeuvring/model and ~/progress out, services as those of identifier."""
+
+    def __init__(self) -> None:
+        super().__init__('manoeuvring_identifier', TABLE, manoeuvring_settings)
+        self._file = ModelFile(
+            self.parameters['model_path'], 'model_path', read_manoeuvring_model, write_manoeuvring_model, self.health
+        )
+        self.refitter = ManoeuvreRefitter(self._file.read())
+        self.window = ManoeuvringWindow(self.parameters['window_s'], self.parameters['stop_after_s'])
+        self._publisher = watched_publisher(self, String, 'manoeuvring/model', LATCHED, self.health)
+        watched_subscription(self, Odometry, 'odometry', self._on_odometry, SENSOR, self.health)
+        for side, topic in THRUSTERS.items():
+            watched_subscription(self, Float64, topic, self._thrust_taker(side), SENSOR, self.health)
+        # the second names are those from before this node was one of its own
+        self.serve(
+            warm_up,
+            identify=('~/identify', 'identifier/identify_manoeuvring'),
+            rollback=('~/rollback', 'identifier/rollback_manoeuvring'),
+        )
+        if self.refitter.model is not None:
+            self._publish()
+
+    async def identify(self) -> Answer:
+        """Refit on the window."""
+        try:
+            request = self._request()
+        except InputError as error:
+            return False, str(error)
+        outcome, problem = await self.carried_out(refit_manoeuvring, request)
+        if problem or not self.refitter.take(outcome):
+            return False, problem or outcome.message
+        return True, outcome.message + self._publish()
+
+    def rollback(self) -> Answer:
+        """Return to the model before."""
+        if not self.refitter.rollback():
+            return False, 'there is no manoeuvring model before this one'
+        return True, f'back to the manoeuvring model before{self._publish()}'
+
+    def reports(self) -> list[Report]:
+        """The statuses of now."""
+        described = self.refitter.described
+        rows = Report('manoeuvres', OK, f'{self.window.size} rows of odometry and thrust kept', {
+            'rows': self.window.size, 'model': described, **self.window.counts})  # fmt: skip
+        return [self.health.report(described, self.refitter.steps_back, self.busy), rows]
+
+    def _request(self) -> ManoeuvreRefitRequest:
+        trial = self.window.trial(self.parameters['thrust_input'], 'odometry')
+        provenance = {
+            'software': f'swath_sysid {__version__}',
+            'sources': [{'topic': 'odometry', 'first_stamp_s': float(trial.time[0]), 'rows': int(trial.time.size)}],
+        }
+        return ManoeuvreRefitRequest(
+            trial, self.refitter.model, self.parameters.settings, self.parameters['least_improvement'], provenance
+        )
+
+    def _publish(self) -> str:
+        """Publish the model and save it; a remark where it could not be saved."""
+        self._publisher.publish(String(data=manoeuvring_to_yaml(self.refitter.model)))
+        return self._file.keep(self.refitter.model)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        reading = odometry_reading(message)
+        self.window.add_motion(
+            reading.stamp, reading.surge, reading.sway, reading.yaw_rate, reading.heading, reading.x, reading.y
+        )
+
+    def _thrust_taker(self, side: str) -> Callable[[Float64], None]:
+        return lambda message: self.window.add_thrust(side, message.data)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until a signal comes."""
+    return run([(SingleThreadedExecutor, [ManoeuvringIdentifier])], args, 'manoeuvring_identifier')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,99 @@
+"""How the forecasts fare, and whether the sensor sits as was given."""
+from collections.abc import Mapping
+from math import isnan
+
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecaster import CANDIDATES
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+from swath_sysid.pipeline.health import (
+    BAD_LOADING,
+    BAD_MODEL,
+    LATE_FIT,
+    LOADING_ADVICE,
+    NOT_FITTED,
+    OK,
+    PASSED_OVER,
+    WARN,
+    WAVE_WORKER_DIED,
+    Report,
+    StreamHealth,
+)
+
+
+class PredictorHealth(StreamHealth):
+    """How samples become forecasts.
+
+    Parameters
+    ----------
+    advice, topic
+        See `StreamHealth`.
+    pipeline : ForecastPipeline
+    """
+
+    def __init__(self, advice: Mapping[str, str], topic: str, pipeline: ForecastPipeline):
+        super().__init__(
+            advice, topic,
+            (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED),
+        )
+        self._pipeline = pipeline
+        self._model_arrival: float | None = None
+        self._refusal = ''
+
+    def note_model(self, now: float) -> None:
+        """A model came, s of the clock of `note_message`."""
+        self._model_arrival = now
+        self._refusal = ''
+
+    def note_refused_model(self, sentence: str) -> None:
+        """A model came that cannot be used, for this reason; it is reported until a good one comes."""
+        self.note(BAD_MODEL)
+        self._refusal = sentence
+
+    def reports(self, now: float, now_ns: int) -> list[Report]:
+        """The statuses of now; see `StreamHealth.report`."""
+        state = self._pipeline.diagnostics()
+        interval = None if isnan(state.sample_interval) else state.sample_interval
+        level, message = OK, 'forecasting with the identified model'
+        refused = [f'{self._refusal}; the model before it stays'] if self._refusal else []
+        if refused or state.advice:
+            level, message = WARN, '; '.join([*refused, *(advice.message for advice in state.advice)])
+        values: dict[str, object] = {
+            **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
+            'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
+            'refused_model': self._refusal,
+            'has_waves': state.has_waves,
+            **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
+        }
+        for a, axis in enumerate(AXES):
+            for number, lead in enumerate(self._pipeline.settings.forecaster.leads):
+                values[f'nrmse_{axis}_{lead}s'] = float(state.nrmse[a, number])
+                values[f'coverage90_{axis}_{lead}s'] = float(state.coverage[a, number])
+                names = tuple(CANDIDATES)
+                values[f'speaking_{axis}_{lead}s'] = names[int(state.weights[:, a, number].argmax())]
+                for k, candidate in enumerate(names):
+                    values[f'nrmse_{axis}_{lead}s_{candidate}'] = float(state.candidate_nrmse[k, a, number])
+        return [
+            self.report(now, now_ns, self._pipeline.counts, self._pipeline.used, interval),
+            Report('forecast', level, message, values),
+            installation_report(self._pipeline.installation),
+        ]
+
+
+def installation_report(check: InstallationCheck) -> Report:
+    """Whether the sensor sits as was given.
+
+    Parameters
+    ----------
+    check : InstallationCheck
+
+    Returns
+    -------
+    Report
+    """
+    contradictions = check.judge()
+    level, message = OK, check.described
+    if contradictions:
+        level, message = WARN, '; '.join(each.message for each in contradictions)
+    codes = ' '.join(dict.fromkeys(each.code for each in contradictions))
+    return Report('installation', level, message, {'contradictions': codes or 'none', 'judgements': check.judgements})

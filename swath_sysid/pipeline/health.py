@@ -1,0 +1,318 @@
+"""How a node fares: counts by reason, levels and messages, for its diagnostics.
+
+Time is what the caller says. What to do about a reason is the caller's too: a mapping of reason to advice.
+"""
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from swath_sysid.attitude.motion.intake import NO_ORIENTATION, UNKNOWN_COVARIANCE
+from swath_sysid.attitude.motion.window import MotionWindow
+
+OK, WARN, ERROR = range(3)
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
+
+SEVERAL_PUBLISHERS = 'several-publishers'
+QOS_MISMATCH = 'qos-mismatch'
+SILENT = 'sensor-silent'
+BAD_MODEL = 'bad-model'
+BAD_LOADING = 'bad-loading'
+LOADING_ADVICE = 'loading-advice'
+BAD_WINDOW = 'bad-window'
+BAD_MODEL_FILE = 'bad-model-file'
+PASSED_OVER = 'passed-over'
+LATE_FIT = 'late-fit'
+NOT_FITTED = 'waves-not-fitted'
+IDENTIFICATION_WORKER_DIED = 'identification-worker-died'
+WAVE_WORKER_DIED = 'wave-worker-died'
+NOT_SAVED = 'model-not-saved'
+FRAME_CHANGED = 'frame-id-changed'
+
+NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
+CLOCKS_DIFFER, SHORT_OF_MEMORY = 'clocks-differ', 'short-of-memory'
+"""States that are reported but not counted; the caller has advice for them too."""
+
+HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
+
+LONGEST_SILENCE = 1.0
+STARTING_TIME = 5.0
+"""s; a sensor that has never been heard is an error after so long: discovery takes up to three."""
+
+LARGEST_STAMP_AGE = 1.0
+"""s between the stamp of a message and its arrival; more means that clocks differ, or a replay at another time."""
+
+REMEMBERED_AGES = 60
+"""Reports; stamps that are older than the best of these by more than `LARGEST_STAMP_AGE` have waited in a queue."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """One status, as diagnostic_msgs/DiagnosticStatus has it.
+
+    Attributes
+    ----------
+    name : str
+    level : int
+        `OK`, `WARN` or `ERROR`.
+    message : str
+        What is wrong and what to do; else what goes on.
+    values : dict of str to object
+    """
+
+    name: str
+    level: int
+    message: str
+    values: dict[str, object] = field(default_factory=dict)
+
+    def status_of(self, node: str) -> tuple[int, str, str, dict[str, str]]:
+        """The fields of its diagnostic_msgs/DiagnosticStatus.
+
+        Parameters
+        ----------
+        node : str
+            Its full name without the first slash.
+
+        Returns
+        -------
+        level : int
+        name, message : str
+        values : dict of str to str
+        """
+        texts = {key: f'{value:.6g}' if isinstance(value, float) else str(value) for key, value in self.values.items()}
+        return self.level, f'{node}: {self.name}', self.message, texts
+
+
+class Reasons:
+    """Counts by reason, and which of them still hold.
+
+    Parameters
+    ----------
+    advice : mapping of str to str
+        Reason to what to do about it.
+    reasons : iterable of str
+        Those that are counted here.
+    """
+
+    def __init__(self, advice: Mapping[str, str], reasons: Iterable[str]):
+        self.counts = dict.fromkeys(reasons, 0)
+        self._advice = advice
+        self._holding: dict[str, str] = {}
+        self._reported_counts = dict(self.counts)
+
+    def note(self, reason: str, about: str | None = None, sentence: str = '') -> None:
+        """Count one more of a reason; one about something, in a sentence of its own, holds until that is settled."""
+        self.counts[reason] += 1
+        if about is not None:
+            advice = self._advice[reason]
+            self._holding[about] = f'{reason}: {sentence}; {advice}' if sentence else f'{reason}: {advice}'
+
+    def settle(self, about: str) -> None:
+        """What was noted about something is over."""
+        self._holding.pop(about, None)
+
+    def fresh(self, counts: Mapping[str, int]) -> dict[str, int]:
+        """How much each count has grown since the last call; harmless ones and those that have not are left out."""
+        before, self._reported_counts = self._reported_counts, dict(counts)
+        grown = {reason: count - before.get(reason, 0) for reason, count in counts.items()}
+        return {reason: growth for reason, growth in grown.items() if growth > 0 and reason not in HARMLESS}
+
+    def worst(self, fresh: Mapping[str, int]) -> str:
+        """The reason that grew most, how often, and what to do about it."""
+        reason = max(fresh, key=lambda each: fresh[each])
+        return f'{reason} ({fresh[reason]} times lately): {self._advice[reason]}'
+
+    @property
+    def holding(self) -> str:
+        """What to do about all that still holds; empty where nothing does."""
+        return '; '.join(dict.fromkeys(self._holding.values()))
+
+
+class StreamHealth(Reasons):
+    """How the messages of one topic come in.
+
+    Parameters
+    ----------
+    advice : mapping of str to str
+        Reason to what to do about it.
+    topic : str
+        Its name for people.
+    reasons : iterable of str
+        Counted beside those of every stream.
+    """
+
+    def __init__(self, advice: Mapping[str, str], topic: str, reasons: Iterable[str] = ()):
+        super().__init__(advice, (SEVERAL_PUBLISHERS, QOS_MISMATCH, SILENT, FRAME_CHANGED, *reasons))
+        self.topic = topic
+        self._ages: deque[float] = deque(maxlen=REMEMBERED_AGES)
+        self.received = 0
+        self._stamp_ns = 0
+        self._arrival: float | None = None
+        self._spent = self._longest = 0.0
+        self._since_report = 0
+        self._silent = self._several = False
+        self._frame_id: str | None = None
+        self._begun: float | None = None
+        self._reported_at: float | None = None
+
+    def note_message(self, stamp_ns: int, begun: float, ended: float) -> None:
+        """A message was handled between two readings of the same clock, s."""
+        spent = ended - begun
+        self.received += 1
+        self._since_report += 1
+        self._stamp_ns, self._arrival = stamp_ns, begun
+        self._spent += spent
+        self._longest = max(self._longest, spent)
+
+    def note_frame_id(self, frame_id: str) -> None:
+        """A message was in this frame."""
+        if frame_id != self._frame_id:
+            if self._frame_id is not None:
+                self.note(FRAME_CHANGED)
+            self._frame_id = frame_id
+
+    def note_publishers(self, count: int) -> None:
+        """So many nodes publish the topic now."""
+        if count > 1 and not self._several:
+            self.note(SEVERAL_PUBLISHERS)
+        self._several = count > 1
+
+    def report(
+        self, now: float, now_ns: int, core_counts: Mapping[str, int], used: int, interval: float | None = None
+    ) -> Report:
+        """What to report now, and begin a new period.
+
+        Parameters
+        ----------
+        now : float
+            Of the clock of `note_message`, s.
+        now_ns : int
+            Of the clock that stamps are compared with.
+        core_counts : dict of str to int
+            By the node's core, since its start.
+        used : int
+            Messages the core used.
+        interval : float, optional
+            Usual time between messages, s, once it is known.
+
+        Returns
+        -------
+        Report
+        """
+        if self._begun is None:
+            self._begun = now
+        silence = now - (self._begun if self._arrival is None else self._arrival)
+        is_silent = self.received > 0 and silence > max(LONGEST_SILENCE, 5.0 * (interval or 0.0))
+        if is_silent and not self._silent:
+            self.note(SILENT)
+        self._silent = is_silent
+        age = None
+        if self._arrival is not None:
+            age = (now_ns - self._stamp_ns) * 1e-9 - silence
+            self._ages.append(age)
+        counts = {**core_counts, **self.counts}
+        level, message = self._verdict(silence, age, self.fresh(counts))
+        period = None if self._reported_at is None else now - self._reported_at
+        values: dict[str, object] = {
+            'rate_hz': self._since_report / period if period else 0.0,
+            'received': self.received,
+            'used': used,
+            **counts,
+            'stamp_age_s': 'unknown' if age is None else age,
+            'processing_ms_mean': 1e3 * self._spent / max(self._since_report, 1),
+            'processing_ms_max': 1e3 * self._longest,
+        }
+        self._reported_at = now
+        self._spent = self._longest = 0.0
+        self._since_report = 0
+        return Report('imu', level, message, values)
+
+    def _verdict(self, silence: float, age: float | None, fresh: Mapping[str, int]) -> tuple[int, str]:
+        if age is None:
+            level = ERROR if silence > STARTING_TIME else WARN
+            return level, f'no message on {self.topic} yet: {self._advice[NO_MESSAGE_YET]}'
+        if self._silent:
+            return ERROR, f'no message on {self.topic} for {silence:.1f} s: {self._advice[SILENT]}'
+        if self._several:
+            return WARN, self._advice[SEVERAL_PUBLISHERS]
+        if fresh:
+            return WARN, self.worst(fresh)
+        if self.holding:
+            return WARN, self.holding
+        late = age - min(self._ages)
+        if late > LARGEST_STAMP_AGE:
+            return WARN, f'messages come {late:.1f} s later than they can: {self._advice[QUEUED]}'
+        if abs(age) > LARGEST_STAMP_AGE:
+            return WARN, f'stamps differ from the clock by {age:.1f} s: {self._advice[CLOCKS_DIFFER]}'
+        return OK, f'receiving {self.topic}'
+
+
+class BufferHealth(StreamHealth):
+    """How the samples of a motion window come in, and what it holds.
+
+    Parameters
+    ----------
+    advice, topic
+        See `StreamHealth`.
+    window : MotionWindow
+    """
+
+    def __init__(self, advice: Mapping[str, str], topic: str, window: MotionWindow):
+        super().__init__(advice, topic)
+        self.decays = 0
+        self._window = window
+
+    def reports(self, now: float, now_ns: int) -> list[Report]:
+        """The statuses of now; see `StreamHealth.report`."""
+        window = self._window
+        level, message = OK, window.described
+        if window.is_short_of_memory:
+            level = WARN
+            message += f': {self._advice[SHORT_OF_MEMORY]}'
+        values: dict[str, object] = {
+            'samples': window.size, 'duration_s': window.duration, 'recording': window.recording,
+            'decays_noticed': self.decays,
+        }
+        return [
+            self.report(now, now_ns, window.counts, window.samples, window.interval),
+            Report('window', level, message, values),
+        ]
+
+
+class IdentifierHealth(Reasons):
+    """How identification goes.
+
+    Parameters
+    ----------
+    advice : mapping of str to str
+        Reason to what to do about it.
+    """
+
+    def __init__(self, advice: Mapping[str, str]):
+        super().__init__(advice, (BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH))
+        self.progress = 0.0
+        self.refits = self.published = 0
+        self.last = 'none yet'
+
+    def begin(self) -> None:
+        """A refit begins."""
+        self.progress = 0.0
+        self.refits += 1
+
+    def end(self, published: bool, message: str) -> None:
+        """It has ended: whether a model was published, and one line about it."""
+        self.published += published
+        self.last = message
+
+    def report(self, models: str, steps_back: int, is_busy: bool) -> Report:
+        """What to report now, and begin a new period; see `StreamHealth.report`."""
+        fresh = list(self.fresh(self.counts))
+        doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
+        level, message = OK, doing
+        if fresh or self.holding:
+            level, message = WARN, self.holding or f'{fresh[0]}: {self._advice[fresh[0]]}'
+        values: dict[str, object] = {
+            'state': 'identifying' if is_busy else 'ready', 'progress': self.progress, 'models': models,
+            'rollbacks_kept': steps_back, 'refits': self.refits, 'published': self.published, 'last_verdict': self.last,
+            **self.counts,
+        }
+        return Report('identification', level, message, values)

@@ -1,0 +1,58 @@
+"""How the forecasts of surge, sway and yaw fare."""
+from swath_sysid.manoeuvring.prediction.pipeline import REASONS, ManoeuvreOutlook
+from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report
+
+SILENT_AFTER = 2.0
+"""s without odometry, which usually comes ten times a second and more."""
+
+
+class ManoeuvringHealth(Reasons):
+    """How odometry becomes forecasts.
+
+    Parameters
+    ----------
+    topic : str
+        Of the odometry, for people.
+    pipeline : ManoeuvreOutlook
+    """
+
+    def __init__(self, topic: str, pipeline: ManoeuvreOutlook):
+        super().__init__(REASONS, pipeline.counts)
+        self._topic = topic
+        self._pipeline = pipeline
+        self._received = self._bad_models = 0
+        self._arrival: float | None = None
+        self._refusal = ''
+
+    def note_message(self, now: float) -> None:
+        """Odometry came, s of the clock of `reports`."""
+        self._received += 1
+        self._arrival = now
+
+    def note_model(self) -> None:
+        """A model came."""
+        self._refusal = ''
+
+    def note_refused_model(self, sentence: str) -> None:
+        """A model came that cannot be used, for this reason; it is reported until a good one comes."""
+        self._bad_models += 1
+        self._refusal = sentence
+
+    def reports(self, now: float) -> list[Report]:
+        """What to report now, s, and begin a new period."""
+        fresh = self.fresh(self._pipeline.counts)
+        level, text = OK, 'forecasting with the identified model'
+        if self._arrival is None or now - self._arrival > SILENT_AFTER:
+            level, text = ERROR, f'no odometry on {self._topic}: check that it is published there, or remap the topic'
+        elif fresh:
+            level, text = WARN, self.worst(fresh)
+        elif self._refusal:
+            level, text = WARN, f'{self._refusal}; the model before it stays'
+        elif not self._pipeline.has_model:
+            level = WARN
+            text = 'no model yet, steady motion is taken: give model_file, or publish one on manoeuvring/model'
+        values: dict[str, object] = {
+            'received': self._received, 'bad_models': self._bad_models, 'refused_model': self._refusal,
+            **self._pipeline.counts,
+        }
+        return [Report('manoeuvre', level, text, values)]
