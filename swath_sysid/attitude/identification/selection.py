@@ -178,7 +178,8 @@ def rank(fits, held_out):
     if by_likelihood and len(ranked) > 1:
         best, second = ranked[:2]
         return Comparison(tuple(ranked), best, (
-            f'{best.name} was chosen of {len(ranked)} equations: its log likelihood, less one for each term, is '
+            f'{best.name} has {best.term_count} terms and was chosen of {len(ranked)} equations: its log likelihood, '
+            'less one for each term, is '
             f'{0.5 * (second.criterion - best.criterion):.1f} above that of {second.name}.'
         ))
     return Comparison(tuple(ranked), *simplest_adequate(ranked))
