@@ -7,7 +7,6 @@ from functools import cache, lru_cache
 from struct import Struct
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
@@ -33,6 +32,8 @@ _STAMP = Struct('<iI')
 @cache
 def typestore():
     """The message types of ROS 2 Jazzy."""
+    from rosbags.typesys import Stores, get_typestore
+
     return get_typestore(Stores.ROS2_JAZZY)
 
 

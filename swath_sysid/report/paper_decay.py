@@ -408,8 +408,8 @@ def _limits(study):
         values = p.printed_objective[draft, angle]
         lines.append(
             f'Printed values that are no optima: for example at {angle:g} deg and {draft:g} T, {big} with '
-            f'{values[big]:.9g} rad/s although it contains {small} with {values[small]:.9g}. There are '
-            f'{len(p.out_of_order)} such pairs; those digits are of the search, not of the hull.'
+            f'{values[big]:.9g} rad/s although it contains {small} with {values[small]:.9g}. Such '
+            f'pairs: {len(p.out_of_order)}. Those digits are of the search, not of the hull.'
         )
     spread = [max(v.values()) / min(v.values()) - 1.0 for v in p.printed_objective.values()]
     uncertain = [1.0 / math.sqrt(2.0 * r.problem.motions[0].size) for r in study.records]
@@ -419,11 +419,7 @@ def _limits(study):
         'least is decided by noise where they are closer than that.'
     )
     if p.next_step:
-        still = 100.0 * next_step_errors(study, _check_record(study), None).max()
-        lines.append(
-            f'The check one step ahead cannot fail: to let the rate stay as it is errs by no more than {still:.3g} % '
-            'there. What tells a model is its simulated motion.'
-        )
+        lines += _limits_of_the_check(study)
     weak = sorted({
         t for r in study.records for t in r.ours.terms
         if r.ours.ratio(t)[1] > 0.5 * abs(r.hull.terms[t])
@@ -432,6 +428,26 @@ def _limits(study):
         lines.append(
             f'{", ".join(weak)}: known to worse than half of its value on at least one record; a printed trend of such '
             'a coefficient is no finding.'
+        )
+    return lines
+
+
+def _limits_of_the_check(study):
+    record = _check_record(study)
+    ours = dict(zip(record.ours.terms, record.ours.ratios, strict=True))
+    models = study.chosen(record).genetic.ratios, ours, None
+    found = [100.0 * np.median(next_step_errors(study, record, ratios)) for ratios in models]
+    _, measured, _, errors = np.array(study.publication.next_step.rows).T
+    steps = 100.0 * np.abs(np.diff(measured) / measured[1:])
+    lines = [
+        f"The check one step ahead tells no model from another: the study's method errs by {found[0]:.3g} % there, the "
+        f'simulated motion by {found[1]:.3g} %, no change at all by {found[2]:.3g} % (medians). The noise of two '
+        'readings decides. What tells a model is its simulated motion.'
+    ]
+    if steps.max() > 3.0 * errors.max():
+        lines.append(
+            f'The printed readings change by up to {steps.max():.2g} % from one to the next, the printed errors are at '
+            f'most {errors.max():.3g} %: no prediction from the reading before can follow such noise.'
         )
     return lines
 
