@@ -167,6 +167,7 @@ def test_interval_away_from_a_bound_is_the_usual_one():
     assert interval(0.0, 1.0, False) == pytest.approx(norm(0.0).interval(0.95))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('hull', ['swath-pitch 9', 'swath-roll 15', 'hydrofoil-pitch 5', 'swath-usv-pitch 9'])
 def test_intervals_hold_in_waves_at_resonance(bench, hull):
     """Where least squares held .48 of them, off by up to 25 std."""
@@ -206,6 +207,7 @@ def fit(made, equation, **changed):
     return identify([motion], IdentificationSettings(equation))
 
 
+@pytest.mark.slow
 def test_verdict_on_a_good_fit_is_adequate(bench):
     made = bench.made_trial('swath-pitch 9', bench.SCENES['white'], 0)
     found = fit(made, 'swath-pitch-2')
@@ -213,6 +215,7 @@ def test_verdict_on_a_good_fit_is_adequate(bench):
     assert found.choice == ''
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('factor', [-1.0, 57.3])
 def test_verdict_refuses_a_rate_that_is_not_the_slope_of_the_angle(bench, factor):
     made = bench.made_trial('swath-pitch 9', bench.SCENES['white'], 0)
@@ -225,6 +228,7 @@ def test_rate_mismatch_is_nothing_for_a_true_rate(bench):
     assert rate_mismatch(motion_of(made), 2.0) < 0.1
 
 
+@pytest.mark.slow
 def test_an_equation_is_chosen_where_none_is_given(bench):
     made = bench.made_trial('swath-pitch 9', bench.SCENES['white'], 0)
     found = choose(prepare([motion_of(made)]), IdentificationSettings())
@@ -233,6 +237,7 @@ def test_an_equation_is_chosen_where_none_is_given(bench):
     assert found.model.terms['r1'] == pytest.approx(made.truth['r1'], abs=3 * found.std['r1'])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('hull', 'name'), [('swath-pitch 6', 'r2'), ('swath-roll 15', 'b3')])
 def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, hull, name):
     """The likelihood's optimum simulates far worse: it takes for the basin's motion what the equation cannot make."""
@@ -242,11 +247,33 @@ def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, 
     assert found.r2 > 0.99
 
 
+@pytest.mark.slow
+def test_linear_damping_that_ends_at_zero_makes_a_fit_doubtful(bench):
+    """Disturbed, a strongly damped craft seems to have quadratic damping alone, and a stiffness 10 std off."""
+    found = fit(bench.made_trial('hydrofoil-pitch 3', bench.SCENES['all'], 0), 'odd-cubic')
+    assert found.model.terms['b1'] == 0.0
+    assert (found.verdict.level, found.verdict.code) == ('doubtful', 'no-linear-damping')
+    assert 'compare with an equation without b1' in found.verdict.sentence
+
+
+@pytest.mark.slow
+def test_least_squares_stays_where_the_likelihood_leaves_its_period(bench):
+    """Linear damping cannot make this decay; the likelihood's optimum would have 1.8 times the frequency."""
+    made = bench.made_trial('swath-roll 5', bench.SCENES['white'], 0)
+    found = fit(made, 'linear')
+    truth = 2 * np.pi / np.sqrt(made.truth['s1'])
+    assert found.keeps_least_squares
+    assert found.model.natural_period == pytest.approx(truth, rel=0.05)
+    assert found.verdict.level != 'adequate'
+
+
+@pytest.mark.slow
 def test_no_term_is_missed_where_none_is_lacking(bench):
     made = bench.made_trial('swath-pitch 6', bench.SCENES['white'], 1)
     assert fit(made, bench.equation_of(made.truth)).absent_term is None
 
 
+@pytest.mark.slow
 def test_dry_friction_of_a_rig_is_named_by_angles_alone(data_folder):
     motions = [read_trial(p).axis('pitch') for p in sorted((data_folder / 'decay/foswec').glob('*.csv'))]
     found = identify(motions, IdentificationSettings('odd-cubic'))

@@ -30,6 +30,8 @@ MOST_PERIOD_STD = 0.05
 """Relative standard deviation of the natural period beyond which the coefficients are hardly known."""
 LARGEST_DISTURBANCE = 0.1
 """Standard deviation of the moment found on the craft, over the largest restoring moment."""
+VANISHED = 1e-6
+"""Dimensionless damping that is none."""
 MOST_CORRELATION = 5.0
 """Standard deviations of the innovations' correlation from sample to sample that chance does not make."""
 
@@ -113,6 +115,20 @@ def _doubts(found):
             f'{found.model.equation.name} lacks a term that the motion shows ({absent.name}, {absent.significance:.0f} '
             f'standard deviations from zero), and its other coefficients bend to make up for it: add {absent.name}, or '
             'compare equations'
+        )
+    if found.model.terms.get('b1', np.inf) < VANISHED * found.problem.scales.frequency:
+        yield 'no-linear-damping', (
+            'the linear damping b1 ended at zero, its bound, as it does where the disturbance or a lacking term bends '
+            'the other coefficients: compare with an equation without b1, and release from another angle or in stiller '
+            'water to see whether they stay'
+        )
+    for advice in found.advice:
+        if advice.code == 'range-limit':
+            yield advice.code, advice.message
+    if found.keeps_least_squares and absent is None:
+        yield 'equation-or-disturbance', (
+            'the likelihood of a moving basin puts the natural period elsewhere than least squares, whose fit stays: '
+            'the equation lacks a term or the basin is not still, so compare equations, or wait for still water'
         )
     disturbance = disturbance_of(found)
     if disturbance > LARGEST_DISTURBANCE:

@@ -11,7 +11,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
 from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood, interval
-from swath_sysid.attitude.identification.fit_quality import judge
+from swath_sysid.attitude.identification.fit_quality import VANISHED, judge
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, block_means, prepare
@@ -43,6 +43,8 @@ HORIZON_GROWTH = 2.5
 BLOCKS_PER_PERIOD = 24
 """As informative for a search as every sample, and short."""
 CURVE_POINTS = 40
+MOST_PERIOD_CHANGE = 0.25
+"""Of least squares' natural period: by more the basin's motion does not bend it, but a term that is lacking does."""
 SEARCH_SHARE = 0.7
 
 
@@ -175,6 +177,11 @@ class Identification:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
+    @property
+    def keeps_least_squares(self):
+        """Whether the likelihood was tried and left the ratios to least squares."""
+        return self.basin is None and self.log_likelihood is not None
+
     @cached_property
     def verdict(self):
         """Whether the fit can be used."""
@@ -301,7 +308,8 @@ def refined_in_basin(found):
     """A least-squares identification refined by the likelihood that knows of the basin's motion, where it suits.
 
     Where the equation lacks a term that the motion shows, the likelihood takes for the basin's motion what the
-    equation cannot make: its optimum then simulates far worse than that of least squares, which stays.
+    equation cannot make: its optimum then simulates far worse than that of least squares, which stays. So it does
+    where the natural period leaves that of least squares, although no single term stands out.
     """
     problem, equation = found.problem, found.model.equation
     if found.objective == 'one-step':
@@ -315,7 +323,10 @@ def refined_in_basin(found):
     parameters = fit.refine_states(fit.pack(basin.ratios, states))
     refined = conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
     lacking = absent_term(refined)
-    best = refined if lacking is None else found
+    moved = abs(refined.model.natural_period / found.model.natural_period - 1.0) > MOST_PERIOD_CHANGE
+    if moved:
+        lacking = lacking or absent_term(found)
+    best = refined if lacking is None and not moved else found
     return replace(
         best, objective_value=found.objective_value, absent_term=lacking, log_likelihood=basin.log_likelihood
     )
@@ -472,7 +483,7 @@ def _fit_advice(problem, settings, model, covariance):
     dimensionless = model.ratios / problem.scales.ratio_units
     for name in model.equation.terms:
         index = TERM_INDEX[name]
-        if name in DAMPING_NAMES and dimensionless[index] < 1e-6:
+        if name in DAMPING_NAMES and dimensionless[index] < VANISHED:
             found.append(
                 Advice(
                     'term-vanished',
