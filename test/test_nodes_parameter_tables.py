@@ -93,10 +93,16 @@ def test_every_parameter_matters():
         'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0], 'axes': ['roll'], 'equation': 'swath-pitch-1',
         'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7], 'quiet_for_s': 3.0,
     }
+    at_bow = {'points': ['bow'], 'points.bow': [1.0, 0.0, 0.0]}
+    beside = {
+        'quiet_heave_m': at_bow, 'quiet_vertical_velocity_m_s': at_bow, 'points': {'points.bow': [1.0, 0.0, 0.0]},
+    }
+    others['points'] = ['bow']
     for node, table in ALL_TABLES.items():
         source = ''.join(path.read_text() for path in (ROOT / 'swath_sysid' / 'nodes').glob('*.py'))
-        before = SETTINGS_OF[node](defaults(table))
         for parameter in table:
+            companions = beside.get(parameter.name, {})
+            before = SETTINGS_OF[node](changed(node, **companions))
             default = parameter.default
             if parameter.name in others:
                 other = others[parameter.name]
@@ -107,7 +113,7 @@ def test_every_parameter_matters():
                                       else default / 2)
             else:
                 other = 'another'
-            after = SETTINGS_OF[node](changed(node, **{parameter.name: other}))
+            after = SETTINGS_OF[node](changed(node, **{**companions, parameter.name: other}))
             assert after != before or f"parameters['{parameter.name}']" in source, parameter.name
 
 

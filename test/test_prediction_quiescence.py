@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.quiescence import Quiescence, QuiescenceLimits, ReliabilityRecord
+from swath_sysid.attitude.prediction.quiescence import PointLimits, Quiescence, QuiescenceLimits, ReliabilityRecord
 from swath_sysid.common.errors import InputError
 
 LEADS = np.arange(1, 11) * 0.1
-ONES = np.ones(2)
+ONES = np.ones(4)
 
 
 def test_reliability_of_true_probabilities_is_the_diagonal():
@@ -34,67 +34,67 @@ def test_a_diagram_without_outcomes_is_unknown():
 def test_quiescence_counts_the_members_that_stay_inside():
     rng = np.random.default_rng(8)
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
-    motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
+    motion, deviation = np.zeros((10, 4)), np.full((10, 4), 0.02)
     for k in range(400):
-        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.08 * rng.normal()))
-        told = quiet.probability(float(k), motion, deviation, ONES)
+        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 4), 0.08 * rng.normal()))
+        told, _ = quiet.assess(float(k), motion, deviation, ONES)
     assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
 
 
 def test_errors_count_in_the_size_of_the_motion():
     rng = np.random.default_rng(9)
     quiet = Quiescence(QuiescenceLimits(pitch=0.1, duration=1.0), LEADS)
-    motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
+    motion, deviation = np.zeros((10, 4)), np.full((10, 4), 0.02)
     for k in range(400):
-        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.02 * rng.normal()))
-        told = quiet.probability(float(k), motion, deviation, ONES)
+        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 4), 0.02 * rng.normal()))
+        told, _ = quiet.assess(float(k), motion, deviation, ONES)
     assert told > 0.99
     for k in range(400, 900):
-        unchanged = quiet.probability(float(k), motion, deviation, np.array([8.0, 1.0]))
+        unchanged, _ = quiet.assess(float(k), motion, deviation, np.array([8.0, 1.0, 8.0, 1.0]))
     assert unchanged == told
     for k in range(900, 1400):
-        rough = quiet.probability(float(k), motion, deviation, np.array([1.0, 8.0]))
+        rough, _ = quiet.assess(float(k), motion, deviation, np.array([1.0, 8.0, 1.0, 8.0]))
     assert rough == pytest.approx(math.erf(0.1 / 0.16 / math.sqrt(2.0)), abs=0.1)
 
 
 def test_older_forecasts_count_less_while_little_is_known():
     rng = np.random.default_rng(11)
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
-    motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
+    motion, deviation = np.zeros((10, 4)), np.full((10, 4), 0.02)
     for k in range(120):
         spread = 0.5 if k < 50 else 0.01
-        quiet.learn(float(k), lambda stamps, s=spread: np.full((stamps.size, 2, 2), s * rng.normal()))
-        told = quiet.probability(float(k), motion, deviation, ONES)
+        quiet.learn(float(k), lambda stamps, s=spread: np.full((stamps.size, 4), s * rng.normal()))
+        told, _ = quiet.assess(float(k), motion, deviation, ONES)
     assert told > 0.98
 
 
 def test_before_any_experience_the_worst_lead_decides():
     quiet = Quiescence(QuiescenceLimits(roll_rate=0.2, duration=1.0), LEADS)
-    deviation = np.full((10, 2, 2), 0.1)
-    deviation[4, 0, 1] = 0.2
-    assert quiet.probability(0.0, np.zeros((10, 2, 2)), deviation, ONES) == pytest.approx(
+    deviation = np.full((10, 4), 0.1)
+    deviation[4, 2] = 0.2
+    assert quiet.assess(0.0, np.zeros((10, 4)), deviation, ONES)[0] == pytest.approx(
         math.erf(1.0 / math.sqrt(2.0))
     )
 
 
 def test_a_limited_axis_that_is_not_measured_leaves_the_probability_unknown():
     quiet = Quiescence(QuiescenceLimits(roll=0.1, duration=1.0), LEADS)
-    motion = np.zeros((10, 2, 2))
-    motion[:, 1] = math.nan
-    assert quiet.probability(0.0, motion, np.full((10, 2, 2), 0.02), ONES) > 0.99
-    motion[:, 0] = math.nan
-    assert math.isnan(quiet.probability(1.0, motion, np.full((10, 2, 2), 0.02), ONES))
+    motion = np.zeros((10, 4))
+    motion[:, [1, 3]] = math.nan
+    assert quiet.assess(0.0, motion, np.full((10, 4), 0.02), ONES)[0] > 0.99
+    motion[:, [0, 2]] = math.nan
+    assert math.isnan(quiet.assess(1.0, motion, np.full((10, 4), 0.02), ONES)[0])
 
 
 def test_other_limits_are_served_by_what_was_learnt():
     rng = np.random.default_rng(10)
     quiet = Quiescence(QuiescenceLimits(duration=1.0), LEADS)
-    motion, deviation = np.zeros((10, 2, 2)), np.full((10, 2, 2), 0.02)
+    motion, deviation = np.zeros((10, 4)), np.full((10, 4), 0.02)
     for k in range(400):
-        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 2, 2), 0.08 * rng.normal()))
-        assert math.isnan(quiet.probability(float(k), motion, deviation, ONES))
+        quiet.learn(float(k), lambda stamps: np.full((stamps.size, 4), 0.08 * rng.normal()))
+        assert math.isnan(quiet.assess(float(k), motion, deviation, ONES)[0])
     quiet.set_limits(QuiescenceLimits(roll=0.1, duration=1.0))
-    told = quiet.probability(400.0, motion, deviation, ONES)
+    told, _ = quiet.assess(400.0, motion, deviation, ONES)
     assert told == pytest.approx(math.erf(0.1 / 0.08 / math.sqrt(2.0)), abs=0.08)
 
 
@@ -104,3 +104,62 @@ def test_impossible_limits_are_refused():
             ForecasterSettings(quiescence=QuiescenceLimits(duration=duration))
     with pytest.raises(InputError, match='roll'):
         QuiescenceLimits(roll=-1.0)
+
+
+def learned(limits, spread, leads, quantities=('roll', 'pitch', 'roll_rate', 'pitch_rate')):
+    """A running probability whose forecasts of zero have erred by ``spread`` from lead to lead, shape (H,)."""
+    rng = np.random.default_rng(12)
+    quiet = Quiescence(limits, leads, quantities)
+    shape = leads.size, len(quantities)
+    for k in range(400):
+        quiet.learn(float(k), lambda stamps: spread[:, None] * rng.normal(size=shape[1]))
+        quiet.assess(float(k), np.zeros(shape), np.full(shape, 0.02), np.ones(shape[1]))
+    return quiet
+
+
+def test_a_window_of_calm_begins_when_the_motion_dies_down_and_ends_when_it_returns():
+    leads = np.arange(1, 51) * 0.1
+    quiet = learned(QuiescenceLimits(roll=0.1, duration=1.0), np.full(50, 0.01), leads)
+    motion = np.zeros((50, 4))
+    motion[:, 0] = np.where((leads > 1.45) & (leads < 4.05), 0.0, 0.3)
+    _, window = quiet.assess(401.0, motion, np.full((50, 4), 0.02), ONES)
+    assert (window.begin, window.end) == (pytest.approx(1.5), pytest.approx(4.0))
+    assert window.probability > 0.99
+    motion[24:] = 0.3
+    assert quiet.assess(402.0, motion, np.full((50, 4), 0.02), ONES)[1].end == pytest.approx(2.4)
+    motion[21:] = 0.3
+    assert quiet.assess(403.0, motion, np.full((50, 4), 0.02), ONES)[1] is None
+
+
+def test_a_window_ends_where_the_asked_probability_does():
+    leads = np.arange(1, 51) * 0.1
+    # one error a member, which grows along the horizon: inside up to the lead where it passes the limit
+    quiet = learned(QuiescenceLimits(roll=0.1, duration=1.0, probability=0.9), 0.05 * leads, leads)
+    _, window = quiet.assess(401.0, np.zeros((50, 4)), np.full((50, 4), 0.02), ONES)
+    expected = 0.1 / (0.05 * 1.645)
+    assert window.begin == 0.0 and window.end == pytest.approx(expected, rel=0.2)
+    assert window.probability == pytest.approx(0.9, abs=0.05)
+
+
+def test_limits_about_the_trim():
+    leads = LEADS
+    motion = np.zeros((10, 4))
+    motion[:, 1] = 0.2
+    trim = np.array([0.0, 0.2, 0.0, 0.0])
+    for about_trim, quiet_now in ((False, False), (True, True)):
+        quiet = learned(QuiescenceLimits(pitch=0.05, duration=1.0, about_trim=about_trim), np.full(10, 0.01), leads)
+        probability, _ = quiet.assess(401.0, motion, np.full((10, 4), 0.02), ONES, trim)
+        assert (probability > 0.9) is quiet_now
+
+
+def test_a_point_is_limited_by_name():
+    quantities = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'bow.heave', 'bow.vertical_velocity')
+    limits = QuiescenceLimits(duration=1.0, points=(PointLimits('bow', vertical_velocity=0.5),))
+    quiet = learned(limits, np.full(10, 0.01), LEADS, quantities)
+    motion = np.zeros((10, 6))
+    motion[:, 4] = 9.0
+    assert quiet.assess(401.0, motion, np.full((10, 6), 0.02), np.ones(6))[0] > 0.99
+    motion[:, 5] = 0.6
+    assert quiet.assess(402.0, motion, np.full((10, 6), 0.02), np.ones(6))[0] < 0.01
+    with pytest.raises(InputError, match=r'bow\.heave'):
+        QuiescenceLimits(points=(PointLimits('bow', heave=0.0),))

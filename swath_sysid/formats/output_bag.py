@@ -11,6 +11,7 @@ from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.messages import (
     ImuMessage,
+    PointMessages,
     coefficients_message,
     diagnostics_message,
     horizon_message,
@@ -122,6 +123,7 @@ class OutputBag:
         self._frame_id = frame_id
         self._prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
         self._imu = ImuMessage(frame_id)
+        self._points = PointMessages(frame_id)
         self.counts = {}
 
     def add(self, topic, time_ns, raw):
@@ -149,6 +151,8 @@ class OutputBag:
             self.add(HORIZON_TOPIC, time_ns, horizon_message(step.trajectory(), self._frame_id))
         if step.quiescence is not None:
             self.add(QUIESCENCE_TOPIC, time_ns, number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC]))
+        for topic, raw in self._points.of(step):
+            self.add(topic, time_ns, raw)
         if played.window is not None:
             self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._frame_id))
 

@@ -2,6 +2,8 @@
 
 IMU, ODOMETRY, PATH = 'sensor_msgs/msg/Imu', 'nav_msgs/msg/Odometry', 'nav_msgs/msg/Path'
 STRING = 'std_msgs/msg/String'
+TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
+ACCELERATION = 'geometry_msgs/msg/AccelWithCovarianceStamped'
 
 IMU_TOPIC = 'imu/data'
 WINDOW_TOPIC = 'motion/window'
@@ -10,6 +12,7 @@ COEFFICIENTS_TOPIC = 'model/coefficients'
 NEXT_TOPIC = 'forecast/next'
 HORIZON_TOPIC = 'forecast/horizon'
 QUIESCENCE_TOPIC = 'forecast/quiescence'
+CALM_TOPIC = 'forecast/calm'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 PATH_TOPIC = 'manoeuvring/forecast'
 
@@ -22,13 +25,14 @@ TYPES = {
     DESCRIPTION_TOPIC: STRING,
     COEFFICIENTS_TOPIC: 'std_msgs/msg/Float64MultiArray',
     NEXT_TOPIC: IMU,
-    HORIZON_TOPIC: 'trajectory_msgs/msg/JointTrajectory',
+    HORIZON_TOPIC: TRAJECTORY,
     QUIESCENCE_TOPIC: 'std_msgs/msg/Float32',
+    CALM_TOPIC: TRAJECTORY,
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
     PATH_TOPIC: PATH,
 }
 
-LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC)
+LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPIC)
 """Transient local: a late subscriber gets the last one."""
 
 
@@ -43,6 +47,21 @@ def lead_topic(lead):
     return _at(LEADS, lead)
 
 
+def point_lead_topic(point, lead):
+    """Topic of a named point's motion at one lead, s: ``forecast/bow/lead_2_0s``."""
+    return _at(f'forecast/{point}/lead_', lead)
+
+
+def point_acceleration_topic(point, lead):
+    """Topic of a named point's acceleration at one lead, s: ``forecast/bow/acceleration_2_0s``."""
+    return _at(f'forecast/{point}/acceleration_', lead)
+
+
+def point_horizon_topic(point):
+    """Topic of a named point's motion over the horizon: ``forecast/bow/horizon``."""
+    return f'forecast/{point}/horizon'
+
+
 def manoeuvring_lead_topic(lead):
     """Topic of the forecasts of surge, sway and yaw at one lead, s: 0.5 s is on ``manoeuvring/lead_0_5s``."""
     return _at(MANOEUVRING_LEADS, lead)
@@ -54,6 +73,10 @@ def _at(beginning, lead):
 
 def type_of(topic):
     """Message type of a topic that a node publishes."""
+    if topic in TYPES:
+        return TYPES[topic]
     if topic.startswith(LEADS):
         return IMU
-    return ODOMETRY if topic.startswith(MANOEUVRING_LEADS) else TYPES[topic]
+    if topic.endswith('/horizon'):
+        return TRAJECTORY
+    return ACCELERATION if '/acceleration_' in topic else ODOMETRY

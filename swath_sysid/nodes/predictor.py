@@ -2,23 +2,38 @@
 import sys
 from time import perf_counter
 
+from geometry_msgs.msg import AccelWithCovarianceStamped
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, Float64, String
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import number_message
+from swath_sysid.formats.messages import PointMessages, number_message
 from swath_sysid.formats.model_file import description_from_yaml
-from swath_sysid.formats.topics import DESCRIPTION_TOPIC, HORIZON_TOPIC, NEXT_TOPIC, QUIESCENCE_TOPIC, TYPES, lead_topic
+from swath_sysid.formats.topics import (
+    CALM_TOPIC,
+    DESCRIPTION_TOPIC,
+    HORIZON_TOPIC,
+    NEXT_TOPIC,
+    QUIESCENCE_TOPIC,
+    TYPES,
+    lead_topic,
+    point_acceleration_topic,
+    point_horizon_topic,
+    point_lead_topic,
+)
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import TABLE, pipeline_settings
+from swath_sysid.nodes.parameters.predictor import TABLE, further, pipeline_settings
 from swath_sysid.nodes.qos import (
     IMU_TOPIC,
     LATCHED,
@@ -44,7 +59,7 @@ class Predictor(Node):
 
     def __init__(self) -> None:
         super().__init__('predictor')
-        self.parameters = NodeParameters(self, TABLE, pipeline_settings, self._on_parameters)
+        self.parameters = NodeParameters(self, TABLE, pipeline_settings, self._on_parameters, further)
         self.pipeline = ForecastPipeline(self.parameters.settings)
         self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger())
@@ -56,6 +71,11 @@ class Predictor(Node):
         }
         self._horizon = watched_publisher(self, JointTrajectory, HORIZON_TOPIC, NEWEST, self.health)
         self._quiescence = watched_publisher(self, Float32, QUIESCENCE_TOPIC, NEWEST, self.health)
+        self._points = PointMessages(self.parameters['frame_id'])
+        self._of_points = {
+            topic: watched_publisher(self, kind, topic, qos, self.health)
+            for topic, kind, qos in point_topics(self.parameters.settings.forecaster)
+        }
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
         self._intake = ModelIntake(described, self._refuse_model)
@@ -98,6 +118,9 @@ class Predictor(Node):
             self._horizon.publish(horizon_message(step.trajectory(), self.parameters['frame_id']))
         if step.quiescence is not None:
             self._quiescence.publish(number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC]))
+
+        for topic, raw in self._points.of(step):
+            self._of_points[topic].publish(raw)
 
     def _publish_next(self, forecast: AttitudeForecast) -> None:
         self._next.publish(self._message.filled(forecast))
@@ -142,6 +165,17 @@ class Predictor(Node):
         self._take_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
+
+
+def point_topics(settings: ForecasterSettings) -> list[tuple[str, type, QoSProfile]]:
+    """Topics of the named points and of windows of calm, with type and QoS."""
+    found = [(CALM_TOPIC, JointTrajectory, LATCHED)]
+    for point in settings.points:
+        found.append((point_horizon_topic(point.name), JointTrajectory, NEWEST))
+        for lead in settings.leads:
+            found.append((point_lead_topic(point.name, lead), Odometry, NEWEST))
+            found.append((point_acceleration_topic(point.name, lead), AccelWithCovarianceStamped, NEWEST))
+    return found
 
 
 def described(text: str) -> tuple[dict, dict]:

@@ -17,6 +17,9 @@ UNKNOWN_RATE_VARIANCE = 100.0
 NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The covariance of a quantity that a sensor_msgs/Imu does not give."""
 
+UNKNOWN_PLACE_VARIANCE = 100.0
+"""m^2, m^2/s^2 and m^2/s^4; of the horizontal motion of the sensor, which is not forecast."""
+
 _NOTHING_KNOWN = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, 0.0, UNKNOWN_RATE_VARIANCE
 
 
@@ -153,3 +156,86 @@ def horizon_forecast(forecast, stamp_ns):
 
 def _diagonal(about_x, about_y, about_z):
     return (about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z)
+
+
+class PointForecast(NamedTuple):
+    """What the messages of a point at one lead say: in a level frame that moves with the craft's mean.
+
+    Attributes
+    ----------
+    name : str
+    lead : float
+        s.
+    stamp_ns : int
+        The time it is for.
+    position : tuple of 3 floats
+        From the sensor's mean place, m: z is about the mean level of the point; x and y by rotation alone.
+    orientation : tuple of 4 floats
+        Quaternion x, y, z, w.
+    pose_covariance : ndarray, shape (6, 6)
+        Of x, y, z and the rotations about them.
+    linear, angular : tuple of 3 floats
+        In the axes of the craft then, m/s and rad/s.
+    twist_covariance : ndarray, shape (6, 6)
+    acceleration : float
+        Upwards, m/s^2.
+    acceleration_variance : float
+    """
+
+    name: str
+    lead: float
+    stamp_ns: int
+    position: tuple[float, ...]
+    orientation: tuple[float, ...]
+    pose_covariance: np.ndarray
+    linear: tuple[float, ...]
+    angular: tuple[float, ...]
+    twist_covariance: np.ndarray
+    acceleration: float
+    acceleration_variance: float
+
+
+def points_at_leads(forecast, stamp_ns):
+    """The forecast of each point at each of its leads.
+
+    Parameters
+    ----------
+    forecast : Forecast
+    stamp_ns : int
+        When issued.
+
+    Returns
+    -------
+    list of PointForecast
+    """
+    if not forecast.points:
+        return []
+    roll, pitch = forecast.axes['roll'], forecast.axes['pitch']
+    attitudes = np.column_stack([roll.angle, pitch.angle, roll.rate, pitch.rate]).tolist()
+    return [
+        _point_forecast(name, lead, stamp_ns, at, motion.place, motion.mean[k].tolist(), motion.covariance[k])
+        for name, motion in forecast.points.items()
+        for k, (lead, at) in enumerate(zip(forecast.leads.tolist(), attitudes, strict=True))
+    ]
+
+
+def _point_forecast(name, lead, stamp_ns, at, place, motion, covariance):
+    heave, velocity, acceleration = motion
+    orientation = attitude.quaternion(at[0], at[1], 0.0)
+    angular = attitude.body_rates(*at, 0.0)
+    level = attitude.rotate(orientation, *place)
+    across = attitude.rotate(orientation, *np.cross(angular, place).tolist())
+    linear = attitude.rotate(attitude.conjugate(*orientation), across[0], across[1], velocity)
+    pose = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [UNKNOWN_ANGLE_VARIANCE])
+    pose[2:5, 2:5] = covariance[np.ix_((0, 3, 4), (0, 3, 4))]
+    # the world's axes in those of the craft, by columns
+    axes = np.array([attitude.rotate(attitude.conjugate(*orientation), *unit) for unit in np.eye(3).tolist()]).T
+    twist = np.zeros((6, 6))
+    twist[:3, :3] = axes @ np.diag([UNKNOWN_PLACE_VARIANCE, UNKNOWN_PLACE_VARIANCE, covariance[1, 1]]) @ axes.T
+    twist[3:5, 3:5], twist[5, 5] = covariance[5:, 5:], UNKNOWN_RATE_VARIANCE
+    twist[:3, 3:5] = np.outer(axes[:, 2], covariance[1, 5:])
+    twist[3:5, :3] = twist[:3, 3:5].T
+    return PointForecast(
+        name, lead, stamp_ns + round(lead / NANOSECOND), (*level[:2], heave), orientation, pose, linear, angular, twist,
+        acceleration, float(covariance[2, 2]),
+    )  # fmt: skip

@@ -21,6 +21,7 @@ from swath_sysid.pipeline.forecast_messages import (
     attitude_forecast,
     attitudes_at_leads,
     horizon_forecast,
+    points_at_leads,
 )
 
 PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)
@@ -80,6 +81,10 @@ class PipelineStep(NamedTuple):
     def trajectory(self) -> HorizonForecast | None:
         """For ``forecast/horizon``; None unless due."""
         return None if self.horizon is None else horizon_forecast(self.horizon, self.stamp_ns)
+
+    def points(self):
+        """For the topics of named points: list of `PointForecast`; empty unless due and learnt."""
+        return [] if self.forecast is None else points_at_leads(self.forecast, self.stamp_ns)
 
     @property
     def quiescence(self):

@@ -1,8 +1,11 @@
 """Forecasts as values."""
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+
+from swath_sysid.attitude.prediction.point import PointMotion
+from swath_sysid.attitude.prediction.quiescence import CalmWindow
 
 LEVELS = np.array([0.5, 0.9, 0.99])
 """Of the central intervals that every forecast gives."""
@@ -50,6 +53,10 @@ class Forecast:
         of its `AxisForecast`.
     quiescence : float
         Probability that the craft stays inside the configured limits; NaN where none are configured.
+    calm : CalmWindow or None
+        When it will next be inside them for long enough; None: not within the horizon, or not known.
+    points : dict of str to PointMotion
+        Vertical motion at the configured points; empty until it is learnt.
     """
 
     stamp: float
@@ -57,3 +64,5 @@ class Forecast:
     axes: dict[str, AxisForecast]
     covariance: np.ndarray | None = None
     quiescence: float = math.nan
+    calm: CalmWindow | None = None
+    points: dict[str, PointMotion] = field(default_factory=dict)

@@ -5,7 +5,7 @@ and a state space of all channels for each memory. They are weighted lead by lea
 the newest samples contradict is left out.
 """
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -17,7 +17,8 @@ from swath_sysid.attitude.prediction.blend import Blend
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
 from swath_sysid.attitude.prediction.oscillator import oscillators
-from swath_sysid.attitude.prediction.quiescence import Quiescence, QuiescenceLimits
+from swath_sysid.attitude.prediction.point import Point, point_motion
+from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, Quiescence, QuiescenceLimits, quantity_at
 from swath_sysid.attitude.prediction.sea_fit import (
     ALL_CHANNELS,
     EACH_ALONE,
@@ -28,6 +29,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
 )
 from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
+from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
@@ -71,6 +73,7 @@ _ROW, _MEASURED_COUNT = len(CHANNELS), len(TARGETS)
 _MEASURED = slice(_ROW, _ROW + _MEASURED_COUNT)
 _BLOCK = slice(_ROW + _MEASURED_COUNT, _ROW + 2 * _MEASURED_COUNT)
 _COLUMNS = _ROW + 2 * _MEASURED_COUNT
+_VERTICAL = [CHANNELS.index(name) for name in (*AXES, *FORCE)]
 _REGULAR = 0.5
 _IRREGULAR_SAMPLES = 10
 _NEW_STEP = 0.15
@@ -111,6 +114,8 @@ class ForecasterSettings:
     hull : HullFilterSettings
     quiescence : QuiescenceLimits or None
         Limits whose probability of being kept is forecast; None: it is not.
+    points : tuple of Point
+        Where vertical motion is forecast, too.
     """
 
     leads: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
@@ -123,6 +128,7 @@ class ForecasterSettings:
     refit_delay: float = 0.5
     hull: HullFilterSettings = HullFilterSettings()
     quiescence: QuiescenceLimits | None = None
+    points: tuple[Point, ...] = ()
 
     def __post_init__(self):
         if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
@@ -215,7 +221,11 @@ class Forecaster:
         self._asked, self._over_horizon = (self._places_of(wanted) for wanted in (leads, horizon))
         # the oldest forecast that is scored lies one longest lead behind the window
         self._history = RowBuffer(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
-        self._quiescence = None if s.quiescence is None else Quiescence(s.quiescence, horizon)
+        quantities = *TARGETS, *[quantity_at(point.name, kind) for point in s.points for kind in AT_A_POINT]
+        self._quiescence = None if s.quiescence is None else Quiescence(s.quiescence, horizon, quantities)
+        self._vertical = None
+        # heave and vertical velocity at the rows, as they were then: what windows of calm are judged by
+        self._nowcasts = RowBuffer(2 * round(s.horizon * ROW_RATE) + 1, 2) if s.points else None
         self._sizes = [MotionSize(s.window) for _ in AXES]
         self._time = 0.0
         self._due = -math.inf
@@ -405,6 +415,9 @@ class Forecaster:
 
     def _score_anew(self):
         self._blend = Blend(self._leads, self._step, len(AXES), tuple(CANDIDATES.values()))
+        if self.settings.points:
+            self._vertical = VerticalForecaster(self._step, math.ceil(self._leads[-1] / self._step) + 2)
+            self._nowcasts.clear()
         whole = self._leads / self._step
         are_rows = np.abs(whole - np.round(whole)) < 0.02
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._blend.steps.size == whole.size
@@ -449,6 +462,9 @@ class Forecaster:
         self._history.append(row)
         for space in self._spaces.values():
             space.step(row)
+        if self._vertical is not None:
+            self._vertical.take(row[_VERTICAL], self._spaces.get(ALL_CHANNELS))
+            self._nowcasts.append(self._vertical.now)
         self._follow_oscillator()
         self._at_row = mean, covariance = self._candidates(self._step * self._blend.steps, None)
         variance = np.diagonal(covariance, axis1=2, axis2=3)
@@ -464,6 +480,9 @@ class Forecaster:
             self._blend.skip(count)
             for space in self._spaces.values():
                 space.skip(count)
+            if self._vertical is not None:
+                self._vertical.skip(count, self._spaces.get(ALL_CHANNELS))
+                self._nowcasts.skip(count)
 
     def _follow_oscillator(self):
         """An oscillator costs so little that it is fitted at once."""
@@ -497,7 +516,16 @@ class Forecaster:
         return SeaRequest(
             self._time, self._step, CHANNELS, self._past(s.window).copy(),
             {axis: request for axis, request in excitations.items() if request is not None},
+            self._vertical_request(),
         )  # fmt: skip
+
+    def _vertical_request(self):
+        if self._vertical is None:
+            return None
+        samples = self._samples_a_row
+        # the accelerations of smoothed rows lag behind the attitude, which the hull filters give
+        delay = (0.5 * samples - 1.0) * self._interval if samples >= SMOOTHED_FROM else 0.0
+        return VerticalRequest(self._vertical.ahead, delay, self._history.newest)
 
     def _excitation_request(self, place, axis):
         hull = self._hulls[axis]
@@ -514,6 +542,8 @@ class Forecaster:
         for name, model in fit.waves.items():
             self._use(name, model)
             self._blend.renew(_PLACE[name])
+        if self._vertical is not None and ALL_CHANNELS in fit.waves:
+            self._vertical.install(fit.vertical, self._history.newest, self._spaces[ALL_CHANNELS])
         for axis, excitation in fit.excitations.items():
             if self._models[axis] is not None:
                 self._hulls[axis].set_excitation(excitation, self._time - fit.time)
@@ -568,14 +598,20 @@ class Forecaster:
         # a noise that is only measured is an upper bound, with which intervals would come out too narrow
         mean, covariance = self._blend.combine(*candidates, AXIS_OF_TARGET, np.array(self._reported_noise))
         known = [place for place in range(len(AXES)) if math.isfinite(mean[0, place])]
-        quiescence = math.nan if self._quiescence is None else self._stays_quiet(mean, covariance)
+        points = self._at_points(mean, covariance) if self._vertical is not None else {}
+        quiescence, window = math.nan, None
+        if self._quiescence is not None:
+            quiescence, window = self._stays_quiet(mean, covariance, points)
         joint = [*known, *(place + 2 for place in known)]
         if len(known) < len(AXES):
             mean, covariance = mean[:, joint], covariance[:, joint][:, :, joint]
         return [
-            self._forecast(stamp, chosen, mean[chosen], covariance[chosen], known, quiescence)
+            replace(
+                self._forecast(stamp, chosen, mean[chosen], covariance[chosen], known, quiescence),
+                points={name: motion.at(chosen) for name, motion in points.items()}, calm=window,
+            )
             for chosen in (self._asked, self._over_horizon)
-        ]
+        ]  # fmt: skip
 
     def _forecast(self, stamp, chosen, mean, covariance, known, quiescence):
         count = len(known)
@@ -585,15 +621,48 @@ class Forecaster:
         }
         return Forecast(stamp, self._leads[chosen], axes, covariance, quiescence)
 
-    def _stays_quiet(self, mean, covariance):
-        mean, covariance = mean[self._over_horizon], covariance[self._over_horizon]
-        deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    @property
+    def _trim(self):
+        """Roll and pitch about which the craft moves, rad."""
+        return tuple([size.mean for size in self._sizes])
+
+    def _at_points(self, mean, covariance):
+        vertical = self._vertical.forecast(self._leads, self._since_row, mean, covariance)
+        if vertical is None:
+            return {}
+        motion = np.hstack([vertical.mean, mean])
+        return {
+            point.name: point_motion(point.place, self._trim, motion, vertical.covariance)
+            for point in self.settings.points
+        }
+
+    def _stays_quiet(self, mean, covariance, points):
+        motion, variance = [mean], [np.diagonal(covariance, axis1=1, axis2=2)]
+        for point in self.settings.points:
+            ahead = points.get(point.name)
+            both = np.full((2, self._leads.size, 2), math.nan)
+            if ahead is not None:
+                both = ahead.mean[:, :2], np.diagonal(ahead.covariance, axis1=1, axis2=2)[:, :2]
+            motion.append(both[0])
+            variance.append(both[1])
+        motion, variance = (np.hstack(part)[self._over_horizon] for part in (motion, variance))
         newest, time = self._history.newest, self._time - self._since_row
-        self._quiescence.learn(self._time, lambda times: (
-            self._history.at(newest + (times - time) / self._step)[:, _MEASURED][:, _BY_AXIS]
-        ))  # fmt: skip
-        activity = np.array([size.activity for size in self._sizes])
-        return self._quiescence.probability(self._time, mean[:, _BY_AXIS], deviation[:, _BY_AXIS], activity)
+        self._quiescence.learn(self._time, lambda times: self._what_came(newest + (times - time) / self._step))
+        activity = [self._sizes[axis].activity for axis in AXIS_OF_TARGET]
+        activity += [max(abs(value), _LEAST_ACTIVITY) for value in motion[0, len(TARGETS):].tolist()]
+        trim = np.array([*self._trim, *[0.0] * (motion.shape[1] - len(AXES))])
+        return self._quiescence.assess(self._time, motion, np.sqrt(variance), np.array(activity), trim)
+
+    def _what_came(self, rows):
+        """The quantities that may be limited, at rows by number: measured, and for points as they were known then."""
+        attitude = self._history.at(rows)[:, _MEASURED]
+        parts = [attitude]
+        if self.settings.points:
+            now = self._nowcasts.at(rows - self._history.newest + self._nowcasts.newest)
+            still = np.zeros((rows.size, 3))
+            motion = np.hstack([now, still, attitude])
+            parts += [point_motion(point.place, self._trim, motion).mean[:, :2] for point in self.settings.points]
+        return np.hstack(parts)
 
     # -- for people
 
@@ -642,7 +711,7 @@ class MotionSize:
     def __init__(self, memory):
         self._memory = memory
         self._elapsed = 0.0
-        self._mean = math.nan
+        self.mean = math.nan
         self._square = self._rate_square = self._recent = _LEAST_VARIANCE
 
     def restart(self):
@@ -654,10 +723,10 @@ class MotionSize:
         self._elapsed += elapsed
         slow = elapsed / min(self._memory, self._elapsed) if elapsed > 0.0 else 0.0
         quick = min(1.0, elapsed / min(_ACTIVITY_TIME, max(self._elapsed, elapsed, 1e-9)))
-        if self._mean != self._mean:
-            self._mean = angle
-        self._mean += slow * (angle - self._mean)
-        square = (angle - self._mean) ** 2
+        if self.mean != self.mean:
+            self.mean = angle
+        self.mean += slow * (angle - self.mean)
+        square = (angle - self.mean) ** 2
         self._square += slow * (square - self._square)
         self._rate_square += slow * (rate * rate - self._rate_square)
         # both halves of the oscillation's energy, so that the size does not swing with the phase

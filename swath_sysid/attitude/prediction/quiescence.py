@@ -1,13 +1,14 @@
-"""How probable it is that the craft stays quiet: for launch, recovery and landing on deck.
+"""How probable it is that the craft stays quiet, and when it will: for launch, recovery and landing on deck.
 
 Errors of one forecast are correlated along the horizon, so that probabilities of single leads cannot
-be multiplied.  Past error trajectories, whole horizons of both axes, each over the size of the motion
+be multiplied.  Past error trajectories, whole horizons of all that may be limited, each over the size of the motion
 then, are laid over the present forecast instead (a causal ensemble, as in ensemble dressing: Roulston
 and Smith 2003), and the members that stay inside are counted.
 """
 import math
 from collections import deque
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -17,6 +18,26 @@ from swath_sysid.common.errors import InputError
 _ENOUGH = 30
 _SIZE_MEMORY = 60.0
 """s; a shorter one follows groups of waves, in which the errors grow less than the motion does."""
+
+
+ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
+"""What can be limited of every craft; of each point, its heave and vertical velocity, too."""
+
+
+@dataclass(frozen=True)
+class PointLimits:
+    """What counts as quiet at a named point.
+
+    Attributes
+    ----------
+    name : str
+    heave, vertical_velocity : float
+        Largest either way, m about the mean level and m/s; infinite: does not matter.
+    """
+
+    name: str
+    heave: float = math.inf
+    vertical_velocity: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -30,7 +51,12 @@ class QuiescenceLimits:
     roll_rate, pitch_rate : float
         Largest rates either way, rad/s.
     duration : float
-        s from now.
+        s from now for the probability, and the least length of a window of calm.
+    points : tuple of PointLimits
+    about_trim : bool
+        The angles' limits are about the present trim.
+    probability : float
+        With which a window of calm is to hold.
     """
 
     roll: float = math.inf
@@ -38,18 +64,52 @@ class QuiescenceLimits:
     roll_rate: float = math.inf
     pitch_rate: float = math.inf
     duration: float = 5.0
+    points: tuple[PointLimits, ...] = ()
+    about_trim: bool = False
+    probability: float = 0.9
 
     def __post_init__(self):
-        for name, value in vars(self).items():
+        limits = {name: getattr(self, name) for name in (*ATTITUDE, 'duration')}
+        for point in self.points:
+            limits |= {quantity_at(point.name, kind): getattr(point, kind) for kind in AT_A_POINT}
+        for name, value in limits.items():
             if not value > 0.0:
                 raise InputError(f'the quiescence limit {name} must be positive, not {value}')
         if not math.isfinite(self.duration):
             raise InputError('the duration of quiescence must be finite')
+        if not 0.0 < self.probability < 1.0:
+            raise InputError(f'the probability of a window of calm must be between 0 and 1, not {self.probability}')
 
-    @property
-    def as_array(self):
-        """Shape (2, 2): axis, then angle and rate."""
-        return np.array([[self.roll, self.roll_rate], [self.pitch, self.pitch_rate]])
+    def bounds(self, quantities):
+        """The limits of quantities by name, shape (V,); infinite where there is none."""
+        of_points = {
+            quantity_at(point.name, kind): getattr(point, kind) for point in self.points for kind in AT_A_POINT
+        }
+        return np.array([of_points.get(name, getattr(self, name, math.inf)) for name in quantities])
+
+
+AT_A_POINT = ('heave', 'vertical_velocity')
+
+
+def quantity_at(point, kind):
+    """The name of what is limited at a point."""
+    return f'{point}.{kind}'
+
+
+class CalmWindow(NamedTuple):
+    """When the craft will be quiet.
+
+    Attributes
+    ----------
+    begin, end : float
+        s from now.
+    probability : float
+        Of keeping all limits from begin to end.
+    """
+
+    begin: float
+    end: float
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -119,32 +179,36 @@ class ReliabilityRecord:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _Issued:
     stamp: float
     motion: np.ndarray
     size: np.ndarray
+    trim: np.ndarray
     probability: float
 
 
 class Quiescence:
-    """Running probability of staying inside the limits.
+    """Running probability of staying inside the limits, and the next window of calm.
 
     Parameters
     ----------
     limits : QuiescenceLimits
     leads : ndarray, shape (H,)
-        Of the horizon, s; those up to the duration are used, and one at least must be.
+        Of the horizon, s; one at least must be inside the duration.
+    quantities : sequence of str, length V
+        What is forecast and may be limited.
     members : int
         Past error trajectories kept.
     spacing : float
         s between them.
     """
 
-    def __init__(self, limits, leads, members=300, spacing=1.0):
-        self._used = leads <= limits.duration + 1e-9
-        self._leads = leads[self._used]
+    def __init__(self, limits, leads, quantities=ATTITUDE, members=300, spacing=1.0):
+        self._leads = leads
+        self._within = int(np.sum(leads <= limits.duration + 1e-9))
+        self._quantities = tuple(quantities)
         self._spacing = spacing
-        self._errors = np.full((*limits.as_array.shape, members, self._leads.size), math.nan)
+        self._errors = np.full((len(self._quantities), members, leads.size), math.nan)
         self._members = members
         self._seen = 0
         self.clear()
@@ -157,18 +221,20 @@ class Quiescence:
         ----------
         limits : QuiescenceLimits
         """
-        whole = limits.as_array
+        whole = limits.bounds(self._quantities)
         # only what is limited can end the quiet
         self._bounded = np.isfinite(whole)
         self._bound = whole[self._bounded]
+        self._asked = limits.probability
+        self._about_trim = limits.about_trim
         self.record = ReliabilityRecord()
-        self._pending = deque(replace(told, probability=math.nan) for told in self._pending)
+        self._pending = deque(replace(issued, probability=math.nan) for issued in self._pending)
 
     def clear(self):
         """Forget forecasts that have not come true yet."""
         self._pending = deque()
         self._last = math.nan
-        self._square = np.zeros(2)
+        self._square = np.zeros(len(self._quantities))
 
     def learn(self, now, motion_at):
         """Take in the error trajectories that have become known.
@@ -178,69 +244,96 @@ class Quiescence:
         now : float
             s.
         motion_at : callable
-            From stamps, shape (H,), to the measured motion, shape (H, 2, 2): axis, then angle and rate.
+            From stamps, shape (H,), to what was measured of the quantities, shape (H, V).
         """
         while self._pending and self._pending[0].stamp + self._leads[-1] <= now + 1e-9:
-            told = self._pending.popleft()
-            actual = motion_at(told.stamp + self._leads)
-            error = (actual - told.motion) / told.size[:, None]
-            self._errors[:, :, self._seen % self._members] = np.moveaxis(error, 0, -1)
+            issued = self._pending.popleft()
+            actual = motion_at(issued.stamp + self._leads)
+            self._errors[:, self._seen % self._members] = ((actual - issued.motion) / issued.size).T
             self._seen += 1
-            actual = actual[:, self._bounded]
-            if told.probability == told.probability and np.isfinite(actual).all():
-                self.record.add(told.probability, bool((np.abs(actual) <= self._bound).all()))
+            actual = (actual - issued.trim)[:self._within, self._bounded]
+            if issued.probability == issued.probability and np.isfinite(actual).all():
+                self.record.add(issued.probability, bool((np.abs(actual) <= self._bound).all()))
 
-    def probability(self, now, motion, deviation, activity):
-        """Probability of staying inside, for the forecast issued now.
+    def assess(self, now, motion, deviation, activity, trim=None):
+        """Probability of staying inside, for the forecast issued now, and when the craft will next be quiet.
 
         Parameters
         ----------
         now : float
             s.
-        motion, deviation : ndarray, shape (H, 2, 2)
-            Forecast over the whole horizon and its standard deviation; axis, then angle and rate. NaN for
-            an axis that is not measured.
-        activity : ndarray, shape (2,)
-            Present size of the motion by axis, rad; positive.
+        motion, deviation : ndarray, shape (H, V)
+            Forecast of the quantities over the whole horizon and its standard deviation. NaN for what is not measured.
+        activity : ndarray, shape (V,)
+            Present size of each quantity's motion; positive.
+        trim : ndarray, shape (V,), optional
+            About which limits may be.
 
         Returns
         -------
-        float
-            NaN where nothing is limited, or what is limited is not measured.
+        probability : float
+            Of staying quiet from now on for the duration; NaN where nothing is limited, or what is limited is not
+            measured.
+        window : CalmWindow or None
         """
-        motion = motion[self._used]
         size = self._follow_size(now, activity)
-        result = math.nan
+        about = np.zeros(len(self._quantities)) if trim is None or not self._about_trim else trim
+        probability, window = math.nan, None
         if self._bound.size and np.isfinite(motion[:, self._bounded]).all():
-            result = self._by_members(motion, size)
-            if result is None:
-                result = self._by_marginals(motion, deviation[self._used])
+            centred = motion - about
+            inside = self._members_inside(centred, size)
+            if inside is None:
+                probability = self._by_marginals(centred[:self._within], deviation[:self._within])
+            else:
+                probability = _share(inside[:, :self._within].all(axis=1))
+                window = self._calm_window(inside)
         if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
-            self._pending.append(_Told(now, motion, size, result))
-        return result
+            self._pending.append(_Issued(now, motion, size, about, probability))
+        return probability, window
 
     def _follow_size(self, now, activity):
-        """Size of the motion lately, shape (2,)."""
+        """Size of the motion lately, shape (V,)."""
         elapsed, self._last = now - self._last, now
         gain = elapsed / (_SIZE_MEMORY + elapsed) if elapsed > 0.0 else 1.0
-        self._square = self._square + gain * (activity * activity - self._square)
+        square = activity * activity
+        # what was not known until now begins with its first size
+        self._square = np.where(np.isnan(self._square), square, self._square + gain * (square - self._square))
         return np.sqrt(self._square)
 
-    def _by_members(self, motion, size):
-        """None before enough is known."""
+    def _members_inside(self, motion, size):
+        """Whether each member is inside at each lead, shape (members, H); None before enough is known."""
         # forecasts grow better as the sea is learnt: while little is known, its older half is left out
         count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
         known = np.arange(self._seen - count, self._seen) % self._members
-        inside = np.ones(count, dtype=bool)
-        complete = inside.copy()
-        for (axis, kind), bound in zip(np.argwhere(self._bounded), self._bound, strict=True):
-            members = self._errors[axis, kind][known] * size[axis] + motion[:, axis, kind]
-            largest = np.abs(members).max(axis=1)
-            complete &= np.isfinite(largest)
-            inside &= largest <= bound
-        count = int(complete.sum())
-        # no count of a finite ensemble proves zero or one
-        return (int(inside.sum()) + 0.5) / (count + 1.0) if count >= _ENOUGH else None
+        inside = np.ones((count, self._leads.size), dtype=bool)
+        complete = np.ones(count, dtype=bool)
+        for quantity, bound in zip(np.flatnonzero(self._bounded), self._bound, strict=True):
+            members = self._errors[quantity, known] * size[quantity] + motion[:, quantity]
+            complete &= np.isfinite(members).all(axis=1)
+            inside &= np.abs(members) <= bound
+        return inside[complete] if complete.sum() >= _ENOUGH else None
+
+    def _calm_window(self, inside):
+        """The first stretch as long as the duration that is quiet with the asked probability, to its end."""
+        members, leads = inside.shape
+        # how many leads each member stays inside, from each lead on
+        lasting = np.zeros((members, leads + 1), dtype=int)
+        for lead in range(leads - 1, -1, -1):
+            lasting[:, lead] = inside[:, lead] * (1 + lasting[:, lead + 1])
+        needed = math.ceil(self._asked * (members + 1.0) - 0.5)
+        if needed > members:
+            return None
+        longest = np.partition(lasting[:, :leads], members - needed, axis=0)[members - needed]
+        begins = np.flatnonzero(longest >= self._within)
+        if not begins.size:
+            return None
+        begin = begins[0]
+        last = begin + longest[begin] - 1
+        return CalmWindow(
+            0.0 if begin == 0 else float(self._leads[begin]),
+            float(self._leads[last]),
+            _share(lasting[:, begin] >= longest[begin]),
+        )
 
     def _by_marginals(self, motion, deviation):
         # before any experience: the worst single lead, as if the errors along the horizon were one
@@ -249,3 +342,7 @@ class Quiescence:
         lower = ndtr((-self._bound - motion) / wide)
         return float(np.min(upper - lower))
 
+
+def _share(inside):
+    # no count of a finite ensemble proves zero or one
+    return (int(inside.sum()) + 0.5) / (inside.size + 1.0)

@@ -9,6 +9,7 @@ from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
+from swath_sysid.attitude.prediction.vertical import ATTITUDE, FORCE, VerticalFit, VerticalRequest, fit_vertical
 
 ALL_CHANNELS, SHORT_MEMORY, EACH_ALONE = 'waves', 'waves-short', 'axis-alone'
 SEA_MODELS = (SHORT_MEMORY, ALL_CHANNELS, EACH_ALONE)
@@ -36,6 +37,8 @@ class SeaRequest:
         Oldest first; NaN where a sample or a channel is missing.
     excitations : dict of str to ExcitationRequest
         By axis with an identified hull.
+    vertical : VerticalRequest or None
+        None: vertical motion is not asked for.
     """
 
     time: float
@@ -43,6 +46,7 @@ class SeaRequest:
     names: tuple[str, ...]
     values: np.ndarray
     excitations: dict[str, ExcitationRequest] = field(default_factory=dict)
+    vertical: VerticalRequest | None = None
 
 
 @dataclass(frozen=True)
@@ -57,11 +61,14 @@ class SeaFit:
         Of `SEA_MODELS`; one that the past does not suffice for is left out.
     excitations : dict of str to ExcitationFit
         By axis; likewise.
+    vertical : VerticalFit or None
+        With the waves of all channels.
     """
 
     time: float
     waves: dict[str, InnovationsModel]
     excitations: dict[str, ExcitationFit]
+    vertical: VerticalFit | None = None
 
 
 def fit_sea(request):
@@ -82,11 +89,29 @@ def fit_sea(request):
         EACH_ALONE: identify_alone(past, names, step, AXES),
     }
     excitations = {axis: fit_excitation(asked) for axis, asked in request.excitations.items()}
+    vertical = None
+    if request.vertical is not None and waves[ALL_CHANNELS] is not None:
+        vertical = _fit_vertical(request, waves[ALL_CHANNELS])
     return SeaFit(
         request.time,
         {name: model for name, model in waves.items() if model is not None},
         {axis: fit for axis, fit in excitations.items() if fit is not None},
+        vertical,
     )
+
+
+def _fit_vertical(request, model):
+    """From the newest stretch of the past that is whole in all that is needed."""
+    needed = sorted({*model.places, *(request.names.index(name) for name in (*ATTITUDE, *FORCE))})
+    rows = np.full_like(request.values, math.nan)
+    rows[:, needed] = request.values[:, needed]
+    numbered = newest_stretch(np.vstack([rows[:, needed].T, np.arange(float(len(rows)))]), request.step)
+    if not numbered.size:
+        return None
+    stretch = np.full((numbered.shape[1], rows.shape[1]), math.nan)
+    stretch[:, needed] = numbered[:-1].T
+    age = len(rows) - 1 - int(numbered[-1, -1])
+    return fit_vertical(stretch, request.names, request.step, model, request.vertical, age)
 
 
 def newest_stretch(channels, step):

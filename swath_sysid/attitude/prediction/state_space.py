@@ -109,6 +109,16 @@ class InnovationsFilter:
         self._told = None
         self.strain = 1.0
 
+    @property
+    def state(self):
+        """The state after the newest row, shape (n,)."""
+        return self._x
+
+    @property
+    def state_covariance(self):
+        """Of its error, shape (n, n); None where it is known."""
+        return self._p
+
     def seed(self, rows):
         """Start anew and step through the recent past.
 

@@ -21,6 +21,8 @@ class NodeParameters:
         Turns a dict of all values into the settings of the core, or raises `InputError`.
     on_change : callable, optional
         Called with the new settings after a change was accepted.
+    further : callable, optional
+        Turns the values into a table of parameters that exist only with them.
 
     Raises
     ------
@@ -30,12 +32,13 @@ class NodeParameters:
 
     def __init__(
         self, node: Node, table: Table, settings_of: Callable[[Values], Any],
-        on_change: Callable[[Any], None] | None = None,
+        on_change: Callable[[Any], None] | None = None, further: Callable[[Values], Table] = lambda values: (),
     ):
-        self._names = {parameter.name for parameter in table}
         self._settings_of = settings_of
         self._on_change = on_change
-        self.values = {p.name: _plain(node.declare_parameter(p.name, p.default, _descriptor(p)).value) for p in table}
+        self.values = _declared(node, table)
+        self.values |= _declared(node, further(self.values))
+        self._names = set(self.values)
         self.settings = settings_of(self.values)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
@@ -61,6 +64,10 @@ class NodeParameters:
             self.settings = self._settings_of(changed)
             if self._on_change is not None:
                 self._on_change(self.settings)
+
+
+def _declared(node: Node, table: Table) -> Values:
+    return {p.name: _plain(node.declare_parameter(p.name, p.default, _descriptor(p)).value) for p in table}
 
 
 def _plain(value: Any) -> Any:

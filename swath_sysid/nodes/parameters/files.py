@@ -24,6 +24,11 @@ def table_of(node_name: str) -> Table:
     return import_module(f'swath_sysid.nodes.parameters.{node_name}').TABLE
 
 
+def _further(node_name: str, values: Values) -> Table:
+    further = getattr(import_module(f'swath_sysid.nodes.parameters.{node_name}'), 'further', None)
+    return () if further is None else further(values)
+
+
 def _applying(node_name: str) -> tuple[str, ...]:
     """The sections of a parameter file that hold for a node."""
     return '/**', node_name, f'/{node_name}', f'/**/{node_name}'
@@ -122,6 +127,11 @@ def values_from_file(path: str | Path | None, node_name: str) -> Values:
         return values
     for section, content in [*moved_parameters(path, node_name).items(), *_sections(path).items()]:
         if section in _applying(node_name):
+            content = {**content}
+            for name in [name for name in values if name in content]:
+                values[name] = _of_type(values[name], content.pop(name), name, path)
+            # parameters that exist only with the values of others
+            values = {**defaults(_further(node_name, values)), **values}
             for name, value in content.items():
                 if name in values:
                     values[name] = _of_type(values[name], value, name, path)

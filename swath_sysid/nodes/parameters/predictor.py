@@ -1,14 +1,18 @@
 """The parameters of predictor."""
+import re
 from math import inf, radians
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
-from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.attitude.prediction.point import Point
+from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
+from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.parameter import (
     DIAGNOSTICS,
     SENSOR,
     NodeParameter,
+    Table,
     Values,
     check,
     installation,
@@ -57,6 +61,23 @@ TABLE = (
         0.0, 120.0, read_only=True,
     ),
     NodeParameter(
+        'quiet_heave_m', 0.0, 'Largest heave either way, about the mean level, of a quiet craft at each of points; '
+        '0: does not matter', 'm', 0.0, 100.0,
+    ),
+    NodeParameter(
+        'quiet_vertical_velocity_m_s', 0.0, 'Largest vertical velocity either way of a quiet craft at each of points; '
+        '0: does not matter', 'm/s', 0.0, 100.0,
+    ),
+    NodeParameter('quiet_about_trim', False, 'The limits of roll and pitch are about the present trim'),
+    NodeParameter(
+        'quiet_probability', QuiescenceLimits().probability, 'With which a window of calm on forecast/calm is to hold',
+        '', 0.01, 0.999,
+    ),
+    NodeParameter(
+        'points', [''], 'Names of points whose vertical motion is forecast, as in [bow, crane_tip]; each has a '
+        'parameter points.NAME, [x, y, z] in m from the sensor, forward, port, up', read_only=True,
+    ),
+    NodeParameter(
         'loading', 0.0, 'Draft or displacement the craft floats at, in the unit its model is scheduled on; '
         '0: as published on craft/loading, or not known', '', 0.0, 1e9,
     ),
@@ -72,9 +93,29 @@ TABLE = (
 )
 
 
+def further(values: Values) -> Table:
+    """The places of the points that are named; raises `InputError` for names that no topic can have."""
+    names = [name for name in values['points'] if name]
+    for name in names:
+        if not re.fullmatch(r'[a-z][a-z0-9_]*', name) or names.count(name) > 1:
+            raise InputError(
+                f"the parameter points cannot hold '{name}': give each point a name of its own, of small letters, "
+                'digits and underscores'
+            )
+    return tuple(
+        NodeParameter(
+            f'points.{name}', [0.0, 0.0, 0.0], f'Place of {name} from the sensor: forward, port, up', 'm',
+            -1000.0, 1000.0, read_only=True,
+        ) for name in names
+    )
+
+
 def pipeline_settings(values: Values) -> PipelineSettings:
     """Settings of predictor's core; raises `InputError` where a value is not allowed."""
-    check(TABLE, values)
+    places = further(values)
+    check((*TABLE, *places), values)
+    if any(len(values[place.name]) != 3 for place in places):
+        raise InputError('the parameters points.NAME take three lengths (forward, port, up), as in [2.5, 0.0, 0.0]')
     return PipelineSettings(
         installation=installation(values),
         stamps=stamp_settings(values),
@@ -90,6 +131,7 @@ def pipeline_settings(values: Values) -> PipelineSettings:
             refit_interval=values['waves_refit_interval_s'],
             first_refit=values['waves_first_fit_s'],
             quiescence=quiescence_limits(values),
+            points=tuple(Point(p.name.removeprefix('points.'), tuple(values[p.name])) for p in places),
         ),
     )
 
@@ -103,4 +145,8 @@ def quiescence_limits(values: Values) -> QuiescenceLimits:
     return QuiescenceLimits(
         roll=limit('quiet_roll_deg'), pitch=limit('quiet_pitch_deg'), roll_rate=limit('quiet_roll_rate_deg_s'),
         pitch_rate=limit('quiet_pitch_rate_deg_s'), duration=values['quiet_for_s'] or values['horizon_s'],
+        points=tuple(
+            PointLimits(name, values['quiet_heave_m'] or inf, values['quiet_vertical_velocity_m_s'] or inf)
+            for name in values['points'] if name
+        ), about_trim=values['quiet_about_trim'], probability=values['quiet_probability'],
     )

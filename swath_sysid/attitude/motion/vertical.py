@@ -1,0 +1,125 @@
+"""Vertical motion from what an IMU measures: acceleration in the world, heave and vertical velocity from it.
+
+Gravity is removed by the orientation.  What is integrated is known above a lowest frequency only, so heave and velocity
+are about their mean: the level about which the craft heaves.
+"""
+import numpy as np
+from scipy import fft
+
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, up_in_body
+
+BAND_HZ = (0.04, 1.5)
+"""Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise."""
+
+EDGE = 30.0
+"""s at either end of a stretch where its zero-phase integrals are not yet what a longer stretch would give."""
+
+HEAVE, VELOCITY, ACCELERATION = 2, 1, 0
+"""How often the vertical acceleration is integrated."""
+
+_LEAKS = ((4.0,), (12.0,), (4.0, 6.0))
+"""s; time constants of the leaky integrals, one after another."""
+
+
+def vertical_acceleration(roll, pitch, specific_force):
+    """Acceleration along the world's vertical, upwards, without gravity.
+
+    Parameters
+    ----------
+    roll, pitch : float or ndarray
+        rad.
+    specific_force : ndarray, shape (3,) or (N, 3)
+        In the craft's axes, m/s^2.
+
+    Returns
+    -------
+    ndarray
+        m/s^2.
+    """
+    upwards = sum(up * force for up, force in zip(up_in_body(roll, pitch), specific_force.T, strict=True))
+    return upwards - STANDARD_GRAVITY
+
+
+def zero_phase_integral(signal, step, times, delay=0.0):
+    """Integrated so many times over `BAND_HZ`, with no phase error: it looks both ways, so it is for the past only.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (N,)
+        At even steps; finite.
+    step : float
+        s.
+    times : int
+        Negative: differentiated.
+    delay : float
+        s by which the signal lags behind the motion.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Right from `EDGE` on and up to `EDGE` before the end.
+    """
+    size = fft.next_fast_len(signal.size, real=True)
+    frequency = fft.rfftfreq(size, step)
+    inside = (frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1])
+    s = 2j * np.pi * frequency[inside]
+    spectrum = np.zeros(frequency.size, dtype=complex)
+    spectrum[inside] = fft.rfft(signal - signal.mean(), size)[inside] * np.exp(s * delay) / s**times
+    return fft.irfft(spectrum, size)[:signal.size]
+
+
+class LeakyIntegrals:
+    """Causal integrals of the vertical acceleration that forget: what is known now of velocity and heave.
+
+    Parameters
+    ----------
+    step : float
+        s between rows.
+    """
+
+    COUNT = len(_LEAKS)
+
+    def __init__(self, step):
+        self._step = step
+        self._kept = [[np.exp(-step / constant) for constant in chain] for chain in _LEAKS]
+        self.restart()
+
+    def restart(self):
+        """From rest."""
+        self._states = [[0.0] * len(chain) for chain in _LEAKS]
+
+    def take(self, acceleration):
+        """One row more.
+
+        Parameters
+        ----------
+        acceleration : float
+            m/s^2; NaN is held to be zero.
+        """
+        new = acceleration if acceleration == acceleration else 0.0
+        for kept, states in zip(self._kept, self._states, strict=True):
+            value = new
+            for place, factor in enumerate(kept):
+                value = states[place] = factor * states[place] + self._step * value
+
+    @property
+    def values(self):
+        """Shape (3,): m/s, m/s and m."""
+        return np.array([states[-1] for states in self._states])
+
+    def of(self, acceleration):
+        """The integrals of a whole stretch from rest, shape (N, 3).
+
+        Parameters
+        ----------
+        acceleration : ndarray, shape (N,)
+        """
+        from scipy.signal import lfilter
+
+        columns = []
+        for kept in self._kept:
+            value = acceleration
+            for factor in kept:
+                value = lfilter([self._step], [1.0, -factor], value)
+            columns.append(value)
+        return np.stack(columns, axis=1)

@@ -1,0 +1,127 @@
+"""Motion at named points of the craft, away from the sensor: the lever arm with the whole rotation.
+
+With u(roll, pitch) the world's vertical in the craft's axes and r the point, its height above the sensor is u . r, its
+vertical velocity and acceleration the derivatives of that in time (Fossen 2021, section 2.2, of the third row of the
+rotation matrix).
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+POINT_MOTION = ('heave', 'vertical_velocity', 'vertical_acceleration')
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of the craft.
+
+    Attributes
+    ----------
+    name : str
+    place : tuple of 3 floats
+        m from the sensor, x forward, y port, z up.
+    """
+
+    name: str
+    place: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """Vertical motion of a point at L leads.
+
+    Attributes
+    ----------
+    place : tuple of 3 floats
+        m from the sensor.
+    mean : ndarray, shape (L, 3)
+        `POINT_MOTION`: m about the mean level, m/s, m/s^2.
+    covariance : ndarray, shape (L, 7, 7), or None
+        Of these and of roll, pitch and their rates.
+    """
+
+    place: tuple[float, float, float]
+    mean: np.ndarray
+    covariance: np.ndarray | None
+
+    def at(self, chosen):
+        """Of some of the leads."""
+        return PointMotion(self.place, self.mean[chosen], self.covariance[chosen])
+
+
+def height_partials(place, roll, pitch):
+    """Height of a point above the sensor, u . r, and its partial derivatives.
+
+    Parameters
+    ----------
+    place : sequence of 3 floats
+        r, m.
+    roll, pitch : ndarray, shape (L,)
+        rad.
+
+    Returns
+    -------
+    dict of (int, int) to ndarray, shape (L,)
+        By the number of derivatives in roll and in pitch, up to three in all.
+    """
+    x, y, z = place
+    # a derivative of a sine is the sine a quarter turn on
+    sine_roll, cosine_roll, sine_pitch, cosine_pitch = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
+    athwart = [y * sine_roll + z * cosine_roll, y * cosine_roll - z * sine_roll]
+    along = [cosine_pitch, -sine_pitch]
+    sign = (1.0, 1.0, -1.0, -1.0)
+    partials = {}
+    for in_roll in range(4):
+        for in_pitch in range(4 - in_roll):
+            turned = sign[in_roll] * sign[in_pitch]
+            partials[in_roll, in_pitch] = turned * athwart[in_roll % 2] * along[in_pitch % 2]
+    for in_pitch, sine in enumerate((sine_pitch, cosine_pitch, -sine_pitch, -cosine_pitch)):
+        partials[0, in_pitch] = partials[0, in_pitch] - x * sine
+    return partials
+
+
+def point_motion(place, mean_attitude, motion, covariance=None):
+    """Vertical motion at a point from that at the sensor, with its covariance to first order.
+
+    Parameters
+    ----------
+    place : sequence of 3 floats
+        m from the sensor.
+    mean_attitude : tuple of 2 floats
+        Roll and pitch about which the craft moves, rad: there the point is at its mean level.
+    motion : ndarray, shape (L, 9)
+        Heave, vertical velocity and acceleration, roll and pitch acceleration, roll, pitch and their rates.
+    covariance : ndarray, shape (L, 9, 9), optional
+        Of these.
+
+    Returns
+    -------
+    PointMotion
+    """
+    heave, velocity, acceleration, roll_acc, pitch_acc, roll, pitch, roll_rate, pitch_rate = motion.T
+
+    h = height_partials(place, roll, pitch)
+
+    def turning(i, j):
+        """(d/dt)^2 of u . r, differentiated i times in roll and j times in pitch."""
+        return (
+            h[i + 2, j] * roll_rate**2 + 2.0 * h[i + 1, j + 1] * roll_rate * pitch_rate + h[i, j + 2] * pitch_rate**2
+            + h[i + 1, j] * roll_acc + h[i, j + 1] * pitch_acc
+        )  # fmt: skip
+
+    level = height_partials(place, *mean_attitude)[0, 0]
+    velocity_of_turning = h[1, 0] * roll_rate + h[0, 1] * pitch_rate
+    mean = np.stack([heave + h[0, 0] - level, velocity + velocity_of_turning, acceleration + turning(0, 0)], axis=1)
+    if covariance is None:
+        return PointMotion(place, mean, None)
+    jacobian = np.zeros((roll.size, 7, 9))
+    jacobian[:, (0, 1, 2, 3, 4, 5, 6), (0, 1, 2, 5, 6, 7, 8)] = 1.0
+    jacobian[:, 0, 5], jacobian[:, 0, 6] = h[1, 0], h[0, 1]
+    # the rows below are the derivatives in time of the row above: those in the rates are those in the angles there
+    jacobian[:, 1, 5] = h[2, 0] * roll_rate + h[1, 1] * pitch_rate
+    jacobian[:, 1, 6] = h[1, 1] * roll_rate + h[0, 2] * pitch_rate
+    jacobian[:, 1, 7], jacobian[:, 1, 8] = h[1, 0], h[0, 1]
+    jacobian[:, 2, 3], jacobian[:, 2, 4] = h[1, 0], h[0, 1]
+    jacobian[:, 2, 5], jacobian[:, 2, 6] = turning(1, 0), turning(0, 1)
+    jacobian[:, 2, 7], jacobian[:, 2, 8] = 2.0 * jacobian[:, 1, 5], 2.0 * jacobian[:, 1, 6]
+    return PointMotion(place, mean, jacobian @ covariance @ jacobian.transpose(0, 2, 1))

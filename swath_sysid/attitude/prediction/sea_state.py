@@ -1,0 +1,157 @@
+"""The sea from the craft's own motion: height and periods of the heave at the sensor, and the axis of the waves.
+
+What the craft heaves, not the sea itself: a craft does not follow waves shorter than a few of its lengths, and
+under way its periods are those of encounter.
+"""
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.motion.vertical import BAND_HZ
+from swath_sysid.common.errors import InputError
+
+LEAST_DURATION = 300.0
+"""s; a shorter record holds too few waves."""
+
+_SEGMENT = 200.0
+"""s; resolves the peak of a swell of 20 s and leaves ten segments in 20 minutes."""
+_INDEPENDENT_BINS = 1.5
+"""Bandwidth of a Hann window in bins (Harris 1978, table 1)."""
+_SEGMENTS_IN_EFFECT = 0.95
+"""Independent segments of N halfway overlapping ones under a Hann window over N / 2 (Welch 1967)."""
+_COHERENT = 0.6
+_DRAWS = 400
+
+
+@dataclass(frozen=True)
+class SeaState:
+    """What the motion of a record says of the sea.
+
+    Attributes
+    ----------
+    duration : float
+        s of motion.
+    significant_height, significant_height_std : float
+        Four standard deviations of the heave, m.
+    mean_period, mean_period_std : float
+        Mean zero-crossing period sqrt(m0 / m2), s.
+    peak_period : float
+        s; of the largest value of the spectrum.
+    peak_period_interval : tuple of 2 floats
+        Central 95 %, s.
+    axis, axis_std : float
+        Along which the waves run, rad from the bow, positive to port, from -pi/2 to pi/2: either way along it. NaN
+        where heave and slope are not coherent.
+    frequency, spectrum : ndarray, shape (F,)
+        Hz and m^2/Hz.
+    """
+
+    duration: float
+    significant_height: float
+    significant_height_std: float
+    mean_period: float
+    mean_period_std: float
+    peak_period: float
+    peak_period_interval: tuple[float, float]
+    axis: float
+    axis_std: float
+    frequency: np.ndarray
+    spectrum: np.ndarray
+
+
+def sea_state(acceleration, roll, pitch, step, seed=0):
+    """The sea from vertical acceleration and attitude.
+
+    Parameters
+    ----------
+    acceleration, roll, pitch : ndarray, shape (N,)
+        m/s^2 upwards and rad, at even steps, finite.
+    step : float
+        s.
+    seed : int
+        Of the draws that give the interval of the peak period.
+
+    Returns
+    -------
+    SeaState
+
+    Raises
+    ------
+    InputError
+        Where the record is too short or the craft does not move.
+    """
+    duration = acceleration.size * step
+    if not duration >= LEAST_DURATION:
+        raise InputError(
+            f'{duration:.0f} s of motion hold too few waves: a sea state needs {LEAST_DURATION / 60:.0f} min, better 20'
+        )
+    from scipy.signal import welch
+
+    how = {'fs': 1.0 / step, 'nperseg': round(min(_SEGMENT, duration / 3.0) / step)}
+    frequency, of_acceleration = welch(acceleration, **how)
+    inside = (frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1])
+    frequency = frequency[inside]
+    spectrum = of_acceleration[inside] / (2.0 * math.pi * frequency) ** 4
+    width = frequency[1] - frequency[0]
+    m0, m2 = spectrum.sum() * width, (spectrum * frequency**2).sum() * width
+    if not m0 > 0.0:
+        raise InputError('the craft does not heave: there is no sea state in this record')
+    # a spectrum of few segments is too large where it is squared, by its own variance
+    segments = _SEGMENTS_IN_EFFECT * (2.0 * duration / (how['nperseg'] * step) - 1.0)
+    squared = spectrum**2 / (1.0 + 1.0 / segments)
+    height = 4.0 * math.sqrt(m0)
+    of_m0 = (squared.sum() * width / duration) / m0**2
+    of_ratio = (squared * (1.0 / m0 - frequency**2 / m2) ** 2).sum() * width / duration
+    period = math.sqrt(m0 / m2)
+    axis, axis_std = _axis(acceleration, roll, pitch, how, inside, spectrum, segments)
+    return SeaState(
+        duration, height, 0.5 * height * math.sqrt(of_m0), period, 0.5 * period * math.sqrt(of_ratio),
+        1.0 / _peak_frequency(frequency, spectrum), _peak_interval(frequency, spectrum, segments, seed),
+        axis, axis_std, frequency, spectrum,
+    )  # fmt: skip
+
+
+def _peak_frequency(frequency, spectrum):
+    """Where the spectrum is largest, between bins by the parabola through the logarithms of three, shape (...)."""
+    top = np.clip(np.argmax(spectrum, axis=-1), 1, frequency.size - 2)
+    before, at, after = (
+        np.log(np.take_along_axis(spectrum, np.expand_dims(top + k, -1), axis=-1)[..., 0]) for k in (-1, 0, 1)
+    )
+    curvature = before - 2.0 * at + after
+    shift = np.where(curvature < 0.0, 0.5 * (before - after) / np.minimum(curvature, -1e-12), 0.0)
+    return frequency[top] + np.clip(shift, -0.5, 0.5) * (frequency[1] - frequency[0])
+
+
+def _peak_interval(frequency, spectrum, segments, seed):
+    """By draws of spectra that are as uncertain as this one (chi-squared), and half the resolution either way."""
+    rng = np.random.default_rng(seed)
+    groups = np.floor(np.arange(frequency.size) / _INDEPENDENT_BINS).astype(int)
+    drawn = rng.chisquare(2.0 * segments, (_DRAWS, groups[-1] + 1))[:, groups] / (2.0 * segments)
+    low, high = np.quantile(_peak_frequency(frequency, spectrum * drawn), (0.025, 0.975))
+    half = 0.5 * (frequency[1] - frequency[0])
+    return float(1.0 / (high + half)), float(1.0 / (low - half))
+
+
+def _axis(acceleration, roll, pitch, how, inside, spectrum, segments):
+    """The waves' axis: heave and the slopes along and across the craft are a quarter period apart.
+
+    The slope is -pitch along the bow and roll to port; acceleration is heave turned about.
+    """
+    from scipy.signal import csd, welch
+
+    slopes = [-pitch, roll]
+    of_heave = welch(acceleration, **how)[1][inside]
+    quadrature = np.array([csd(acceleration, slope, **how)[1][inside].imag for slope in slopes])
+    power = np.array([welch(slope, **how)[1][inside] for slope in slopes])
+    coherence = (quadrature**2).sum(axis=0) / np.maximum(of_heave * power.sum(axis=0), 1e-300)
+    weight = np.where(coherence > _COHERENT, spectrum, 0.0)
+    if not weight.sum() > 0.5 * spectrum.sum():
+        return math.nan, math.nan
+    along, across = quadrature / np.sqrt(of_heave)
+    angles = np.arctan2(across, along)
+    mean = (weight * np.exp(2j * angles)).sum() / weight.sum()
+    # each frequency's angle is as uncertain as its coherence leaves it (Bendat and Piersol 2010, section 9.1)
+    variance = (1.0 - coherence) / (2.0 * segments * np.maximum(coherence, _COHERENT))
+    std = math.sqrt((weight**2 * variance).sum() * _INDEPENDENT_BINS) / weight.sum()
+    return float(0.5 * np.angle(mean)), float(std)

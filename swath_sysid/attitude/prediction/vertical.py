@@ -1,0 +1,296 @@
+"""Forecasts of vertical motion: heave, vertical velocity and acceleration, from the state of the waves.
+
+The truth of heave is a zero-phase integral, known only half a minute later; until then it is regressed on the state
+space's state and on leaky integrals of the vertical acceleration.  (The integrals as channels of the state space would
+make it singular: they are functions of a channel that is there already.)
+"""
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from swath_sysid.attitude.motion.vertical import (
+    ACCELERATION,
+    EDGE,
+    HEAVE,
+    VELOCITY,
+    LeakyIntegrals,
+    vertical_acceleration,
+    zero_phase_integral,
+)
+from swath_sysid.attitude.prediction.state_space import cubic_weights
+
+VERTICAL = ('heave', 'vertical_velocity', 'vertical_acceleration', 'roll_acceleration', 'pitch_acceleration')
+"""What is forecast here; the angular accelerations are for points away from the sensor."""
+
+ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
+"""What is forecast elsewhere, with errors that are correlated with those here."""
+
+FORCE = ('accel_x', 'accel_y', 'accel_z')
+
+_TRAINING_STEP = 0.4
+"""s; rows nearer to each other say the same of waves below `BAND_HZ`."""
+_ROWS_A_REGRESSOR = 4.0
+_RIDGE = 1e-8
+_SCORED = 300.0
+"""s over which the intervals are calibrated."""
+_PRIOR_SCORES = 60.0
+"""s; so much weight has the variance in training beside that of the forecasts issued."""
+
+
+@dataclass(frozen=True)
+class VerticalFit:
+    """How vertical motion follows from what is known now.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (H, 9, P)
+        Of the P regressors (state, leaky integrals, one), for each of `VERTICAL` and `ATTITUDE` 0, 1, ... H - 1 rows
+        ahead.
+    covariance : ndarray, shape (H, 9, 9)
+        Of the errors, `VERTICAL` and then `ATTITUDE` by the same regression.
+    truth : ndarray, shape (N, 3)
+        Heave, velocity and acceleration until half a minute ago.
+    row : int
+        Number of the row of the last of ``truth``.
+    """
+
+    weights: np.ndarray
+    covariance: np.ndarray
+    truth: np.ndarray
+    row: int
+
+
+@dataclass(frozen=True)
+class VerticalMotion:
+    """Vertical motion at L leads, with that of the attitude.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (L, 5)
+        `VERTICAL`, SI units.
+    covariance : ndarray, shape (L, 9, 9)
+        Of `VERTICAL` and then `ATTITUDE`; the latter's block is that of the attitude forecast.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class VerticalRequest:
+    """What is to be learnt.
+
+    Attributes
+    ----------
+    ahead : int
+        H - 1: rows ahead that are to be forecast.
+    delay : float
+        s by which the accelerations lag behind the attitude.
+    row : int
+        Number of the newest row of the window.
+    """
+
+    ahead: int
+    delay: float = 0.0
+    row: int = 0
+
+
+def fit_vertical(stretch, names, step, model, request, age=0):
+    """Learn vertical motion from a stretch of complete rows.
+
+    Parameters
+    ----------
+    stretch : ndarray, shape (N, width)
+        Oldest first.
+    names : sequence of str, length width
+    step : float
+        s.
+    model : InnovationsModel
+        The waves; its state is found from its lags.
+    request : VerticalRequest
+    age : int
+        Rows from the end of the stretch to that of the window.
+
+    Returns
+    -------
+    VerticalFit or None
+        None where a channel is missing or the stretch is too short.
+    """
+    ahead, place = request.ahead, {name: number for number, name in enumerate(names)}
+    measured = stretch[:, [place[name] for name in (*ATTITUDE, *FORCE)]]
+    edge, every = round(EDGE / step), max(1, round(_TRAINING_STEP / step))
+    used = np.arange(max(edge, model.lags - 1), stretch.shape[0] - edge - ahead, every)
+    width = model.a.shape[0] + LeakyIntegrals.COUNT + 1
+    if not model.lags or used.size < _ROWS_A_REGRESSOR * width or not np.isfinite(measured).all():
+        return None
+    acceleration = vertical_acceleration(measured[:, 0], measured[:, 1], measured[:, 4:])
+    truth = np.stack([
+        *(zero_phase_integral(acceleration, step, times, request.delay) for times in (HEAVE, VELOCITY, ACCELERATION)),
+        *(zero_phase_integral(rate, step, -1) for rate in measured[:, 2:4].T),
+    ], axis=1)  # fmt: skip
+    states = states_from_lags(model, stretch[:, model.places], used)
+    regressors = np.hstack([states, LeakyIntegrals(step).of(acceleration)[used], np.ones((used.size, 1))])
+    targets = np.hstack([truth, measured[:, :4]])[used[:, None] + np.arange(ahead + 1)]
+    flat = targets.reshape(used.size, -1)
+    gram = regressors.T @ regressors
+    gram[np.diag_indices(width)] *= 1.0 + _RIDGE
+    found = np.linalg.solve(gram, regressors.T @ flat)
+    errors = (flat - regressors @ found).reshape(targets.shape).transpose(1, 2, 0)
+    return VerticalFit(
+        found.T.reshape(ahead + 1, -1, width),
+        errors @ errors.transpose(0, 2, 1) / (used.size - width),
+        truth[edge:-edge, :3],
+        request.row - age - edge,
+    )  # fmt: skip
+
+
+def states_from_lags(model, past, used):
+    """The state of the waves after rows, from the lags that each ends.
+
+    Parameters
+    ----------
+    model : InnovationsModel
+    past : ndarray, shape (N, C)
+        The model's channels.
+    used : ndarray of int, shape (M,)
+        Each at least ``model.lags - 1``.
+
+    Returns
+    -------
+    ndarray, shape (M, n)
+    """
+    z = (past - model.mean) / model.scale
+    newest_first = sliding_window_view(z, model.lags, axis=0)[used - (model.lags - 1)][:, :, ::-1]
+    return newest_first.transpose(0, 2, 1).reshape(used.size, -1) @ model.from_lags.T
+
+
+class VerticalForecaster:
+    """Vertical motion ahead, row by row.
+
+    Parameters
+    ----------
+    step : float
+        s between rows.
+    ahead : int
+        Rows ahead that are forecast.
+    """
+
+    def __init__(self, step, ahead):
+        self.ahead = ahead
+        self._step = step
+        self._integrals = LeakyIntegrals(step)
+        self._fit = self._state = self._mean = None
+        # forecasts by the number of the row after which they were issued, until their truth is known
+        self._issued = np.full((round((_SCORED + 2.0 * EDGE) / step) + ahead, ahead + 1, 3), np.nan)
+        self._rows = 0
+
+    def install(self, fit, newest, waves):
+        """Use what was learnt, calibrated by how the forecasts issued so far came true.
+
+        Parameters
+        ----------
+        fit : VerticalFit or None
+            None: forget what was learnt.
+        newest : int
+            Number of the newest row.
+        waves : InnovationsFilter
+            That of the model with which the fit was made, after the newest row.
+        """
+        self._fit = fit
+        if fit is None:
+            self._mean = None
+            return
+        kept, leads = self._issued.shape[0], np.arange(self.ahead + 1)
+        count = min(fit.truth.shape[0], round(_SCORED / self._step))
+        came = self._rows - 1 - (newest - fit.row) - np.arange(count)[::-1]
+        issued_after = came[:, None] - leads
+        errors = fit.truth[-count:, None] - self._issued[issued_after % kept, leads]
+        errors[(issued_after < 0) | (issued_after < self._rows - kept)] = np.nan
+        ratio = np.mean(errors**2 / np.diagonal(fit.covariance, axis1=1, axis2=2)[:, :3], axis=2)
+        prior = _PRIOR_SCORES / self._step
+        scale = np.sqrt((prior + np.nansum(ratio, axis=0)) / (prior + np.isfinite(ratio).sum(axis=0)))[:, None, None]
+        count = len(VERTICAL)
+        cross = fit.covariance[:, :count, count:] * scale
+        # of the vertical motion on the attitude's errors, and what is left of it when they are known
+        self._slope = np.linalg.solve(fit.covariance[:, count:, count:], cross.transpose(0, 2, 1)).transpose(0, 2, 1)
+        self._left = fit.covariance[:, :count, :count] * scale**2 - self._slope @ cross.transpose(0, 2, 1)
+        self._look_ahead(waves)
+
+    def take(self, measured, waves):
+        """One row more.
+
+        Parameters
+        ----------
+        measured : ndarray, shape (5,)
+            Roll, pitch and the specific force; NaN where missing.
+        waves : InnovationsFilter or None
+            After this row.
+        """
+        self._integrals.take(float(vertical_acceleration(measured[0], measured[1], measured[2:])))
+        self._look_ahead(waves)
+        self._issued[self._rows % self._issued.shape[0]] = np.nan if self._mean is None else self._mean[:, :3]
+        self._rows += 1
+
+    def skip(self, count, waves):
+        """Rows are missing.
+
+        Parameters
+        ----------
+        count : int
+        waves : InnovationsFilter or None
+            After them.
+        """
+        for _ in range(min(count, self._issued.shape[0])):
+            self.take(np.full(5, np.nan), waves)
+
+    def _look_ahead(self, waves):
+        self._mean = self._state_covariance = None
+        if self._fit is not None and waves is not None:
+            self._mean = self._fit.weights @ np.concatenate([waves.state, self._integrals.values, [1.0]])
+            self._state_covariance = waves.state_covariance
+
+    @property
+    def now(self):
+        """Heave and vertical velocity at the newest row, m and m/s; NaN before anything is learnt."""
+        return (np.nan, np.nan) if self._mean is None else tuple(self._mean[0, :2].tolist())
+
+    def forecast(self, leads, age, attitude, attitude_covariance):
+        """Vertical motion at leads, given the attitude forecast.
+
+        The regression forecasts the attitude, too: where the forecast that is issued knows better, so does the vertical
+        motion, by the correlation of their errors; and both together have a covariance.
+
+        Parameters
+        ----------
+        leads : ndarray, shape (L,)
+            s from now.
+        age : float
+            s from the newest row to now.
+        attitude : ndarray, shape (L, 4)
+            `ATTITUDE`, as it is forecast.
+        attitude_covariance : ndarray, shape (L, 4, 4)
+
+        Returns
+        -------
+        VerticalMotion or None
+            None before anything is learnt.
+        """
+        if self._mean is None or not np.isfinite(attitude_covariance).all():
+            return None
+        steps = np.minimum((leads + age) / self._step, self.ahead)
+        low = np.minimum(np.floor(steps + 1e-6).astype(int), self.ahead - 1)
+        base = np.clip(low, 1, self.ahead - 2)
+        mean = np.einsum('lw,lwm->lm', cubic_weights(steps - base), self._mean[base[:, None] + np.arange(-1, 3)])
+        part, count = (steps - low)[:, None, None], len(VERTICAL)
+        slope = (1.0 - part) * self._slope[low] + part * self._slope[low + 1]
+        both = slope @ attitude_covariance
+        own = (1.0 - part) * self._left[low] + part * self._left[low + 1] + both @ slope.transpose(0, 2, 1)
+        if self._state_covariance is not None:
+            of_state = self._fit.weights[low][:, :count, :self._state_covariance.shape[0]]
+            own = own + of_state @ self._state_covariance @ of_state.transpose(0, 2, 1)
+        mean = mean[:, :count] + (slope @ (attitude - mean[:, count:])[:, :, None])[:, :, 0]
+        covariance = np.empty((leads.size, len(VERTICAL) + len(ATTITUDE), len(VERTICAL) + len(ATTITUDE)))
+        covariance[:, :count, :count], covariance[:, count:, count:] = own, attitude_covariance
+        covariance[:, :count, count:], covariance[:, count:, :count] = both, both.transpose(0, 2, 1)
+        return VerticalMotion(mean, covariance)

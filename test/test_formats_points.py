@@ -1,0 +1,97 @@
+"""The messages of named points and of windows of calm, against rotations of scipy."""
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
+from swath_sysid.attitude.prediction.point import point_motion
+from swath_sysid.attitude.prediction.quiescence import CalmWindow
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.messages import PointMessages, typestore
+from swath_sysid.formats.topics import type_of
+from swath_sysid.nodes.parameters.files import values_from_file
+from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.pipeline.forecast_pipeline import PipelineStep
+
+LEADS = np.array([0.5, 2.0])
+PLACE = (2.5, -0.5, 1.0)
+STAMP_NS = 1_700_000_000_250_000_000
+ROLL, PITCH, ROLL_RATE, PITCH_RATE = np.array([[0.1, -0.2], [-0.05, 0.12], [0.2, 0.1], [-0.1, 0.3]])
+
+
+@pytest.fixture(scope='module')
+def messages():
+    """By topic, of one step with a point called bow and a window of calm."""
+    rng = np.random.default_rng(4)
+    motion = np.column_stack([[0.4, 0.1], [0.3, -0.6], [0.1, 0.5], [0.0, 0.1], [0.2, 0.0], ROLL, PITCH, ROLL_RATE,
+                              PITCH_RATE])  # fmt: skip
+    root = rng.normal(size=(2, 9, 9)) * 0.05
+    covariance = root @ root.transpose(0, 2, 1)
+    axes = {'roll': AxisForecast(ROLL, ROLL_RATE, np.tile(np.eye(2), (2, 1, 1))),
+            'pitch': AxisForecast(PITCH, PITCH_RATE, np.tile(np.eye(2), (2, 1, 1)))}  # fmt: skip
+    points = {'bow': point_motion(PLACE, (0.0, 0.0), motion, covariance)}
+    forecast = Forecast(0.0, LEADS, axes, quiescence=0.8, calm=CalmWindow(0.5, 2.25, 0.93), points=points)
+    step = PipelineStep(used=True, forecast=forecast, horizon=forecast, stamp_ns=STAMP_NS)
+    found = {topic: typestore().deserialize_cdr(raw, type_of(topic)) for topic, raw in PointMessages('craft').of(step)}
+    return found, points['bow']
+
+
+def test_a_point_is_where_its_lever_arm_puts_it(messages):
+    found, motion = messages
+    for k, (lead, name) in enumerate(((0.5, '0_5s'), (2.0, '2_0s'))):
+        message = found[f'forecast/bow/lead_{name}']
+        stamp = message.header.stamp
+        assert stamp.sec * 10**9 + stamp.nanosec == STAMP_NS + round(lead * 1e9)
+        assert (message.header.frame_id, message.child_frame_id) == ('craft_level', 'bow')
+        turn = Rotation.from_euler('ZYX', (0.0, PITCH[k], ROLL[k]))
+        at, q = message.pose.pose.position, message.pose.pose.orientation
+        np.testing.assert_allclose([at.x, at.y], turn.apply(PLACE)[:2], atol=1e-12)
+        assert at.z == pytest.approx(motion.mean[k, 0])
+        assert (turn.inv() * Rotation.from_quat([q.x, q.y, q.z, q.w])).magnitude() < 1e-9
+        linear = message.twist.twist.linear
+        assert turn.apply([linear.x, linear.y, linear.z])[2] == pytest.approx(motion.mean[k, 1])
+
+
+def test_covariances_say_what_is_known(messages):
+    found, motion = messages
+    message = found['forecast/bow/lead_2_0s']
+    pose, twist = (np.reshape(part.covariance, (6, 6)) for part in (message.pose, message.twist))
+    np.testing.assert_allclose(pose[2:5, 2:5], motion.covariance[1][np.ix_((0, 3, 4), (0, 3, 4))])
+    assert pose[0, 0] == pose[1, 1] == 100.0
+    turn = Rotation.from_euler('ZYX', (0.0, PITCH[1], ROLL[1])).as_matrix()
+    assert (turn @ twist[:3, :3] @ turn.T)[2, 2] == pytest.approx(motion.covariance[1, 1, 1])
+    for covariance in (pose, twist):
+        np.testing.assert_allclose(covariance, covariance.T)
+        assert np.linalg.eigvalsh(covariance).min() > -1e-9
+    acceleration = found['forecast/bow/acceleration_2_0s']
+    assert acceleration.accel.accel.linear.z == pytest.approx(motion.mean[1, 2])
+    assert acceleration.accel.covariance[14] == pytest.approx(motion.covariance[1, 2, 2])
+
+
+def test_the_horizon_of_a_point_and_the_window_of_calm(messages):
+    found, motion = messages
+    second = found['forecast/bow/horizon'].points[1]
+    deviation = np.sqrt(np.diag(motion.covariance[1]))
+    for values, kind in ((second.positions, 0), (second.velocities, 1), (second.accelerations, 2)):
+        np.testing.assert_allclose(values, (motion.mean[1, kind], deviation[kind]))
+    calm = found['forecast/calm']
+    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in calm.points]
+    assert times == pytest.approx([0.5, 2.25]) and [p.positions[0] for p in calm.points] == [0.93, 0.93]
+
+
+def test_points_are_parameters(tmp_path):
+    path = tmp_path / 'p.yaml'
+    path.write_text('/**/predictor:\n  ros__parameters:\n    points.bow: [2.5, 0.0, 0.5]\n    points: [bow]\n'
+                    '    quiet_vertical_velocity_m_s: 0.5\n')  # fmt: skip
+    settings = pipeline_settings(values_from_file(path, 'predictor')).forecaster
+    assert [(point.name, point.place) for point in settings.points] == [('bow', (2.5, 0.0, 0.5))]
+    assert settings.quiescence.points[0].vertical_velocity == 0.5
+
+
+@pytest.mark.parametrize('text', ['points: [Bow]', 'points: [bow, bow]', 'points: [bow]\n    points.bow: [1.0]',
+                                  'points: [bow]\n    points.stern: [1.0, 0.0, 0.0]'])
+def test_impossible_points_are_refused(tmp_path, text):
+    path = tmp_path / 'p.yaml'
+    path.write_text(f'/**/predictor:\n  ros__parameters:\n    {text}\n')
+    with pytest.raises(InputError, match='points'):
+        pipeline_settings(values_from_file(path, 'predictor'))

@@ -1,0 +1,140 @@
+"""Vertical motion ahead: on simulated and measured seas, at the sensor and at points, with intervals that hold."""
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.motion.vertical import vertical_acceleration, zero_phase_integral
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.point import Point
+from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
+from swath_sysid.formats.reading import read_trial
+from swath_sysid.pipeline.record_run import run_through
+
+STEP = 0.1
+LEADS = np.array([0.1, 0.5, 1.0, 2.0, 3.0, 5.0])
+LIMIT = 0.25
+"""m/s; the swell keeps it for a second or two at a time."""
+POINTS = Point('sensor', (0.0, 0.0, 0.0)), Point('bow', (2.5, 0.0, 0.0))
+
+
+def swell(duration, seed=2):
+    """A craft that follows a swell of many lines: the trial and the vertical velocity of each point."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, STEP)
+    frequency = rng.uniform(0.08, 0.25, 40)
+    w, phase = 2.0 * math.pi * frequency, rng.uniform(0.0, 2.0 * math.pi, 40)
+    size = 0.15 * np.exp(-(((frequency - 0.14) / 0.04) ** 2))
+    angle = np.outer(time, w) + phase
+
+    def lines(factor, turn=0.0):
+        return np.cos(angle + turn) @ (size * factor)
+
+    pitch, pitch_rate = lines(0.08 * w, 0.3), lines(0.08 * w**2, 0.3 + 0.5 * math.pi)
+    roll, roll_rate = lines(0.1 * w, 1.1), lines(0.1 * w**2, 1.1 + 0.5 * math.pi)
+    up = lines(-(w**2)) + STANDARD_GRAVITY
+    force = np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=1) * up[:, None]
+    noise = rng.normal(size=(7, time.size)) * np.array([1e-4, 1e-4, 1e-4, 1e-4, 5e-3, 5e-3, 5e-3])[:, None]
+    values = np.stack([roll, pitch, roll_rate, pitch_rate, *force.T]) + noise
+    velocity = lines(w, 0.5 * math.pi)
+    names = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
+    return Trial(time, **dict(zip(names, values, strict=True))), velocity, velocity - 2.5 * np.cos(pitch) * pitch_rate
+
+
+def errors_of(run, name, time, velocity, since, until):
+    """Errors of the vertical velocity at a point, and their standard deviations, shape (N, L)."""
+    errors, deviations = [], []
+    for step in run.steps:
+        if since <= step.stamp - time[0] < until:
+            ahead = step.forecast.points[name]
+            errors.append(ahead.mean[:, 1] - np.interp(step.stamp + LEADS, time, velocity))
+            deviations.append(np.sqrt(ahead.covariance[:, 1, 1]))
+    return np.array(errors), np.array(deviations)
+
+
+@pytest.fixture(scope='module')
+def at_sea():
+    """Five minutes of the swell and what was forecast."""
+    trial, *velocities = swell(300.0)
+    limits = QuiescenceLimits(duration=1.0, points=(PointLimits('bow', vertical_velocity=LIMIT),), probability=0.6)
+    return trial, velocities, run_through(trial, ForecasterSettings(points=POINTS, quiescence=limits))
+
+
+def test_vertical_velocity_is_forecast_at_the_sensor_and_ahead_of_it(at_sea):
+    trial, velocities, run = at_sea
+    for point, velocity in zip(POINTS, velocities, strict=True):
+        errors, _ = errors_of(run, point.name, trial.time, velocity, 220.0, 290.0)
+        assert (np.sqrt(np.mean(errors**2, axis=0)) / velocity.std())[:4] == pytest.approx([0.1] * 4, abs=0.1)
+
+
+def test_vertical_motion_begins_when_it_is_learnt(at_sea):
+    trial, _, run = at_sea
+    first = next(step.stamp for step in run.steps if step.forecast.points) - trial.time[0]
+    assert 90.0 < first < 200.0
+
+
+def test_covariances_are_possible(at_sea):
+    for step in at_sea[2].steps[-100::20]:
+        for ahead in (*step.forecast.points.values(), *step.horizon.points.values()):
+            assert np.linalg.eigvalsh(ahead.covariance).min() > -1e-12
+
+
+def test_windows_of_calm_are_calm(at_sea):
+    trial, velocities, run = at_sea
+    speed, told, kept = np.abs(velocities[1]), [], []
+    for step in run.steps:
+        calm = step.forecast.calm
+        if calm is not None and step.stamp + calm.end < trial.time[-1]:
+            inside = (trial.time >= step.stamp + calm.begin - 1e-6) & (trial.time <= step.stamp + calm.end + 1e-6)
+            told.append(calm.probability)
+            kept.append((speed[inside] < LIMIT).all())
+            assert calm.end - calm.begin >= 0.9
+    assert len(told) > 50 and min(told) >= 0.6
+    assert np.mean(kept) > 0.6
+
+
+def test_the_future_is_not_looked_at(at_sea):
+    trial, _, run = at_sea
+    count = 2300
+    earlier = replace(trial, **{
+        field.name: getattr(trial, field.name)[:count] for field in fields(trial)
+        if isinstance(getattr(trial, field.name), np.ndarray)
+    })  # fmt: skip
+    again = run_through(earlier, ForecasterSettings(points=POINTS))
+    whole = [step.forecast.points['bow'].mean for step in run.steps[:len(again.steps)] if step.forecast.points]
+    part = [step.forecast.points['bow'].mean for step in again.steps if step.forecast.points]
+    assert len(part) > 100
+    np.testing.assert_array_equal(part, whole)
+
+
+def test_a_buoy_at_sea(data_folder):
+    """Vertical velocity of the Morro Bay buoy; the truth is the zero-phase integral of the whole record."""
+    trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')
+    keep = trial.time < trial.time[0] + 960.0
+    part = replace(trial, **{
+        field.name: getattr(trial, field.name)[keep] for field in fields(trial)
+        if isinstance(getattr(trial, field.name), np.ndarray)
+    })  # fmt: skip
+    run = run_through(part, ForecasterSettings(points=POINTS))
+    time = np.arange(trial.time[0], trial.time[-1], STEP)
+
+    def even(name):
+        values = getattr(trial, name)
+        known = np.isfinite(values)
+        return np.interp(time, trial.time[known], values[known])
+
+    force = np.stack([even(f'accel_{axis}') for axis in 'xyz'], axis=1)
+    velocity = zero_phase_integral(vertical_acceleration(even('roll'), even('pitch'), force), STEP, 1)
+    ahead = velocity - 2.5 * np.cos(even('pitch')) * even('pitch_rate')
+    for name, truth, largest in (
+        ('sensor', velocity, (0.06, 0.085, 0.29, 0.65, 0.9, 1.05)),
+        ('bow', ahead, (0.06, 0.085, 0.22, 0.56, 0.75, 1.05)),
+    ):
+        errors, deviations = errors_of(run, name, time, truth, 600.0, 950.0)
+        nrmse = np.sqrt(np.mean(errors**2, axis=0)) / truth.std()
+        assert (nrmse < largest).all(), nrmse
+        held = np.mean(np.abs(errors) < 1.645 * deviations, axis=0)
+        assert (np.abs(held - 0.9) < 0.06).all(), held
