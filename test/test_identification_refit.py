@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from imu_stream import decay_stream
 
+from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.identify import IdentificationSettings
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.refit import (
-    COEFFICIENT_NAMES,
     RefitSettings,
     Refitter,
-    coefficients,
     misfit,
     refit,
     warm_up,
