@@ -2,6 +2,8 @@
 
     python benchmark/manoeuvring.py              10 seeds of each case, about 3 minutes
     python benchmark/manoeuvring.py --seeds 2    fewer
+    python benchmark/manoeuvring.py --vices catamaran --seeds 3      craft with the vices of real ones: catamaran,
+                                                                     otter-force, otter-command, unstable
 
 The WAM-V is VRX's old one, driven through a programme of 15 min at 10 Hz; speeds are noisy by 0.05 m/s, yaw rates by
 0.005 rad/s; its mass is known. Cases: thrust as force; commands with a dead band and a lag of 0.3 s; a current of
@@ -13,14 +15,21 @@ import time
 from dataclasses import replace
 
 import numpy as np
+import simulated_craft
 
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import COMMAND
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
+from swath_sysid.manoeuvring.identification.assembly import seen_region
+from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.prediction.calibration import calibrated
+from swath_sysid.manoeuvring.prediction.skill import score_forecasts
 
 WAMV = preset('wamv-vrx-old')
 COMMANDED = replace(
@@ -77,19 +86,57 @@ def row(truth, seed, currents=None):
         place = {run.source: k for k, run in enumerate(runs)}
         drift = max(
             math.hypot(*(found_current - np.array(currents[place[run.source]])))
-            for some, which in ((found.identified_on, found.currents), (found.validated_on, found.validation_currents))
-            for run, found_current in zip(some, which, strict=True))
+            for run, found_current in zip(found.identified_on, found.currents, strict=True))
     lag = abs(found.model['lag'] + found.model['delay'] - truth['lag'] - truth['delay'])
     band = abs(found.model['dead_band'] - truth['dead_band'])
     return (len(plain), len(outside), worst, circle, drift, lag, band, found.validation.r2['surge'],
             found.validation.r2['yaw_rate'], took), outside  # fmt: skip
 
 
+def vicious(kind, seed):
+    """Print what identification and forecasts make of a craft of `simulated_craft`."""
+    craft = {
+        'catamaran': simulated_craft.catamaran, 'otter-force': simulated_craft.otter,
+        'otter-command': lambda: simulated_craft.otter(logs='command'),
+        'unstable': lambda: simulated_craft.unstable_hull(np.random.default_rng(seed)),
+    }[kind]()  # fmt: skip
+    records = simulated_craft.simulate(craft, simulated_craft.drives(seed, kind == 'catamaran'), seed)
+    runs = prepare_all([
+        ManoeuvringTrial(thrust_input=craft.logs, frame='enu', source=f'run {k}', lever=craft.lever,
+                         length=craft.length, **record) for k, record in enumerate(records)])  # fmt: skip
+    reversed_runs = sum('reversed' in a.code or 'swapped' in a.code for run in runs for a in run.advice)
+    found = identify_manoeuvring(runs[:8], ManoeuvringSettings(mass=craft.mass), runs[8:])
+    r2 = ' '.join(f'{value:6.3f}' for value in found.validation.r2.values())
+    flagged = {a.code for a in found.advice} & {'unstable', 'diverged'}
+    print(f'{kind} {seed}: validation R2 of surge, sway, yaw rate {r2}; {reversed_runs} runs reversed; '
+          f'{found.validation.diverged} windows diverged {flagged or ""}')  # fmt: skip
+    print('    ' + ' '.join(f'{n} {d.value:.4g}+-{d.std:.2g}' for n, d in found.derivatives.items()), flush=True)
+    if kind != 'catamaran':
+        return
+    identified = IdentifiedManoeuvringModel(
+        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on),
+        forecast=forecast_noise(found.model, found.identified_on))  # fmt: skip
+    scores = score_forecasts(calibrated(identified, runs[:8]), runs[8:], training=runs[:8], leads=(1.0, 5.0, 10.0))
+    position = {method: table['position_m'] for method, table in scores.rmse.items()}
+    for other in ('constant-velocity', 'constant-turn-rate', 'arx'):
+        shares = np.round(position['model'] / position[other], 3)
+        print(f'    position error at 1, 5, 10 s over that of {other}: {shares}')
+    for quantity, shares in scores.spread.items():
+        print(f'    90 % interval of {quantity} holds {np.round(shares, 3)}', flush=True)
+
+
 def main():
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--seeds', type=int, default=10)
-    seeds = range(1, parser.parse_args().seeds + 1)
+    parser.add_argument('--first-seed', type=int, default=1)
+    parser.add_argument('--vices', choices=('catamaran', 'otter-force', 'otter-command', 'unstable'))
+    arguments = parser.parse_args()
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
+    if arguments.vices:
+        for seed in seeds:
+            vicious(arguments.vices, seed)
+        return
     days = [CURRENT, tuple(-0.8 * c for c in CURRENT)]
     cases = {
         'force': (WAMV, None), 'commands, dead band, lag': (COMMANDED, None),

@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import approx_fprime, fsolve
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, derivative_names, parameter_values
+from swath_sysid.manoeuvring.hull.measurement import recorded_heading, recorded_speeds, through_water
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
@@ -17,8 +18,8 @@ from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, simulat
 from swath_sysid.manoeuvring.hull.stability import Region, check_stability
 from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
-from swath_sysid.manoeuvring.hull.terms import NAMES
-from swath_sysid.manoeuvring.hull.thrust import command_of_thrust, delayed, lagged, thrust_curve
+from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, HULL, NAMES, OFFSET, PARAMETERS
+from swath_sysid.manoeuvring.hull.thrust import delayed, lagged, thrust_curve
 
 RICH = dict(
     m=180.0, Iz=446.0, Xu_dot=-20.0, Yv_dot=-90.0, Yr_dot=5.0, Nv_dot=-7.0, Nr_dot=-100.0, Xu=-50.0, Xuu=-70.0,
@@ -53,14 +54,11 @@ def test_accelerations_are_the_printed_equations(u, v, r, port, starboard):
 def test_every_hull_term_acts_in_its_own_row_only():
     rows = {'X': 0, 'Y': 1, 'N': 2}
     plain = ManoeuvringModel(parameter_values({'m': 2.0, 'Iz': 3.0}))
-    from swath_sysid.manoeuvring.hull.terms import INDEX, INERTIA, PARAMETERS
-
-    for name in derivative_names():
-        parameter = PARAMETERS[INDEX[name]]
-        if parameter.kind == INERTIA:
+    for parameter in PARAMETERS:
+        if parameter.kind not in (DAMPING, CROSS, OFFSET):
             continue
         change = np.subtract(
-            plain.with_values(**{name: 1.5}).accelerations(0.7, 0.4, -0.3, 0.0, 0.0),
+            plain.with_values(**{parameter.name: 1.5}).accelerations(0.7, 0.4, -0.3, 0.0, 0.0),
             plain.accelerations(0.7, 0.4, -0.3, 0.0, 0.0),
         )
         assert change[rows[parameter.row]] != 0.0
@@ -102,7 +100,7 @@ def test_compiled_and_plain_kernel_agree():
     rng = np.random.default_rng(1)
     arguments = (
         rng.normal(size=(3, 4)) * 0.3, rng.normal(size=(30, 4)) * 50, rng.normal(size=(30, 4)) * 50,
-        np.repeat(model.values[:, None], 4, axis=1), model.active, 0.1, 2,
+        rng.normal(size=(3, 4)) * 0.1, np.repeat(model.values[:, None], 4, axis=1), model.active, 0.1, 2,
     )  # fmt: skip
     plain = getattr(runge_kutta_columns, 'py_func', runge_kutta_columns)
     assert np.allclose(runge_kutta_columns(*arguments), plain(*arguments), rtol=1e-12, atol=1e-13)
@@ -116,15 +114,44 @@ def test_current_carries_the_craft():
     assert found.surge[-1] == pytest.approx(0.25)
 
 
-@given(st.floats(-1.0, 1.0), st.floats(10.0, 500.0), st.floats(0.2, 1.5), st.floats(0.0, 0.5), st.floats(0.5, 2.5))
+@given(st.floats(-1.0, 1.0), st.floats(10.0, 500.0), st.floats(0.2, 1.5), st.floats(0.0, 0.5), st.floats(0.5, 2.5),
+       st.floats(0.7, 1.4), st.sampled_from([1.0, 120.0]))  # fmt: skip
 @settings(max_examples=80, deadline=None)
-def test_thrust_curve_and_its_inverse(command, gain, reverse, dead_band, exponent):
-    thrust = thrust_curve(np.float64(command), gain, reverse, dead_band, exponent)
-    assert abs(thrust) <= gain * max(1.0, reverse) * (1 + 1e-12)
-    if abs(command) <= dead_band:
-        assert thrust == 0.0
-    elif abs(thrust) > 1e-6 * gain:
-        assert command_of_thrust(thrust, gain, reverse, dead_band, exponent) == pytest.approx(command, rel=1e-6)
+def test_thrust_curve_is_its_printed_formula(share, gain, reverse, dead_band, exponent, ratio, full):
+    p = parameter_values(dict(gain=gain, reverse_ratio=reverse, dead_band=dead_band, exponent=exponent,
+                              reverse_exponent_ratio=ratio, full_input=full))  # fmt: skip
+    thrust = float(thrust_curve(share * full, p))
+    beyond = (abs(share) - dead_band) / (1.0 - dead_band)
+    if beyond <= 1e-9:
+        assert abs(thrust) < 1e-3 * gain * full
+    elif share > 0.0:
+        assert thrust == pytest.approx(gain * full * beyond**exponent, rel=1e-9)
+    else:
+        assert thrust == pytest.approx(-gain * full * reverse * beyond ** (exponent * ratio), rel=1e-9)
+    assert thrust_curve(full, p) == pytest.approx(gain * full)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+@settings(max_examples=60, deadline=None)
+def test_measurement_is_the_motion_of_the_sensor_seen_by_its_compass(heading, b, c, x, y):
+    """Against complex numbers: position of the sensor differentiated in the world, turned by the recorded heading."""
+    p = parameter_values(dict(deviation_B=b, deviation_C=c, sensor_x=x, sensor_y=y))
+    u, v, r, current = 1.3, -0.2, 0.4, (0.3, -0.1)
+    compass = float(recorded_heading(heading, p))
+    assert compass == pytest.approx(heading + b * np.sin(compass) + c * np.cos(compass), abs=2e-3)
+    heading = compass - b * np.sin(compass) - c * np.cos(compass)
+
+    def place(time):
+        psi = heading + r * time
+        return complex(*current) * time + (u + 1j * v) * np.exp(1j * heading) * time + (x + 1j * y) * np.exp(1j * psi)
+
+    velocity = (place(1e-5) - place(-1e-5)) / 2e-5 * np.exp(-1j * compass)
+    surge, sway = recorded_speeds(u, v, r, compass, current, p)
+    assert (surge, sway) == pytest.approx((velocity.real, velocity.imag), abs=1e-8)
+    assert through_water(surge, sway, r, compass, current, p) == pytest.approx((u, v), abs=1e-12)
+    alone = through_water(1.5, np.nan, np.nan, 0.3, (0.0, 0.0), parameter_values({}))
+    assert alone[0] == 1.5
+    assert np.isnan(alone[1])
 
 
 def test_lag_is_the_exact_first_order_response():
@@ -155,7 +182,8 @@ def test_steered_and_given_inputs_move_the_same_craft():
     assert np.allclose(steered.y, given_inputs.y, atol=1e-10)
 
 
-@given(st.sampled_from(derivative_names()), st.floats(-1e4, 1e4), st.floats(0.5, 50.0), st.floats(0.1, 20.0))
+@given(st.sampled_from([p.name for p in PARAMETERS if p.kind in HULL]), st.floats(-1e4, 1e4), st.floats(0.5, 50.0),
+       st.floats(0.1, 20.0))  # fmt: skip
 @settings(max_examples=80, deadline=None)
 def test_prime_round_trip(name, value, length, speed):
     units = PrimeUnits(length, speed)

@@ -17,9 +17,10 @@ from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.stability import Region
-from swath_sysid.manoeuvring.hull.thrust import acting_thrust
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare
-from swath_sysid.manoeuvring.prediction.predictor import STATES, ManoeuvreFilter, ManoeuvreFilterSettings, ThrustMemory
+from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
+from swath_sysid.manoeuvring.motion.intake import prepare
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.prediction.predictor import STATES, ManoeuvreFilter, ManoeuvreFilterSettings
 from swath_sysid.manoeuvring.prediction.skill import filtered, fit_arx, score_forecasts
 
 OLD = preset('wamv-vrx-old')
@@ -67,7 +68,7 @@ def test_thrust_memory_is_the_thrust_of_the_simulation():
     rng = np.random.default_rng(2)
     port, starboard = rng.uniform(-1, 1, (2, 60))
     expected = np.array(acting_thrust(port, starboard, model.values, 0.1))
-    memory, found = ThrustMemory(model), []
+    memory, found = ThrustMemory(model.values), []
     memory.command(-10.0, port[0], starboard[0])
     for k in range(60):
         memory.command(0.1 * k, port[k], starboard[k])

@@ -14,7 +14,8 @@ from swath_sysid.manoeuvring.identification.refit import (
     refit_manoeuvring,
 )
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, prepare
+from swath_sysid.manoeuvring.motion.intake import prepare
+from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE
 from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 
 pytestmark = pytest.mark.slow
@@ -94,10 +95,13 @@ def test_odometry_without_speeds_leaves_them_to_the_pose():
     window = ManoeuvringWindow()
     window.add_thrust('port', 50.0)
     window.add_thrust('starboard', 40.0)
-    for k in range(10):
+    for k in range(60):
         window.add_motion(0.1 * k, 0.0, 0.0, 0.0, 0.1, 0.1 * k, 0.0)
-    trial = window.trial()
-    assert trial.surge is None and trial.sway is None and trial.yaw_rate is None
+    run = prepare(window.trial())
+    assert {'constant-channel', 'speed-derived', 'yaw-rate-derived'} <= {a.code for a in run.advice}
+    assert np.allclose(run.surge, np.cos(0.1), atol=1e-6)
+    assert np.allclose(run.sway, -np.sin(0.1), atol=1e-6)
+    assert np.allclose(run.yaw_rate, 0.0, atol=1e-6)
 
 
 def test_a_refit_finds_the_craft(outcome):

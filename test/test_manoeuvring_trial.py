@@ -11,7 +11,10 @@ from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_man
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, mirrored, prepare, prepare_all, smoothed
+from swath_sysid.manoeuvring.motion.intake import prepare, prepare_all
+from swath_sysid.manoeuvring.motion.polarity import mirrored
+from swath_sysid.manoeuvring.motion.resampling import smoothed
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 MODEL = preset('wamv-vrx-old')
 

@@ -242,9 +242,20 @@ def test_replay_keeps_the_pace(bag, node):
     assert arrivals[-1] - arrivals[0] > 1.9
 
 
-@pytest.mark.parametrize('expected', [0, 3])
-def test_replay_begins_when_all_subscriptions_are_connected(bag, expected):
+@pytest.mark.parametrize('early, expected', [(3, 0), (0, 3)])
+def test_replay_begins_when_all_subscriptions_are_connected(bag, early, expected):
     """Those that are there hear the first sample, and so do those that come late where they are counted."""
+    known = read_imu(bag).stamps.tolist()
+    # discovery has no bound on a busy machine, so those that are not counted may be found too late, but not every time
+    for _ in range(1 if expected else 3):
+        heard = stamps_heard_by_three(bag, early, expected, len(known))
+        if heard == [known] * 3:
+            break
+    assert heard == [known] * 3
+
+
+def stamps_heard_by_three(bag, early, expected, count):
+    """What each of three subscriptions hears of a replay, of which some are there before it starts."""
     from live_bench import Bench
     from sensor_msgs.msg import Imu
 
@@ -256,18 +267,17 @@ def test_replay_begins_when_all_subscriptions_are_connected(bag, expected):
         benches[-1].node.create_subscription(Imu, '/imu/data', heard[-1].append, 1000)
 
     try:
-        if not expected:
-            for _ in range(3):
-                listen()
-        with verb('replay', bag, '--rate', 20, '--wait', PATIENCE, '--wait-for', expected, ends=None):
-            for _ in range(expected):
+        for _ in range(early):
+            listen()
+        with verb('replay', bag, '--rate', 20, '--wait', PATIENCE, '--wait-for', expected, ends=None) as player:
+            for _ in range(3 - early):
                 listen()
                 wait_until(lambda: benches[-1].node.count_publishers('/imu/data'), 'the replay')
                 assert not heard[0]
-        known = read_imu(bag).stamps.tolist()
-        for stamps in heard:
-            wait_until(lambda stamps=stamps: len(stamps) >= len(known), 'all samples')
-            assert [stamp_of(message) for message in stamps] == known
+            wait_until(lambda: player.poll() is not None, 'the end')
+        settled = time.monotonic() + 2.0
+        wait_until(lambda: all(len(h) >= count for h in heard) or time.monotonic() > settled, 'the last sample')
+        return [[stamp_of(message) for message in messages] for messages in heard]
     finally:
         for bench in benches:
             bench.close()

@@ -125,9 +125,9 @@ def test_a_window_of_calm_begins_when_the_motion_dies_down_and_ends_when_it_retu
     _, window = quiet.assess(401.0, motion, np.full((50, 4), 0.02), ONES)
     assert (window.begin, window.end) == (pytest.approx(1.5), pytest.approx(4.0))
     assert window.probability > 0.99
+    motion[25:] = 0.3
+    assert quiet.assess(402.0, motion, np.full((50, 4), 0.02), ONES)[1].end == pytest.approx(2.5)
     motion[24:] = 0.3
-    assert quiet.assess(402.0, motion, np.full((50, 4), 0.02), ONES)[1].end == pytest.approx(2.4)
-    motion[21:] = 0.3
     assert quiet.assess(403.0, motion, np.full((50, 4), 0.02), ONES)[1] is None
 
 

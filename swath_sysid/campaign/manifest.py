@@ -263,7 +263,7 @@ def read_manifest(path):
     root = parsed(text_of(path, 'manifest'), str(path))
     if not isinstance(root, yaml.MappingNode):
         raise InputError(
-            f"{path} is no manifest: it must hold 'trials:' (start one with swath-sysid campaign --new FOLDER)"
+            f"{path} is not a manifest: it must hold 'trials:' (start one with swath-sysid campaign --new FOLDER)"
         )
     try:
         return _manifest_of(root, path)

@@ -1,4 +1,5 @@
 """``swath-sysid demo``: a simulated craft, the three nodes, and forecasts that sharpen."""
+from __future__ import annotations
 
 import math
 import os
@@ -13,11 +14,10 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
-from rclpy.node import Node
 from rich.console import Console
 from rich.live import Live
 
@@ -30,12 +30,16 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.nodes.demo_monitor import Heard
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import ViewState, line, render
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from swath_sysid.nodes.demo_monitor import Heard
 
 HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
 EQUATIONS = {'roll': 'swath-roll-1', 'pitch': 'swath-pitch-1'}

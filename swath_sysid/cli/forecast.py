@@ -13,17 +13,19 @@ from rich.table import Table
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.attitude.prediction.point import Point
+from swath_sysid.attitude.prediction.quiescence import ATTITUDE, QuiescenceLimits
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import check_model_and_plot, finite
+from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
-from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, score, usual_limits
+from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, score, usual_limits
+from swath_sysid.pipeline.vertical_record import even_stretches
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.forecast_figure import LABELS, forecast_figure
-from swath_sysid.report.forecast_summary import skill_as_data
+from swath_sysid.report.forecast_summary import POINT_UNITS, skill_as_data
 
 DEFAULT_LEADS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
 _LONGEST_WARMUP = 600.0
@@ -49,8 +51,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--window', type=_positive, default=_WINDOW, metavar='S',
         help=f'seconds of past that forecast and baselines learn from (default: {_WINDOW:g})',
     )  # fmt: skip
-    parser.add_argument('--topic', help='IMU topic, for bags that hold several')
-    parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes (default: as the record tells)")
+    add_reading_arguments(parser)
     parser.add_argument(
         '--quiet-deg', type=_limits, metavar='ROLL,PITCH',
         help='limits whose probability of being kept is scored (default: two standard deviations of the warm-up; '
@@ -60,6 +61,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='the same of the rates (default: any)'
     )
     parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for so long (default: 5)')
+    parser.add_argument(
+        '--point', type=_point, action='append', default=[], metavar='NAME:x,y,z', dest='points',
+        help='forecast and score vertical motion at a point of the craft, m forward, to port and up from the sensor, '
+        'and at the sensor; what it is scored by is the integral of the whole record without phase error '
+        '(repeat for more points)',
+    )  # fmt: skip
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture')
 
@@ -76,6 +83,9 @@ def run(arguments: Namespace) -> int:
         models = read_model(arguments.model)
     if arguments.axis is not None and getattr(trial, arguments.axis) is None:
         raise InputError(f'{arguments.record} holds no {arguments.axis} angle: choose another axis')
+    points = _with_sensor(arguments.points)
+    if points:
+        even_stretches(trial)
     duration = float(trial.time[-1] - trial.time[0])
     warmup = min(_LONGEST_WARMUP, round(duration / 3.0)) if arguments.warmup is None else arguments.warmup
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
@@ -83,15 +93,15 @@ def run(arguments: Namespace) -> int:
     limits, base = usual_limits(trial, quiet, warmup), ForecasterSettings()
     settings = replace(
         base, leads=arguments.leads, window=arguments.window,
-        quiescence=None if limits is None else quiet,
+        quiescence=None if limits is None else quiet, points=points,
         horizon=max(base.horizon, arguments.quiet_for, arguments.leads[-1]),
     )  # fmt: skip
     with progress_of('forecasting') as progress:
         run_made = run_through(
             trial, settings, models, time.perf_counter, progress,
-            None if limits is None else (float(trial.time[0]) + warmup, limits),
+            None if limits is None else (float(trial.time[0]) + warmup, limits), points_ahead=False,
         )  # fmt: skip
-    skill = score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until)
+    skill = score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until, points=points)
     if arguments.axis is not None:
         skill = replace(skill, axes={arguments.axis: skill.axes[arguments.axis]})
     skill = replace(skill, advice=tuple(dict.fromkeys((*trial.advice, *skill.advice))))
@@ -127,11 +137,32 @@ def _tell(skill: Any, name: str) -> None:
             for method, values in scores.gap_nrmse.items():
                 table.add_row(f'  {LABELS[method]}', *(_cell(v) for v in values))
         console.print(table)
+    for point, kinds in skill.points.items():
+        _tell_point(console, skill, point, kinds)
     _tell_quiescence(console, skill)
     console.print(
         f'a sample {1e3 * skill.step_time["median"]:.2f} ms (median), '
         f'a refit {1e3 * skill.refit_time["median"]:.0f} ms (most {1e3 * skill.refit_time["most"]:.0f} ms)'
     )
+
+
+def _tell_point(console: Console, skill: Any, point: str, kinds: Any) -> None:
+    table = Table(title=f'{point}: RMSE / standard deviation {_span(skill)}', title_justify='left')
+    table.add_column('lead, s')
+    for lead in skill.leads:
+        table.add_column(f'{lead:g}', justify='right')
+    for kind, scores in kinds.items():
+        table.add_section()
+        words, unit = kind.replace('_', ' '), POINT_UNITS[kind].replace('_', '/').replace('s2', 's²')
+        table.add_row(f'{words}, {scores.deviation:.3g} {unit}')
+        for method, values in scores.nrmse.items():
+            table.add_row(LABELS[method], *(_cell(v) for v in values), style='bold' if method == FORECAST else '')
+        table.add_row('90 % held, %', *(_cell(100.0 * v, 1) for v in scores.coverage[:, 1]), style='dim')
+        table.add_row('counted', *(f'{n}' for n in scores.counted), style='dim')
+        absent = scores.stood_in[FORECAST]
+        if np.nan_to_num(absent).any():
+            table.add_row('not learnt yet, %', *(_cell(100.0 * v, 1) for v in absent), style='dim')
+    console.print(table)
 
 
 def _span(skill: Any):
@@ -144,7 +175,7 @@ def _tell_quiescence(console: Any, skill: Any) -> None:
         return
     bounds = ', '.join(
         f'{name.replace("_", " ")} {math.degrees(limit):.2f} {"deg/s" if "rate" in name else "deg"}'
-        for name, limit in vars(limits).items() if name != 'duration' and math.isfinite(limit)
+        for name in ATTITUDE if math.isfinite(limit := getattr(limits, name))
     )  # fmt: skip
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
@@ -175,6 +206,27 @@ def _limits(text: str):
     if len(parts) != 2 or min(parts) < 0.0:
         raise ArgumentTypeError('give two values, of which none is negative: ROLL,PITCH')
     return tuple(math.radians(part) or math.inf for part in parts)
+
+
+def _point(text: str):
+    name, colon, place = text.partition(':')
+    if not (colon and name.isidentifier()):
+        raise ArgumentTypeError(f"'{text}' is no point: write NAME:x,y,z with a name of letters, digits and _")
+    numbers = _numbers(place)
+    if len(numbers) != 3:
+        raise ArgumentTypeError(f"'{text}' is no point: give three coordinates in m, NAME:x,y,z")
+    return Point(name, numbers)
+
+
+def _with_sensor(points: list[Point]) -> tuple[Point, ...]:
+    """The points asked for after the sensor; none where none are."""
+    names = [point.name for point in points]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f'the point {twice[0]} is given twice: name each point once')
+    if any(point.name == SENSOR.name and point != SENSOR for point in points):
+        raise InputError(f"'{SENSOR.name}' is the sensor's own place, 0,0,0: give the point another name")
+    return (SENSOR, *(point for point in points if point != SENSOR)) if points else ()
 
 
 def _not_negative(text: str):

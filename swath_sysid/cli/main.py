@@ -23,6 +23,7 @@ VERBS = {
     'scale': "a model at another scale, by Froude's law",
     'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
     'forecast': 'how well the predictor forecasts a record, beside its baselines',
+    'sea': "height, periods and axis of the waves, from the craft's own motion",
     'inspect': 'what is in a record: rates, gaps, decays, quality',
     'play-through': 'what the nodes would have published on a record, as fast as the machine can',
     'run': 'imu_buffer, identifier and predictor in one process',

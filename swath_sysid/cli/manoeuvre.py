@@ -3,7 +3,7 @@
 import argparse
 import json
 import time
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,13 +23,17 @@ from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import COMMAND, INPUTS
 from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
-from swath_sysid.manoeuvring.hull.programme import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.programme import RECIPE, SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.standard_tests import TESTS, DriveSettings, run_test
 from swath_sysid.manoeuvring.identification.assembly import seen_region
+from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
+from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
 from swath_sysid.report.figures import FORMATS, save_figure
@@ -41,6 +45,7 @@ from swath_sysid.report.manoeuvring_summary import (
     forecast_in_words,
     identification_as_data,
     identification_in_words,
+    terms_in_words,
     test_as_data,
     test_in_words,
 )
@@ -54,18 +59,20 @@ def add_arguments(parser: ArgumentParser) -> None:
     _add_identify(verbs.add_parser('identify', help='from runs to a manoeuvring model'))
     _add_forecast(verbs.add_parser('forecast', help='score forecasts of runs by lead'))
     _add_simulate(verbs.add_parser('simulate', help='standard tests and simulated trials'))
+    _add_programme(verbs.add_parser('programme', help='runs to drive, and what driven ones still lack'))
     _add_play_through(verbs.add_parser('play-through', help='what manoeuvring_predictor would have published on a bag'))
 
 
 def run(arguments: Namespace) -> int:
     """Run the sub-verb; returns the exit code."""
-    tasks = {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate, 'play-through': _play_through}
+    tasks = {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate, 'programme': _recipe,
+             'play-through': _play_through}  # fmt: skip
     return tasks[arguments.task](arguments)
 
 
-def add_run_arguments(parser: ArgumentParser) -> None:
+def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
     """How to read runs; shared by the sub-verbs that take them."""
-    parser.add_argument('runs', nargs='+', metavar='RUN', help='CSV file or rosbag2 bag')
+    parser.add_argument('runs', nargs=count, metavar='RUN', help='CSV file or rosbag2 bag')
     parser.add_argument('--frame', choices=FRAMES, help='of yaw, sway and position (default: as the file states)')
     parser.add_argument(
         '--gap-means-zero', action='store_true',
@@ -99,6 +106,8 @@ def _read(path: str | Path, arguments: Namespace):
 
 
 def _add_identify(parser: ArgumentParser) -> None:
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.epilog = 'names for --terms, --fix and --towards, with their units:\n' + '\n'.join(terms_in_words())
     add_run_arguments(parser)
     parser.add_argument(
         '--validate', nargs='+', metavar='RUN', help='runs kept out of the fit (default: a third, of three or more)'
@@ -112,7 +121,8 @@ def _add_identify(parser: ArgumentParser) -> None:
     parser.add_argument('--lever', type=finite, metavar='M', help='half the distance between the thrusters')
     parser.add_argument('--length', type=finite, metavar='M', help='of the hulls, for the prime system')
     parser.add_argument('--terms', metavar='A,B,..', help='exactly these parameters (default: the simplest adequate)')
-    parser.add_argument('--fix', action='append', default=[], metavar='NAME=VALUE', help='a known parameter')
+    parser.add_argument(
+        '--fix', action='append', default=[], metavar='NAME=VALUE', help='a known parameter, as listed below')
     parser.add_argument(
         '--towards', action='append', default=[], metavar='NAME=VALUE:STD',
         help='regularise a parameter towards a value',
@@ -177,8 +187,10 @@ def _for_file(found: Any, data: dict, paths: Sequence[str]):
     told = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
     metrics = {key: data[key] for key in told}
     provenance = {**provenance_of(paths), 'runs': data['runs']}
-    return IdentifiedManoeuvringModel(
-        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance)
+    identified = IdentifiedManoeuvringModel(
+        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance,
+        forecast_noise(found.model, found.identified_on))
+    return calibrated(identified, found.identified_on)
 
 
 def _assignment(text: str):
@@ -199,6 +211,29 @@ def _target(text: str):
     if not target[1] > 0.0:
         raise InputError(f"'{text}': the standard deviation must be positive")
     return name.strip(), target
+
+
+def _add_programme(parser: ArgumentParser) -> None:
+    add_run_arguments(parser, '*')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def _recipe(arguments: Namespace) -> int:
+    runs = read_runs(arguments.runs, arguments) if arguments.runs else []
+    shares = excitation(runs) if runs else {}
+    missing = lacking(shares)
+    if arguments.json:
+        recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in RECIPE]
+        print(json.dumps({'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, indent=2))
+        return 0
+    if not runs:
+        print('Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:')
+        print('\n'.join(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE))
+        return 0
+    print('Share of its motion that is a derivative\'s own (1: no other explains it):')
+    for name, share in shares.items():
+        print(f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough'))
+    return 0
 
 
 def _add_forecast(parser: ArgumentParser) -> None:

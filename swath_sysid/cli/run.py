@@ -63,9 +63,10 @@ def ros_arguments(arguments: Namespace) -> list[str]:
         node = arguments.only or 'identifier'
         if node not in MODEL_PARAMETERS:
             raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
-        if Path(arguments.model).expanduser().exists():
+        path = Path(arguments.model).expanduser()
+        if path.exists():
             # a node would go on without it, which whoever types a command does not see
-            _read_model(node, Path(arguments.model).expanduser())
+            _read_model(node, path)
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
     if arguments.namespace:

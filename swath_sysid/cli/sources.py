@@ -27,16 +27,21 @@ def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
         help='CSV file, rosbag2 bag (folder, .mcap or .db3) or MTi text export',
     )  # fmt: skip
     parser.add_argument('--axis', help='roll or pitch (default: the one that moves more)')
+    add_reading_arguments(parser)
+    parser.add_argument(
+        '--start', type=finite, metavar='S', help="begin of the decay, in the record's time (default: found)"
+    )
+    parser.add_argument('--end', type=finite, metavar='S', help='end of the decay (default: found)')
+
+
+def add_reading_arguments(parser: ArgumentParser) -> None:
+    """How to read a record."""
     parser.add_argument('--topic', help='IMU topic, for bags that hold several')
     parser.add_argument(
         '--frame',
         choices=('flu', 'frd'),
         help='axes of the sensor: x forward, y port, z up, or x forward, y starboard, z down',
     )
-    parser.add_argument(
-        '--start', type=finite, metavar='S', help="begin of the decay, in the record's time (default: found)"
-    )
-    parser.add_argument('--end', type=finite, metavar='S', help='end of the decay (default: found)')
 
 
 def finite(text: str) -> float:

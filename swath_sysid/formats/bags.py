@@ -51,7 +51,7 @@ class ImuRecord:
     received : ndarray of int64, shape (N,), optional
         When the recorder got them, ns; they are in this order.
     topic, frame_id : str
-        Empty where the record is no bag.
+        Empty where the record is not a bag.
     in_craft_axes : bool
         Whether frame and mounting of the sensor were taken into account already.
     advice : tuple of Advice
@@ -178,7 +178,7 @@ def read_imu(path, topic=None):
         raise InputError(f'{path} holds no readable message on {topic}{problem}: record it again')
     if decoder.damaged:
         advice.append(Advice('damaged-messages', (
-            f'{decoder.damaged} messages on {topic} are no {IMU_TYPE} and were left out: check the recorder'
+            f'{decoder.damaged} messages on {topic} are not of type {IMU_TYPE} and were left out: check the recorder'
         )))
     order = np.argsort(received, kind='stable')
     if np.any(np.diff(order) != 1):

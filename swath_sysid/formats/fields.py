@@ -107,7 +107,8 @@ def one_of(choices, kind=None):
             if kind is not None:
                 raise FieldError('', f"there is no {kind} '{shown(value)}': choose from {', '.join(choices)}",
                                  getattr(where, 'line', None))
-            raise FieldError(where, f": '{shown(value)}' must be {' or '.join(map(repr, choices))}")
+            allowed = ' or '.join(map(repr, choices)) if len(choices) < 10 else 'one of ' + ', '.join(map(str, choices))
+            raise FieldError(where, f": '{shown(value)}' must be {allowed}")
         return value
 
     return check

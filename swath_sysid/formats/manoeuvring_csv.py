@@ -25,11 +25,12 @@ from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTria
 
 SPEED_UNITS = {'m_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0}
 FORCE_UNITS = {'n': 1.0}
+PULSE_UNITS = {'us': 1.0}
 
 QUANTITIES = (
     (('time', 't', 'stamp', 'timestamp'), 'time', TIME_UNITS),
     *((names, f'{side}_{kind}', units)
-      for kind, units in (('thrust', FORCE_UNITS), ('command', PURE))
+      for kind, units in (('thrust', FORCE_UNITS), ('command', PURE), ('pwm', PULSE_UNITS))
       for side, other in (('port', 'left'), ('starboard', 'right'))
       for names in [(f'{side}_{kind}', f'{other}_{kind}', f'{kind}_{side}', f'{kind}_{other}')]),
     (('surge', 'u', 'surge_speed'), 'surge', SPEED_UNITS),
@@ -41,6 +42,9 @@ QUANTITIES = (
 """Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
 
 FRAMES = ('enu', 'ned')
+USUAL_NEUTRAL, USUAL_FULL = 1500.0, 1900.0
+"""us of pulses to speed controllers: no thrust, and full thrust ahead."""
+
 LARGEST_COMMAND = 1.5
 """A command beyond is not normalised."""
 
@@ -49,9 +53,11 @@ def read_manoeuvring_csv(path, frame=None):
     """Read a record of a manoeuvre.
 
     Columns, in any order: ``time_s``; ``port_thrust_n`` and ``starboard_thrust_n``, or ``port_command`` and
-    ``starboard_command``; any of ``surge_m_s``, ``sway_m_s``, ``yaw_rate_rad_s`` or ``_deg_s``, ``heading_rad`` or
-    ``_deg``, ``x_m`` and ``y_m`` (or ``east_m`` and ``north_m``). Comment lines above may state
-    ``# frame: ned``, ``# lever_m: 1.0`` and ``# length_m: 4.9``. Empty cells are missing values.
+    ``starboard_command``, or ``port_pwm_us`` and ``starboard_pwm_us``; any of ``surge_m_s``, ``sway_m_s``,
+    ``yaw_rate_rad_s`` or ``_deg_s``, ``heading_rad`` or ``_deg``, ``x_m`` and ``y_m`` (or ``east_m`` and
+    ``north_m``). Comment lines above may state ``# frame: ned``, ``# lever_m: 1.0``, ``# length_m: 4.9``, and of
+    pulses ``# pwm_neutral_us: 1500`` and ``# pwm_full_us: 1900`` (full ahead), which are the usual ones. Empty cells
+    are missing values.
 
     Parameters
     ----------
@@ -76,7 +82,7 @@ def read_manoeuvring_csv(path, frame=None):
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from error
     found = {name: row * scale for row, (name, (_, scale)) in zip(values, columns.items(), strict=True)}
-    thrust_input, port, starboard = _thrusters(path, found)
+    thrust_input, port, starboard = _thrusters(path, found, head.remarks)
     frame = (frame or head.remarks.get('frame', '')).lower() or None
     if frame not in (None, *FRAMES):
         raise InputError(f"{path} states the frame '{shown(frame)}': state enu or ned")
@@ -127,10 +133,11 @@ def _find_columns(path, names):
             columns.setdefault(reading, (index, scale))
     if 'time' not in columns:
         raise InputError(f'{path} has no time column: looked for time_s, time_ms, t_s; found {listed_names(names)}')
-    thrusters = [{f'port_{kind}', f'starboard_{kind}'} for kind in ('thrust', 'command')]
+    thrusters = [{f'port_{kind}', f'starboard_{kind}'} for kind in ('thrust', 'command', 'pwm')]
     if not any(pair <= set(columns) for pair in thrusters):
         raise InputError(f'{path} has no pair of thrusters: looked for port_thrust_n and starboard_thrust_n, or '
-                         f'port_command and starboard_command; found {listed_names(names)}')  # fmt: skip
+                         f'port_command and starboard_command, or port_pwm_us and starboard_pwm_us; '
+                         f'found {listed_names(names)}')  # fmt: skip
     motion = set(columns) & {'surge', 'sway', 'yaw_rate', 'heading', 'x', 'east'}
     if not motion:
         raise InputError(f'{path} has no motion: looked for surge_m_s, sway_m_s, yaw_rate_rad_s, heading_rad, '
@@ -138,10 +145,18 @@ def _find_columns(path, names):
     return columns
 
 
-def _thrusters(path, found):
+def _thrusters(path, found, remarks):
     if 'port_thrust' in found and 'starboard_thrust' in found:
         return FORCE, found['port_thrust'], found['starboard_thrust']
-    port, starboard = found['port_command'], found['starboard_command']
+    if 'port_pwm' in found and 'starboard_pwm' in found:
+        neutral = remark_number(path, remarks, 'pwm_neutral_us') or USUAL_NEUTRAL
+        span = (remark_number(path, remarks, 'pwm_full_us') or USUAL_FULL) - neutral
+        if not span:
+            raise InputError(f'{path}: pwm_neutral_us and pwm_full_us are the same: state the pulses of no thrust '
+                             f'and of full thrust ahead')  # fmt: skip
+        port, starboard = ((found[f'{side}_pwm'] - neutral) / span for side in ('port', 'starboard'))
+    else:
+        port, starboard = found['port_command'], found['starboard_command']
     most = max((float(np.nanmax(np.abs(c))) for c in (port, starboard) if np.isfinite(c).any()), default=0.0)
     if most > LARGEST_COMMAND:
         raise InputError(f'{path}: commands reach {most:g}: normalise them to -1 .. 1, or name them port_thrust_n and '

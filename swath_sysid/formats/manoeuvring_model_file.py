@@ -20,7 +20,7 @@ from swath_sysid.formats.fields import (
     record,
     text,
 )
-from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import INPUTS, ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.physical_range import check_physical
 from swath_sysid.manoeuvring.hull.stability import Region
@@ -33,6 +33,11 @@ _REGION = {
     'slowest': _SPEED, 'fastest': _SPEED, 'largest_sway': number(0.0, 100.0), 'largest_yaw_rate': number(0.0, 100.0),
     'least_input': _INPUT, 'most_input': _INPUT, 'largest_difference': number(0.0, 2e9),
 }  # fmt: skip
+_SPREAD, _TIME = number(0.0, 1e6), number(0.0, 1e6, above=0.0)
+_FORECAST = record({
+    'disturbance': list_of(_SPREAD, 3), 'disturbance_time': list_of(_TIME, 3), 'thrust': list_of(_SPREAD, 3),
+    'sensors': list_of(_TIME, 4), 'leads': list_of(_TIME), 'scale': list_of(list_of(_SPREAD), 6),
+})  # fmt: skip
 FORMAT = ModelFormat(
     'swath_sysid manoeuvring model', 'body x forward, y port, z up; world x east, y north (REP 103)',
     'write one with manoeuvre identify --output', {
@@ -48,7 +53,7 @@ FORMAT = ModelFormat(
         'region': record({field.name: _REGION[field.name] for field in fields(Region)}),
         'metrics': metrics,
         'provenance': mapping,
-    }, {}, kind='manoeuvring model',
+    }, {'forecast': _FORECAST}, kind='manoeuvring model',
 )  # fmt: skip
 """What a model file holds; null stands for what is not known."""
 
@@ -71,6 +76,8 @@ def manoeuvring_to_yaml(identified):
         for p in PARAMETERS
         if p.name in identified.names or model[p.name] != NEUTRAL[INDEX[p.name]]
     }
+    forecast = {} if identified.forecast is None else {'forecast': {
+        name: np.asarray(values, dtype=float).tolist() for name, values in asdict(identified.forecast).items()}}
     return FORMAT.text(
         name=model.name, thrust_input=model.thrust_input, length_m=float(model.length),
         largest_input=float(model.largest_input), parameters=parameters,
@@ -78,7 +85,7 @@ def manoeuvring_to_yaml(identified):
         covariance=np.asarray(identified.covariance, dtype=float).tolist(),
         noise=[float(n) for n in identified.noise],
         region={name: float(value) for name, value in asdict(identified.region).items()},
-        metrics=identified.metrics, provenance=identified.provenance,
+        metrics=identified.metrics, provenance=identified.provenance, **forecast,
     )  # fmt: skip
 
 
@@ -114,8 +121,18 @@ def manoeuvring_from_yaml(text, source='the model'):
     check_std(told, np.diag(matrix)[[names.index(name) for name in told]], source)
     return IdentifiedManoeuvringModel(
         built(lambda: _model_of(content), source), names, matrix, np.array(content['noise']), region,
-        content['metrics'], content['provenance'],
+        content['metrics'], content['provenance'], _forecast_of(content.get('forecast'), f'{source}, forecast'),
     )  # fmt: skip
+
+
+def _forecast_of(content, where):
+    if content is None:
+        return None
+    found = {name: np.array(values) for name, values in content.items() if name != 'scale'}
+    leads = found['leads']
+    if not leads.size or np.any(np.diff(leads) <= 0.0) or any(len(row) != leads.size for row in content['scale']):
+        raise InputError(f'{where}: the leads must rise, and every row of scale hold one number a lead')
+    return ForecastNoise(**found, scale=np.array(content['scale'], dtype=float))
 
 
 def _model_of(content):

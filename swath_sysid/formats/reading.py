@@ -58,7 +58,7 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
         if path.is_dir():
             raise InputError(f'{path} is a folder without a rosbag2 bag in it: give a trial file or a bag folder')
         if topic:
-            raise InputError(f'{path} is no bag, so it has no topic {topic}: leave the topic out, or give a bag')
+            raise InputError(f'{path} is not a bag, so it has no topic {topic}: leave the topic out, or give a bag')
         _refuse_foreign(path)
         head = read_head(path)
     except OSError as error:

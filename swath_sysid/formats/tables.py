@@ -184,7 +184,7 @@ def remark_number(path, remarks, key):
     try:
         return float(remarks[key].replace(',', '.'))
     except ValueError as error:
-        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is no number: "
+        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is not a number: "
                          f'correct that line') from error
 
 

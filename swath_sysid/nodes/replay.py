@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -27,6 +28,9 @@ CLOCK_PERIOD = 0.01
 
 SETTLING = 0.5
 """s from the last connection to the first message: the other side may still be making it."""
+
+DELIVERY = 5.0
+"""s at most for messages that are on their way when the bag ends."""
 
 DISCOVERY = 3.5
 """s in which a subscription that is there is found: mostly 0.2 s, now and then three."""
@@ -176,6 +180,12 @@ class Replay(Node):
             if not self._replaying.loop:
                 return
 
+    def wait_until_received(self) -> None:
+        """Wait, at most `DELIVERY`, until reliable subscriptions have the last messages: these end with the node."""
+        deadline = time.monotonic() + DELIVERY
+        for outlet in self._outlets.values():
+            outlet.wait_for_all_acked(Duration(seconds=max(deadline - time.monotonic(), 0.0)))
+
     def _play_once(self, should_stop: Callable[[], bool]) -> None:
         begun, first = 0.0, None
         for time_ns, topic, raw in self._messages():
@@ -273,6 +283,7 @@ def replay(path: str | Path, settings: Any, tell: Callable[[str], None], args: l
             if listening < expected and not stop.is_set():
                 tell(f'{listening} of {expected} listen yet: publishing all the same')
             node.play(stop.is_set)
+            node.wait_until_received()
             tell(f'{node.sent} messages published')
         finally:
             node.destroy_node()

@@ -7,7 +7,8 @@ import numpy as np
 REGRESSIONS = {'ar_40': 40, 'var_40': 40, 'var_60': 60}
 """Order of each regression, given enough past; an autoregression reads its own angle, the others every channel."""
 
-BASELINES = ('persistence', 'constant_rate', 'mean', *REGRESSIONS)
+SIMPLE = ('persistence', 'constant_rate', 'mean')
+BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
 ROWS_A_COEFFICIENT = 8
@@ -128,7 +129,7 @@ def baseline_forecasts(record, axes, stamps, leads, window):
         By axis and baseline (those of `BASELINES`), NaN where there is none.
     """
     every = [k for k, name in enumerate(record.names)]
-    result = {axis: _simple_forecasts(record, axis, stamps, leads, window) for axis in axes}
+    result = {axis: simple_forecasts(record, axis, stamps, leads, window) for axis in axes}
     targets = [record.names.index(axis) for axis in axes]
     for name, order in REGRESSIONS.items():
         groups = [[target] for target in targets] if name.startswith('ar') else [targets]
@@ -140,15 +141,29 @@ def baseline_forecasts(record, axes, stamps, leads, window):
     return result
 
 
-def _simple_forecasts(record, axis, stamps, leads, window):
-    """Persistence, constant rate and the mean of the past."""
-    measured = np.isfinite(record.column(axis))
-    time, angle = record.time[measured], record.column(axis)[measured]
+def simple_forecasts(record, name, stamps, leads, window):
+    """Persistence, constant rate and the mean of the past.
+
+    Parameters
+    ----------
+    record : Record
+    name : str
+        Channel to forecast; its rate is the one of that name with ``_rate``, or that between its newest two values.
+    stamps, leads, window
+        As in `baseline_forecasts`.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (N, L)
+        By `SIMPLE`.
+    """
+    measured = np.isfinite(record.column(name))
+    time, angle = record.time[measured], record.column(name)[measured]
     none = np.full((stamps.size, leads.size), np.nan)
     if not time.size:
         return {'persistence': none, 'constant_rate': none, 'mean': none}
     newest = np.searchsorted(time, stamps, side='right') - 1
-    rate = record.column(f'{axis}_rate')
+    rate = record.column(f'{name}_rate')
     if rate is None:
         rate = np.diff(angle, prepend=np.nan) / np.diff(time, prepend=np.nan)
     else:

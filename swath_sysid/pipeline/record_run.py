@@ -1,11 +1,12 @@
 """The forecast pipeline run causally through a record, with what is learnt of the sea taken over by stamp."""
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
@@ -61,11 +62,8 @@ def samples_of(trial):
     ------
     CraftSample
     """
-    absent = np.full(trial.time.size, math.nan)
-    columns = [
-        absent if (values := getattr(trial, name, None)) is None else values
-        for name in ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z', 'yaw_rate', 'heave')
-    ]
+    measured, absent = trial.channels, np.full(trial.time.size, math.nan)
+    columns = [measured.get(name, absent) for name in (*CHANNELS, *FURTHER_CHANNELS)]
     unknown = (math.nan,) * 4
     for stamp_ns, *motion, yaw_rate, heave in zip(
         np.round(trial.time * 1e9).astype(np.int64).tolist(), *(values.tolist() for values in columns), strict=True
@@ -73,7 +71,7 @@ def samples_of(trial):
         yield CraftSample(stamp_ns, *motion, *unknown, yaw_rate=yaw_rate, heave=heave)
 
 
-def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None):
+def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None, points_ahead=True):
     """Run the pipeline through a record; every fit is used from its request's stamp plus the refit delay on.
 
     Parameters
@@ -88,6 +86,8 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
         Called with the share done.
     limits_from : (float, QuiescenceLimits), optional
         Limits of quiescence from a stamp on; their reliability is recorded from there.
+    points_ahead : bool
+        Keep vertical motion over the horizon, which takes 20 kB a point and forecast.
 
     Returns
     -------
@@ -107,7 +107,8 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
         step = pipeline.add_sample(sample)
         step_times.append(now() - begun)
         if step.forecast is not None:
-            steps.append(Issued(stamp, step.forecast, step.horizon))
+            horizon = step.horizon if points_ahead else replace(step.horizon, points={})
+            steps.append(Issued(stamp, step.forecast, horizon))
         if step.sea_request is not None:
             begun = now()
             pipeline.install(fit_sea(step.sea_request))

@@ -1,18 +1,25 @@
 """Skill, measured honestly: every forecast that was issued counts, beside what it must beat."""
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.forecast import LEVELS
-from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
+from swath_sysid.attitude.motion.vertical import EDGE
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
+from swath_sysid.attitude.prediction.point import POINT_MOTION, Point
+from swath_sysid.attitude.prediction.quiescence import ATTITUDE, QuiescenceLimits, Reliability, quantity_at
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts
+from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts
+from swath_sysid.pipeline.vertical_record import vertical_record
 
 FORECAST = 'forecast'
 METHODS = (FORECAST, *BASELINES)
+
+SENSOR = Point('sensor', (0.0, 0.0, 0.0))
+"""Where vertical motion is scored beside the points asked for."""
 
 AFTER_GAP = 4.0
 """s after lost samples for which the forecasts have scores of their own."""
@@ -33,21 +40,22 @@ _LEAST_WARMUP = 30.0
 
 
 @dataclass(frozen=True)
-class AxisSkill:
-    """Scores of one axis; errors are root mean squares over ``deviation``.
+class QuantitySkill:
+    """Scores of one quantity; errors are root mean squares over ``deviation``.
 
     Attributes
     ----------
     deviation : float
-        Standard deviation of the measured angle while it was scored, rad.
+        Standard deviation of what came while it was scored: rad, m, m/s or m/s^2.
     counted, unmeasured : ndarray of int, shape (L,)
         Forecasts that count, and those that cannot because nothing was measured at their time.
     nrmse : dict of str to ndarray, shape (L,)
-        By `METHODS`.
+        By `METHODS`; of vertical motion by those that need no measurement of it.
     stood_in : dict of str to ndarray, shape (L,)
-        Share of the counted for which the method had no value, so that persistence stood in.
+        Share of the counted for which the method had no value, so that persistence stood in; of vertical motion the
+        mean of the past, which is all that is known before it is learnt.
     coverage : ndarray, shape (L, 3)
-        Share of the 50, 90 and 99 % intervals that held the measured angle.
+        Share of the 50, 90 and 99 % intervals that held what came.
     interval : ndarray, shape (L, 2)
         Of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
     best : tuple of str
@@ -83,7 +91,7 @@ class Skill:
     ----------
     leads : ndarray, shape (L,)
         s.
-    axes : dict of str to AxisSkill
+    axes : dict of str to QuantitySkill
     warmup, until : float
         s from the record's start; forecasts issued between them were scored.
     window : float
@@ -93,10 +101,12 @@ class Skill:
     quiescence : Reliability or None
     quiescence_limits : QuiescenceLimits or None
     advice : tuple of Advice
+    points : dict of str to dict of str to QuantitySkill
+        By point and `POINT_MOTION`.
     """
 
     leads: np.ndarray
-    axes: dict[str, AxisSkill]
+    axes: dict[str, QuantitySkill]
     warmup: float
     until: float
     window: float
@@ -105,6 +115,7 @@ class Skill:
     quiescence: Reliability | None = None
     quiescence_limits: QuiescenceLimits | None = None
     advice: tuple[Advice, ...] = ()
+    points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)
 
 
 def usual_limits(trial, limits, warmup):
@@ -122,7 +133,7 @@ def usual_limits(trial, limits, warmup):
     QuiescenceLimits or None
         None where none are given and the warm-up is too short to suggest any.
     """
-    if np.isfinite(limits.as_array).any():
+    if np.isfinite(limits.bounds(ATTITUDE)).any():
         return limits
     seen = trial.time < trial.time[0] + warmup
     warm = {axis: trial.channels[axis][seen] for axis in AXES if axis in trial.channels}
@@ -133,7 +144,7 @@ def usual_limits(trial, limits, warmup):
     return replace(limits, **{axis: float(max(limit, _LEAST_LIMIT)) for axis, limit in usual.items()})
 
 
-def score(trial, run, leads, warmup, window, until=None, seed=0):
+def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
     """Score the forecasts of a run and the baselines at the same instants.
 
     Every forecast issued between `warmup` and `until` counts, unless nothing was measured at the time that it is
@@ -153,6 +164,8 @@ def score(trial, run, leads, warmup, window, until=None, seed=0):
         s from the record's start; by default to its end.
     seed : int
         Of the bootstrap.
+    points : sequence of Point
+        Of those whose vertical motion was forecast; it is scored by that of the whole record (`vertical_record`).
 
     Returns
     -------
@@ -161,7 +174,8 @@ def score(trial, run, leads, warmup, window, until=None, seed=0):
     Raises
     ------
     InputError
-        The record has no angle, or no forecast was issued in time for one of the leads.
+        The record has no angle, or no forecast was issued in time for one of the leads; with points, it does not
+        show its vertical motion.
     """
     leads = np.array(sorted({float(lead) for lead in leads}))
     axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
@@ -179,36 +193,84 @@ def score(trial, run, leads, warmup, window, until=None, seed=0):
         raise InputError(f'no forecast of {name} was issued between {warmup:.0f} and {until:.0f} s: score more of it')
     record, stamps = Record.of(trial), np.array([s.stamp for s in scored])
     baselines = baseline_forecasts(record, axes, stamps, leads, window)
+    span = start + warmup, start + until + leads[-1]
     results, advice = {}, []
     for axis in axes:
         angle, half_width = _issued(scored, axis, leads)
-        span = (trial.time >= start + warmup) & (trial.time <= start + until + leads[-1])
-        deviation = float(np.nanstd(trial.channels[axis][span]))
+        at = _Occasions(stamps, leads, span, record.after_gap(axis, stamps, AFTER_GAP), seed)
         methods = {FORECAST: angle, **baselines[axis]}
-        results[axis] = _score_axis(record, axis, stamps, leads, methods, half_width, deviation, seed)
+        results[axis] = _score(record, axis, at, methods, half_width, 'persistence')
         advice += _advice_on(axis, results[axis])
+    vertical: dict[str, dict[str, QuantitySkill]] = {}
+    if points:
+        truth = vertical_record(trial, points)
+        at = _Occasions(stamps, leads, span, record.after_gap('accel_z', stamps, AFTER_GAP), seed)
+        if not ((truth.time >= stamps[0] + leads[-1]) & (truth.time <= span[1])).any():
+            raise InputError(
+                f'{name} does not show its vertical motion from {warmup:.0f} to {until:.0f} s: it is not known within '
+                f'{EDGE:.0f} s of the ends of a record and of gaps, so shorten the warm-up'
+            )
+    for point in points:
+        mean, half_widths = _issued_at_point(scored, point.name, leads)
+        vertical[point.name] = {}
+        for place, kind in enumerate(POINT_MOTION):
+            quantity = quantity_at(point.name, kind)
+            methods = {FORECAST: mean[..., place], **simple_forecasts(truth, quantity, stamps, leads, window)}
+            vertical[point.name][kind] = _score(truth, quantity, at, methods, half_widths[:, :, place], 'mean')
     return Skill(
         leads, results, warmup, until, window, _spread(run.step_times), _spread(run.refit_times), run.reliability,
-        run.quiescence_limits, tuple(advice),
+        run.quiescence_limits, tuple(advice), vertical,
     )  # fmt: skip
 
 
 def _issued(steps, axis, leads):
     """Angles, shape (N, L), and half widths, shape (N, L, 3), as issued; NaN where the axis was not forecast."""
+    places = _places(steps, leads)
+    absent = np.full(leads.size, np.nan), np.full((leads.size, LEVELS.size), np.nan)
+    issued = [s.forecast.axes.get(axis) for s in steps]
+    angle = np.array([absent[0] if ahead is None else ahead.angle[places] for ahead in issued])
+    half_width = np.array([absent[1] if ahead is None else ahead.half_width[places] for ahead in issued])
+    return angle, half_width
+
+
+def _issued_at_point(steps, name, leads):
+    """`POINT_MOTION`, shape (N, L, 3), and half widths, shape (N, L, 3, 3), as issued; NaN before it is learnt."""
+    places, count = _places(steps, leads), len(POINT_MOTION)
+    mean = np.full((len(steps), leads.size, count), np.nan)
+    deviation = mean.copy()
+    for row, step in enumerate(steps):
+        if name in step.forecast.points:
+            ahead = step.forecast.points[name]
+            mean[row] = ahead.mean[places]
+            deviation[row] = np.sqrt(np.diagonal(ahead.covariance[places], axis1=1, axis2=2)[:, :count])
+    return mean, deviation[..., None] * NORMAL_QUANTILES
+
+
+def _places(steps, leads):
+    """Of the leads among those that were forecast."""
     given = steps[0].forecast.leads
     places = np.abs(given[:, None] - leads).argmin(axis=0)
     if np.any(np.abs(given[places] - leads) > 1e-9):
         raise InputError(f'the forecasts are for leads of {given.tolist()} s, not {leads.tolist()} s: choose of these')
-    none = np.full(given.size, np.nan), np.full((given.size, LEVELS.size), np.nan)
-    issued = [s.forecast.axes.get(axis) for s in steps]
-    angle = np.array([none[0] if ahead is None else ahead.angle for ahead in issued])
-    half_width = np.array([none[1] if ahead is None else ahead.half_width for ahead in issued])
-    return angle[:, places], half_width[:, places]
+    return places
 
 
-def _score_axis(record, axis, stamps, leads, methods, half_width, deviation, seed):
-    truth = record.at(stamps[:, None] + leads, [record.names.index(axis)])[..., 0]
-    resting = methods['persistence']
+class _Occasions(NamedTuple):
+    """When forecasts were issued, s, how far ahead, the span of time scored, and which were issued after a gap."""
+
+    stamps: np.ndarray
+    leads: np.ndarray
+    span: tuple[float, float]
+    after_gap: np.ndarray
+    seed: int
+
+
+def _score(record, name, at, methods, half_width, stand_in):
+    """Scores of the methods' forecasts of a channel; where one has no value the one named stands in."""
+    stamps, leads = at.stamps, at.leads
+    truth = record.at(stamps[:, None] + leads, [record.names.index(name)])[..., 0]
+    resting, baselines = methods[stand_in], [method for method in methods if method != FORECAST]
+    deviation = float(np.nanstd(record.column(name)[(record.time >= at.span[0]) & (record.time <= at.span[1])]))
     counts = np.isfinite(truth) & np.isfinite(resting)
     counted = counts.sum(axis=0)
     share = np.where(counted > 0, 1.0 / np.maximum(counted, 1), np.nan)
@@ -218,11 +280,11 @@ def _score_axis(record, axis, stamps, leads, methods, half_width, deviation, see
     scale = deviation if deviation > 0.0 else math.nan
     nrmse = {name: np.sqrt(square.sum(axis=0) * share) / scale for name, square in squares.items()}
     held = counts[..., None] & ~absent[FORECAST][..., None] & (np.abs(errors[FORECAST])[..., None] <= half_width)
-    best = tuple(min(BASELINES, key=lambda name: nrmse[name][i]) for i in range(leads.size))
+    best = tuple(min(baselines, key=lambda name: nrmse[name][i]) for i in range(leads.size))
     of_best = np.column_stack([squares[name][:, i] for i, name in enumerate(best)])
     sums = block_sums(stamps, np.stack([squares[FORECAST], of_best, counts.astype(float)]))
-    ours, theirs, samples = resampled(sums, seed)
-    after = counts & record.after_gap(axis, stamps, AFTER_GAP)[:, None]
+    ours, theirs, samples = resampled(sums, at.seed)
+    after = counts & at.after_gap[:, None]
     with np.errstate(invalid='ignore', divide='ignore'):
         gap_nrmse = {
             name: np.sqrt((squares[name] * after).sum(axis=0) / after.sum(axis=0)) / scale
@@ -230,7 +292,7 @@ def _score_axis(record, axis, stamps, leads, methods, half_width, deviation, see
         }
         ratio = nrmse[FORECAST] / np.array([nrmse[name][i] for i, name in enumerate(best)])
         interval, ratio_interval = _middle(np.sqrt(ours / samples) / scale), _middle(np.sqrt(ours / theirs))
-    return AxisSkill(
+    return QuantitySkill(
         deviation=deviation, counted=counted, unmeasured=stamps.size - counted, nrmse=nrmse,
         stood_in={name: missing.sum(axis=0) * share for name, missing in absent.items()},
         coverage=held.sum(axis=0) * share[:, None], interval=interval, best=best, ratio=ratio,

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
 from swath_sysid.manoeuvring.identification.validation import simulate_windows
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, smoothed
+from swath_sysid.manoeuvring.motion.resampling import smoothed
+from swath_sysid.manoeuvring.motion.trial import CHANNELS
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
 from swath_sysid.report.manoeuvring_summary import short
 
@@ -30,10 +31,11 @@ def run_figures(found, window=20.0):
     figures = {}
     for label, runs, currents in (
         ('identification', found.identified_on, found.currents),
-        ('validation', found.validated_on, found.validation_currents),
+        ('validation', found.validated_on, None),
     ):
         for number, run in enumerate(runs, 1):
-            simulated = simulate_windows(found.model, [run], window, currents=currents[number - 1 : number])
+            its_own = None if currents is None else currents[number - 1 : number]
+            simulated = simulate_windows(found.model, [run], window, currents=its_own)
             figures[f'{label}_{number:02d}_{_file_name(run.source)}'] = _run_figure(run, simulated, label)
     return figures
 
@@ -180,14 +182,14 @@ def _derivatives_figure(found):
 
 def _unit(name):
     parameter = PARAMETERS[INDEX[name]]
-    return '' if parameter.kind == THRUST and parameter.unit == '-' else parameter.unit
+    return '' if parameter.kind not in HULL and parameter.unit == '-' else parameter.unit
 
 
 def _residuals_figure(found, window):
     figure = new_figure(11, 6)
     rows = figure.subplots(3, 2, gridspec_kw={'width_ratios': (2.2, 1)})
     groups = [('identification', found.identified_on, found.currents, RESIDUAL),
-              ('validation', found.validated_on, found.validation_currents, MODEL)]  # fmt: skip
+              ('validation', found.validated_on, None, MODEL)]  # fmt: skip
     for label, runs, currents, color in groups:
         if not runs:
             continue

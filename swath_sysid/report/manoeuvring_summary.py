@@ -3,6 +3,7 @@
 from pathlib import PurePath
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.manoeuvring.hull.terms import PARAMETERS
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
 from swath_sysid.report.fit_summary import finite_or_none
 
@@ -90,9 +91,35 @@ def _currents_by_run(found):
     """East and north by run; None where all have the model's."""
     if not found.has_currents_by_run:
         return None
-    runs = [*found.identified_on, *found.validated_on]
-    currents = [*found.currents.tolist(), *found.validation_currents.tolist()]
-    return {run.source: {'east': east, 'north': north} for run, (east, north) in zip(runs, currents, strict=True)}
+    return {run.source: {'east': east, 'north': north}
+            for run, (east, north) in zip(found.identified_on, found.currents.tolist(), strict=True)}  # fmt: skip
+
+
+def terms_in_words():
+    """A line for each parameter of the catalogue: name, unit, meaning."""
+    sides = {'X': 'surge force', 'Y': 'sway force', 'N': 'yaw moment'}
+
+    def meaning(p):
+        by = ' '.join(f'd{f.lower()}/dt' if f.isupper() else f for f in p.factors)
+        return _MEANINGS.get(p.name) or (f'{sides[p.row]} by {by}' if by else f'steady {sides[p.row]}')
+
+    return [f'  {p.name:<24}{p.unit:<10}{meaning(p)}' for p in PARAMETERS]
+
+
+_MEANINGS = {
+    'm': 'mass', 'Iz': 'yaw inertia', 'gain': 'thrust a unit of input at full input ahead',
+    'reverse_ratio': 'thrust at full input astern as a share of that ahead',
+    'dead_band': 'share of the full input that gives no thrust', 'exponent': 'of the thrust curve ahead',
+    'reverse_exponent_ratio': 'exponent astern as a multiple of that ahead',
+    'balance': 'share by which the starboard thruster is stronger', 'advance': 'loss of thrust by speed',
+    'lag': 'of the thrusters, first order', 'delay': 'of the thrusters',
+    'deduction': 'thrust lost at the hull, a share', 'lever': 'half the distance between the thrusters',
+    'moment_factor': 'gain of the yaw moment at the hull, a share',
+    'full_input': 'input at which the thrust curve is 1: 1 for commands, N for forces',
+    'deviation_B': 'of the compass, by the sine of the heading (from east to north)',
+    'deviation_C': 'of the compass, by the cosine of the heading',
+    'sensor_x': 'sensor ahead of the origin', 'sensor_y': 'sensor to port of the origin',
+}  # fmt: skip
 
 
 def identification_in_words(found):
@@ -115,6 +142,9 @@ def identification_in_words(found):
             continue
         r2 = ', '.join(f'{name.replace("_", " ")} {value:.4f}' for name, value in scores.r2.items() if value == value)
         lines.append(f'  {label}: R2 of free simulation over {scores.windows} windows: {r2}')
+        rmse = ', '.join(f'{name.replace("_", " ")} {value:.3g} {"rad/s" if name == "yaw_rate" else "m/s"}'
+                         for name, value in scores.rmse.items() if value == value)  # fmt: skip
+        lines.append(f'    root mean square errors: {rmse}')
         if scores.diverged:
             lines.append(f'    {scores.diverged} windows DIVERGED')
         errors = [f'{lead:g} s: {scores.position_error[lead]:.2f} m, {scores.heading_error[lead]:.3f} rad'
@@ -122,6 +152,8 @@ def identification_in_words(found):
         lines.append(f'    error after {"; ".join(errors)}')
     verdict = 'stable' if found.stability.stable else 'NOT stable'
     lines.append(f'  {verdict} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)')
+    lines.append('  R2 is relative to the mean of each channel: 1 is perfect, 0 as good as that mean. Where a craft')
+    lines.append('  hardly moves sideways, a sway of -0.1 is an error of the size of the noise, and no disaster.')
     return lines
 
 
@@ -152,7 +184,7 @@ def forecast_as_data(scores, future):
         'forecasts': scores.count,
         'leads_s': list(scores.leads),
         'rmse': {method: {q: by_lead(v) for q, v in table.items()} for method, table in scores.rmse.items()},
-        'within_two_std': {q: by_lead(v) for q, v in scores.spread.items()},
+        'within_90_percent': {q: by_lead(v) for q, v in scores.spread.items()},
     })  # fmt: skip
 
 
@@ -170,7 +202,7 @@ def forecast_in_words(scores, future):
             lines.append(f'    {method:<20}{values}')
         if quantity in scores.spread:
             values = ''.join(f'{value:>11.0%}' if value == value else f'{"-":>11}' for value in scores.spread[quantity])
-            lines.append(f'    {"model within 2 std":<20}{values}')
+            lines.append(f'    {"model, 90 % interval":<20}{values}')
     return lines
 
 

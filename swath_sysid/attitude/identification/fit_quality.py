@@ -16,7 +16,7 @@ LEAST_R2_IN_WAVES = 0.5
 DOUBTFUL_R2 = 0.97
 
 LEAST_R2_OF_COHERENT_RESIDUALS = 0.95
-"""Residuals, of angle or rate, that swing as the motion does are no noise; those of measured decays are within 1 %."""
+"""Residuals, of angle or rate, that swing as the motion does are not noise; those of measured decays are within 1 %."""
 
 COHERENT = 0.5
 """Autocorrelation of the residuals a tenth of a period on: of white noise 0, of the motion 0.8, of an offset 1."""

@@ -1,5 +1,6 @@
 """Trials: the measured motion of a craft, whatever file or topic it came from."""
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -151,3 +152,13 @@ class Trial:
             raise InputError(f'{self.source or "the trial"} holds no finite sample of {name}')
         whole = AxisMotion(name, self.time, getattr(self, name), getattr(self, f'{name}_rate'), self.source)
         return whole.only(finite)
+
+    def between(self, start: float | None, end: float | None) -> 'Trial':
+        """The samples with ``start <= time <= end`` (either may be None)."""
+        keep = np.ones(self.time.size, dtype=bool)
+        if start is not None:
+            keep &= self.time >= start
+        if end is not None:
+            keep &= self.time <= end
+        kept: dict[str, Any] = {name: values[keep] for name, values in self.channels.items()}
+        return replace(self, time=self.time[keep], **kept)

@@ -196,8 +196,7 @@ def reduced_moment(spectrum, request, hull):
     order = min(round(AUTOREGRESSION_SPAN / step), request.angle.size // 10)
     covariance = autocovariance(spectrum, step, order + 1)
     coefficients, noise = autoregression(covariance)
-    rates = request.rate if np.isfinite(request.rate).all() else np.gradient(request.angle, step)
-    stiffness, damping = hull.linearised(rates)
+    stiffness, damping = hull.linearised(request.rate)
     p, first = order, np.eye(1, order)[0]
     companion = np.zeros((p, p))
     companion[0] = coefficients

@@ -324,7 +324,9 @@ class Quiescence:
         if needed > members:
             return None
         longest = np.partition(lasting[:, :leads], members - needed, axis=0)[members - needed]
-        begins = np.flatnonzero(longest >= self._within)
+        # the quiet of now lasts up to the first lead; any later one begins at a lead, which is one more
+        lasting_enough = longest >= self._within + (np.arange(leads) > 0)
+        begins = np.flatnonzero(lasting_enough)
         if not begins.size:
             return None
         begin = begins[0]

@@ -16,7 +16,8 @@ from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification, identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, prepare_all
+from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 STEP_S = 0.2
 RELATIVE_STEP = 1e-4

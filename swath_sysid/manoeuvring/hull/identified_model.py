@@ -8,6 +8,40 @@ from swath_sysid.manoeuvring.hull.stability import Region
 
 
 @dataclass(frozen=True)
+class ForecastNoise:
+    """What forecasts of a craft are uncertain by, measured on the runs that it was identified on.
+
+    Attributes
+    ----------
+    disturbance : ndarray, shape (3,)
+        Standard deviation of the slowly varying accelerations that the model leaves in surge, sway, m/s^2, and yaw,
+        rad/s^2.
+    disturbance_time : ndarray, shape (3,)
+        Their correlation times, s.
+    thrust : ndarray, shape (3,)
+        Standard deviation of the accelerations by which thrust to come differs from held thrust.
+    sensors : ndarray, shape (4,)
+        Of speeds, yaw rate, heading, position; m/s, rad/s, rad, m.
+    leads : ndarray, shape (L,)
+        s.
+    scale : ndarray, shape (6, L)
+        By which the standard deviations of surge, sway, yaw rate, heading, x and y are multiplied at these leads, so
+        that the intervals hold what they say.
+    """
+
+    disturbance: np.ndarray
+    disturbance_time: np.ndarray
+    thrust: np.ndarray
+    sensors: np.ndarray
+    leads: np.ndarray = field(default_factory=lambda: np.array([1.0]))
+    scale: np.ndarray = field(default_factory=lambda: np.ones((6, 1)))
+
+    def scale_at(self, lead):
+        """Shape (6,), linear between the leads and held beyond them."""
+        return np.array([np.interp(lead, self.leads, row) for row in self.scale])
+
+
+@dataclass(frozen=True)
 class IdentifiedManoeuvringModel:
     """What a model file of manoeuvring holds.
 
@@ -22,6 +56,8 @@ class IdentifiedManoeuvringModel:
     region : Region
         Motion and inputs that it was identified at.
     metrics, provenance : dict
+    forecast : ForecastNoise or None
+        None: not measured; forecasts fall back on `noise`.
     """
 
     model: ManoeuvringModel
@@ -31,3 +67,4 @@ class IdentifiedManoeuvringModel:
     region: Region
     metrics: dict = field(default_factory=dict)
     provenance: dict = field(default_factory=dict)
+    forecast: ForecastNoise | None = None

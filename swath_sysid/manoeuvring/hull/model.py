@@ -8,8 +8,6 @@ from swath_sysid.manoeuvring.hull.terms import (
     INDEX,
     NAMES,
     NEUTRAL,
-    PARAMETERS,
-    THRUST,
     accelerations,
 )
 
@@ -23,7 +21,7 @@ class ManoeuvringModel:
 
     Attributes
     ----------
-    values : ndarray, shape (39,)
+    values : ndarray, shape (n,)
         Of every parameter in `terms.NAMES`; what is not in use has its neutral value.
     thrust_input : str
         ``force`` (N a thruster) or ``command`` (-1 to 1).
@@ -86,7 +84,7 @@ class ManoeuvringModel:
 
 
 def parameter_values(values, base=NEUTRAL):
-    """A full parameter vector, shape (39,), from some values by name.
+    """A full parameter vector, shape (n,), from some values by name.
 
     Raises
     ------
@@ -105,8 +103,3 @@ def parameter_values(values, base=NEUTRAL):
 def active_terms(values):
     """Which parameters differ from their neutral value, as a tuple of bools."""
     return tuple((np.asarray(values) != NEUTRAL).tolist())
-
-
-def derivative_names():
-    """The hydrodynamic derivatives and inertias, without the thrusters."""
-    return tuple(p.name for p in PARAMETERS if p.kind != THRUST)

@@ -1,6 +1,6 @@
 """What no twin-thruster craft exceeds: the ranges outside of which a manoeuvring model is a mistake."""
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, THRUST, YR_DOT, YV_DOT, M
+from swath_sysid.manoeuvring.hull.terms import HULL, IZ, NR_DOT, NV_DOT, PARAMETERS, YR_DOT, YV_DOT, M
 
 LARGEST = 1e12
 """Of any mass, inertia or derivative, in SI units: the largest ships come near it."""
@@ -8,14 +8,16 @@ LARGEST = 1e12
 LIGHTEST = 1e-3
 """kg and kg m^2."""
 
-_THRUST_RANGES = {
+_RANGES = {
     'gain': (1e-6, 1e9), 'reverse_ratio': (1e-3, 10.0), 'dead_band': (0.0, 0.95), 'exponent': (0.1, 10.0),
     'balance': (-0.99, 0.99), 'advance': (0.0, 10.0), 'lag': (0.0, 60.0), 'delay': (0.0, 60.0),
-    'deduction': (-1.0, 0.99), 'lever': (1e-3, 1000.0), 'moment_factor': (-0.99, 10.0),
+    'deduction': (-1.0, 0.99), 'lever': (1e-3, 1000.0), 'moment_factor': (-0.99, 10.0), 'full_input': (1e-6, 1e9),
+    'reverse_exponent_ratio': (0.1, 10.0), 'deviation_B': (-1.0, 1.0), 'deviation_C': (-1.0, 1.0),
+    'sensor_x': (-1e3, 1e3), 'sensor_y': (-1e3, 1e3),
 }  # fmt: skip
 
 PARAMETER_RANGES = {
-    p.name: _THRUST_RANGES[p.name] if p.kind == THRUST
+    p.name: _RANGES[p.name] if p.kind not in HULL
     else (LIGHTEST, LARGEST) if p.name in ('m', 'Iz') else (-LARGEST, LARGEST)
     for p in PARAMETERS
 }  # fmt: skip

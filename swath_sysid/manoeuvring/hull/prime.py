@@ -5,7 +5,7 @@ Units: length L, speed U, mass rho L^3 / 2, thus force rho L^2 U^2 / 2 and momen
 from dataclasses import dataclass
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
 
 SEA_WATER = 1025.0
 """kg/m^3."""
@@ -44,7 +44,7 @@ class PrimeUnits:
             The name is not a derivative.
         """
         parameter = PARAMETERS[INDEX[name]] if name in INDEX else None
-        if parameter is None or parameter.kind == THRUST:
+        if parameter is None or parameter.kind not in HULL:
             raise InputError(f"'{name}' is no derivative of the prime system: give one such as Xuu or Nr")
         length, speed = self.length, self.speed
         mass = 0.5 * self.density * length**3

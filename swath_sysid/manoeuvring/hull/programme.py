@@ -9,6 +9,18 @@ from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
 
 STEP = 0.1
 
+RECIPE = (
+    ('speeding up', 'straight, both thrusters alike: 15, 30, 50, 70, 100 % of full, 25 s each', 125),
+    ('slowing down', 'straight: 90, 40, 80, 20, 0 %, 25 s each; on another course', 125),
+    ('slow turns', 'about 25 % ahead, thrusters apart by 10 and by 20 %, to port and to starboard, 25 s each', 100),
+    ('fast turns', 'about 60 % ahead, apart by 10 and by 30 %, to both sides, 25 s each', 100),
+    ('zig-zag 10', 'about 50 % ahead, apart by 15 %, over to the other side at every 10 deg of heading', 90),
+    ('zig-zag 20', 'about 65 % ahead, apart by 30 %, at every 20 deg', 90),
+    ('astern', '50 % ahead for 15 s, 40 % astern for 20 s, then one thruster ahead and one astern, both ways', 75),
+    ('mixed', 'any thrusts, each held for 5 to 15 s, on courses all around the compass', 105),
+)
+"""Runs to drive for an identification: name, what to do, s."""
+
 
 @dataclass(frozen=True)
 class SensorNoise:

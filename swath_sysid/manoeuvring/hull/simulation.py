@@ -11,10 +11,17 @@ STABLE_STEP = 2.0
 """Largest product of step and fastest damping rate; the classical scheme is stable up to 2.78."""
 
 _accelerations = terms.accelerations
+UNDISTURBED = np.zeros((3, 1))
 
 
 @accelerated
-def runge_kutta_columns(state, port, starboard, p, active, step, substeps):
+def _slopes(u, v, r, left, right, push, p, active):
+    du, dv, dr = _accelerations(u, v, r, left, right, p, active)
+    return du + push[0], dv + push[1], dr + push[2]
+
+
+@accelerated
+def runge_kutta_columns(state, port, starboard, push, p, active, step, substeps):
     """Integrate C craft side by side with the classical Runge-Kutta scheme.
 
     Parameters
@@ -23,8 +30,10 @@ def runge_kutta_columns(state, port, starboard, p, active, step, substeps):
         u, v, r at the start.
     port, starboard : ndarray, shape (S, C)
         Thrust over each step, N.
-    p : ndarray, shape (39, C)
-    active : tuple of 39 bools
+    push : ndarray, shape (3, C) or (3, 1)
+        Disturbing accelerations of u, v, r; `UNDISTURBED` for none.
+    p : ndarray, shape (n, C)
+    active : tuple of n bools
         Terms that any column uses.
     step : float
         s.
@@ -45,10 +54,10 @@ def runge_kutta_columns(state, port, starboard, p, active, step, substeps):
     for k in range(steps):
         left, right = port[k], starboard[k]
         for _ in range(substeps):
-            u1, v1, r1 = _accelerations(u, v, r, left, right, p, active)
-            u2, v2, r2 = _accelerations(u + half * u1, v + half * v1, r + half * r1, left, right, p, active)
-            u3, v3, r3 = _accelerations(u + half * u2, v + half * v2, r + half * r2, left, right, p, active)
-            u4, v4, r4 = _accelerations(u + h * u3, v + h * v3, r + h * r3, left, right, p, active)
+            u1, v1, r1 = _slopes(u, v, r, left, right, push, p, active)
+            u2, v2, r2 = _slopes(u + half * u1, v + half * v1, r + half * r1, left, right, push, p, active)
+            u3, v3, r3 = _slopes(u + half * u2, v + half * v2, r + half * r2, left, right, push, p, active)
+            u4, v4, r4 = _slopes(u + h * u3, v + h * v3, r + h * r3, left, right, push, p, active)
             u = u + sixth * (u1 + 2.0 * (u2 + u3) + u4)
             v = v + sixth * (v1 + 2.0 * (v2 + v3) + v4)
             r = r + sixth * (r1 + 2.0 * (r2 + r3) + r4)
@@ -118,7 +127,7 @@ def simulate(model, port, starboard, step, state=(0.0, 0.0, 0.0), heading=0.0, p
     with np.errstate(over='ignore', invalid='ignore'):
         states = runge_kutta_columns(
             np.array(state, dtype=float)[:, None], np.ascontiguousarray(thrust[0][:, None]),
-            np.ascontiguousarray(thrust[1][:, None]), model.values[:, None], model.active, step, substeps,
+            np.ascontiguousarray(thrust[1][:, None]), UNDISTURBED, model.values[:, None], model.active, step, substeps,
         )[:, :, 0]  # fmt: skip
         u, v, r = states.T
         drift = model.current if current is None else current

@@ -3,7 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, steady_speed, substeps_for
+from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, steady_speed, substeps_for
 from swath_sysid.manoeuvring.hull.terms import ADVANCE, DEDUCTION, XU_DOT, M, accelerations
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 
@@ -93,9 +93,9 @@ def growth_rates(p, active, speeds):
 
     Parameters
     ----------
-    p : ndarray, shape (39, K)
+    p : ndarray, shape (n, K)
         Parameters of K candidates.
-    active : tuple of 39 bools
+    active : tuple of n bools
     speeds : ndarray, shape (S,)
         m/s.
 
@@ -146,7 +146,7 @@ def _largest_excess(model, region):
         states = runge_kutta_columns(
             state, np.ascontiguousarray(np.broadcast_to(columns[0], (steps, columns.shape[1]))),
             np.ascontiguousarray(np.broadcast_to(columns[1], (steps, columns.shape[1]))),
-            np.repeat(model.values[:, None], columns.shape[1], axis=1), model.active, STEP, substeps,
+            UNDISTURBED, np.repeat(model.values[:, None], columns.shape[1], axis=1), model.active, STEP, substeps,
         )  # fmt: skip
     limits = _limits(model, region, thrust)
     share = np.max(np.abs(states), axis=(0, 2)) / limits

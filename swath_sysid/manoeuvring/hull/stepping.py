@@ -1,48 +1,16 @@
 """A craft that is steered while it moves: the simulation, one step at a time."""
 import math
-from collections import deque
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, runge_kutta_columns, steady_speed, substeps_for
-from swath_sysid.manoeuvring.hull.terms import BALANCE, DEAD_BAND, DELAY, EXPONENT, GAIN, LAG, REVERSE_RATIO
-from swath_sysid.manoeuvring.hull.thrust import SHORTEST_LAG, thrust_curve
-
-
-class Thruster:
-    """One thruster with its memory: the same numbers as `thrust.acting_thrust`, step by step.
-
-    Parameters
-    ----------
-    p : ndarray, shape (39,)
-    side : int
-        -1 port, 1 starboard.
-    step : float
-        s.
-    first : float
-        Input that has acted so far.
-    """
-
-    def __init__(self, p, side, step, first=0.0):
-        self._p, self._side = p, side
-        whole = int(p[DELAY] / step)
-        self._fraction = p[DELAY] / step - whole
-        self._decay = math.exp(-step / p[LAG]) if p[LAG] >= SHORTEST_LAG else 0.0
-        self._share = p[LAG] / step * (1.0 - self._decay) if self._decay else 0.0
-        self._line = deque([self._curve(first)] * (whole + 2), maxlen=whole + 2)
-        self._state = self._line[0]
-
-    def advance(self, value):
-        """Mean thrust over the next step under an input held over it, N."""
-        self._line.append(self._curve(value))
-        arriving = (1.0 - self._fraction) * self._line[1] + self._fraction * self._line[0]
-        before, self._state = self._state, arriving + (self._state - arriving) * self._decay
-        return arriving + (before - arriving) * self._share
-
-    def _curve(self, value):
-        p = self._p
-        thrust = thrust_curve(np.float64(value), p[GAIN], p[REVERSE_RATIO], p[DEAD_BAND], p[EXPONENT])
-        return float((1.0 + self._side * p[BALANCE]) * thrust)
+from swath_sysid.manoeuvring.hull.simulation import (
+    UNDISTURBED,
+    Manoeuvre,
+    runge_kutta_columns,
+    steady_speed,
+    substeps_for,
+)
+from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 
 
 class SteeredCraft:
@@ -61,13 +29,12 @@ class SteeredCraft:
 
     def __init__(self, model, step, first_input=0.0, at_rest=False):
         self.model, self.step = model, step
-        self._thrusters = [Thruster(model.values, side, step, first_input) for side in (-1, 1)]
-        push = sum(t.advance(first_input) for t in self._thrusters)
+        self._thrust = ThrustMemory(model.values, first_input)
+        push = float(np.sum(self._thrust.advance(-step, step)))
         speed = 0.0 if at_rest or push <= 0 else steady_speed(model, push)
         self._state = np.array([speed, 0.0, 0.0])
         self._pose = np.zeros(3)
-        most = max(abs(push), 2.0 * abs(thrust_curve(
-            np.float64(model.largest_input), *model.values[[GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT]])))  # fmt: skip
+        most = max(abs(push), 2.0 * abs(float(thrust_curve(model.largest_input, model.values))))
         self._substeps = substeps_for(model, step, self._state, (np.array([most]), np.array([most])))
         self._p = model.values[:, None]
         self._rows = [(*self._state, *self._pose)]
@@ -95,11 +62,11 @@ class SteeredCraft:
 
     def advance(self, port, starboard):
         """Hold both inputs over one step."""
-        left, right = (np.array([[t.advance(value)]]) for t, value in
-                       zip(self._thrusters, (port, starboard), strict=True))  # fmt: skip
+        self._thrust.command(self.time, port, starboard)
+        left, right = self._thrust.advance(self.time, self.step)[:, None, None]
         before = self._state
         self._state = runge_kutta_columns(
-            before[:, None], left, right, self._p, self.model.active, self.step, self._substeps
+            before[:, None], left, right, UNDISTURBED, self._p, self.model.active, self.step, self._substeps
         )[-1, :, 0]
         half = 0.5 * self.step
         psi = self._pose[0] + half * (before[2] + self._state[2])

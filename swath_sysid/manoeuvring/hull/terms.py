@@ -2,7 +2,7 @@
 
 Body axes x forward, y to port, z up: surge u and sway v through the water, m/s, yaw rate r, rad/s,
 positive to port. The derivatives of a laterally symmetric craft are the same numbers in axes with
-y to starboard and z down.
+y to starboard and z down. The sensor's parameters act in `measurement`.
 
 The equations of motion are those of the MMG kind of PAPERS E, with further terms of the same make:
 
@@ -18,7 +18,11 @@ import numpy as np
 
 from swath_sysid.common.accelerator import accelerated
 
-INERTIA, DAMPING, CROSS, OFFSET, THRUST = 'inertia', 'damping', 'cross', 'offset', 'thrust'
+INERTIA, DAMPING, CROSS, OFFSET = 'inertia', 'damping', 'cross', 'offset'
+THRUST, SENSOR = 'thrust', 'sensor'
+
+HULL = (INERTIA, DAMPING, CROSS, OFFSET)
+"""Kinds that the prime system has units for."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +33,9 @@ class Parameter:
     ----------
     name : str
     kind : str
-        ``inertia``, ``damping``, ``cross``, ``offset`` or ``thrust``.
+        ``inertia``, ``damping``, ``cross``, ``offset``, ``thrust`` or ``sensor``.
     row : str
-        The equation it stands in: ``X``, ``Y``, ``N``, or empty for thrust.
+        The equation it stands in: ``X``, ``Y``, ``N``, or empty for thrust and sensor.
     factors : str
         What it multiplies, as powers of u, v, r and of their time derivatives U, V, R: ``uu``, ``vr``, ``R``.
     unit : str
@@ -57,6 +61,7 @@ _TURNS = 'steady turns at several thrust differences'
 _TURNS_AT_SPEEDS = 'turns with the same thrust difference at several speeds'
 _REVERSE = 'runs and turns with one and with both thrusters in reverse'
 _COMMANDS = 'steady runs at many commands, small ones among them'
+_COURSES = 'straight runs on courses all around the compass'
 
 PARAMETERS = (
     Parameter('m', INERTIA, 'X', '', 'kg', 1.0, _STEPS),
@@ -82,6 +87,7 @@ PARAMETERS = (
     Parameter('Nrr', DAMPING, 'N', 'rr', 'N m s2', 0.0, _TURNS),
     Parameter('Nrrr', DAMPING, 'N', 'rrr', 'N m s3', 0.0, _TURNS),
     Parameter('Nur', DAMPING, 'N', 'ur', 'N s2', 0.0, _TURNS_AT_SPEEDS),
+    Parameter('Nuur', DAMPING, 'N', 'uur', 'N s3/m', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nv', CROSS, 'N', 'v', 'N s', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nvvv', CROSS, 'N', 'vvv', 'N s3/m2', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nuv', CROSS, 'N', 'uv', 'kg', 0.0, _TURNS_AT_SPEEDS),
@@ -98,6 +104,12 @@ PARAMETERS = (
     Parameter('deduction', THRUST, '', '', '-', 0.0, 'a bollard pull test'),
     Parameter('lever', THRUST, '', '', 'm', 1.0, 'measuring it'),
     Parameter('moment_factor', THRUST, '', '', '-', 0.0, 'a bollard pull test'),
+    Parameter('full_input', THRUST, '', '', '-', 1.0, 'knowing it'),
+    Parameter('reverse_exponent_ratio', THRUST, '', '', '-', 1.0, _REVERSE),
+    Parameter('deviation_B', SENSOR, '', '', 'rad', 0.0, _COURSES),
+    Parameter('deviation_C', SENSOR, '', '', 'rad', 0.0, _COURSES),
+    Parameter('sensor_x', SENSOR, '', '', 'm', 0.0, _TURNS),
+    Parameter('sensor_y', SENSOR, '', '', 'm', 0.0, _TURNS),
 )
 NAMES = tuple(p.name for p in PARAMETERS)
 INDEX = {name: i for i, name in enumerate(NAMES)}
@@ -107,9 +119,10 @@ NEUTRAL = np.array([p.neutral for p in PARAMETERS])
     M, IZ, XU_DOT, YV_DOT, YR_DOT, NV_DOT, NR_DOT,
     XU, XUU, XUUU, XVR, XVV, XRR,
     YV, YVV, YVVV, YR, YUR, YUV,
-    NR, NRR, NRRR, NUR, NV, NVVV, NUV,
+    NR, NRR, NRRR, NUR, NUUR, NV, NVVV, NUV,
     X0, N0,
     GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, ADVANCE, LAG, DELAY, DEDUCTION, LEVER, MOMENT_FACTOR,
+    FULL_INPUT, REVERSE_EXPONENT_RATIO, DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y,
 ) = range(len(NAMES))  # fmt: skip
 
 
@@ -117,7 +130,8 @@ NEUTRAL = np.array([p.neutral for p in PARAMETERS])
 def surge_force(u, v, r, p, active):
     """X of the hull, N; products of the same velocity keep its sign.
 
-    ``p`` is (39, P) or (39,), ``active`` a tuple of 39 bools, u, v and r broadcast with a row of p.
+    ``p`` is (n, P) or (n,) for the n parameters of the catalogue, ``active`` a tuple of n bools, u, v and r broadcast
+    with a row of p.
     """
     force = p[XU] * u + p[XUU] * np.abs(u) * u
     if active[XUUU]:
@@ -160,6 +174,8 @@ def yaw_moment(u, v, r, p, active):
         moment = moment + p[NRRR] * r * r * r
     if active[NUR]:
         moment = moment + p[NUR] * np.abs(u) * r
+    if active[NUUR]:
+        moment = moment + p[NUUR] * u * u * r
     if active[NV]:
         moment = moment + p[NV] * v
     if active[NVVV]:
@@ -178,8 +194,8 @@ def accelerations(u, v, r, port, starboard, p, active):
     Parameters
     ----------
     u, v, r, port, starboard : ndarray, shape (P,)
-    p : ndarray, shape (39, P)
-    active : tuple of 39 bools
+    p : ndarray, shape (n, P)
+    active : tuple of n bools
 
     Returns
     -------

@@ -1,38 +1,50 @@
 """From commands to the thrust that acts: curve, transport delay, first-order lag."""
+import math
+from collections import deque
+
 import numpy as np
 from scipy.signal import lfilter
 
-from swath_sysid.manoeuvring.hull.terms import BALANCE, DEAD_BAND, DELAY, EXPONENT, GAIN, LAG, REVERSE_RATIO
+from swath_sysid.manoeuvring.hull.terms import (
+    BALANCE,
+    DEAD_BAND,
+    DELAY,
+    EXPONENT,
+    FULL_INPUT,
+    GAIN,
+    LAG,
+    REVERSE_EXPONENT_RATIO,
+    REVERSE_RATIO,
+)
 
+CURVE = (GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, FULL_INPUT, REVERSE_EXPONENT_RATIO)
 SHORTEST_LAG = 1e-6
 """s; a thruster below this answers at once."""
 
+REMEMBERED = 0.2
+"""s beyond the delay for which a thruster keeps what it was commanded."""
 
-def thrust_curve(command, gain, reverse_ratio, dead_band, exponent):
-    """Thrust of a normalised command, N.
 
-    ``gain ((|c| - dead_band) / (1 - dead_band))^exponent`` beyond the dead band, times
-    ``reverse_ratio`` in reverse. With gain 1, no dead band and exponent 1 it passes forces on.
+def thrust_curve(inputs, p):
+    """Thrust of one thruster under held inputs, N.
+
+    ``gain full ((|c| / full - dead_band) / (1 - dead_band))^exponent`` beyond the dead band, with the full input
+    ``full``: 1 for commands, the largest force in N for forces, at which the curve keeps ``gain`` whatever its
+    exponent. Astern it is multiplied by ``reverse_ratio``, the exponent by ``reverse_exponent_ratio``.
 
     Parameters
     ----------
-    command : ndarray
-        -1 to 1; or N.
-    gain : float
-        Thrust at full command ahead, N.
-    reverse_ratio, dead_band, exponent : float
+    inputs : ndarray
+        Commands from -1 to 1, or forces, N.
+    p : ndarray, shape (n,)
+        Of the catalogue's parameters.
     """
-    beyond = np.maximum(np.abs(command) - dead_band, 0.0) / (1.0 - dead_band)
-    if exponent != 1.0:
-        beyond = beyond**exponent
-    return gain * np.where(command < 0.0, -reverse_ratio, 1.0) * beyond
-
-
-def command_of_thrust(thrust, gain, reverse_ratio, dead_band, exponent):
-    """The inverse of `thrust_curve`; zero thrust needs no command."""
-    share = np.abs(thrust) / (gain * np.where(np.asarray(thrust) < 0.0, reverse_ratio, 1.0))
-    command = dead_band + (1.0 - dead_band) * share ** (1.0 / exponent)
-    return np.where(share > 0.0, np.sign(thrust) * command, 0.0)
+    inputs = np.asarray(inputs)
+    astern = inputs < 0.0
+    beyond = np.maximum(np.abs(inputs) / p[FULL_INPUT] - p[DEAD_BAND], 0.0) / (1.0 - p[DEAD_BAND])
+    if p[EXPONENT] != 1.0 or p[REVERSE_EXPONENT_RATIO] != 1.0:
+        beyond = beyond ** (p[EXPONENT] * np.where(astern, p[REVERSE_EXPONENT_RATIO], 1.0))
+    return p[GAIN] * p[FULL_INPUT] * np.where(astern, -p[REVERSE_RATIO], 1.0) * beyond
 
 
 def delayed(values, delay, step):
@@ -46,12 +58,17 @@ def delayed(values, delay, step):
     return (1.0 - fraction) * padded[1 : values.size + 1] + fraction * padded[: values.size]
 
 
-def lagged(values, lag, step):
-    """Mean over each step of a held signal behind a first-order lag (exact), steady at the start."""
+def lag_factors(lag, step):
+    """What is left after a step of the distance from the input, and its mean over the step (first-order lag, exact)."""
     if lag < SHORTEST_LAG:
-        return values
-    decay = np.exp(-step / lag)
-    share = lag / step * (1.0 - decay)
+        return 0.0, 0.0
+    decay = math.exp(-step / lag)
+    return decay, lag / step * (1.0 - decay)
+
+
+def lagged(values, lag, step):
+    """Mean over each step of a held signal behind a first-order lag, steady at the start."""
+    decay, share = lag_factors(lag, step)
     state = lfilter([0.0, 1.0 - decay], [1.0, -decay], values, zi=[values[0]])[0]
     return values + (state - values) * share
 
@@ -63,7 +80,7 @@ def acting_thrust(port, starboard, p, step):
     ----------
     port, starboard : ndarray, shape (N,)
         Commands, or forces in N, held over each step.
-    p : ndarray, shape (39,)
+    p : ndarray, shape (n,)
     step : float
         s.
 
@@ -71,8 +88,61 @@ def acting_thrust(port, starboard, p, step):
     -------
     port, starboard : ndarray, shape (N,)
     """
-    acting = []
-    for command, side in ((port, 1.0 - p[BALANCE]), (starboard, 1.0 + p[BALANCE])):
-        thrust = side * thrust_curve(command, p[GAIN], p[REVERSE_RATIO], p[DEAD_BAND], p[EXPONENT])
-        acting.append(lagged(delayed(thrust, p[DELAY], step), p[LAG], step))
-    return tuple(acting)
+    return tuple(
+        lagged(delayed(side * thrust_curve(inputs, p), p[DELAY], step), p[LAG], step)
+        for inputs, side in ((port, 1.0 - p[BALANCE]), (starboard, 1.0 + p[BALANCE]))
+    )
+
+
+class ThrustMemory:
+    """Acting thrust of both thrusters from inputs at any times: the same as `acting_thrust`, as they come.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n,)
+    first : float
+        Input of both that has acted so far.
+    """
+
+    def __init__(self, p, first=0.0):
+        self._p = p
+        self._sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])
+        self._history = deque([(-math.inf, first, first)])
+        self._state = None
+
+    def command(self, stamp, port, starboard):
+        """Take inputs that hold from a stamp on; NaN and older than the last are refused."""
+        if not (math.isfinite(port) and math.isfinite(starboard)) or stamp < self._history[-1][0]:
+            return False
+        self._history.append((stamp, port, starboard))
+        return True
+
+    @property
+    def last(self):
+        """Stamp and inputs of the last command."""
+        return self._history[-1]
+
+    def forget(self):
+        """Begin anew (time went backward)."""
+        _, port, starboard = self._history[-1]
+        self._history = deque([(-math.inf, port, starboard)])
+        self._state = None
+
+    def advance(self, start, duration):
+        """Mean thrust of port and starboard over a step, N, shape (2,)."""
+        begin = start - self._p[DELAY]
+        end = begin + duration
+        while len(self._history) > 1 and self._history[1][0] <= begin - REMEMBERED:
+            self._history.popleft()
+        target, until = np.zeros(2), end
+        for stamp, *inputs in reversed(self._history):
+            since = max(stamp, begin)
+            if since < until:
+                target += (until - since) / duration * self._sides * thrust_curve(inputs, self._p)
+                until = since
+            if until <= begin:
+                break
+        decay, share = lag_factors(self._p[LAG], duration)
+        before = target if self._state is None else self._state
+        self._state = target + (before - target) * decay
+        return target + (before - target) * share

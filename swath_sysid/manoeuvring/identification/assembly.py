@@ -27,6 +27,7 @@ SWAY_SEEN = 0.03
 USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0}
 """s; time constants taken where the runs tell nothing."""
 
+DEVIATION, SENSOR_PLACE = ('deviation_B', 'deviation_C'), ('sensor_x', 'sensor_y')
 FIRST_DELAY = 0.15
 """s, where the search for lag and delay of the thrusters begins."""
 
@@ -39,9 +40,9 @@ FIRST_DRIFT_SPREAD = 0.02
 
 _CANDIDATES = {
     'X': ('Xvr', 'Xvv', 'Xrr', 'Xuuu', 'X0'),
-    'Y': ('Yvv', 'Yvvv', 'Yr', 'Yur', 'Yuv', 'Yr_dot'),
-    'N': ('Nrr', 'Nrrr', 'Nur', 'N0'),
-    'N-sway': ('Nv', 'Nvvv', 'Nuv', 'Nv_dot'),
+    'Y': ('Yvv', 'Yvvv', 'Yr', 'Yur', 'Yuv'),
+    'N': ('Nrr', 'Nrrr', 'Nur', 'Nuur', 'N0'),
+    'N-sway': ('Nv', 'Nvvv', 'Nuv'),
 }
 _BASE = {'X': ('Xu', 'Xuu'), 'Y': ('Yv_dot', 'Yv'), 'N': ('Nr',)}
 
@@ -54,13 +55,14 @@ class Problem:
     ----------
     runs : tuple of Run
     thrust_input : str
-    base : ndarray, shape (39,)
+    base : ndarray, shape (n,)
         Known parameters, and first guesses of the others.
     free : tuple of str
         Unknowns that are always searched.
     tentative : tuple of str
         Unknowns that are searched from the start, and dropped where they turn out weak: lag and delay, which
-        stand in for each other where only one of them is offered.
+        stand in for each other where only one of them is offered, and the reverse ratio, without which much else
+        is taken for a hull's.
     candidates : tuple of tuple of str
         Groups of unknowns that may be added.
     scales : Scales
@@ -181,8 +183,11 @@ def assemble(runs, settings):
         candidates = []
         if settings.current == AUTO and all(run.heading is not None for run in runs):
             candidates = [CURRENT]
-    tentative = [n for n in ('lag', 'delay') if n not in settings.fixed] if settings.terms is None else []
-    values.update({n: FIRST_DELAY for n in tentative})
+    tentative = []
+    if settings.terms is None:
+        usual = ('lag', 'delay', *(['reverse_ratio'] if _goes_astern(runs) else []))
+        tentative = [n for n in usual if n not in settings.fixed]
+        values.update({n: FIRST_DELAY for n in tentative if n != 'reverse_ratio'})
     if settings.current == SHARED:
         if any(run.heading is None for run in runs):
             raise InputError('a current can be found only where the heading is known: add heading_rad or heading_deg')
@@ -264,6 +269,9 @@ def _craft(runs, settings, advice):
     lever = settings.lever or (stated[0] if stated else None)
     lengths = [run.length for run in runs if run.length is not None]
     length = settings.length or (lengths[0] if lengths else None)
+    if lever is None and settings.inertia is not None:
+        raise InputError('with a given yaw inertia the yaw rate depends on the lever, half the distance between the '
+                         'thrusters: give it too (--lever)')  # fmt: skip
     missing = [text for value, text in (
         (lever, f'half the distance between the thrusters ({DEFAULT_LEVER:.2f} m; --lever), to which all yaw '
                 f'derivatives are proportional'),
@@ -283,7 +291,9 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
         Known values and first guesses.
     free, assumed : list of str
     """
-    values = {'lever': lever}
+    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
+    full = 1.0 if thrust_input == COMMAND else float(np.max(np.abs(inputs)))
+    values = {'lever': lever, 'full_input': full}
     unit = parameter_values(values)
     acting = [acting_thrust(run.port, run.starboard, unit, run.step) for run in runs]
     gain_ratio, linear, quadratic = surge_ratios(runs, acting) if 'X' in rows else (0.0, 0.0, 0.0)
@@ -349,23 +359,32 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
 
 
 def _candidates(runs, thrust_input, rows, settings):
-    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
-    backward = np.mean(inputs < -0.02 * max(_largest(inputs), 1e-12))
     found = [(name,) for row in rows for name in _CANDIDATES[row]]
     if 'Y' in rows:
-        found += [(name,) for name in _CANDIDATES['N-sway']]
+        # one number in potential flow, and in what a centre of gravity ahead of the origin adds
+        found += [*((name,) for name in _CANDIDATES['N-sway']), ('Yr_dot', 'Nv_dot')]
     elif 'N' in rows and 'X' in rows:
         found += [(name,) for name in ('Yv', *_CANDIDATES['N-sway'][:3])]
     found.append(('advance',))
     if 'N' in rows:
         found.append(('balance',))
-    if backward > 0.02:
-        found.append(('reverse_ratio',))
+    found.append(('exponent',))
+    if _goes_astern(runs):
+        found.append(('reverse_exponent_ratio',))
     if thrust_input == COMMAND:
-        found += [('dead_band',), ('exponent',)]
+        found.append(('dead_band',))
+    if 'Y' in rows and all(run.heading is not None for run in runs):
+        found.append(DEVIATION)
+    if 'Y' in rows:
+        found.append(SENSOR_PLACE)
     if settings.current == AUTO and 'X' in rows and all(run.heading is not None for run in runs):
         found.append(CURRENT)
     return found
+
+
+def _goes_astern(runs):
+    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
+    return np.mean(inputs < -0.02 * max(_largest(inputs), 1e-12)) > 0.02
 
 
 def _largest(values):

@@ -1,5 +1,5 @@
 """Identification of a manoeuvring model from several runs jointly."""
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,10 +12,12 @@ from swath_sysid.common.stopping import Cancelled
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.stability import StabilityCheck, check_stability
-from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
 from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs
 from swath_sysid.manoeuvring.identification.selection import (
+    at_bound,
     currents_of,
+    first_fit,
     fit,
     model_of,
     regularised_to_stable,
@@ -24,8 +26,8 @@ from swath_sysid.manoeuvring.identification.selection import (
     shooting_of,
     with_drift_spread,
     with_noise,
-    with_usual_hull,
     without,
+    without_bounds,
 )
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
@@ -91,8 +93,8 @@ class ManoeuvringIdentification:
     stability : StabilityCheck
     rejected : dict of str to str
         Terms that were tried and refused, and why.
-    currents, validation_currents : ndarray, shape (R, 2)
-        East and north, m/s, of each run, by its own motion.
+    currents : ndarray, shape (R, 2)
+        East and north, m/s, of each run identified on, by its own motion.
     effective_samples : float
     evaluations : int
     advice : tuple of Advice
@@ -113,7 +115,6 @@ class ManoeuvringIdentification:
     stability: StabilityCheck
     rejected: dict[str, str]
     currents: np.ndarray
-    validation_currents: np.ndarray
     effective_samples: float
     evaluations: int
     advice: tuple[Advice, ...]
@@ -121,8 +122,7 @@ class ManoeuvringIdentification:
     @property
     def has_currents_by_run(self):
         """Whether each run has a current of its own."""
-        currents = np.concatenate([self.currents, self.validation_currents])
-        return bool(np.any(currents != self.model.current))
+        return bool(np.any(self.currents != self.model.current))
 
 
 def identify_manoeuvring(runs, settings=None, validation=None, progress=None, should_cancel=None):
@@ -175,37 +175,38 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     shooting = shooting_of(problem, settings.window)
     start = _searched(problem, shooting, settings, lambda share: note(0.05 + 0.3 * share))
     names = (*problem.free, *problem.tentative)
-    now = fit(problem, shooting, names, np.concatenate([start, problem.start(problem.tentative)]))
-    now = with_usual_hull(problem, now)
+    now = first_fit(problem, shooting, names, np.concatenate([start, problem.start(problem.tentative)]))
     problem = with_drift_spread(with_noise(problem, now), now)
     now = fit(problem, renewed(problem, now), now.names, now.values)
     note(0.5)
     found = select(problem, now, lambda count: note(min(0.9, 0.5 + 0.03 * count)))
-    dropped = tuple(n for n in problem.tentative if n not in found.names)
+    dropped = tuple(n for n in now.names if n not in found.names)
     problem = with_drift_spread(with_noise(without(problem, dropped), found), found)
-    rejected, evaluations = found.rejected, now.evaluations + found.evaluations
-    found = fit(problem, renewed(problem, found), found.names, found.values)
+    evaluations = now.evaluations + found.evaluations
+    found = replace(fit(problem, renewed(problem, found), found.names, found.values), rejected=found.rejected)
+    if settings.terms is None:
+        problem, found = without_bounds(problem, found)
+    rejected = found.rejected
     found, stability_advice = regularised_to_stable(problem, found)
     note(0.95)
     model = model_of(problem, found.names, found.values)
     stability = check_stability(model, problem.region)
-    currents, held_out_currents = (
-        currents_of(problem, model, some, settings.window) for some in (runs, held_out))
-    currents, held_out_currents = _worth_telling(model, currents, held_out_currents)
+    currents = _worth_telling(model, currents_of(problem, model, runs, settings.window))
     scores = score(model, runs, settings.window, currents)
-    validated = score(model, held_out, settings.window, held_out_currents) if held_out else None
+    # nothing is fitted to the runs held out, not even their current
+    validated = score(model, held_out, settings.window) if held_out else None
     units = PrimeUnits(problem.length, float(np.clip(np.nanmedian(np.concatenate(
         [np.abs(run.smooth[0]) for run in runs])), 0.05, None)) if 'Xu' in found.names else 1.0)  # fmt: skip
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
-    advice += more + stability_advice + _drifts(model, currents, held_out_currents)
+    advice += more + stability_advice + _drifts(model, currents)
     advice += _verdicts(stability, scores, validated, _white(runs))
     fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
     note(1.0)
     return ManoeuvringIdentification(
         model, found.names, found.values, found.covariance.matrix, derivatives, fixed, units, problem.noise,
-        scores, validated, tuple(runs), tuple(held_out), stability, rejected, currents, held_out_currents,
+        scores, validated, tuple(runs), tuple(held_out), stability, rejected, currents,
         found.covariance.effective_samples, evaluations + found.evaluations, advice,
     )  # fmt: skip
 
@@ -282,9 +283,7 @@ def _derivatives(problem, found, units):
                     f'them together only, or add {_separating(other, name)}')))  # fmt: skip
     for k, name in enumerate(found.names):
         value = found.values[k]
-        margin = 1e-3 * (unknowns.upper[k] - unknowns.lower[k])
-        at_bound = value - unknowns.lower[k] < margin or unknowns.upper[k] - value < 1e-3 * unknowns.units[k]
-        if at_bound and name not in CURRENT:
+        if name not in CURRENT and at_bound(problem, name, value):
             flags[name].append('at-bound')
             advice.append(Advice('at-bound', (
                 f'{name} ended at the limit of its range ({value:.3g}): the runs do not tell it; leave it out, or add '
@@ -306,31 +305,28 @@ def _derivatives(problem, found, units):
         if name in CURRENT:
             continue
         parameter = PARAMETERS[INDEX[name]]
-        prime = None if parameter.kind == THRUST else float(units.to_prime(name, found.values[k]))
+        prime = float(units.to_prime(name, found.values[k])) if parameter.kind in HULL else None
         derivatives[name] = Derivative(
             float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name])))
     return derivatives, tuple(advice)
 
 
-def _worth_telling(model, currents, held_out_currents):
+def _worth_telling(model, currents):
     """The currents of the runs, or the model's for all where they hardly differ."""
-    everything = np.concatenate([currents, held_out_currents])
-    if np.max(np.hypot(*(everything - model.current).T), initial=0.0) > LEAST_DIFFERENCE:
-        return currents, held_out_currents
-    return tuple(np.tile(model.current, (len(some), 1)) for some in (currents, held_out_currents))
+    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > LEAST_DIFFERENCE:
+        return currents
+    return np.tile(model.current, (len(currents), 1))
 
 
-def _drifts(model, currents, held_out_currents):
+def _drifts(model, currents):
     """Advice that the runs were given a current each."""
-    everything = np.concatenate([currents, held_out_currents])
-    if np.all(everything == model.current):
+    if np.all(currents == model.current):
         return ()
-    strength = np.hypot(*everything.T)
-    told = ', of the validation runs from theirs' if len(held_out_currents) else ''
+    strength = np.hypot(*currents.T)
     return (Advice('current-by-run', (
         f'the drift of each run ({strength.min():.2f} to {strength.max():.2f} m/s: current, and what wind does like '
-        f'it) was found from its own motion{told}; the model holds the mean: for one current for all say --current '
-        f'shared')),)  # fmt: skip
+        f'it) was found from its own motion; the model holds the mean, which validation uses: for one current for all '
+        f'say --current shared')),)  # fmt: skip
 
 
 def _white(runs):

@@ -5,12 +5,13 @@ import numpy as np
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
-from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs, seen_region
+from swath_sysid.manoeuvring.identification.assembly import seen_region
+from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
-from swath_sysid.manoeuvring.identification.selection import currents_of
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, prepare
+from swath_sysid.manoeuvring.motion.intake import prepare
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial
 
 LONGEST_HISTORY = 20
 LEAST_DURATION = 60.0
@@ -103,10 +104,9 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     if held is not None and held.model.thrust_input != found.model.thrust_input:
         held = None
     if held is not None:
-        problem = assemble(moving_runs(found.identified_on)[0], request.settings)
-        problem = replace(problem, noise=found.noise)
-        currents = currents_of(problem, held.model, held_out, request.settings.window)
-        current_misfit = _misfit(score(held.model, held_out, request.settings.window, currents), found.noise)
+        # in today's current: that is no merit of either
+        same_water = replace(held.model, current=found.model.current)
+        current_misfit = _misfit(score(same_water, held_out, request.settings.window), found.noise)
         if not misfit < (1.0 - request.least_improvement) * current_misfit:
             message = (f'not published, the current model explains the motion held out as well (misfit '
                        f'{current_misfit:.4g}, new {misfit:.4g})')  # fmt: skip
@@ -115,6 +115,7 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     model = IdentifiedManoeuvringModel(
         found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on),
         {'r2': r2, 'held_out': bool(found.validated_on)}, request.provenance,
+        forecast_noise(found.model, found.identified_on),
     )  # fmt: skip
     return ManoeuvreRefitOutcome(model, f'{summary}{better}', misfit, current_misfit)
 

@@ -3,7 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, SENSOR, THRUST
 
 RESPONSE = 3.0
 """s; within such a time a craft answers to its thrusters."""
@@ -17,11 +17,17 @@ WIDE = 50.0
 LEAST_DAMPING = 0.01
 """Least linear damping in its natural unit, so that every motion dies away however small."""
 
-_THRUST_RANGES = {
+_RANGES = {
     'reverse_ratio': (0.05, 2.0), 'dead_band': (0.0, 0.6), 'exponent': (0.4, 3.0), 'balance': (-0.5, 0.5),
     'advance': (0.0, 0.5), 'lag': (0.0, 3.0), 'delay': (0.0, 2.0), 'deduction': (0.0, 0.9),
-    'lever': (0.01, 100.0), 'moment_factor': (-0.9, 3.0),
+    'lever': (0.01, 100.0), 'moment_factor': (-0.9, 3.0), 'reverse_exponent_ratio': (0.5, 2.0),
+    'deviation_B': (-0.5, 0.5), 'deviation_C': (-0.5, 0.5), 'sensor_x': (-20.0, 20.0), 'sensor_y': (-20.0, 20.0),
 }  # fmt: skip
+
+
+_ADDED = {'Xu_dot': (-5.0, 0.6), 'Yv_dot': (-2.0, 0.3), 'Nr_dot': (-3.0, 0.6)}
+"""Range of the added masses as shares of mass and inertia. That of surge also takes up a wrong scale of the thrust,
+which is reported; beyond the range of the others no hull lies, and positive they only stand in for a wrong mass."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,9 @@ class Scales:
             return self.mass * self.speed / RESPONSE
         if name == 'advance':
             return 1.0 / self.speed
-        if parameter.kind == THRUST:
+        if name.startswith('deviation'):
+            return 0.1
+        if parameter.kind in (THRUST, SENSOR):
             return 1.0
         if name in ('m', 'Iz'):
             return self.mass if name == 'm' else self.inertia
@@ -65,10 +73,10 @@ class Scales:
         parameter, unit = PARAMETERS[INDEX[name]], self.unit(name)
         if name in ('m', 'Iz', 'gain'):
             return 0.01 * unit, 100.0 * unit
-        if name in ('Xu_dot', 'Yv_dot'):
-            return -5.0 * self.mass, 0.6 * self.mass
-        if name == 'Nr_dot':
-            return -5.0 * self.inertia, 0.6 * self.inertia
+        if name in _ADDED:
+            low, high = _ADDED[name]
+            size = self.inertia if name == 'Nr_dot' else self.mass
+            return low * size, high * size
         if name in ('Yr_dot', 'Nv_dot'):
             limit = 0.5 * np.sqrt(self.mass * self.inertia)
             return -limit, limit
@@ -78,7 +86,7 @@ class Scales:
             return -WIDE * unit, 0.0
         if parameter.kind in (CROSS, OFFSET):
             return -WIDE * unit, WIDE * unit
-        low, high = _THRUST_RANGES[name]
+        low, high = _RANGES[name]
         if name == 'advance':
             high = min(high, 0.6 / self.speed)
         return low, high
@@ -92,6 +100,7 @@ class Scales:
             return self.mass if name != 'Nr_dot' else self.inertia
         if kind == INERTIA:
             return 0.2 * np.sqrt(self.mass * self.inertia)
-        if kind == THRUST:
-            return {'exponent': 0.7, 'balance': 0.3, 'reverse_ratio': 0.7, 'dead_band': 0.3}.get(name, 2.0)
+        if kind in (THRUST, SENSOR):
+            return {'exponent': 0.7, 'balance': 0.3, 'reverse_ratio': 0.7, 'dead_band': 0.3, 'deviation_B': 0.2,
+                    'deviation_C': 0.2, 'reverse_exponent_ratio': 0.3}.get(name, 2.0)  # fmt: skip
         return 10.0 * self.unit(name)

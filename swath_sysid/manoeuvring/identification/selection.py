@@ -10,6 +10,7 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
 from swath_sysid.manoeuvring.identification.assembly import model_values
+from swath_sysid.manoeuvring.identification.held_out import covariance_over_runs, held_out_costs, helps
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
 from swath_sysid.manoeuvring.identification.windows import cut
 
@@ -29,13 +30,19 @@ LEAST_DRIFT_SPREAD = 0.005
 LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
 
+USUAL = (
+    'Xvr', 'Yvv', 'Yur', 'Nrr', 'Nuur', 'Nuv', 'exponent', 'dead_band', 'deviation_B', 'deviation_C', 'sensor_x',
+    'sensor_y',
+)  # fmt: skip
 USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
-FAR_BETTER = 0.7
-BEYOND_DOUBT = 0.1
-"""A share of the whole misfit that no chance explains away."""
+SLOW_SWAY = 0.2
+"""Of the first guess of sway damping: the start in the other basin."""
 
-HELD_OUT_SCATTER = 0.5
-"""Standard errors by which a term must help runs that were held out."""
+DOUBTED = 6.0
+"""Standard deviations below which a term must show on runs held out what it is worth."""
+
+EXCLUSIVE = {'Nur': 'Nuur', 'Nuur': 'Nur'}
+"""Terms that stand in for each other: where one is taken the others are not tried."""
 
 WEAK = 2.0
 """A term smaller than this many standard deviations is dropped again."""
@@ -132,25 +139,29 @@ def currents_of(problem, model, runs, window):
     return currents
 
 
-def with_usual_hull(problem, plain):
-    """A fit with `USUAL_HULL` from the start, where that is far better; else the plain one.
+def first_fit(problem, shooting, names, values):
+    """The best of several starts: few terms, the usual ones of the hull, or all usual ones with fast or slow sway.
 
-    A hull that hardly keeps its course looks like a much heavier one without these terms, and one by one they
-    do not lead away from it.
+    A hull that hardly keeps its course looks like a much heavier one without the usual terms, and one by one they do
+    not lead away from it. What they are worth on runs held out decides.
     """
-    names = tuple(n for n in USUAL_HULL if (n,) in problem.candidates and n not in plain.names)
-    if not names:
-        return plain
-    values = np.concatenate([problem.start(plain.names), problem.start(names)])
-    rich = fit(problem, plain.shooting, (*plain.names, *names), values)
-    better = _cost_with(rich, plain) < FAR_BETTER * plain.cost
-    return rich if better and (rich.stable or not plain.stable) else plain
+    found = [fit(problem, shooting, names, values)]
+    for some, sway in ((USUAL_HULL, 1.0), (USUAL, 1.0), (USUAL, SLOW_SWAY)):
+        usual = [n for group in problem.candidates for n in group if n in some and n not in names]
+        if usual and (sway == 1.0 or 'Yv' in names):
+            start = np.concatenate([found[0].values, problem.start(usual)])
+            if 'Yv' in names:
+                start[names.index('Yv')] *= sway
+            found.append(fit(problem, found[0].shooting, (*names, *usual), start))
+    stable = [f for f in found if f.stable] or found
+    return min(stable, key=lambda f: np.sum(held_out_costs(f.shooting, f.values)))
 
 
 def covariance_of(shooting, values):
-    """Covariance of the unknowns, autocorrelation of the residuals accounted for; regularisation not counted in."""
+    """Covariance of the unknowns by residuals' autocorrelation and runs' scatter; regularisation not counted in."""
     residuals, jacobians = shooting.reports(values)
-    return sandwich_covariance(residuals, jacobians, MEMORY)
+    found = sandwich_covariance(residuals, jacobians, MEMORY)
+    return replace(found, matrix=covariance_over_runs(shooting, values, found.matrix))
 
 
 def with_noise(problem, found):
@@ -214,6 +225,7 @@ def select(problem, first, note=None):
     now = first
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
     rejected = {}
+    held_out = held_out_costs(now.shooting, now.values)
     for _ in range(MOST_TERMS):
         ranked = _ranked(problem, now, remaining)
         best = next(((group, gain) for group, gain in ranked if gain > 0.0), None)
@@ -227,23 +239,19 @@ def select(problem, first, note=None):
         if now.stable and not tried.stable:
             rejected[' '.join(group)] = 'unstable'
             continue
-        reference = now.shooting.refine(now.values, max_evaluations=6).cost
-        inflation = _inflation(tried)
-        gain = reference - _cost_with(tried, now)
-        if gain * 2.0 / inflation < 0.5 * _threshold(tried, len(group)):
+        if not _gains(tried, now, len(group)):
             rejected[' '.join(group)] = 'no gain'
             continue
-        # a thruster's curve may show in one run only: held out, that run cannot vouch for it; and a model that lacks
-        # much is too far from the truth for the linear view of what is held out
-        doubted = gain < BEYOND_DOUBT * reference and not all(
-            n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in group)
-        if doubted and not _helps_held_out(tried, now):
+        costs = held_out_costs(tried.shooting, tried.values)
+        if not (_is_of_thrust(group) or helps(costs, held_out)):
             rejected[' '.join(group)] = 'no gain on runs held out'
             continue
+        held_out = costs
+        remaining = [c for c in remaining if EXCLUSIVE.get(c[0]) not in group]
         now = tried
         if note is not None:
             note(len(now.names))
-    now = _without_weak(problem, now)
+    now = _without_weak(problem, now, rejected)
     return replace(now, rejected=rejected)
 
 
@@ -327,60 +335,74 @@ def _cost_with(tried, now):
     return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
 
 
-def _helps_held_out(tried, now):
-    """Whether a fit explains runs that it did not see better than another does, beyond the scatter of the runs."""
-    shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
-    shooting.take_weights(now.shooting)
-    gain = _held_out_costs(now.shooting, now.values) - _held_out_costs(shooting, tried.values)
-    return bool(gain.sum() > gain.std(ddof=1) * np.sqrt(gain.size) * HELD_OUT_SCATTER)
+def _gains(more, fewer, count):
+    """Whether terms explain more of the runs together than chance would."""
+    reference = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
+    gain = reference - _cost_with(more, fewer)
+    return gain * 2.0 / _inflation(more) >= 0.5 * _threshold(more, count)
 
 
-def _held_out_costs(shooting, values):
-    """Half the weighted squares of each part of the runs under the values that the others alone would give.
-
-    To first order these are `values` less the step that the part itself was worth (the infinitesimal
-    jackknife's exact form for linear least squares; Cook 1977).
-
-    Returns
-    -------
-    ndarray, shape (K,)
-    """
-    parts = shooting.parts(values)
-    units, spread = shooting.unknowns.units, shooting.unknowns.spread
-    scaled = [(np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), np.nan_to_num(j, posinf=0.0, neginf=0.0) * units)
-              for r, j in parts]  # fmt: skip
-    prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
-    information = sum(j.T @ j for _, j in scaled) + np.diag(prior) + 1e-9 * np.eye(values.size)
-    costs = []
-    for residual, jacobian in scaled:
-        others = information - jacobian.T @ jacobian
-        move = np.linalg.lstsq(others, jacobian.T @ residual, rcond=1e-10)[0]
-        costs.append(0.5 * float(np.sum((residual + jacobian @ move) ** 2)))
-    return np.array(costs)
+def _is_of_thrust(names):
+    """Of the thrusters' curve: it may show in one run only, and held out, that run cannot vouch for it."""
+    return all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in names)
 
 
 def _first_value(problem, name):
     return float(problem.start((name,))[0])
 
 
-def _without_weak(problem, now):
-    """Drop added and tentative terms that are insignificant beside the others."""
+def _without_weak(problem, now, rejected):
+    """Drop added and tentative terms that are insignificant beside the others, or of no use to runs held out."""
+    kept = {*problem.free, *CURRENT}
+    held_out = held_out_costs(now.shooting, now.values)
     while True:
         std = np.sqrt(np.diag(now.covariance.matrix))
         with np.errstate(invalid='ignore', divide='ignore'):
             shift = np.abs(now.values - _neutral(now.names))
             certainty = np.where(std > 0.0, shift / std, 0.0)
-        kept = {*problem.free, *CURRENT}
-        weak = [k for k, n in enumerate(now.names) if n not in kept and not certainty[k] > WEAK]
-        if not weak:
+        doubted = sorted((certainty[k], k) for k, n in enumerate(now.names) if n not in kept and certainty[k] < DOUBTED)
+        if not doubted:
             return now
-        worst = min(weak, key=lambda k: np.nan_to_num(certainty[k]))
+        certain, worst = doubted[0]
+        name = now.names[worst]
         keep = [k for k in range(len(now.names)) if k != worst]
-        problem = without(problem, (now.names[worst],))
-        tried = fit(problem, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
-        if now.stable and not tried.stable:
-            return now
-        now = tried
+        fewer = without(problem, (name,))
+        tried = fit(fewer, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
+        costs = held_out_costs(tried.shooting, tried.values)
+        of_use = _gains(now, tried, 1) if _is_of_thrust((name,)) else certain > WEAK and helps(held_out, costs)
+        if of_use or (now.stable and not tried.stable):
+            kept.add(name)
+            continue
+        rejected[name] = 'no gain' if _is_of_thrust((name,)) else 'no gain on runs held out'
+        problem, now, held_out = fewer, tried, costs
+
+
+def without_bounds(problem, found):
+    """The fit without terms that end at the limits of their ranges, which the runs do not tell; with the problem.
+
+    Terms of choice go; linear damping stays at its limit, and is no longer searched.
+    """
+    anchors = {'m', 'Iz', 'gain', 'Xu_dot', *CURRENT}
+    while True:
+        ended = [k for k, (name, value) in enumerate(zip(found.names, found.values, strict=True))
+                 if name not in anchors and at_bound(problem, name, value)]  # fmt: skip
+        if not ended:
+            return problem, found
+        name, value = found.names[ended[0]], found.values[ended[0]]
+        problem = without(problem, (name,))
+        if name in ('Xu', 'Yv', 'Nr'):
+            problem.base[INDEX[name]] = value
+        keep = [k for k in range(len(found.names)) if k != ended[0]]
+        rejected = {**found.rejected, name: 'at the limit of its range'}
+        found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
+        found = replace(found, rejected=rejected)
+
+
+def at_bound(problem, name, value):
+    """Whether a value lies at the limit of its range."""
+    unknowns = problem.unknowns((name,))
+    lower, upper, unit = unknowns.lower[0], unknowns.upper[0], unknowns.units[0]
+    return value - lower < 1e-3 * min(upper - lower, unit) or upper - value < 1e-3 * unit
 
 
 def without(problem, names):

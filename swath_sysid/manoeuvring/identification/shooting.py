@@ -9,15 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.manoeuvring.hull.measurement import recorded_speeds, through_water, turned
 from swath_sysid.manoeuvring.hull.model import active_terms
-from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns
+from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns
 from swath_sysid.manoeuvring.hull.stability import growth_rates
 from swath_sysid.manoeuvring.hull.terms import (
     BALANCE,
-    DEAD_BAND,
     DELAY,
-    EXPONENT,
-    GAIN,
     INDEX,
     IZ,
     LAG,
@@ -25,7 +23,7 @@ from swath_sysid.manoeuvring.hull.terms import (
     NR_DOT,
     NRR,
     NUR,
-    REVERSE_RATIO,
+    NUUR,
     XU,
     XU_DOT,
     XUU,
@@ -35,10 +33,10 @@ from swath_sysid.manoeuvring.hull.terms import (
     YVV,
     M,
 )
-from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.hull.thrust import CURVE, acting_thrust
 from swath_sysid.manoeuvring.identification.least_squares import minimise
 
-THRUSTER = {GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, LAG, DELAY}
+THRUSTER = {*CURVE, BALANCE, LAG, DELAY}
 CURRENT = ('current_east', 'current_north')
 PERTURBATION = 1e-4
 STATE_STEPS = 3
@@ -106,7 +104,7 @@ class MultipleShooting:
     Parameters
     ----------
     windows : Windows
-    base : ndarray, shape (39,)
+    base : ndarray, shape (n,)
         Parameter values; those of the unknowns are replaced.
     unknowns : Unknowns
     noise : ndarray, shape (3,)
@@ -130,9 +128,9 @@ class MultipleShooting:
         self._index = np.array([INDEX.get(name, -1) for name in unknowns.names], dtype=int)
         self._known = np.isfinite(windows.measured)
         self._measured = np.where(self._known, windows.measured, 0.0)
-        self._sides = np.cos(windows.heading), np.sin(windows.heading)
         self._robust = np.ones_like(windows.measured)
-        floor = 3.0 * self._noise[:, None]
+        # wide: current and compass stand between what is recorded and the state through the water
+        floor = 10.0 * self._noise[:, None]
         measured_start = np.isfinite(windows.initial)
         self._expected = np.where(measured_start, windows.initial, 0.0)
         unknown = np.array([speed, UNKNOWN_SWAY * speed, 0.3])[:, None]
@@ -153,7 +151,7 @@ class MultipleShooting:
         return other
 
     def parameters(self, values):
-        """Full parameter vector, shape (39,), and current, shape (2,)."""
+        """Full parameter vector, shape (n,), and current, shape (2,)."""
         p = self._base.copy()
         inside = self._index >= 0
         p[self._index[inside]] = values[inside]
@@ -165,7 +163,7 @@ class MultipleShooting:
 
         Parameters
         ----------
-        p_columns : ndarray, shape (39, K)
+        p_columns : ndarray, shape (n, K)
             Parameters of each copy.
         states : ndarray, shape (3, K, W)
             Initial states through the water.
@@ -182,7 +180,7 @@ class MultipleShooting:
         with np.errstate(over='ignore', invalid='ignore'):
             found = runge_kutta_columns(
                 np.ascontiguousarray(states.reshape(3, copies * count)), port.reshape(steps, copies * count),
-                starboard.reshape(steps, copies * count), np.repeat(p_columns, count, axis=1), active,
+                starboard.reshape(steps, copies * count), UNDISTURBED, np.repeat(p_columns, count, axis=1), active,
                 self.windows.step, self._substeps(p_columns[:, 0]),
             )  # fmt: skip
         return found.reshape(steps + 1, 3, copies, count)
@@ -212,7 +210,7 @@ class MultipleShooting:
         n = values.size
         prior = np.diag(np.where(np.isfinite(self.unknowns.spread), 1.0 / self.unknowns.spread, 0.0))
         parts = [part.reshape(n, -1).T for part in (projected, state_part, drift_part)]
-        return np.concatenate([*parts, prior, self._instability_slopes(values)])
+        return np.concatenate([*parts, prior, self.instability_slopes(values)])
 
     def refine(self, values, max_evaluations=20, tolerance=1e-5):
         """Bounded least squares over the unknowns."""
@@ -250,7 +248,7 @@ class MultipleShooting:
         """Unweighted residuals, simulated less measured over ground, shape (3, S + 1, W); NaN where not measured."""
         p, current = self.parameters(values)
         states = self.simulate(p[:, None], self.states[:, None, :])[:, :, 0]
-        return np.where(self._known, self._over_ground(states, current) - self._measured, np.nan)
+        return np.where(self._known, self._over_ground(states, p, current) - self._measured, np.nan)
 
     def take_weights(self, other):
         """Use the robust weights of another shooting over the same windows."""
@@ -276,8 +274,16 @@ class MultipleShooting:
                     jacobians.append(projected[:, c, known, w].T)
         return residuals, jacobians
 
+    @property
+    def part_of_window(self):
+        """Number of the part of each window, (W,): its run, or its third where there are fewer than three runs."""
+        index = self.windows.run_index
+        if np.unique(index).size < FEWEST_PARTS:
+            index = np.arange(index.size) * FEWEST_PARTS // index.size
+        return np.unique(index, return_inverse=True)[1]
+
     def parts(self, values):
-        """Residuals and eliminated Jacobians of parts that can be held out: the runs, or thirds of fewer than three.
+        """Residuals and eliminated Jacobians of each part.
 
         Returns
         -------
@@ -286,14 +292,39 @@ class MultipleShooting:
         p, current = self.parameters(values)
         residual, _ = self._with_state_slopes(p, current)
         projected = self._eliminated(*self._slopes(values))[0]
-        index = self.windows.run_index
-        if np.unique(index).size < FEWEST_PARTS:
-            index = np.arange(index.size) * FEWEST_PARTS // index.size
         found = []
-        for part in np.unique(index):
-            known = self._known & (index == part)
+        for part in range(self.part_of_window.max() + 1):
+            known = self._known & (self.part_of_window == part)
             found.append((residual[known], projected[:, known].T))
         return found
+
+    def free_run_residuals(self, values_by_part):
+        """Residuals over the noise of free runs from the measured states, without drifts: each part under its values.
+
+        Parameters
+        ----------
+        values_by_part : ndarray, shape (K, n)
+
+        Returns
+        -------
+        ndarray, shape (3, S + 1, W)
+            Zero where nothing was measured.
+        """
+        columns, currents = zip(*(self.parameters(values) for values in values_by_part), strict=True)
+        part, windows = self.part_of_window, self.windows
+        p, current = np.stack(columns, axis=1)[:, part], np.stack(currents, axis=1)[:, part]
+        thrust = [np.stack([self._thrust(c)[side] for c in columns], axis=2) for side in (0, 1)]
+        surge, sway, rate = windows.initial
+        start = np.stack([*through_water(surge, sway, rate, windows.heading[0], current, p), rate])
+        with np.errstate(over='ignore', invalid='ignore'):
+            states = runge_kutta_columns(
+                np.where(np.isfinite(start), start, self.states),
+                *(np.ascontiguousarray(side[:, np.arange(windows.count), part]) for side in thrust), UNDISTURBED, p,
+                active_terms(_union(p)), windows.step, max(self._substeps(c) for c in columns),
+            )  # fmt: skip
+            u, v, r = np.moveaxis(states, 1, 0)
+            recorded = np.stack([*recorded_speeds(u, v, r, windows.heading, current, p), r])
+            return np.where(self._known, (recorded - self._measured) / self._noise[:, None, None], 0.0)
 
     def objective_of_population(self, candidates):
         """Root mean square of the weighted residuals of candidates (P, n), from the present initial states."""
@@ -303,7 +334,7 @@ class MultipleShooting:
         found = self.simulate(columns, states)
         total = np.empty(len(candidates))
         for k in range(len(candidates)):
-            residual = self._weighted(found[:, :, k], currents[:, k])
+            residual = self._weighted(found[:, :, k], columns[:, k], currents[:, k])
             residual = np.minimum(np.abs(residual), 1e6)
             total[k] = np.sqrt(np.mean(residual[self._known] ** 2))
         return np.where(np.isfinite(total), total, np.inf)
@@ -323,21 +354,19 @@ class MultipleShooting:
         fastest = max(
             abs(p[XU] + 2.0 * p[XUU] * speed) / (p[M] - p[XU_DOT]),
             abs(p[YV] + p[YVV] * speed + p[YUV] * speed) / (p[M] - p[YV_DOT]),
-            abs(p[NR] + 2.0 * p[NRR] * rate + p[NUR] * speed) / (p[IZ] - p[NR_DOT]),
+            abs(p[NR] + 2.0 * p[NRR] * rate + p[NUR] * speed + p[NUUR] * speed**2) / (p[IZ] - p[NR_DOT]),
         )
         return int(np.clip(np.ceil(self.windows.step * fastest / STABLE_STEP), 1, 10))
 
-    def _over_ground(self, states, current):
-        """Surge, sway, yaw rate over ground, shape (3, S + 1, W), of states (S + 1, 3, W)."""
-        cosine, sine = self._sides
-        east, north = current[:, None] + self.drift @ self._member
-        found = np.moveaxis(states, 1, 0).copy()
-        found[0] += east * cosine + north * sine
-        found[1] += -east * sine + north * cosine
-        return found
+    def _over_ground(self, states, p, current):
+        """Surge, sway, yaw rate as recorded, shape (3, S + 1, W), of states (S + 1, 3, W)."""
+        u, v, r = np.moveaxis(states, 1, 0)
+        water = current[:, None] + self.drift @ self._member
+        with np.errstate(over='ignore', invalid='ignore'):
+            return np.stack([*recorded_speeds(u, v, r, self.windows.heading, water, p), r])
 
-    def _weighted(self, states, current):
-        found = (self._over_ground(states, current) - self._measured) / self._noise[:, None, None]
+    def _weighted(self, states, p, current):
+        found = (self._over_ground(states, p, current) - self._measured) / self._noise[:, None, None]
         return np.where(self._known, found * self._robust, 0.0)
 
     def _with_state_slopes(self, p, current):
@@ -347,9 +376,10 @@ class MultipleShooting:
         for j in range(3):
             states[j, j + 1] += steps[j]
         found = self.simulate(columns, states, active_terms(p))
-        residual = self._weighted(found[:, :, 0], current)
+        residual = self._weighted(found[:, :, 0], p, current)
         with np.errstate(over='ignore', invalid='ignore'):
-            slopes = np.stack([(self._weighted(found[:, :, j + 1], current) - residual) / steps[j] for j in range(3)])
+            slopes = np.stack(
+                [(self._weighted(found[:, :, j + 1], p, current) - residual) / steps[j] for j in range(3)])
         return residual, slopes
 
     def _state_residual(self):
@@ -360,10 +390,10 @@ class MultipleShooting:
 
     def _drift_slopes(self):
         """Derivatives of the weighted residuals by a window's current, shape (2, 3, S + 1, W)."""
-        cosine, sine = self._sides
-        nothing = np.zeros_like(cosine)
-        turned = np.array([[cosine, -sine, nothing], [sine, cosine, nothing]]) / self._noise[:, None, None]
-        return np.where(self._known, turned * self._robust, 0.0)
+        heading = self.windows.heading
+        nothing = np.zeros_like(heading)
+        slopes = np.array([[*turned(*unit, heading), nothing] for unit in np.eye(2)]) / self._noise[:, None, None]
+        return np.where(self._known, slopes * self._robust, 0.0)
 
     def _best_move(self, residual, slopes):
         """Gauss-Newton step of the initial states of every window, shape (3, W), and of the drifts, (2, R)."""
@@ -434,14 +464,14 @@ class MultipleShooting:
         return other
 
     def _instability(self, columns):
-        """Weighted excess of growth over what is allowed, of candidates (39, K), shape (speeds, K)."""
+        """Weighted excess of growth over what is allowed, of candidates (n, K), shape (speeds, K)."""
         if not self._speeds.size:
             return np.zeros((0, columns.shape[1]))
         growth = growth_rates(columns, active_terms(_union(columns)), self._speeds)
         weight = STABILITY_WEIGHT * np.sqrt(self._known.sum())
         return weight * np.maximum(growth + LEAST_DECAY, 0.0)
 
-    def _instability_slopes(self, values):
+    def instability_slopes(self, values):
         """Derivatives of `_instability` by the unknowns, shape (speeds, n)."""
         p, _ = self.parameters(values)
         searched = np.flatnonzero(self._index >= 0)
@@ -471,12 +501,12 @@ class MultipleShooting:
                 steps[j] = -steps[j]
             columns[self._index[j], 4 + place] += steps[j]
         found = self.simulate(columns, states)
-        residual = self._weighted(found[:, :, 0], current)
+        residual = self._weighted(found[:, :, 0], p, current)
         state_slopes = np.stack(
-            [(self._weighted(found[:, :, j + 1], current) - residual) / state_steps[j] for j in range(3)])
+            [(self._weighted(found[:, :, j + 1], p, current) - residual) / state_steps[j] for j in range(3)])
         slopes = np.zeros((values.size, *residual.shape))
         for place, j in enumerate(searched):
-            slopes[j] = (self._weighted(found[:, :, 4 + place], current) - residual) / steps[j]
+            slopes[j] = (self._weighted(found[:, :, 4 + place], columns[:, 4 + place], current) - residual) / steps[j]
         for j, name in enumerate(self.unknowns.names):
             if name in CURRENT:
                 unit = np.array([name == c for c in CURRENT], dtype=float)

@@ -3,10 +3,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, substeps_for, track
+from swath_sysid.manoeuvring.hull.measurement import (
+    deviation,
+    recorded_heading,
+    recorded_position,
+    recorded_speeds,
+    through_water,
+)
+from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, substeps_for, track
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.windows import cut
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, smoothed
+from swath_sysid.manoeuvring.motion.resampling import smoothed
+from swath_sysid.manoeuvring.motion.trial import CHANNELS
 
 LEADS = (5.0, 10.0, 20.0)
 """s, at which the errors of position and heading are told."""
@@ -26,7 +34,7 @@ class Simulated:
     ----------
     windows : Windows
     states : ndarray, shape (S + 1, 3, W)
-        Surge and sway over ground, yaw rate; NaN behind the end of a window.
+        Surge and sway over ground, yaw rate, as the sensors would record them; NaN behind the end of a window.
     heading, x, y : ndarray, shape (S + 1, W)
         rad, m; from zero where not measured.
     """
@@ -89,22 +97,26 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
     acting = [acting_thrust(run.port, run.starboard, model.values, run.step) for run in runs]
     thrust = tuple(windows.gather([a[side] for a in acting]) for side in (0, 1))
     heading = windows.heading
-    state = _through_water(windows.initial, heading[0], current)
+    p = model.values
+    surge, sway, rate = windows.initial
+    state = np.stack([*through_water(surge, sway, rate, heading[0], current, p), rate])
     state[1] = np.where(np.isfinite(windows.initial[1]), state[1], _lead_in_sway(model, windows, acting))
     state = np.where(np.isfinite(state), state, 0.0)
     substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), thrust)
     with np.errstate(over='ignore', invalid='ignore'):
         columns = np.repeat(model.values[:, None], windows.count, axis=1)
-        states = runge_kutta_columns(state, *thrust, columns, model.active, windows.step, substeps)
+        states = runge_kutta_columns(state, *thrust, UNDISTURBED, columns, model.active, windows.step, substeps)
         u, v, r = np.moveaxis(states, 1, 0)
+        psi, x, y = track(
+            u, v, r, windows.step, heading[0] - deviation(heading[0], p), np.zeros((2, windows.count)), current)
+        compass = recorded_heading(psi, p)
+        recorded = np.stack([*recorded_speeds(u, v, r, compass, current, p), r], axis=1)
+        x, y = recorded_position(x, y, psi, p)
         start = np.stack([_at_start(windows, name) for name in ('x', 'y')])
-        psi, x, y = track(u, v, r, windows.step, heading[0], start, current)
-        east, north = current
-        over_ground = np.stack([
-            u + east * np.cos(psi) + north * np.sin(psi), v - east * np.sin(psi) + north * np.cos(psi), r], axis=1)
+        x, y = x - x[0] + start[0], y - y[0] + start[1]
     behind = np.arange(len(psi))[:, None] > windows.steps
-    over_ground[np.repeat(behind[:, None], 3, axis=1)] = np.nan
-    return Simulated(windows, over_ground, *(np.where(behind, np.nan, a) for a in (psi, x, y)))
+    recorded[np.repeat(behind[:, None], 3, axis=1)] = np.nan
+    return Simulated(windows, recorded, *(np.where(behind, np.nan, a) for a in (compass, x, y)))
 
 
 def score(model, runs, length=20.0, currents=None):
@@ -198,14 +210,6 @@ def _at_start(windows, name):
                      for run, start in zip(windows.run_index, windows.start, strict=True)])  # fmt: skip
 
 
-def _through_water(initial, heading, current):
-    east, north = current
-    state = initial.copy()
-    state[0] -= east * np.cos(heading) + north * np.sin(heading)
-    state[1] -= -east * np.sin(heading) + north * np.cos(heading)
-    return state
-
-
 def _lead_in_sway(model, windows, acting):
     """Sway at the start of every window after a lead-in simulation from zero sway."""
     steps = round(LEAD_IN / windows.step)
@@ -219,8 +223,8 @@ def _lead_in_sway(model, windows, acting):
         port, starboard = (np.ascontiguousarray(side[begin:start, None]) for side in acting[index])
         with np.errstate(over='ignore', invalid='ignore'):
             found = runge_kutta_columns(
-                np.where(np.isfinite(state), state, 0.0)[:, None], port, starboard, model.values[:, None], model.active,
-                windows.step, substeps_for(model, windows.step, state * 0.0, (port, starboard)),
+                np.where(np.isfinite(state), state, 0.0)[:, None], port, starboard, UNDISTURBED, model.values[:, None],
+                model.active, windows.step, substeps_for(model, windows.step, state * 0.0, (port, starboard)),
             )[-1, 1, 0]  # fmt: skip
         sway[w] = found if np.isfinite(found) else 0.0
     return sway

@@ -117,9 +117,4 @@ class ManoeuvringWindow:
         if thrust_input == AUTO:
             most = max(np.max(np.abs(column['port'])), np.max(np.abs(column['starboard'])))
             thrust_input = FORCE if most > LARGEST_COMMAND else COMMAND
-        # odometry without a gyro publishes zeros: the heading tells the yaw rate then
-        if not column['yaw_rate'].any():
-            column['yaw_rate'] = None
-        if not column['surge'].any():
-            column['surge'] = column['sway'] = None
         return ManoeuvringTrial(thrust_input=thrust_input, frame='enu', source=source, **column)

@@ -260,7 +260,7 @@ class ManoeuvreOutlook:
         at = np.unique(np.concatenate([steps, s.leads]))
         found = self._filter.forecast(at, self._supplied or None)
         states = [_state_of(*item) for item in zip(
-            found.stamps, found.states, found.covariances, found.over_ground, strict=True)]  # fmt: skip
+            found.stamps, found.recorded, found.recorded_covariances, strict=True)]  # fmt: skip
         by_lead = dict(zip(at.tolist(), states, strict=True))
         return OutlookStep(tuple(by_lead[lead] for lead in map(float, s.leads)),
                            tuple(by_lead[step] for step in steps.tolist()))  # fmt: skip
@@ -270,15 +270,9 @@ class ManoeuvreOutlook:
             self.counts[item.code] += 1
 
 
-def _state_of(stamp, state, covariance, over_ground):
-    u, v, r, heading, x, y, east, north = state[:8]
-    pose = [4, 5, 3]
-    cosine, sine = math.cos(heading), math.sin(heading)
-    slopes = np.zeros((3, 10))
-    slopes[0, [0, 6, 7, 3]] = 1.0, cosine, sine, -east * sine + north * cosine
-    slopes[1, [1, 6, 7, 3]] = 1.0, -sine, cosine, -east * cosine - north * sine
-    slopes[2, 2] = 1.0
+def _state_of(stamp, recorded, covariance):
+    surge, sway, yaw_rate, heading, x, y = map(float, recorded)
+    pose, twist = [4, 5, 3], [0, 1, 2]
     return ManoeuvreState(
-        float(stamp), float(x), float(y), float(heading), float(over_ground[0]), float(over_ground[1]), float(r),
-        covariance[np.ix_(pose, pose)], slopes @ covariance @ slopes.T,
-    )  # fmt: skip
+        float(stamp), x, y, heading, surge, sway, yaw_rate, covariance[np.ix_(pose, pose)],
+        covariance[np.ix_(twist, twist)])  # fmt: skip

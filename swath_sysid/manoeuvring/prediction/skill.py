@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.prediction.predictor import HEADING, MEASURABLE, ManoeuvreFilter, R, X, Y
+from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter
 
 LEADS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 SETTLING = 5.0
@@ -15,6 +15,9 @@ EVERY = 1.0
 
 ORDER = 10
 """Past samples that the ARX sees."""
+
+INTERVAL = 1.6449
+"""Standard deviations on either side that hold 90 % of normal errors."""
 
 RIDGE = 1e-3
 METHODS = ('model', 'constant-velocity', 'constant-turn-rate', 'arx')
@@ -32,7 +35,7 @@ class ForecastScores:
     rmse : dict of str to dict of str to ndarray, shape (L,)
         Method to quantity to errors by lead; NaN where not measured.
     spread : dict of str to ndarray, shape (L,)
-        Of the model's forecast: share of the errors within two of its own standard deviations.
+        Of the model's forecast: share of the errors within its 90 % interval.
     count : int
         Number of forecasts.
     """
@@ -197,7 +200,7 @@ def _score_run(identified, run, arx, supplied, settings, leads, errors, inside):
                     if values is not None and np.isfinite(values[at]):
                         errors[method][q][i].append(table[q][place] - values[at])
                         if method == 'model':
-                            inside[q][i].append(abs(table[q][place] - values[at]) < 2.0 * table[f'{q} std'][place])
+                            inside[q][i].append(abs(table[q][place] - values[at]) < INTERVAL * table[f'{q} std'][place])
                 if run.x is not None and run.y is not None:
                     miss = np.hypot(table['x'][place] - run.x[at], table['y'][place] - run.y[at])
                     errors[method]['position_m'][i].append(miss)
@@ -213,18 +216,12 @@ def _expected(filter_, run, k, steps, supplied, arx, motion, inputs):
         future = [((j - k) * run.step, float(run.port[j]), float(run.starboard[j])) for j in ahead]
     forecast = filter_.forecast(leads, future)
     noise = filter_.settings.noise
-    variances = np.array([np.diag(c) for c in forecast.covariances])
-    table = {
-        'surge_m_s': forecast.over_ground[:, 0], 'sway_m_s': forecast.over_ground[:, 1],
-        'yaw_rate_rad_s': forecast.states[:, R], 'heading_rad': forecast.states[:, HEADING],
-        'x': forecast.states[:, X], 'y': forecast.states[:, Y],
-    }  # fmt: skip
-    for q, place, name in (('surge_m_s', 0, 'surge'), ('sway_m_s', 1, 'sway'), ('yaw_rate_rad_s', R, 'yaw_rate'),
-                           ('heading_rad', HEADING, 'heading')):  # fmt: skip
-        table[f'{q} std'] = np.sqrt(variances[:, place] + noise(name) ** 2)
+    table = {name: forecast.recorded[:, column] for column, name in enumerate((*QUANTITIES[:4], 'x', 'y'))}
+    variances = np.diagonal(forecast.recorded_covariances, axis1=1, axis2=2)
+    for column, (q, name) in enumerate(zip(QUANTITIES[:4], MEASURABLE, strict=False)):
+        table[f'{q} std'] = np.sqrt(variances[:, column] + noise(name) ** 2)
     expected = {'model': table}
-    surge, sway = filter_.forecast([1e-6]).over_ground[0]
-    rate, psi, x, y = (float(filter_.x[i]) for i in (R, HEADING, X, Y))
+    surge, sway, rate, psi, x, y = map(float, filter_.forecast([1e-6]).recorded[0])
     for method, turning in (('constant-velocity', 0.0), ('constant-turn-rate', rate)):
         expected[method] = _steady(leads, surge, sway, turning, psi, x, y)
     expected['constant-velocity']['yaw_rate_rad_s'] = np.zeros(len(leads))

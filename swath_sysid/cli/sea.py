@@ -1,0 +1,42 @@
+"""``swath-sysid sea``: the sea that a record's own motion shows."""
+import json
+from argparse import ArgumentParser, Namespace
+
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.prediction.sea_state import sea_state
+from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite
+from swath_sysid.formats.reading import read_trial
+from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
+from swath_sysid.report.figures import save_figure
+from swath_sysid.report.sea_figure import sea_figure
+from swath_sysid.report.sea_summary import REMARKS, sea_as_data, sea_in_words
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The record, and how to tell."""
+    parser.epilog = ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
+    parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
+    add_reading_arguments(parser)
+    parser.add_argument('--start', type=finite, metavar='S', help="begin, in the record's time (default: its own)")
+    parser.add_argument('--end', type=finite, metavar='S', help='end (default: its own)')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    parser.add_argument('--plot', metavar='FILE.png', help='write the picture of the spectrum')
+
+
+def run(arguments: Namespace) -> int:
+    """Print height, periods and axis of the waves, from the longest stretch without a gap."""
+    check_model_and_plot(arguments, [arguments.record])
+    trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
+    refuse_contradictions(trial)
+    show_advice(trial.advice)
+    chosen = trial.between(arguments.start, arguments.end)
+    longest = max(even_stretches(chosen, WITHOUT_RATES), key=lambda stretch: stretch.time.size)
+    found = sea_state(longest.acceleration, longest.channels['roll'], longest.channels['pitch'], longest.step)
+    if arguments.plot:
+        save_figure(sea_figure(found), arguments.plot)
+    if arguments.json:
+        print(json.dumps(sea_as_data(found, trial.advice), indent=2))
+    else:
+        print('\n'.join(sea_in_words(found, arguments.record)))
+    return 0

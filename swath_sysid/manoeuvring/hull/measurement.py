@@ -1,0 +1,65 @@
+"""What sensors record of a craft's motion: a current under it, a compass that deviates, a sensor off the centre.
+
+The recorded heading is psi + B sin(recorded) + C cos(recorded), the classical semicircular deviation; recorded speeds
+are those of the sensor's place over ground, in axes turned by that deviation.
+"""
+import numpy as np
+
+from swath_sysid.manoeuvring.hull.terms import DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y
+
+INVERSIONS = 4
+"""Fixed-point rounds from true to recorded heading; each gains a factor of the deviation."""
+
+
+def deviation(recorded_heading, p):
+    """How far the compass is off at a recorded heading, rad, positive where it reads to port."""
+    return p[DEVIATION_B] * np.sin(recorded_heading) + p[DEVIATION_C] * np.cos(recorded_heading)
+
+
+def recorded_heading(heading, p):
+    """What the compass reads at a true heading, rad."""
+    found = heading
+    for _ in range(INVERSIONS):
+        found = heading + deviation(found, p)
+    return found
+
+
+def turned(ahead, aside, angle):
+    """Components of a vector in axes turned to port by an angle, rad."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return ahead * cosine + aside * sine, aside * cosine - ahead * sine
+
+
+def recorded_speeds(u, v, r, heading, current, p):
+    """Surge and sway as recorded over ground, m/s.
+
+    Parameters
+    ----------
+    u, v, r : ndarray
+        Through the water, of the origin.
+    heading : ndarray
+        As recorded, rad.
+    current : sequence of 2 (floats or arrays that broadcast)
+        East and north, m/s.
+    p : ndarray, shape (n, ...)
+    """
+    surge, sway = turned(u - r * p[SENSOR_Y], v + r * p[SENSOR_X], deviation(heading, p))
+    along, across = turned(*current, heading)
+    return surge + along, sway + across
+
+
+def through_water(surge, sway, r, heading, current, p):
+    """u and v of the origin through the water, m/s: the inverse of `recorded_speeds`.
+
+    A speed that is NaN, as it was not measured, stays NaN and counts as none towards the other.
+    """
+    along, across = turned(*current, heading)
+    u, v = turned(np.nan_to_num(surge - along), np.nan_to_num(sway - across), -deviation(heading, p))
+    r = np.nan_to_num(r)
+    return np.where(np.isnan(surge), np.nan, u + r * p[SENSOR_Y]), np.where(np.isnan(sway), np.nan, v - r * p[SENSOR_X])
+
+
+def recorded_position(x, y, heading, p):
+    """Position of the sensor, m, of a craft at x, y with a true heading, rad."""
+    cosine, sine = np.cos(heading), np.sin(heading)
+    return x + p[SENSOR_X] * cosine - p[SENSOR_Y] * sine, y + p[SENSOR_X] * sine + p[SENSOR_Y] * cosine

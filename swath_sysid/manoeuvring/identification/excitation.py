@@ -1,0 +1,60 @@
+"""What runs tell of each derivative: the share of its motion that no other one explains."""
+import numpy as np
+
+from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS
+
+ENOUGH = 0.15
+"""A derivative whose motion is explained by the others but for less than this share is hardly told from them."""
+
+
+def excitation(runs):
+    """How well some runs tell derivatives apart.
+
+    In each equation the motion that a derivative multiplies is regressed on that of the others; what is left of it,
+    as a share of its size, is its own (the root of one over the variance inflation factor).
+
+    Parameters
+    ----------
+    runs : sequence of Run
+
+    Returns
+    -------
+    dict of str to float
+        0 to 1; 0 where its motion does not occur.
+    """
+    found = {}
+    for names, columns in _equations(runs):
+        known = np.all(np.isfinite(columns), axis=0)
+        matrix = columns[:, known] if known.sum() > 10 * len(columns) else np.zeros((len(columns), 1))
+        size = np.linalg.norm(matrix, axis=1)
+        for k, name in enumerate(names):
+            if name is None:
+                continue
+            others = np.delete(matrix, k, axis=0)[np.delete(size, k) > 0.0]
+            left = matrix[k] - (np.linalg.lstsq(others.T, matrix[k], rcond=None)[0] @ others if len(others) else 0.0)
+            found[name] = float(np.linalg.norm(left) / size[k]) if size[k] > 0.0 else 0.0
+    inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
+    most = float(np.max(np.abs(inputs), initial=0.0)) or 1.0
+    found['reverse_ratio'] = float(np.clip(np.mean(inputs < -0.05 * most) / 0.1, 0.0, 1.0))
+    if all(run.heading is not None for run in runs):
+        courses = np.concatenate([run.heading for run in runs])
+        found['deviation_B'] = float(1.0 - abs(np.mean(np.exp(1j * courses))))
+    return found
+
+
+def lacking(shares):
+    """Derivatives that lack excitation, with the manoeuvre that would help; dict of str to str."""
+    return {name: PARAMETERS[INDEX[name]].separated_by for name, share in shares.items() if share < ENOUGH}
+
+
+def _equations(runs):
+    """Names and motions, shape (K, N), of surge, sway and yaw; the thrust is a motion without a name."""
+    u, v, r = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
+    changes = [np.concatenate([np.gradient(run.smooth[c], run.step) for run in runs]) for c in range(3)]
+    port, starboard = (np.concatenate([getattr(run, side) for run in runs]) for side in ('port', 'starboard'))
+    return (
+        (('Xu_dot', 'Xu', 'Xuu', 'Xvr', None), np.stack([changes[0], u, np.abs(u) * u, v * r, starboard + port])),
+        (('Yv_dot', 'Yv', 'Yvv', 'Yur'), np.stack([changes[1], v, np.abs(v) * v, u * r])),
+        (('Iz', 'Nr', 'Nrr', 'Nuur', 'Nuv', None),
+         np.stack([changes[2], r, np.abs(r) * r, u * u * r, u * v, starboard - port])),
+    )  # fmt: skip

@@ -1,0 +1,102 @@
+"""A trial without what no craft did: disorder in time, absurd values, spikes, channels that never change."""
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, MEASURED
+
+ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'heading': 1e6}
+LEAST_SPIKE = {'surge': 0.5, 'sway': 0.5, 'yaw_rate': 0.3, 'x': 3.0, 'y': 3.0}
+"""m/s, rad/s, m by which a single sample jumps away from its neighbours at least to be left out."""
+
+SPIKE = 10.0
+"""Usual distances from the neighbours, beyond which a sample is left out."""
+
+NEIGHBOURS = 7
+MOST_SPIKES = 0.03
+
+
+def cleaned(trial, advice):
+    """The trial in order of time, absurd values and spikes missing; ``advice``, a list, grows."""
+    return _without_spikes(_without_absurd(_in_order(trial, advice), advice), advice)
+
+
+def without_constant(trials, advice):
+    """Trials without the speeds and yaw rates that change in none of them: their senders had nothing to tell."""
+    for name in CHANNELS:
+        holding = [k for k, trial in enumerate(trials) if getattr(trial, name) is not None]
+        values = [getattr(trials[k], name) for k in holding]
+        if not holding or any(np.nanmin(v) != np.nanmax(v) for v in values):
+            continue
+        for k in holding:
+            trials[k] = replace(trials[k], **{name: None})
+            advice[k].append(Advice('constant-channel', (
+                f'{trials[k].source}: {name} never changes, as where nothing is measured: it is taken as unknown; '
+                f'check its sender')))  # fmt: skip
+    return trials
+
+
+def _in_order(trial, advice):
+    """Samples in order of time, without repeated or unreadable stamps."""
+    time = np.asarray(trial.time, dtype=float)
+    good = np.isfinite(time)
+    latest = np.maximum.accumulate(np.where(good, time, -np.inf))
+    good &= np.concatenate([[True], time[1:] > latest[:-1]])
+    if good.sum() < 20:
+        raise InputError(f'{trial.source} holds {int(good.sum())} samples in order of time: record 30 s or more')
+    if not good.all():
+        advice.append(Advice('time-disorder', (
+            f'{trial.source}: {int((~good).sum())} rows with missing, repeated or backward time left out: check the '
+            f'recorder')))  # fmt: skip
+    for name in ('port', 'starboard', *MEASURED):
+        values = getattr(trial, name)
+        if values is not None:
+            trial = replace(trial, **{name: np.asarray(values, dtype=float)[good]})
+    return replace(trial, time=time[good])
+
+
+def _without_absurd(trial, advice):
+    names = list(trial.measured())
+    for name, values in trial.measured().items():
+        with np.errstate(invalid='ignore'):
+            bad = ~(np.abs(values) <= ABSURD[name])
+        if bad.all():
+            trial = replace(trial, **{name: None})
+            advice.append(Advice('empty-channel', f'{trial.source}: {name} holds no usable value and is left out'))
+            continue
+        wild = bad & np.isfinite(values)
+        if wild.any():
+            advice.append(Advice('absurd-values', (
+                f'{trial.source}: {int(wild.sum())} values of {name} beyond {ABSURD[name]:g} left out: check its '
+                f'unit')))  # fmt: skip
+        trial = replace(trial, **{name: np.where(bad, np.nan, values)})
+    rows = np.all([~np.isfinite(getattr(trial, n)) for n in names if getattr(trial, n) is not None], axis=0)
+    if np.sum(rows):
+        advice.append(Advice('missing-rows', (
+            f'{trial.source}: {int(np.sum(rows))} rows hold no measured value and are bridged by the simulation: check '
+            f'the logger if they are many')))  # fmt: skip
+    return trial
+
+
+def _without_spikes(trial, advice):
+    """Without single samples far from their neighbours on both sides, as receivers and buses make them."""
+    for name, least in LEAST_SPIKE.items():
+        values = getattr(trial, name)
+        known = np.flatnonzero(np.isfinite(values)) if values is not None else np.zeros(0, dtype=int)
+        if known.size < 10 * NEIGHBOURS:
+            continue
+        away = np.abs(values[known] - median_filter(values[known], NEIGHBOURS, mode='nearest'))
+        usual = 1.4826 * median_filter(away, 20 * NEIGHBOURS + 1, mode='nearest')
+        spikes = away > np.maximum(SPIKE * usual, least)
+        if not spikes.any() or spikes.mean() > MOST_SPIKES:
+            continue
+        advice.append(Advice('spikes', (
+            f'{trial.source}: {int(spikes.sum())} values of {name} jump away for a moment and are left out: look at '
+            f'the sensor if they are many')))  # fmt: skip
+        cleaned = values.copy()
+        cleaned[known[spikes]] = np.nan
+        trial = replace(trial, **{name: cleaned})
+    return trial

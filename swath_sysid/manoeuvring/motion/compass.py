@@ -1,0 +1,101 @@
+"""The compass held against the craft's own motion: mounted or calibrated askew, it is turned along the keel."""
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
+
+LEAST_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
+SURE = 4.0
+"""Standard deviations by which a compass must be askew to be turned."""
+
+USUAL_CURRENT = 0.3
+"""m/s."""
+
+USUAL_DEVIATION = 0.15
+"""rad; a deviation by the course is not taken for a compass askew, and is left to the identification."""
+
+REMEMBERED = 10.0
+"""Half seconds over which wind and manoeuvres leave the same sway: so many samples count as one."""
+
+
+def aligned(trials, advice):
+    """The trials with the compass along the keel, where it was mounted or calibrated askew.
+
+    A compass that is off by a small angle shows in the sway as that angle times the speed, whatever the course; a
+    deviation as the speed times sine and cosine of the course, a current by the course, and a turn by the yaw rate.
+    So the sway is regressed on all of these.
+    """
+    rows = [_sway_by_cause(t) for t in trials]
+    told = [r for r in rows if r is not None]
+    if not told:
+        return trials
+    count = sum(len(sway) for sway, _, _ in told)
+    sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(told)))
+    begin = 0
+    for k, (values, causes, course) in enumerate(told):
+        span = slice(begin, begin + len(values))
+        sway[span], shared[span], currents[span, 2 * k : 2 * k + 2] = values, causes, course
+        begin = span.stop
+    matrix = np.concatenate([shared, currents], axis=1)
+    prior = np.concatenate([
+        np.zeros(3), np.full(2, USUAL_DEVIATION**-2.0), np.full(currents.shape[1], USUAL_CURRENT**-2.0)])
+    variance = max(float(np.var(sway)), 1e-6)
+    for _ in range(3):
+        information = matrix.T @ matrix / (variance * REMEMBERED) + np.diag(prior)
+        covariance = np.linalg.pinv(information, hermitian=True)
+        found = covariance @ (matrix.T @ sway) / (variance * REMEMBERED)
+        variance = max(float(np.mean((sway - matrix @ found) ** 2)), 1e-6)
+    offset, std = float(np.arctan(found[0])), float(np.sqrt(covariance[0, 0]))
+    if not LEAST_MISALIGNMENT < abs(offset) < LARGEST_MISALIGNMENT or abs(offset) < SURE * std:
+        return trials
+    for item, trial in zip(advice, trials, strict=True):
+        item.append(Advice('compass-misaligned', (
+            f'{trial.source}: the craft moves {abs(math.degrees(offset)):.1f} deg to '
+            f'{"port" if offset > 0.0 else "starboard"} of its heading on straight courses: heading and speeds were '
+            f'turned by that much; calibrate the compass')))  # fmt: skip
+    return [_turned(trial, offset) for trial in trials]
+
+
+def _sway_by_cause(trial):
+    """Sway every half second under way ahead, and what may cause it; None where a trial does not tell.
+
+    Returns
+    -------
+    sway : ndarray, shape (N,)
+    causes : ndarray, shape (N, 5)
+        Surge, yaw rate, their product, and surge times sine and cosine of the heading.
+    course : ndarray, shape (N, 2)
+        What a current to the east and to the north adds.
+    """
+    _, (heading, surge, sway) = even(trial, 'heading', 'surge', 'sway')
+    if heading is None:
+        return None
+    if surge is None or sway is None:
+        track = speeds_of_track(trial)
+        if track is None:
+            return None
+        surge, sway = track
+    rate = np.gradient(lowpass(heading, 0.5), USUAL_STEP)
+    surge, sway = lowpass(surge, 0.5), lowpass(sway, 0.5)
+    keep = np.arange(surge.size) % round(0.5 / USUAL_STEP) == 0
+    keep &= surge > MOVING
+    if keep.sum() < 10:
+        return None
+    causes = np.stack(
+        [surge, rate, surge * rate, surge * np.sin(heading), surge * np.cos(heading)], axis=1)
+    return sway[keep], causes[keep], np.stack([-np.sin(heading), np.cos(heading)], axis=1)[keep]
+
+
+def _turned(trial, offset):
+    """The trial with heading and speeds turned to port by an angle, rad."""
+    changed = {}
+    if trial.heading is not None:
+        changed['heading'] = trial.heading + offset
+    if trial.surge is not None and trial.sway is not None:
+        cosine, sine = math.cos(offset), math.sin(offset)
+        changed.update(
+            surge=trial.surge * cosine + trial.sway * sine, sway=trial.sway * cosine - trial.surge * sine)
+    return replace(trial, **changed)

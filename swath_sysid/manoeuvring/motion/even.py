@@ -1,0 +1,43 @@
+"""Channels of a trial at even times, for diagnoses: gaps bridged, nothing more."""
+import math
+
+import numpy as np
+from scipy.signal import lfilter
+
+from swath_sysid.manoeuvring.motion.resampling import slope
+
+USUAL_STEP = 0.1
+"""s; also used for runs whose own interval is far from it."""
+
+MOVING = 0.3
+"""m/s; above this a course tells a heading."""
+
+
+def even(trial, *names):
+    """Channels at even times, s and values, gaps bridged; None where a channel was not measured."""
+    time = np.arange(trial.time[0], trial.time[-1], USUAL_STEP)
+    found = []
+    for name in names:
+        values = getattr(trial, name)
+        known = np.isfinite(values) if values is not None else np.zeros(1, dtype=bool)
+        if known.sum() < 2:
+            found.append(None)
+            continue
+        values = np.unwrap(values[known]) if name == 'heading' else values[known]
+        found.append(np.interp(time, trial.time[known], values))
+    return time, found
+
+
+def speeds_of_track(trial):
+    """Surge and sway by position and heading, m/s, at even times; None where not measured."""
+    _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
+    if heading is None or x is None or y is None:
+        return None
+    east, north = (slope(p, USUAL_STEP, 3.1) for p in (x, y))
+    return east * np.cos(heading) + north * np.sin(heading), -east * np.sin(heading) + north * np.cos(heading)
+
+
+def lowpass(values, tau):
+    """First-order low pass of even samples, time constant in s."""
+    decay = math.exp(-USUAL_STEP / tau)
+    return lfilter([1.0 - decay], [1.0, -decay], values, zi=[decay * values[0]])[0]

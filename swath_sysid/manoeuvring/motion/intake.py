@@ -1,0 +1,104 @@
+"""From records to runs ready for identification; what a record does not tell by itself is taken from all together."""
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.motion.cleaning import cleaned, without_constant
+from swath_sysid.manoeuvring.motion.compass import aligned
+from swath_sysid.manoeuvring.motion.even import USUAL_STEP
+from swath_sysid.manoeuvring.motion.polarity import set_right
+from swath_sysid.manoeuvring.motion.resampling import (
+    bridged,
+    on_grid,
+    slope,
+    smoothed,
+    thrust_on,
+    unwrapped,
+    without_held,
+)
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, Run
+
+
+def prepare(trial, gap_means_zero=False, step=None):
+    """Make one trial ready for identification; see `prepare_all`."""
+    return prepare_all([trial], gap_means_zero, step)[0]
+
+
+def prepare_all(trials, gap_means_zero=False, step=None):
+    """Make trials of one craft ready for identification.
+
+    Reversed and swapped channels, constant ones and a compass askew are found over all trials together.
+
+    Parameters
+    ----------
+    trials : sequence of ManoeuvringTrial
+    gap_means_zero : bool
+        Commands are published only while driving: where there are none the thrust is zero.
+    step : float, optional
+        s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
+
+    Returns
+    -------
+    list of Run
+
+    Raises
+    ------
+    InputError
+        Too few samples, no thrust, or neither speed nor yaw rate in one of them.
+    """
+    advice = [list(trial.advice) for trial in trials]
+    trials = without_constant([cleaned(t, a) for t, a in zip(trials, advice, strict=True)], advice)
+    trials = aligned(set_right(trials, advice), advice)
+    if step is None:
+        interval = float(np.median([np.median(np.diff(trial.time)) for trial in trials]))
+        step = round(interval if 0.04 <= interval <= 0.25 else USUAL_STEP, 3)
+    return [_run(t, gap_means_zero, step, a) for t, a in zip(trials, advice, strict=True)]
+
+
+def _run(trial, gap_means_zero, step, advice):
+    """The run of a trial whose channels have been set right."""
+    count = int((trial.time[-1] - trial.time[0]) / step) + 1
+    if count < 20:
+        raise InputError(f'{trial.source}: {trial.time[-1] - trial.time[0]:.1f} s are too short: record 30 s or more')
+    grid = trial.time[0] + step * np.arange(count)
+    port, starboard, driven = thrust_on(grid, trial, gap_means_zero, advice)
+    measured = {}
+    for name, values in trial.measured().items():
+        if np.isfinite(values).sum() >= 4:
+            if name == 'heading':
+                values = unwrapped(values)
+            measured[name] = on_grid(grid, step, trial.time, without_held(name, values, advice, trial.source))
+    pose = {name: bridged(measured[name]) if name in measured else None for name in POSE}
+    if pose['heading'] is not None:
+        pose['heading'] = np.unwrap(pose['heading'])
+    _derive_channels(measured, pose, step, advice, trial.source)
+    if not any(name in measured for name in ('surge', 'yaw_rate')):
+        raise InputError(f'{trial.source} holds neither speed nor yaw rate, nor heading and position to derive them '
+                         f'from: add surge_m_s or yaw_rate_rad_s')
+    nothing = np.full(count, np.nan)
+    surge, sway, yaw_rate = (measured.get(name, nothing) for name in CHANNELS)
+    smooth = np.stack([smoothed(c, step) for c in (surge, sway, yaw_rate)])
+    return Run(
+        step, grid, port, starboard, driven, surge, sway, yaw_rate, **pose, smooth=smooth,
+        thrust_input=trial.thrust_input, source=trial.source, lever=trial.lever, length=trial.length,
+        advice=tuple(advice),
+    )  # fmt: skip
+
+
+def _derive_channels(measured, pose, step, advice, source):
+    """Yaw rate from heading, speeds from position and heading, where they were not measured."""
+    heading, x, y = (pose[name] for name in POSE)
+    if 'yaw_rate' not in measured and heading is not None:
+        measured['yaw_rate'] = slope(heading, step, 1.1)
+        advice.append(Advice('yaw-rate-derived', f'{source}: no yaw rate: it is derived from the heading'))
+    if heading is None or x is None or y is None or ('surge' in measured and 'sway' in measured):
+        return
+    east, north = slope(x, step, 2.1), slope(y, step, 2.1)
+    derived = {
+        'surge': east * np.cos(heading) + north * np.sin(heading),
+        'sway': -east * np.sin(heading) + north * np.cos(heading),
+    }
+    missing = [name for name in derived if name not in measured]
+    measured.update({name: derived[name] for name in missing})
+    advice.append(Advice('speed-derived', (
+        f'{source}: no {" and no ".join(missing)}: derived from position and heading')))  # fmt: skip

@@ -1,0 +1,228 @@
+"""Signs, sides and frames of the channels, by what the runs of a craft say together.
+
+A single run may deceive: one that spins in place moves astern or ahead whatever its thrust. So every verdict is
+pooled over all runs, thrust is judged where the craft is driven ahead or astern, and what the runs do not agree on
+stays.
+"""
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
+
+SEEN = 0.5
+"""A pooled correlation beyond this, against expectation, counts as a reversed channel."""
+
+SEEN_IN_SPEED = 0.7
+"""The same for speed under thrust, which lags behind it."""
+
+DRIVEN = 0.3
+"""Share of the thrust difference that the total thrust must exceed: below it a craft turns on the spot."""
+
+
+def mirrored(trial):
+    """The trial with port and starboard motion exchanged: NED to ENU, and back; thrusters stay."""
+    changed = {name: -getattr(trial, name) for name in ('sway', 'yaw_rate') if getattr(trial, name) is not None}
+    if trial.heading is not None:
+        changed['heading'] = math.pi / 2 - trial.heading
+    if trial.x is not None and trial.y is not None:
+        changed.update(x=trial.y, y=trial.x)
+    return replace(trial, **changed)
+
+
+def set_right(trials, advice):
+    """The trials in ENU, reversed and swapped channels set right.
+
+    Parameters
+    ----------
+    trials : sequence of ManoeuvringTrial
+    advice : sequence of lists of Advice
+        One a trial; they grow.
+
+    Returns
+    -------
+    list of ManoeuvringTrial
+
+    Raises
+    ------
+    InputError
+        A trial states a frame that there is not.
+    """
+    for trial in trials:
+        if trial.frame not in (None, 'enu', 'ned'):
+            raise InputError(f"{trial.source}: there is no frame '{trial.frame}': state enu or ned")
+    trials = [mirrored(t) if t.frame == 'ned' else t for t in trials]
+    trials = _with_heading_along_course(trials, advice)
+    for name, pair, meaning in _CHANNELS:
+        if _likeness([pair(t) for t in trials]) < -SEEN:
+            trials = _reversed(trials, advice, (name,), f'{name.replace("_", "-")}-reversed', meaning)
+    trials = _with_thrust_ahead(trials, advice)
+    return _with_sides(trials, advice)
+
+
+def _likeness(pairs):
+    """Correlation about zero of pairs of series, pooled; 0 where none of them tells."""
+    pairs = [pair for pair in pairs if pair is not None and len(pair[0])]
+    if not pairs:
+        return 0.0
+    a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    size = math.sqrt(float(a @ a) * float(b @ b))
+    return float(a @ b) / size if size > 0.0 else 0.0
+
+
+def _reversed(trials, advice, names, code, meaning):
+    """The trials with channels multiplied by -1, where they hold any of them."""
+    found = []
+    for trial, item in zip(trials, advice, strict=True):
+        held = {name: -getattr(trial, name) for name in names if getattr(trial, name) is not None}
+        if held:
+            item.append(Advice(code, f'{trial.source}: {meaning}'))
+        found.append(replace(trial, **held))
+    return found
+
+
+def _courses(trial):
+    """Course over ground and heading under way, rad; None where the trial does not tell."""
+    _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
+    span = round(2.0 / USUAL_STEP)
+    if heading is None or x is None or y is None or heading.size < 4 * span:
+        return None
+    ahead, aside = x[2 * span :] - x[: -2 * span], y[2 * span :] - y[: -2 * span]
+    moving = np.hypot(ahead, aside) > 2 * span * USUAL_STEP * MOVING
+    if moving.sum() < 2 * span:
+        return None
+    return np.arctan2(aside, ahead)[moving], heading[span:-span][moving]
+
+
+def _with_heading_along_course(trials, advice):
+    """The trials with headings mirrored or turned by quarters to agree with the course over ground."""
+    pairs = [pair for pair in map(_courses, trials) if pair is not None]
+    if not pairs:
+        return trials
+    course, heading = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    straight, reverse = np.mean(np.exp(1j * (course - heading))), np.mean(np.exp(1j * (course + heading)))
+    quarters, mirrored_quarters = (round(np.angle(mean) / (math.pi / 2)) % 4 for mean in (straight, reverse))
+    # on straight courses both readings are possible: a heading that agrees, else a compass' (clockwise from north)
+    alike = abs(abs(straight) - abs(reverse)) < 0.2
+    if max(abs(straight), abs(reverse)) < 0.8:
+        return trials
+    if (abs(straight) > abs(reverse) or alike) and quarters in (0, 2):
+        return trials
+    mirror = abs(reverse) > abs(straight) + 0.2 or (alike and mirrored_quarters == 1)
+    if alike and not mirror:
+        return trials
+    if mirror:
+        turn, meaning = mirrored_quarters, (
+            f'heading and position are in different frames (one in NED, one in ENU): the heading is taken as '
+            f'{90 * mirrored_quarters} deg minus what was recorded; give both in one frame')  # fmt: skip
+    else:
+        turn, meaning = quarters, (
+            f'the heading is off the course by {90 * quarters} deg and was turned by that much: check which axis '
+            f'heading and position are measured from')  # fmt: skip
+    found = []
+    for trial, item in zip(trials, advice, strict=True):
+        if trial.heading is not None:
+            item.append(Advice('mixed-frames', f'{trial.source}: {meaning}'))
+            sign = -1.0 if mirror else 1.0
+            trial = replace(trial, heading=turn * math.pi / 2 + sign * trial.heading)
+        found.append(trial)
+    return found
+
+
+def _heading_and_rate(trial):
+    """Slope of the heading and yaw rate."""
+    _, (heading, rate) = even(trial, 'heading', 'yaw_rate')
+    if heading is None or rate is None:
+        return None
+    slope, rate = np.gradient(lowpass(heading, 0.5), USUAL_STEP), lowpass(rate, 0.5)
+    return (slope - slope.mean(), rate - rate.mean()) if min(np.std(rate), np.std(slope)) > 0.02 else None
+
+
+def _speed_and_track(name, place):
+    def pair(trial):
+        _, (measured,) = even(trial, name)
+        track = speeds_of_track(trial)
+        if measured is None or track is None or np.sqrt(np.mean(track[place] ** 2)) < 0.1:
+            return None
+        # about zero, not about the mean: a steady speed tells its sign as well
+        return measured, track[place]
+
+    return pair
+
+
+_OPPOSITE = '{0} is opposite to the change of position and is reversed: check its sign'
+_CHANNELS = (
+    ('yaw_rate', _heading_and_rate, 'yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
+                                    'reversed; give both in one frame'),
+    ('surge', _speed_and_track('surge', 0), _OPPOSITE.format('surge')),
+    ('sway', _speed_and_track('sway', 1), _OPPOSITE.format('sway')),
+)  # fmt: skip
+
+
+def _with_thrust_ahead(trials, advice):
+    """The trials with thrust, or the speed, reversed where the craft moves astern under positive thrust."""
+    best = max((_likeness([_total_and_surge(t, tau) for t in trials]) for tau in (0.5, 2.0, 5.0)), key=abs)
+    if best > -SEEN_IN_SPEED:
+        return trials
+    # a surge that agrees with the track is no suspect, nor a thrust that turns the craft as it should
+    confirmed = any(t.x is not None and t.heading is not None for t in trials)
+    if confirmed or _turning_likeness(trials) < -SEEN:
+        return _reversed(trials, advice, ('port', 'starboard'), 'thrust-reversed', (
+            'the craft moves astern under positive thrust: both thrusts are reversed; check their sign'))
+    return _reversed(trials, advice, ('surge',), 'surge-reversed', (
+        'the speed is negative under positive thrust and is reversed: check its sign, or that of both thrusts'))
+
+
+def _driven(port, starboard):
+    """Samples where the thrust drives ahead or astern and does not only turn the craft."""
+    return np.abs(starboard + port) > DRIVEN * np.abs(starboard - port)
+
+
+def _total_and_surge(trial, tau):
+    _, (surge, port, starboard) = even(trial, 'surge', 'port', 'starboard')
+    if surge is None or port is None or starboard is None:
+        return None
+    if np.std(surge) < 0.1 and abs(np.mean(surge)) < 0.2:
+        return None
+    keep = _driven(port, starboard)
+    return lowpass(port + starboard, tau)[keep], surge[keep]
+
+
+def _turning_likeness(trials):
+    """Of the thrust difference with the yaw rate."""
+    return max((_likeness([_difference_and_rate(t, tau) for t in trials]) for tau in (0.3, 1.0, 3.0)), key=abs)
+
+
+def _difference_and_rate(trial, tau):
+    _, (rate, heading, port, starboard) = even(trial, 'yaw_rate', 'heading', 'port', 'starboard')
+    if rate is None and heading is not None:
+        rate = np.gradient(lowpass(heading, 0.5), USUAL_STEP)
+    if rate is None or port is None or starboard is None or np.sqrt(np.mean(rate**2)) < 0.01:
+        return None
+    keep = _driven(port, starboard)
+    return lowpass(starboard - port, tau)[keep], rate[keep]
+
+
+def _with_sides(trials, advice):
+    """The trials with thrusters exchanged, or motion mirrored where no frame is stated, if they turn the wrong way."""
+    found = list(trials)
+    for stated in (True, False):
+        places = [k for k, trial in enumerate(trials) if (trial.frame is not None) == stated]
+        if not places or _turning_likeness([trials[k] for k in places]) > -SEEN:
+            continue
+        for k in places:
+            trial = trials[k]
+            if stated:
+                found[k] = replace(trial, port=trial.starboard, starboard=trial.port)
+                advice[k].append(Advice('thrusters-swapped', (
+                    f'{trial.source}: more thrust to starboard turns to starboard in the frame stated '
+                    f'({trial.frame}), so port and starboard were exchanged; check the channels, or the frame')))
+            else:
+                found[k] = mirrored(trial)
+                advice[k].append(Advice('frame-assumed', (
+                    f'{trial.source}: more thrust to starboard turns to negative yaw, so yaw is taken as in NED; state '
+                    f'the frame (ned or enu): if it is ENU, port and starboard are swapped')))  # fmt: skip
+    return found

@@ -1,0 +1,145 @@
+"""Records put on even steps: inputs held, fast channels averaged, slow ones placed; and smoothed."""
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import savgol_filter
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.signals import bin_means, white_noise
+
+HOLD = 0.5
+"""s for which a command is held after it was last published."""
+
+LONGEST_GAP = 1.0
+"""s; over a longer gap in the thrust nothing is known of the motion."""
+
+SMOOTHING = 0.4
+"""s; width of the Gaussian that gives smooth states."""
+
+NOISY = 0.1
+"""A noise of this share of the motion asks for the full smoothing."""
+
+
+def smoothed(values, step, width=SMOOTHING):
+    """Local linear fit with a Gaussian window of ``width`` seconds; NaN where nothing is near.
+
+    Shape (N,) to (N,).
+    """
+    known = np.isfinite(values)
+    if not known.any():
+        return np.full(values.size, np.nan)
+    spacing = values.size / known.sum()
+    sigma = max(width * _noisiness(values[known]) / step, 0.8 * spacing)
+    place = np.arange(values.size, dtype=float)
+    filled = np.where(known, values, 0.0)
+
+    def spread(weights):
+        return gaussian_filter1d(weights, sigma, mode='constant', truncate=4.0)
+
+    w0, m1, m2 = spread(1.0 * known), spread(known * place), spread(known * place**2)
+    y0, y1 = spread(filled), spread(filled * place)
+    # moments about each place itself, so that long records lose no digits
+    s1, s2 = m1 - place * w0, m2 - 2 * place * m1 + place**2 * w0
+    t1 = y1 - place * y0
+    with np.errstate(invalid='ignore', divide='ignore'):
+        fit = np.where(w0 * s2 - s1**2 > 1e-6 * w0, (s2 * y0 - s1 * t1) / (w0 * s2 - s1**2), y0 / w0)
+    return np.where(w0 > 1e-3 / spacing, fit, np.nan)
+
+
+def _noisiness(values):
+    """Share of the full smoothing that a channel needs, 0.3 to 1, by its white noise."""
+    if values.size < 8 or np.std(values) == 0.0:
+        return 1.0
+    return float(np.clip(white_noise(values) / (NOISY * np.std(values)), 0.3, 1.0))
+
+
+def thrust_on(grid, trial, gap_means_zero, advice):
+    """Inputs held on the grid, and where they are known."""
+    known = np.isfinite(trial.port) & np.isfinite(trial.starboard)
+    if not known.any():
+        if not gap_means_zero:
+            raise InputError(f'{trial.source} holds no finite thrust of both thrusters: check its columns')
+        return np.zeros(grid.size), np.zeros(grid.size), np.ones(grid.size, dtype=bool)
+    time = trial.time[known]
+    last = np.searchsorted(time, grid + 1e-6, side='right') - 1
+    age = grid - time[np.maximum(last, 0)]
+    started = last >= 0
+    last = np.maximum(last, 0)
+    port, starboard = trial.port[known][last], trial.starboard[known][last]
+    hold = max(HOLD, 3.0 * float(np.median(np.diff(time)))) if time.size > 1 else HOLD
+    if gap_means_zero:
+        silent = ~started | (age > min(hold, LONGEST_GAP))
+        port, starboard = np.where(silent, 0.0, port), np.where(silent, 0.0, starboard)
+        return port, starboard, np.ones(grid.size, dtype=bool)
+    driven = started & (age <= max(LONGEST_GAP, hold))
+    lost = 1.0 - driven.mean()
+    if lost > 0.001:
+        advice.append(Advice('thrust-gaps', (
+            f'{trial.source}: the thrust is missing for {lost * (grid[-1] - grid[0]):.0f} s, which are left out: if '
+            f'commands are published only while driving, say that a gap means zero (--gap-means-zero)')))  # fmt: skip
+    return np.where(driven, port, 0.0), np.where(driven, starboard, 0.0), driven
+
+
+def without_held(name, values, advice, source):
+    """NaN for repetitions of a slower sensor's last value."""
+    known = np.flatnonzero(np.isfinite(values))
+    changed = np.diff(values[known]) != 0.0
+    if known.size < 20 or not changed.any() or np.std(values[known]) == 0.0:
+        return values
+    runs = np.diff(np.flatnonzero(np.concatenate([[True], changed, [True]])))
+    usual = float(np.median(runs))
+    if usual < 3.0 or np.mean(runs[runs > 1] <= 2.5 * usual) < 0.7:
+        return values
+    advice.append(Advice('held-samples', (
+        f'{source}: {name} changes only at every {usual:.0f}th sample: the repetitions are taken as missing')))
+    fresh = values.copy()
+    fresh[known[1:][~changed]] = np.nan
+    return fresh
+
+
+def on_grid(grid, step, time, values):
+    """Fast channels averaged around each grid time, slow ones put at the nearest, NaN elsewhere."""
+    known = np.isfinite(values)
+    time, values = time[known], values[known]
+    interval = float(np.median(np.diff(time))) if time.size > 1 else step
+    if interval < 0.75 * step:
+        place = np.rint((time - grid[0]) / step).astype(int)
+        inside = (place >= 0) & (place < grid.size)
+        held, means = bin_means(place[inside], values[inside])
+        found = np.full(grid.size, np.nan)
+        found[held] = means
+        return found
+    after = np.clip(np.searchsorted(time, grid), 0, time.size - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(time[after] - grid) <= np.abs(grid - time[before]), after, before)
+    near = np.abs(time[nearest] - grid) <= 0.5 * step + 1e-9
+    if interval <= 1.5 * step:
+        between = (time[after] - time[before] < 1.8 * interval) & (time[before] <= grid) & (grid <= time[after])
+        found = np.where(between, np.interp(grid, time, values), np.where(near, values[nearest], np.nan))
+        return found
+    return np.where(near, values[nearest], np.nan)
+
+
+def slope(values, step, span):
+    """Derivative of even samples by local parabolas over ``span`` seconds, shape (N,)."""
+    window = max(5, 2 * int(span / step / 2) + 1)
+    return savgol_filter(values, min(window, 2 * ((values.size - 1) // 2) + 1), 2, deriv=1, delta=step)
+
+
+def bridged(values):
+    """Linear over gaps, shape (N,)."""
+    known = np.isfinite(values)
+    if not known.any():
+        return np.zeros(values.size)
+    if known.all():
+        return values
+    place = np.arange(values.size)
+    return np.interp(place, place[known], values[known])
+
+
+def unwrapped(heading):
+    """Without jumps of whole turns, across gaps too; shape (N,)."""
+    known = np.isfinite(heading)
+    found = np.full(heading.size, np.nan)
+    found[known] = np.unwrap(heading[known])
+    return found

@@ -1,0 +1,82 @@
+"""Intervals that hold what they say: measured on forecasts of the runs that a model was identified on."""
+from dataclasses import replace
+
+import numpy as np
+
+from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilterSettings
+from swath_sysid.manoeuvring.prediction.skill import INTERVAL, filtered
+
+LEADS = np.array([0.5, 1.0, 2.0, 5.0, 10.0, 20.0])
+SETTLING = 5.0
+"""s of a run before the first forecast."""
+
+FORECASTS = 250
+"""More tell hardly more of a 90 % interval."""
+
+LEAST_FORECASTS = 30
+HELD = 0.9
+LEAST_SCALE, LARGEST_SCALE = 0.4, 4.0
+
+
+def calibrated(identified, runs):
+    """The model with the scale of its forecasts' intervals, by lead and channel.
+
+    Every scale makes the interval of `HELD` hold that share of the errors of forecasts under held thrust.
+
+    Parameters
+    ----------
+    identified : IdentifiedManoeuvringModel
+        With its `forecast`.
+    runs : sequence of Run
+        Those that it was identified on.
+
+    Returns
+    -------
+    IdentifiedManoeuvringModel
+    """
+    errors, variances, noise = _errors(identified, runs)
+    scale = np.ones((len(MEASURABLE), len(LEADS)))
+    for c in range(len(MEASURABLE)):
+        for k in range(len(LEADS)):
+            known = np.isfinite(errors[:, k, c])
+            # where the sensor's own noise is larger, the errors tell nothing of the forecast
+            if known.sum() >= LEAST_FORECASTS and np.median(variances[known, k, c]) > noise[c] ** 2:
+                scale[c, k] = _scale(errors[known, k, c], variances[known, k, c], noise[c])
+    return replace(identified, forecast=replace(identified.forecast, leads=LEADS, scale=scale))
+
+
+def _errors(identified, runs):
+    """Errors and variances of forecasts, shape (F, L, 6) each, NaN where unknown; and the sensors' noise, (6,)."""
+    total = sum(run.duration for run in runs)
+    errors, variances = [], []
+    for run in runs:
+        every = max(1, round(total / FORECASTS / run.step))
+        steps = np.rint(LEADS / run.step).astype(int)
+        truth = np.array([np.full(run.time.size, np.nan) if getattr(run, name) is None else getattr(run, name)
+                          for name in MEASURABLE])  # fmt: skip
+        for k, filter_ in filtered(identified, run):
+            if k < SETTLING / run.step or k % every:
+                continue
+            reach = [j for j, step in enumerate(steps) if k + step < run.time.size and run.driven[k : k + step].all()]
+            if not reach:
+                continue
+            forecast = filter_.forecast(LEADS[reach])
+            found = np.full((2, len(LEADS), len(MEASURABLE)), np.nan)
+            found[0, reach] = forecast.recorded - truth[:, k + steps[reach]].T
+            found[1, reach] = np.diagonal(forecast.recorded_covariances, axis1=1, axis2=2)
+            errors.append(found[0])
+            variances.append(found[1])
+    shape = (-1, len(LEADS), len(MEASURABLE))
+    settings = ManoeuvreFilterSettings.of(identified)
+    return (np.reshape(errors, shape), np.reshape(variances, shape),
+            np.array([settings.noise(name) for name in MEASURABLE]))  # fmt: skip
+
+
+def _scale(errors, variances, noise):
+    """By which the standard deviations must be multiplied, the sensor's noise apart; by bisection."""
+    low, high = LEAST_SCALE, LARGEST_SCALE
+    for _ in range(30):
+        middle = np.sqrt(low * high)
+        inside = np.mean(np.abs(errors) < INTERVAL * np.sqrt(middle**2 * variances + noise**2))
+        low, high = (middle, high) if inside < HELD else (low, middle)
+    return float(high)

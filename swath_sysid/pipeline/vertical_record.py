@@ -1,0 +1,131 @@
+"""The vertical motion of a whole record, looking both ways: what forecasts of it are scored by."""
+from typing import NamedTuple
+
+import numpy as np
+
+from swath_sysid.attitude.motion.trial import CHANNELS
+from swath_sysid.attitude.motion.vertical import (
+    ACCELERATION,
+    EDGE,
+    HEAVE,
+    VELOCITY,
+    vertical_acceleration,
+    zero_phase_integral,
+)
+from swath_sysid.attitude.prediction.point import point_motion
+from swath_sysid.attitude.prediction.quiescence import quantity_at
+from swath_sysid.common.errors import InputError
+from swath_sysid.pipeline.baselines import Record
+
+_BRIDGED = 1.0
+"""s; so short a gap is joined linearly, a longer one ends a stretch."""
+
+_WITH_RATES = ('heave', 'heave_rate', 'vertical_velocity', 'vertical_velocity_rate', 'vertical_acceleration')
+
+WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
+
+
+class Stretch(NamedTuple):
+    """A part of a record without long gaps, at even steps of the sensor's interval.
+
+    Attributes
+    ----------
+    time : ndarray, shape (N,)
+        s.
+    step : float
+        s.
+    channels : dict of str to ndarray, shape (N,)
+    """
+
+    time: np.ndarray
+    step: float
+    channels: dict[str, np.ndarray]
+
+    @property
+    def acceleration(self):
+        """Vertical, m/s^2, shape (N,)."""
+        roll, pitch, *force = (self.channels[name] for name in WITHOUT_RATES)
+        return vertical_acceleration(roll, pitch, np.stack(force, axis=1))
+
+
+def even_stretches(trial, names=CHANNELS):
+    """The stretches of a record in which all of some channels were measured.
+
+    Parameters
+    ----------
+    trial : Trial
+    names : sequence of str
+        Among them those of `WITHOUT_RATES`.
+
+    Returns
+    -------
+    list of Stretch
+
+    Raises
+    ------
+    InputError
+        A channel was not measured.
+    """
+    name = trial.source or 'the record'
+    absent = [channel for channel in names if channel not in trial.channels]
+    if absent:
+        raise InputError(
+            f'{name} holds no {absent[0]}: vertical motion needs {", ".join(names)}, so record the accelerations and '
+            'the attitude of the same IMU'
+        )
+    complete = np.isfinite([trial.channels[channel] for channel in names]).all(axis=0)
+    time = trial.time[complete]
+    if time.size < 2:
+        raise InputError(f'{name} holds no two samples with all of {", ".join(names)}: look at the sensor')
+    step = float(np.median(np.diff(time)))
+    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > max(_BRIDGED, 1.5 * step)) + 1)
+    stretches = []
+    for part in parts:
+        begin, end = time[part[[0, -1]]]
+        # of the same interval as the samples, which are near their places
+        grid = np.linspace(begin, end, round((end - begin) / step) + 1)
+        even = {channel: np.interp(grid, time[part], trial.channels[channel][complete][part]) for channel in names}
+        stretches.append(Stretch(grid, float((end - begin) / max(grid.size - 1, 1)), even))
+    return stretches
+
+
+def vertical_record(trial, points):
+    """Heave, vertical velocity and acceleration at points, by integrals without phase error and the lever arm.
+
+    Parameters
+    ----------
+    trial : Trial
+    points : sequence of Point
+
+    Returns
+    -------
+    Record
+        Its channels are named by `quantity_at`, those of the derivatives with ``_rate`` after it. Only where the
+        integrals are right: not within `EDGE` of the ends of a stretch.
+
+    Raises
+    ------
+    InputError
+        A channel was not measured, or no stretch is long enough.
+    """
+    parts = [_at_points(part, points) for part in even_stretches(trial) if part.time[-1] - part.time[0] > 2.0 * EDGE]
+    if not parts:
+        raise InputError(
+            f'{trial.source or "the record"} holds no {2.0 * EDGE:.0f} s without a gap: vertical motion is known '
+            f'{EDGE:.0f} s from the ends only'
+        )
+    time, values = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Record(time, values, tuple(quantity_at(point.name, kind) for point in points for kind in _WITH_RATES))
+
+
+def _at_points(stretch, points):
+    """Times and, for each point, heave, twice velocity and twice acceleration."""
+    acceleration, channels = stretch.acceleration, stretch.channels
+    vertical = [zero_phase_integral(acceleration, stretch.step, times) for times in (HEAVE, VELOCITY, ACCELERATION)]
+    turning = [zero_phase_integral(channels[f'{axis}_rate'], stretch.step, -1) for axis in ('roll', 'pitch')]
+    attitude = [channels[name] for name in ('roll', 'pitch', 'roll_rate', 'pitch_rate')]
+    motion = np.stack([*vertical, *turning, *attitude], axis=1)
+    mean = channels['roll'].mean(), channels['pitch'].mean()
+    inner = slice(round(EDGE / stretch.step), -round(EDGE / stretch.step))
+    each = [point_motion(point.place, mean, motion[inner]).mean for point in points]
+    return stretch.time[inner], np.hstack([of[:, [0, 1, 1, 2, 2]] for of in each])

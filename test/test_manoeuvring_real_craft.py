@@ -1,0 +1,197 @@
+"""Craft with the vices of real ones, by a simulator that shares nothing with the package."""
+import importlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
+from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, manoeuvring_to_yaml
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.identification.assembly import assemble, seen_region
+from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
+from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
+from swath_sysid.manoeuvring.identification.held_out import helps
+from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
+from swath_sysid.manoeuvring.identification.validation import score
+from swath_sysid.manoeuvring.motion.intake import prepare_all
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.prediction.calibration import _scale, calibrated
+from swath_sysid.manoeuvring.prediction.skill import score_forecasts
+
+SEED = 1
+
+
+@pytest.fixture(scope='module')
+def craft_and_trials():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
+        simulated = importlib.import_module('simulated_craft')
+    craft = simulated.catamaran()
+    records = simulated.simulate(craft, simulated.drives(SEED), SEED)
+    return craft, [ManoeuvringTrial(thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever,
+                                    length=craft.length, **record) for k, record in enumerate(records)]  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def runs(craft_and_trials):
+    return prepare_all(craft_and_trials[1])
+
+
+@pytest.fixture(scope='module')
+def truth(craft_and_trials):
+    """The simulator's coefficients in the package's terms."""
+    craft = craft_and_trials[0]
+    surge, sway, yaw = craft.added
+    values = dict(
+        m=craft.mass, Iz=craft.inertia, Xu_dot=-surge, Yv_dot=-sway, Nr_dot=-yaw, Xu=-7.0, Xuu=-11.0, Xvr=20.0,
+        Yv=-22.0, Yvv=-60.0, Yur=-4.0, Nr=-6.0, Nrr=-6.0, Nuur=-5.0, lever=craft.lever, full_input=craft.full_thrust,
+        exponent=craft.exponent, reverse_ratio=craft.reverse_ratio, lag=craft.lag, delay=craft.delay,
+        deviation_B=craft.deviation[0], deviation_C=craft.deviation[1], sensor_x=craft.sensor[0],
+        sensor_y=craft.sensor[1],
+    )  # fmt: skip
+    return ManoeuvringModel(
+        parameter_values(values), length=craft.length, largest_input=craft.full_thrust, current=craft.current)
+
+
+def test_a_run_of_spins_reverses_nothing(craft_and_trials, runs):
+    _, trials = craft_and_trials
+    assert not {a.code for run in runs for a in run.advice}
+    for run, trial in zip(runs, trials, strict=True):
+        assert np.allclose(run.port, trial.port[: run.port.size])
+    alone = prepare_all(trials[1:2])[0]
+    assert np.allclose(alone.port, trials[1].port[: alone.port.size])
+
+
+def test_what_all_runs_agree_on_is_set_right_in_the_spins_too(craft_and_trials, runs):
+    _, trials = craft_and_trials
+    found = prepare_all([replace(t, port=-t.port, starboard=-t.starboard) for t in trials[:4]])
+    assert all('thrust-reversed' in {a.code for a in run.advice} for run in found)
+    for run, expected in zip(found, runs, strict=False):
+        assert np.allclose(run.port, expected.port)
+
+
+def test_a_sway_that_is_always_zero_is_unknown(craft_and_trials):
+    """Common odometry; without position either, sway is left to the model."""
+    _, trials = craft_and_trials
+    plain = [replace(t, sway=np.zeros(t.time.size), x=None, y=None) for t in (trials[0], trials[2], trials[3])]
+    runs = prepare_all(plain)
+    assert all(np.isnan(run.sway).all() for run in runs)
+    assert {'constant-channel'} <= {a.code for run in runs for a in run.advice}
+    problem = assemble(runs, ManoeuvringSettings(mass=26.0))
+    assert 'no-sway' in {a.code for a in problem.advice}
+    assert np.all(np.isfinite(problem.noise))
+
+
+def test_the_true_measurement_is_needed_to_validate(runs, truth):
+    """With compass deviation and sensor offset the true hull explains the sway, without them far less."""
+    found = score(truth, runs[8:])
+    blind = score(truth.with_values(deviation_B=0.0, deviation_C=0.0, sensor_x=0.0, sensor_y=0.0), runs[8:])
+    assert found.r2['surge'] > 0.98
+    assert found.r2['sway'] > 0.85
+    assert blind.r2['sway'] < found.r2['sway'] - 0.1
+
+
+@pytest.fixture(scope='module')
+def found(runs, craft_and_trials):
+    return identify_manoeuvring(
+        runs[:8], ManoeuvringSettings(mass=craft_and_trials[0].mass, generations=0), runs[8:])
+
+
+@pytest.mark.slow
+def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
+    """Measured: see benchmark/manoeuvring.py --vices."""
+    assert found.validation.diverged == 0
+    assert found.validation.r2['surge'] >= 0.97
+    assert found.validation.r2['sway'] >= 0.60
+    assert found.validation.r2['yaw_rate'] >= 0.90
+    for name in ('reverse_ratio', 'exponent', 'deviation_B', 'deviation_C', 'sensor_y'):
+        assert abs(found.model[name] - truth[name]) < 3.5 * found.derivatives[name].std, name
+    assert np.allclose(found.model.current, truth.current, atol=0.05)
+
+
+@pytest.mark.slow
+def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
+    noise = forecast_noise(found.model, found.identified_on)
+    identified = IdentifiedManoeuvringModel(
+        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), forecast=noise)
+    identified = calibrated(identified, runs[2:5])
+    scores = score_forecasts(identified, runs[8:9], training=runs[:8], leads=(1.0, 5.0, 10.0))
+    position = {method: table['position_m'] for method, table in scores.rmse.items()}
+    assert np.all(position['model'] < 0.9 * position['constant-turn-rate'])
+    assert np.all(position['model'] < position['constant-velocity'])
+    for shares in scores.spread.values():
+        assert np.all((shares > 0.75) & (shares <= 1.0))
+
+
+def test_disturbances_and_sensors_are_those_simulated(craft_and_trials, truth, runs):
+    craft, _ = craft_and_trials
+    noise = forecast_noise(truth, runs[2:8])
+    masses = craft.mass + craft.added[0], craft.mass + craft.added[1], craft.inertia + craft.added[2]
+    assert noise.disturbance == pytest.approx(np.divide(craft.gusts, masses), rel=0.5)
+    assert noise.sensors == pytest.approx(craft.noise, rel=0.15)
+    assert noise.thrust[1] == 0.0
+
+
+def test_the_scale_makes_intervals_hold():
+    rng = np.random.default_rng(5)
+    variances = rng.uniform(0.5, 2.0, 4000)
+    errors = np.sqrt(4.0 * variances + 0.3**2) * rng.standard_normal(4000)
+    assert _scale(errors, variances, 0.3) == pytest.approx(2.0, rel=0.08)
+
+
+def test_a_model_file_holds_the_noise_of_forecasts(runs, truth):
+    noise = forecast_noise(truth, runs[2:4])
+    names = ('deviation_B', 'Nuur')
+    identified = IdentifiedManoeuvringModel(
+        truth, names, np.diag([1e-4, 0.01]), np.array([0.1, 0.1, 0.05]), seen_region(runs[:2]), forecast=noise)
+    text = manoeuvring_to_yaml(identified)
+    back = manoeuvring_from_yaml(text)
+    assert back.forecast.scale.tolist() == noise.scale.tolist()
+    assert np.allclose(back.forecast.disturbance, noise.disturbance)
+    assert np.array_equal(back.model.values, truth.values)
+    old = manoeuvring_from_yaml(manoeuvring_to_yaml(replace(identified, forecast=None)))
+    assert old.forecast is None
+    broken = manoeuvring_to_yaml(replace(identified, forecast=replace(noise, leads=np.array([2.0, 1.0]))))
+    with pytest.raises(InputError, match='leads must rise'):
+        manoeuvring_from_yaml(broken)
+
+
+def test_one_run_cannot_decide_alone():
+    before = np.array([100.0, 10.0, 10.0, 10.0, 10.0])
+    assert helps(0.9 * before, before)
+    assert not helps(before + np.array([-30.0, 1.0, 1.0, 1.0, 1.0]), before)
+    assert not helps(0.999 * before, before)
+
+
+def test_excitation_names_what_a_log_lacks(runs):
+    whole = excitation(runs)
+    assert 'Xuu' not in lacking(whole)
+    assert 'reverse_ratio' not in lacking(whole)
+    straight = [replace(run, smooth=run.smooth * np.array([1.0, 0.0, 0.0])[:, None],
+                        port=np.abs(run.port), starboard=np.abs(run.port)) for run in runs[2:5]]  # fmt: skip
+    missing = lacking(excitation(straight))
+    assert {'Nr', 'Nuv', 'Yv', 'Xvr', 'reverse_ratio'} <= set(missing)
+    assert 'Xu' not in missing
+
+
+def test_pulses_are_commands_about_their_neutral(tmp_path):
+    path = tmp_path / 'run.csv'
+    rows = ''.join(f'{0.1 * k:.1f},{1520 + k % 300},1320,1.0,0.0\n' for k in range(400))
+    path.write_text('# frame: enu\n# pwm_neutral_us: 1520\n# pwm_full_us: 1920\n'
+                    'time_s,port_pwm_us,starboard_pwm_us,surge_m_s,yaw_rate_rad_s\n' + rows)  # fmt: skip
+    trial = read_manoeuvring_csv(path)
+    assert trial.thrust_input == 'command'
+    assert trial.port[:2].tolist() == pytest.approx([0.0, 1.0 / 400.0])
+    assert np.allclose(trial.starboard, -0.5)
+
+
+def test_the_lever_is_asked_for_where_the_yaw_rate_depends_on_it(runs):
+    bare = [replace(run, lever=None) for run in runs[:3]]
+    with pytest.raises(InputError, match='--lever'):
+        assemble(bare, ManoeuvringSettings(mass=26.0, inertia=4.0))
+    assert assemble(bare, ManoeuvringSettings(mass=26.0)).base is not None
