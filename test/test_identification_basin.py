@@ -10,12 +10,13 @@ from scipy.linalg import expm
 from scipy.optimize import approx_fprime
 from scipy.stats import multivariate_normal, norm, truncnorm
 
+from swath_sysid.attitude.hull import compiled
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification import innovations as filter_module
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, clipped_step, interval
 from swath_sysid.attitude.identification.fit_quality import rate_mismatch
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify
-from swath_sysid.attitude.identification.innovations import disturbance
+from swath_sysid.attitude.identification.innovations import disturbance, innovations
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.scaling import Scales
@@ -23,7 +24,6 @@ from swath_sysid.attitude.identification.selection import choose
 from swath_sysid.attitude.motion.releases import find_releases
 from swath_sysid.attitude.motion.segmentation import find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.common.accelerator import HAS_NUMBA
 from swath_sysid.formats.reading import read_trial
 
 _PLACE = Path(__file__).resolve().parents[1] / 'benchmark' / 'basin.py'
@@ -68,15 +68,13 @@ def linear_case(size=30, step=0.05):
     return (0.0, 0.8, 0, 0, 9.0, 0, 0, 0, 0), basin, step, counts, 0.02 * rng.normal(size=(2, size))
 
 
-def run_filter(ratios, basin, step, counts, readings, kernel=filter_module.innovations):
+def run_filter(ratios, basin, step, counts, readings, bend=0.0, **how):
     active = tuple(k in (1, 4) for k in range(9))
-    found = np.empty((2, counts.shape[0], 2))
-    row = tuple(float(r) for r in ratios)
-    kernel(
-        row, active, 0.01, basin, *disturbance(basin[1], basin[2], step), np.array([0.1, -0.05, 0.01]), 0.03,
-        np.zeros(2), step, 0.0, *readings, counts, found[0], found[1],
+    points = np.array(ratios)[:, None] * [1.0, 1.2], basin[:, None] * [1.0, 0.7], np.array([[0.1], [-0.05], [0.01]])
+    return innovations(
+        points[0], active, 0.01, points[1], points[2] * [1.0, 0.9], 0.03, np.zeros(2), step, bend, *readings, counts,
+        **how,
     )  # fmt: skip
-    return found
 
 
 def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
@@ -116,16 +114,17 @@ def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
     joint += np.diag(np.tile(basin[3:5] ** 2, size))
     seen = counts.ravel() > 0
     expected = multivariate_normal(np.ravel(means)[seen], joint[np.ix_(seen, seen)]).logpdf(readings.T.ravel()[seen])
-    e, s = run_filter(ratios, basin, step, counts, readings)
+    e, s = run_filter(ratios, basin, step, counts, readings)[..., 0]
     found = -0.5 * np.sum((np.log(s) + e * e / s)[counts > 0]) - 0.5 * seen.sum() * np.log(2 * np.pi)
     assert found == pytest.approx(expected, abs=0.05)
 
 
-@pytest.mark.skipif(not HAS_NUMBA, reason='needs numba')
-def test_filter_is_the_same_compiled_and_not():
-    case = linear_case()
-    plain = run_filter(*case, kernel=filter_module.innovations.py_func)
-    assert run_filter(*case) == pytest.approx(plain, rel=1e-9, abs=1e-12)
+def test_filter_is_the_same_one_by_one_compiled_and_all_at_once(monkeypatch):
+    one_by_one = run_filter(*linear_case(), 0.002, compiled=True)
+    for module in (compiled, filter_module):
+        for name, function in list(vars(module).items()):
+            monkeypatch.setattr(module, name, getattr(function, 'py_func', function))
+    assert run_filter(*linear_case(), 0.002, compiled=False) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)
 
 
 def likelihood_of(bench, hull='swath-pitch 6', scene='waves-0.3', seed=1):

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
-from swath_sysid.attitude.identification.innovations import DAMPING, FREQUENCY, disturbance, innovations
+from swath_sysid.attitude.identification.innovations import innovations
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
@@ -204,31 +204,26 @@ class BasinLikelihood:
 
     def innovations(self, z):
         """Innovations and variances of each record, shape (2, 2 N)."""
-        ratios, basin, states = self.unpack(z)
-        return [self._innovations_of(k, ratios, basin, states[k]) for k in range(len(self._records))]
+        return [self._innovations_of(k, [z])[..., 0] for k in range(len(self._records))]
 
-    def _innovations_of(self, index, ratios, basin, state):
+    def _innovations_of(self, index, points):
+        """Of a record, at B points, shape (2, 2 N, B)."""
         record = self._records[index]
-        found = np.empty((2, record.angle.size, 2))
-        transition, stationary = disturbance(basin[FREQUENCY], basin[DAMPING], record.step)
-        innovations(
-            tuple(ratios.tolist()), self._active, self._friction_rate, basin, transition, stationary, state, BIAS_PRIOR,
-            self._floor, record.step, record.bend, record.angle, record.rate, record.counts, found[0], found[1],
+        ratios, basin, states = (np.stack(each, axis=-1) for each in zip(*map(self.unpack, points), strict=True))
+        found = innovations(
+            ratios, self._active, self._friction_rate, basin, states[index], BIAS_PRIOR, self._floor, record.step,
+            record.bend, record.angle, record.rate, record.counts,
         )  # fmt: skip
-        return found.reshape(2, -1)
+        return found.reshape(2, -1, len(points))
 
     def _slopes(self, z, found):
         """Of each record: the parameters that move its innovations, and the derivatives by them, shape (p, 2, 2 N)."""
         shared = np.arange(self._shared)
         for index, own in enumerate(found):
             places = np.concatenate([shared, self._shared + 3 * index + np.arange(3)])
-            slopes = np.empty((places.size, *own.shape))
-            for row, place in enumerate(places):
-                moved = z.copy()
-                moved[place] += PERTURBATION
-                ratios, basin, states = self.unpack(moved)
-                slopes[row] = (self._innovations_of(index, ratios, basin, states[index]) - own) / PERTURBATION
-            yield places, slopes
+            moved = np.tile(z, (places.size, 1))
+            moved[np.arange(places.size), places] += PERTURBATION
+            yield places, (np.moveaxis(self._innovations_of(index, moved), -1, 0) - own) / PERTURBATION
 
     def cost(self, z, found):
         """Negative log posterior at z, of the innovations there; infinite where the motion runs away."""

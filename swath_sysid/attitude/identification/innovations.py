@@ -20,7 +20,7 @@ from swath_sysid.attitude.hull.compiled import (
     restoring_moment,
     restoring_slope,
 )
-from swath_sysid.common.accelerator import accelerated
+from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 
 STATES = 10
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
@@ -62,38 +62,62 @@ def disturbance(frequency, damping, step):
 
 
 @accelerated
-def hull_transition(stiffness, damping, step, found):
+def hull_transition(stiffness, damping, step):
     """Rows of x and w in the transition, by x, w, d and d': the matrix exponential to third order."""
     k, c, h = stiffness, damping, step
     h2, h3 = h * h / 2.0, h * h * h / 6.0
-    found[0, 0], found[0, 1] = 1.0 - h2 * k + h3 * c * k, h - h2 * c + h3 * (c * c - k)
-    found[1, 0] = -h * k + h2 * c * k + h3 * (k * k - c * c * k)
-    found[1, 1] = 1.0 - h * c + h2 * (c * c - k) + h3 * (2.0 * c * k - c * c * c)
-    found[0, MOMENT], found[0, MOMENT + 1] = h2 - h3 * c, h3
-    found[1, MOMENT], found[1, MOMENT + 1] = h - h2 * c + h3 * (c * c - k), h2 - h3 * c
+    by_moment = h - h2 * c + h3 * (c * c - k)
+    return (
+        (1.0 - h2 * k + h3 * c * k, by_moment, h2 - h3 * c, h3 + 0.0 * k),
+        (-h * k + h2 * c * k + h3 * (k * k - c * c * k), 1.0 - h * c + h2 * (c * c - k) + h3 * (2.0 * c * k - c * c * c),
+         by_moment, h2 - h3 * c),
+    )  # fmt: skip
 
 
 @accelerated
-def innovations(
-    ratios, active, friction_rate, basin, transition, stationary, initial, bias_std, floor, step, bend, angle, rate,
-    counts, innovation, variance,
+def moment_row(transition, index, given):
+    """One row of the disturbance after a step; what drives it knows nothing of it."""
+    row = transition[index, 2] * given[MOMENT + 2] + transition[index, 3] * given[MOMENT + 3]
+    if index < 2:
+        row = row + transition[index, 0] * given[MOMENT] + transition[index, 1] * given[MOMENT + 1]
+    return row
+
+
+@accelerated
+def times_transition(hull, keep, transition, given, found):
+    """The transition times a matrix, written transposed; twice in a row for a covariance."""
+    for i in range(2):
+        by_x, by_w, by_d, by_slope = hull[i]
+        found[:, i] = by_x * given[X] + by_w * given[RATE] + by_d * given[MOMENT] + by_slope * given[MOMENT + 1]
+        found[:, TRIM + i] = given[TRIM + i]
+        found[:, ANGLE_NOISE + i] = keep[i] * given[ANGLE_NOISE + i]
+    for i in range(4):
+        found[:, MOMENT + i] = moment_row(transition, i, given)
+
+
+@accelerated
+def run_filter(
+    ratios, active, friction_rate, m, c, q, keep, transition, white, floor, step, bend, angle, rate, counts,
+    innovation, variance,
 ):  # fmt: skip
-    """Innovations and their variances, written into the last two arguments.
+    """Innovations and their variances, written into the last two arguments; of one filter or, the last axis, of B.
 
     Parameters
     ----------
-    ratios : tuple of 9 floats
+    ratios : tuple of 9 floats or ndarrays (B,)
     active : tuple of 9 bools
     friction_rate : float
         rad/s.
-    basin : ndarray, shape (10,)
-        In the order of ``LEVEL`` to ``DRIFT``.
-    transition, stationary : ndarray, shape (4, 4)
+    m, c : ndarray, shape (10,) and (10, 10), or (10, B) and (10, 10, B)
+        Mean and covariance of the state at the first reading; overwritten.
+    q : ndarray, shape as ``c``
+        Covariance that a step adds.
+    keep : ndarray, shape (2,) or (2, B)
+        What a step leaves of the coloured noise of angle and rate.
+    transition : ndarray, shape (4, 4) or (4, 4, B)
         Of `disturbance`.
-    initial : ndarray, shape (3,)
-        Angle from trim, rad, rate, rad/s, and trim, rad, at the first reading.
-    bias_std : float
-        Of the gyro's bias before anything was read, rad/s.
+    white : ndarray, shape (2,) or (2, B)
+        Standard deviation of the white noise of a reading, rad and rad/s.
     floor : ndarray, shape (2,)
         Standard deviation of what no model explains of a block's mean, rad and rad/s.
     step : float
@@ -105,20 +129,10 @@ def innovations(
         Means over blocks of one step, rad and rad/s; not read where their count is zero.
     counts : ndarray of float, shape (N, 2)
         Samples in each mean of the angle and of the rate.
-    innovation, variance : ndarray, shape (N, 2)
+    innovation, variance : ndarray, shape (N, 2) or (N, 2, B)
         Zero and one where nothing was read.
     """
-    f = np.eye(STATES)
-    f[MOMENT:, MOMENT:] = transition
-    keep_angle, keep_rate = np.exp(-step / basin[ANGLE_MEMORY]), np.exp(-step / basin[RATE_MEMORY])
-    f[ANGLE_NOISE, ANGLE_NOISE], f[RATE_NOISE, RATE_NOISE] = keep_angle, keep_rate
-    m, c = np.zeros(STATES), np.zeros((STATES, STATES))
-    m[X], m[RATE], m[TRIM] = initial[0], initial[1], initial[2]
-    c[BIAS, BIAS] = bias_std * bias_std
-    c[ANGLE_NOISE, ANGLE_NOISE], c[RATE_NOISE, RATE_NOISE] = basin[ANGLE_COLOUR] ** 2, basin[RATE_COLOUR] ** 2
-    c[MOMENT:, MOMENT:] = basin[LEVEL] ** 2 * stationary
-    q = c - f @ c @ f.T
-    q[BIAS, BIAS], q[TRIM, TRIM] = 0.0, basin[DRIFT] ** 2 * step
+    half = np.empty_like(c)
     sub = step / SUBSTEPS
     for k in range(angle.size):
         if k > 0:
@@ -126,14 +140,21 @@ def innovations(
             for part in range(SUBSTEPS):
                 moment = m[MOMENT] + (part + 0.5) * sub * m[MOMENT + 1]
                 _, x, w = motion_step(x, w, moment, sub, ratios, active, friction_rate)
-            hull_transition(
+            hull = hull_transition(
                 restoring_slope(0.5 * (x + m[X]), ratios, active),
-                damping_slope(0.5 * (w + m[RATE]), ratios, active, friction_rate), step, f,
+                damping_slope(0.5 * (w + m[RATE]), ratios, active, friction_rate), step,
             )  # fmt: skip
-            m = f @ m
-            m[X], m[RATE] = x, w
-            c = f @ c @ f.T + q
-        x, w = m[0], m[1]
+            times_transition(hull, keep, transition, c, half)
+            times_transition(hull, keep, transition, half, c)
+            c += q
+            ahead = m.copy()
+            ahead[X], ahead[RATE] = x, w
+            for i in range(2):
+                ahead[ANGLE_NOISE + i] = keep[i] * m[ANGLE_NOISE + i]
+            for i in range(4):
+                ahead[MOMENT + i] = moment_row(transition, i, m)
+            m = ahead
+        x, w = m[X], m[RATE]
         stiffness = restoring_slope(x, ratios, active)
         damping = damping_slope(w, ratios, active, friction_rate)
         force = m[MOMENT] - damping_moment(w, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
@@ -141,19 +162,71 @@ def innovations(
             innovation[k, channel], variance[k, channel] = 0.0, 1.0
             if counts[k, channel] == 0.0:
                 continue
-            reading = angle[k] if channel == 0 else rate[k]
-            white = basin[ANGLE_WHITE + channel]
             if channel == 0:
-                by_x, by_w, curved = 1.0 - bend * stiffness, -bend * damping, bend * force
+                reading, middle = angle[k], x + bend * force
+                by_x, by_w = 1.0 - bend * stiffness, -bend * damping
             else:
-                by_x = bend * damping * stiffness
-                by_w, curved = 1.0 + bend * (damping * damping - stiffness), -bend * (stiffness * w + damping * force)
-            gain = by_x * c[:, 0] + by_w * c[:, 1] + c[:, TRIM + channel] + c[:, ANGLE_NOISE + channel]
-            s = by_x * gain[0] + by_w * gain[1] + gain[TRIM + channel] + gain[ANGLE_NOISE + channel]
-            s += white * white / counts[k, channel] + floor[channel] * floor[channel]
+                reading, middle = rate[k], w - bend * (stiffness * w + damping * force)
+                by_x, by_w = bend * damping * stiffness, 1.0 + bend * (damping * damping - stiffness)
+            gain = by_x * c[X] + by_w * c[RATE] + c[TRIM + channel] + c[ANGLE_NOISE + channel]
+            s = by_x * gain[X] + by_w * gain[RATE] + gain[TRIM + channel] + gain[ANGLE_NOISE + channel]
+            s = s + white[channel] * white[channel] / counts[k, channel] + floor[channel] * floor[channel]
             # the second channel's mean moves with the first's reading
-            expected = (x if channel == 0 else w) + curved + by_x * (m[0] - x) + by_w * (m[1] - w)
+            expected = middle + by_x * (m[X] - x) + by_w * (m[RATE] - w)
             e = reading - expected - m[TRIM + channel] - m[ANGLE_NOISE + channel]
-            m += gain * (e / s)
-            c -= np.outer(gain, gain) / s
+            # a new array: x and w are what they were before the readings
+            m = m + gain * (e / s)
+            c -= gain[:, None] * (gain / s)
             innovation[k, channel], variance[k, channel] = e, s
+
+
+def innovations(
+    ratios, active, friction_rate, basin, initial, bias_std, floor, step, bend, angle, rate, counts, *, compiled=HAS_NUMBA
+):
+    """Innovations and their variances under B sets of parameters: one after the other where the filter is compiled,
+    all at once where it is not.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (9, B)
+    active, friction_rate, floor, step, bend, angle, rate, counts
+        See `run_filter`.
+    basin : ndarray, shape (10, B)
+        In the order of ``LEVEL`` to ``DRIFT``.
+    initial : ndarray, shape (3, B)
+        Angle from trim, rad, rate, rad/s, and trim, rad, at the first reading.
+    bias_std : float
+        Of the gyro's bias before anything was read, rad/s.
+    compiled : bool
+        Whether one after the other.
+
+    Returns
+    -------
+    ndarray, shape (2, N, 2, B)
+    """
+    count = ratios.shape[1]
+    spectra = [disturbance(*basin[[FREQUENCY, DAMPING], b], step) for b in range(count)]
+    transition, stationary = (np.stack(each, axis=-1) for each in zip(*spectra, strict=True))
+    before = stationary * basin[LEVEL] ** 2
+    keep = np.exp(-step / basin[[ANGLE_MEMORY, RATE_MEMORY]])
+    colour = basin[[ANGLE_COLOUR, RATE_COLOUR]] ** 2
+    m, c, q = np.zeros((STATES, count)), np.zeros((STATES, STATES, count)), np.zeros((STATES, STATES, count))
+    m[[X, RATE, TRIM]] = initial
+    c[BIAS, BIAS] = bias_std**2
+    noises = [ANGLE_NOISE, RATE_NOISE]
+    c[noises, noises], q[noises, noises] = colour, colour * (1.0 - keep**2)
+    c[MOMENT:, MOMENT:] = before
+    q[MOMENT:, MOMENT:] = before - np.einsum('ikb,klb,jlb->ijb', transition, before, transition)
+    q[TRIM, TRIM] = basin[DRIFT] ** 2 * step
+    white = basin[[ANGLE_WHITE, RATE_WHITE]]
+    found = np.empty((2, angle.size, 2, count))
+    record = floor, step, bend, angle, rate, counts
+    if not compiled:
+        run_filter(tuple(ratios), active, friction_rate, m, c, q, keep, transition, white, *record, *found)
+        return found
+    for b in range(count):
+        one = (np.ascontiguousarray(each[..., b]) for each in (m, c, q, keep, transition, white))
+        into = np.empty(found.shape[:-1])
+        run_filter(tuple(ratios[:, b].tolist()), active, friction_rate, *one, *record, *into)
+        found[..., b] = into
+    return found
