@@ -92,7 +92,7 @@ class BlockedRecord:
                 mean[filled] -= late * np.gradient(mean[filled], middle + late)
         measured = [motion.angle is not None, motion.rate is not None]
         counts = count[:, None] * np.array(measured, dtype=float)
-        return cls(step, (samples**2 - 1) * interval**2 / 24.0, *means, counts)
+        return cls(step, (samples**2 - 1) * interval**2 / 24.0, means[0], means[1], counts)
 
 
 @dataclass(frozen=True)

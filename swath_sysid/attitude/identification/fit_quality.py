@@ -30,6 +30,8 @@ MOST_PERIOD_STD = 0.05
 """Relative standard deviation of the natural period beyond which the coefficients are hardly known."""
 LARGEST_DISTURBANCE = 0.1
 """Standard deviation of the moment found on the craft, over the largest restoring moment."""
+MOST_WIDENING = 1.5
+"""Of the natural frequency's standard deviation by the choice of the equation: beyond, that choice decides it."""
 VANISHED = 1e-6
 """Dimensionless damping that is none."""
 MOST_CORRELATION = 5.0
@@ -115,6 +117,13 @@ def _doubts(found):
             f'{found.model.equation.name} lacks a term that the motion shows ({absent.name}, {absent.significance:.0f} '
             f'standard deviations from zero), and its other coefficients bend to make up for it: add {absent.name}, or '
             'compare equations'
+        )
+    rival = found.rival
+    if rival is not None and rival.widening > MOST_WIDENING:
+        yield 'equation-open', (
+            f'{rival.name} explains the motion about as well, with a natural period of {rival.natural_period:.4g} s '
+            f'where {found.model.equation.name} has {found.model.natural_period:.4g} s, and either choice bends the other '
+            'coefficients: release from a larger angle, or repeat the trial, until one of them is ruled out'
         )
     if found.model.terms.get('b1', np.inf) < VANISHED * found.problem.scales.frequency:
         yield 'no-linear-damping', (

@@ -110,6 +110,24 @@ class RecordFit:
 
 
 @dataclass(frozen=True)
+class Rival:
+    """An equation that explains the same records about as well.
+
+    Attributes
+    ----------
+    name : str
+    natural_period : float
+        s.
+    widening : float
+        Standard deviation of the linear stiffness with the equation open, over that of the equation chosen.
+    """
+
+    name: str
+    natural_period: float
+    widening: float
+
+
+@dataclass(frozen=True)
 class Identification:
     """An identified model and what must be known to use it.
 
@@ -148,6 +166,8 @@ class Identification:
         That the equation lacks and the motion shows most.
     choice : str
         Why this equation, in one sentence; empty where it was given.
+    rival : Rival or None
+        Where the equation was chosen by its likelihood: the other that leaves the period most open.
     """
 
     model: DecayModel
@@ -171,6 +191,7 @@ class Identification:
     log_likelihood: float | None = None
     absent_term: AbsentTerm | None = None
     choice: str = ''
+    rival: Rival | None = None
 
     @property
     def std(self):

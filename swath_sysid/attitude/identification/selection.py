@@ -5,15 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.identification.basin_likelihood import interval
 from swath_sysid.attitude.identification.identify import (
     Identification,
     IdentificationSettings,
+    Rival,
     identify_problem,
     motion_fit,
     refit_from,
     suits_likelihood,
 )
 from swath_sysid.attitude.identification.problem import Problem
+from swath_sysid.attitude.identification.uncertainty import amplitude_bands
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
 
@@ -176,6 +179,7 @@ def rank(fits, held_out):
         (RankedFit(f, criterion(f), e) for f, e in zip(fits, held_out, strict=True)), key=lambda r: r.criterion
     )
     if by_likelihood and len(ranked) > 1:
+        ranked[0] = replace(ranked[0], identification=widened_by_rivals(ranked))
         best, second = ranked[:2]
         return Comparison(tuple(ranked), best, (
             f'{best.name} has {best.term_count} terms and was chosen of {len(ranked)} equations: its log likelihood, '
@@ -183,6 +187,44 @@ def rank(fits, held_out):
             f'{0.5 * (second.criterion - best.criterion):.1f} above that of {second.name}.'
         ))
     return Comparison(tuple(ranked), *simplest_adequate(ranked))
+
+
+def widened_by_rivals(ranked):
+    """The best fit, its linear stiffness only as certain as the choice of the equation leaves it.
+
+    With Akaike's weights w, stiffnesses r and standard deviations s the unconditional one is the sum of
+    w sqrt(s^2 + (r - r_best)^2) (Burnham and Anderson 2002, eq. 4.9, about the best instead of the mean).
+
+    Parameters
+    ----------
+    ranked : sequence of RankedFit
+        Best first, by Akaike's criterion.
+
+    Returns
+    -------
+    Identification
+    """
+    fits = [r.identification for r in ranked]
+    best = fits[0]
+    names = ['r1' if 'r1' in f.model.terms else 's1' for f in fits]
+    stiffness = np.array([f.model.terms[name] for f, name in zip(fits, names, strict=True)])
+    std = np.array([f.std[name] for f, name in zip(fits, names, strict=True)])
+    weight = np.exp(0.5 * (ranked[0].criterion - np.array([r.criterion for r in ranked])))
+    parts = weight / weight.sum() * np.hypot(std, stiffness - stiffness[0])
+    widening = max(1.0, float(parts.sum() / std[0]))
+    place = best.model.equation.terms.index(names[0])
+    scale = np.ones(len(best.model.equation.terms))
+    scale[place] = widening
+    covariance = best.covariance * np.outer(scale, scale)
+    low, high = interval(stiffness[0], widening * std[0], False)
+    strongest = fits[1 + int(np.argmax(parts[1:]))].model
+    return replace(
+        best,
+        covariance=covariance,
+        intervals={**best.intervals, names[0]: (float(low), float(high))},
+        bands=amplitude_bands(best.model, covariance, best.bands.curves.amplitude),
+        rival=Rival(strongest.equation.name, strongest.natural_period, widening),
+    )
 
 
 def simplest_adequate(ranked, criterion='criterion'):
