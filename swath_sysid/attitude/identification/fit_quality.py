@@ -122,8 +122,8 @@ def _doubts(found):
     if rival is not None and rival.widening > MOST_WIDENING:
         yield 'equation-open', (
             f'{rival.name} explains the motion about as well, with a natural period of {rival.natural_period:.4g} s '
-            f'where {found.model.equation.name} has {found.model.natural_period:.4g} s, and either choice bends the other '
-            'coefficients: release from a larger angle, or repeat the trial, until one of them is ruled out'
+            f'where {found.model.equation.name} has {found.model.natural_period:.4g} s, and either choice bends the '
+            'other coefficients: release from a larger angle, or repeat the trial, until one of them is ruled out'
         )
     if found.model.terms.get('b1', np.inf) < VANISHED * found.problem.scales.frequency:
         yield 'no-linear-damping', (

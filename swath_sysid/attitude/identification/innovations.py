@@ -67,11 +67,10 @@ def hull_transition(stiffness, damping, step):
     k, c, h = stiffness, damping, step
     h2, h3 = h * h / 2.0, h * h * h / 6.0
     by_moment = h - h2 * c + h3 * (c * c - k)
-    return (
-        (1.0 - h2 * k + h3 * c * k, by_moment, h2 - h3 * c, h3 + 0.0 * k),
-        (-h * k + h2 * c * k + h3 * (k * k - c * c * k), 1.0 - h * c + h2 * (c * c - k) + h3 * (2.0 * c * k - c * c * c),
-         by_moment, h2 - h3 * c),
-    )  # fmt: skip
+    of_angle = 1.0 - h2 * k + h3 * c * k, by_moment, h2 - h3 * c, h3 + 0.0 * k
+    by_angle = -h * k + h2 * c * k + h3 * (k * k - c * c * k)
+    by_rate = 1.0 - h * c + h2 * (c * c - k) + h3 * (2.0 * c * k - c * c * c)
+    return of_angle, (by_angle, by_rate, by_moment, h2 - h3 * c)
 
 
 @accelerated
@@ -181,8 +180,9 @@ def run_filter(
 
 
 def innovations(
-    ratios, active, friction_rate, basin, initial, bias_std, floor, step, bend, angle, rate, counts, *, compiled=HAS_NUMBA
-):
+    ratios, active, friction_rate, basin, initial, bias_std, floor, step, bend, angle, rate, counts, *,
+    compiled=HAS_NUMBA,
+):  # fmt: skip
     """Innovations and their variances under B sets of parameters.
 
     One after the other where the filter is compiled, all at once where it is not: numpy takes as long for 20 as for 2.
