@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import swath_sysid.nodes
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
@@ -99,7 +100,7 @@ def test_every_parameter_matters():
     }
     others['points'] = ['bow']
     for node, table in ALL_TABLES.items():
-        source = ''.join(path.read_text() for path in (ROOT / 'swath_sysid' / 'nodes').glob('*.py'))
+        source = ''.join(path.read_text() for path in Path(swath_sysid.nodes.__file__).parent.glob('*.py'))
         for parameter in table:
             companions = beside.get(parameter.name, {})
             before = SETTINGS_OF[node](changed(node, **companions))

@@ -119,6 +119,7 @@ def test_a_record_played_through_gives_the_stored_messages(stored, tmp_path):
 
 
 def test_a_campaign_gives_the_stored_tables(stored, tmp_path):
+    pytest.importorskip('numba', reason='a fit without it ends elsewhere by 5e-8, which the scatter magnifies')
     found = tables_of_a_campaign(tmp_path)
     assert list(found) == list(stored['tables'])
     for name, rows in stored['tables'].items():
