@@ -189,16 +189,32 @@ def rank(fits, held_out):
     return Comparison(tuple(ranked), *simplest_adequate(ranked))
 
 
+def spread_parts(criteria, values, stds):
+    """What each model adds to the first one's standard deviation where the choice between them is open.
+
+    With Akaike's weights w the unconditional standard deviation is the sum of w sqrt(std^2 + (value - first)^2)
+    (Burnham and Anderson 2002, eq. 4.9, about the first value instead of the mean).
+
+    Parameters
+    ----------
+    criteria, values, stds : ndarray, shape (K,)
+        Akaike's criterion, the value and its standard deviation in each model.
+
+    Returns
+    -------
+    ndarray, shape (K,)
+    """
+    weight = np.exp(0.5 * (criteria.min() - criteria))
+    return weight / weight.sum() * np.hypot(stds, values - values[0])
+
+
 def widened_by_rivals(ranked):
     """The best fit, its linear stiffness only as certain as the choice of the equation leaves it.
-
-    With Akaike's weights w, stiffnesses r and standard deviations s the unconditional one is the sum of
-    w sqrt(s^2 + (r - r_best)^2) (Burnham and Anderson 2002, eq. 4.9, about the best instead of the mean).
 
     Parameters
     ----------
     ranked : sequence of RankedFit
-        Best first, by Akaike's criterion.
+        At least two, best first, by Akaike's criterion.
 
     Returns
     -------
@@ -209,12 +225,9 @@ def widened_by_rivals(ranked):
     names = ['r1' if 'r1' in f.model.terms else 's1' for f in fits]
     stiffness = np.array([f.model.terms[name] for f, name in zip(fits, names, strict=True)])
     std = np.array([f.std[name] for f, name in zip(fits, names, strict=True)])
-    weight = np.exp(0.5 * (ranked[0].criterion - np.array([r.criterion for r in ranked])))
-    parts = weight / weight.sum() * np.hypot(std, stiffness - stiffness[0])
+    parts = spread_parts(np.array([r.criterion for r in ranked]), stiffness, std)
     widening = max(1.0, float(parts.sum() / std[0]))
-    place = best.model.equation.terms.index(names[0])
-    scale = np.ones(len(best.model.equation.terms))
-    scale[place] = widening
+    scale = np.where([term == names[0] for term in best.model.equation.terms], widening, 1.0)
     covariance = best.covariance * np.outer(scale, scale)
     low, high = interval(stiffness[0], widening * std[0], False)
     strongest = fits[1 + int(np.argmax(parts[1:]))].model
