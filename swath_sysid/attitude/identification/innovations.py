@@ -206,7 +206,7 @@ def innovations(
     ndarray, shape (2, N, 2, B)
     """
     count = ratios.shape[1]
-    spectra = [disturbance(*basin[[FREQUENCY, DAMPING], b], step) for b in range(count)]
+    spectra = [disturbance(basin[FREQUENCY, b], basin[DAMPING, b], step) for b in range(count)]
     transition, stationary = (np.stack(each, axis=-1) for each in zip(*spectra, strict=True))
     before = stationary * basin[LEVEL] ** 2
     keep = np.exp(-step / basin[[ANGLE_MEMORY, RATE_MEMORY]])
@@ -223,11 +223,12 @@ def innovations(
     found = np.empty((2, angle.size, 2, count))
     record = floor, step, bend, angle, rate, counts
     if count > 1 and not compiled:
-        run_filter(tuple(ratios), active, friction_rate, m, c, q, keep, transition, white, *record, *found)
+        run_filter(tuple(ratios), active, friction_rate, m, c, q, keep, transition, white, *record, found[0], found[1])
         return found
     for b in range(count):
-        one = (np.ascontiguousarray(each[..., b]) for each in (m, c, q, keep, transition, white))
+        filters = [np.ascontiguousarray(each[..., b]) for each in (m, c, q, keep, transition, white)]
         into = np.empty(found.shape[:-1])
-        run_filter(tuple(ratios[:, b].tolist()), active, friction_rate, *one, *record, *into)
+        given = [*filters, *record, *into]
+        run_filter(tuple(ratios[:, b].tolist()), active, friction_rate, *given)
         found[..., b] = into
     return found
