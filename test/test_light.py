@@ -40,5 +40,6 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
 
 def test_the_buffer_computes_without_the_large_libraries():
     pytest.importorskip('rclpy')
-    heavy = HEAVY | {'numba', 'scipy.linalg', 'scipy.optimize'}
+    # not scipy.linalg, which some versions of scipy.special load by themselves
+    heavy = HEAVY | {'numba', 'scipy.optimize'}
     assert loaded_by('swath_sysid.nodes.imu_buffer') & heavy == set()
