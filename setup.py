@@ -29,6 +29,7 @@ setup(
     maintainer=MAINTAINER.text,
     maintainer_email=MAINTAINER.get('email'),
     license=MANIFEST.findtext('license'),
+    project_urls={url.get('type'): url.text for url in MANIFEST.findall('url')},
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed', 'campaign/papers/*.yaml']},
@@ -38,6 +39,7 @@ setup(
         *installed('config', SHARE / 'config'),
         *installed('launch', SHARE / 'launch'),
         *installed('environment', SHARE / 'environment'),
+        *installed('records', SHARE / 'records'),
         # `ros2 run` and launch look in lib/<package>, where only colcon puts the console script; names such as
         # identifier are too general for the user's PATH
         *installed('scripts', Path('lib', NAME)),
@@ -49,7 +51,7 @@ setup(
         'PyYAML>=6.0',
         'rich>=13.0',
         # bags that were cut off, and recordings on their way to the disk, need parts of it that may change with a
-        # minor version: see formats/bags.py, formats/mcap_checksums.py and nodes/record.py
+        # minor version: see formats/bags.py, formats/mcap_checksums.py and formats/recording.py
         'rosbags>=0.11,<0.12',
         'scipy>=1.11',
     ],
@@ -57,6 +59,9 @@ setup(
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
         'fast': ['numba>=0.59'],
         'cluster': ['distributed'],
+        'benchmark': ['scikit-learn'],
+        'docs': ['myst-parser>=2.0', 'sphinx>=7.0'],
+        'page': ['nicegui>=3.0,<4'],
         'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
     },
     entry_points={

@@ -32,7 +32,7 @@ def measured(sea, column, angle_noise, rate_noise):
 
 
 def score(sea, seeds, angle_noise, rate_noise):
-    """Relative errors and told standard deviations, shape (seeds, 4); seconds each."""
+    """Relative errors and stated standard deviations, shape (seeds, 4); seconds each."""
     rows, begun = [], time.perf_counter()
     for column in range(len(seeds)):
         period, damping = sea.truth(column)
@@ -64,7 +64,7 @@ def main():
     seeds = list(range(arguments.first_seed, arguments.first_seed + arguments.seeds))
     print(
         f'{arguments.seeds} seeds, {arguments.minutes:g} min at {arguments.rate_hz:g} Hz, {arguments.std_deg:g} deg '
-        'of roll; errors in % of the truth (bias, spread, worst); share within the target; told standard deviation'
+        'of roll; errors in % of the truth (bias, spread, worst); share within the target; stated standard deviation'
     )
     for by_slope in (False, True):
         for ratio in RATIOS:
@@ -90,7 +90,7 @@ def _told(errors, stds, within):
     share = np.mean(np.abs(errors) < within)
     return (
         f'{100 * errors.mean():+5.1f} {100 * errors.std():4.1f} {100 * np.abs(errors).max():5.1f}, '
-        f'{share:4.0%} within {100 * within:.0f}, told {100 * stds.mean():.1f}'
+        f'{share:4.0%} within {100 * within:.0f}, stated {100 * stds.mean():.1f}'
     )
 
 

@@ -22,7 +22,7 @@ CALLS = 20_000
 
 
 def rolling(rows, rate):
-    """A trial of so many rows."""
+    """A trial of a number of rows."""
     time = np.arange(rows) / rate
     noise = np.random.default_rng(1).normal(0, 1e-3, rows)
     return Trial(time=time, roll=0.1 * np.sin(time) + noise, roll_rate=0.1 * np.cos(time) + noise)

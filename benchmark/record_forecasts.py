@@ -57,7 +57,7 @@ def only(trial, kept):
 
 
 def without_samples(trial, count, every=20.0):
-    """A trial that lost so many samples each `every` seconds."""
+    """A trial that lost this many samples each `every` seconds."""
     interval = np.median(np.diff(trial.time))
     return only(trial, np.remainder(trial.time - trial.time[0], every) > (count - 0.5) * interval)
 

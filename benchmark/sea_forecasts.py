@@ -1,7 +1,7 @@
-"""Forecasts of a published roll hull in JONSWAP seas beside the Kalman filter that knows everything.
+"""Forecasts of a published roll hull in JONSWAP seas beside the Kalman filter that is given everything.
 
 Each sea has four hundred incommensurate components and a peak period of its own. The sensor gives roll and roll
-rate, the same readings at any rate. The oracle knows the hull, the noise and the spectrum of the excitation: at 10 Hz
+rate, the same readings at any rate. The oracle is given hull, noise and the spectrum of the excitation: at 10 Hz
 an extended Kalman filter on the hull and a long autoregression of the excitation, from the exact autocovariance (Yule
 and Walker). The baselines are those of `swath-sysid forecast`. Errors are of the true angle.
 
@@ -53,7 +53,7 @@ _SMALL = 1e-5
 
 @dataclass(frozen=True)
 class Sea:
-    """A craft in a sea: components of the excitation, what happened and what the sensor saw, both at `FINE_RATE`."""
+    """A craft in a sea: components of the excitation, true motion and readings, both at `FINE_RATE`."""
 
     frequency: np.ndarray
     amplitude: np.ndarray
@@ -63,7 +63,7 @@ class Sea:
     seen: np.ndarray
 
     def readings(self, rate):
-        """Angle and rate as read so many times a second, shape (N, 2)."""
+        """Angle and rate as read this many times a second, shape (N, 2)."""
         return self.seen[::_every(rate)]
 
     def angle_at(self, stamps):
@@ -75,7 +75,7 @@ class Sea:
 def _every(rate):
     every = round(FINE_RATE / rate)
     if abs(every * rate - FINE_RATE) > 1e-6:
-        raise ValueError(f'the sea is simulated at {FINE_RATE} Hz, of which {rate:g} Hz is no whole part')
+        raise ValueError(f'the sea is simulated at {FINE_RATE} Hz, which is not a multiple of {rate:g} Hz')
     return every
 
 
@@ -146,7 +146,7 @@ def shaping_filter(sea):
 
 
 def oracle(sea, leads):
-    """Forecasts of the filter that knows everything, shape (N, L).
+    """Forecasts of the filter that is given everything, shape (N, L).
 
     Its state is the angle, the rate, and the excitation from now to the next sample and in the steps
     before. Only the first three rows of its transition are more than a shift, so a step costs three rows of products.
@@ -171,11 +171,11 @@ def oracle(sea, leads):
         mean = np.concatenate([following, [coefficients @ mean[2:]], mean[2:-1]])
         spread = moved(spread, first)
         spread[2, 2] += noise
-    told, (x, rate) = np.empty((readings.shape[0], steps.size)), states.T
+    expected, (x, rate) = np.empty((readings.shape[0], steps.size)), states.T
     for j in range(steps[-1]):
         x, rate = advance(x, rate, moments[:, j])
-        told[:, steps == j + 1] = x[:, None]
-    return told
+        expected[:, steps == j + 1] = x[:, None]
+    return expected
 
 
 def moments_ahead(coefficients, count):

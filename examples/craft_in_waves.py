@@ -88,7 +88,7 @@ class Voyage:
     truth: object
 
     def at_lead(self, lead):
-        """Mean, shape (N, 7), and covariance, shape (N, 7, 7), so many seconds ahead."""
+        """Mean, shape (N, 7), and covariance, shape (N, 7, 7), this many seconds ahead."""
         place = int(np.abs(self.leads - lead).argmin())
         return self.mean[:, place], self.covariance[:, place]
 
@@ -125,13 +125,13 @@ def _measured(trial, name):
     return trial.time[known], trial.channels[name][known]
 
 
-def carry_out(description, tell, argv=None):
+def carry_out(description, demonstrate, argv=None):
     """Run an example from its command line.
 
     Parameters
     ----------
     description : str
-    tell : callable
+    demonstrate : callable
         Prints the table of a `Voyage` and returns its figure.
     argv : sequence of str, optional
 
@@ -151,7 +151,7 @@ def carry_out(description, tell, argv=None):
         trial = read_trial(arguments.record, frame=arguments.frame) if arguments.record else simulated_craft(1200.0)
         with progress_of('forecasting') as progress:
             voyage = sail(trial, arguments.warmup, progress=progress)
-        save_figure(tell(voyage), arguments.figure)
+        save_figure(demonstrate(voyage), arguments.figure)
     except InputError as error:
         print(error, file=sys.stderr)
         return 2

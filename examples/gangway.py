@@ -99,7 +99,7 @@ def draw(left):
     return figure
 
 
-def tell(voyage):
+def demonstrate(voyage):
     """Print the table; returns the figure."""
     left = hold(voyage)
     found = residual_variances(left)
@@ -112,4 +112,4 @@ def tell(voyage):
 
 
 if __name__ == '__main__':
-    sys.exit(carry_out('A gangway fed by the forecast at its own delay.', tell))
+    sys.exit(carry_out('A gangway fed by the forecast at its own delay.', demonstrate))

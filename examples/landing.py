@@ -2,7 +2,7 @@
 
     python examples/landing.py morro_buoy.csv --frame frd --figure landing.png
 
-A drone touches down so many seconds after it begins to descend.  The deck must then move no faster than 0.5 m/s up or
+A drone touches down this many seconds after it begins to descend.  The deck must then move no faster than 0.5 m/s up or
 down, roll no more than 2.5 deg and pitch no more than 3 deg.  The descent begins in that fifth of the moments in which
 the joint normal forecast gives this the greatest probability; or, in comparison, where the deck is calm now, in the
 fifth that is furthest inside the limits (or least outside) now, or at any time.  Printed: how many of the touchdowns
@@ -75,7 +75,7 @@ def draw(shares):
     return figure
 
 
-def tell(voyage):
+def demonstrate(voyage):
     """Print the table; returns the figure."""
     shares = land(voyage)
     print(f'{"touchdowns inside, %":22}' + ''.join(f'{f"after {lead:g} s":>18}' for lead in DESCENTS))
@@ -85,4 +85,4 @@ def tell(voyage):
 
 
 if __name__ == '__main__':
-    sys.exit(carry_out('Landing on deck by the forecast of touchdown.', tell))
+    sys.exit(carry_out('Landing on deck by the forecast of touchdown.', demonstrate))

@@ -46,7 +46,7 @@ def control(voyage):
     return voyage.stamps[chosen], speeds
 
 
-def tell(voyage):
+def demonstrate(voyage):
     """Print the table; returns the figure."""
     time, speeds = control(voyage)
     axes = quiet(new_figure(9.0, 3.5).subplots())
@@ -60,4 +60,4 @@ def tell(voyage):
 
 
 if __name__ == '__main__':
-    sys.exit(carry_out('A winch that plans over the horizon.', tell))
+    sys.exit(carry_out('A winch that plans over the horizon.', demonstrate))

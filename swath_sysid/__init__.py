@@ -1,3 +1,3 @@
 """Online motion prediction of small craft: record, identify, forecast."""
 
-__version__ = '0.1.0'
+__version__ = '1.0.0'

@@ -10,7 +10,7 @@ def share_folder(module_file=__file__):
     """The folder that holds package.xml, config/ and launch/ of this very installation.
 
     Found from the module's own path rather than through ament's index: the index needs a sourced environment,
-    knows nothing of ``pip install -e``, and may name another version's folder.
+    ignores ``pip install -e``, and may name another version's folder.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Texts that are no model, made from one that is: what a broken stick, a wrong tool or a stranger might publish."""
+"""Texts that are not models, made from one that is: what a broken stick, a wrong tool or a stranger might publish."""
 import re
 
 import numpy as np
@@ -60,7 +60,7 @@ def of_any_kind(text):
 
 
 def attitude_texts():
-    """Texts that are no attitude model: name to the text and a word of the sentence."""
+    """Texts that are not attitude models: name to the text and a word of the sentence."""
     text = attitude_text()
 
     def edited(pattern, replacement):
@@ -99,7 +99,7 @@ def attitude_texts():
 
 
 def manoeuvring_texts():
-    """Texts that are no manoeuvring model: name to the text and a word of the sentence."""
+    """Texts that are not manoeuvring models: name to the text and a word of the sentence."""
     text = manoeuvring_text()
 
     def edited(pattern, replacement):

@@ -157,7 +157,7 @@ def test_a_new_manifest_reads_back(folder):
 def test_a_new_manifest_needs_trials(tmp_path):
     with pytest.raises(InputError, match='holds no trial'):
         new_manifest(tmp_path)
-    with pytest.raises(InputError, match='is no folder'):
+    with pytest.raises(InputError, match='is not a folder'):
         new_manifest(tmp_path / 'absent')
 
 

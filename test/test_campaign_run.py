@@ -233,7 +233,7 @@ def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
     assert [t.record.repeat for t in outcome.trials] == [1, 2]
     (tmp_path / 'campaign.yaml').write_text(f'axis: pitch\nequations: [linear]\ntrials:\n{entries}')
     refused = work_off(tmp_path, tmp_path / 'out').trials[1]
-    assert 'cannot be told as draft_m' in refused.reason
+    assert 'cannot be converted to draft_m' in refused.reason
 
 
 def test_the_files_that_are_written(done):
@@ -310,7 +310,7 @@ def test_the_command_line_refuses_what_makes_no_sense(trials, tmp_path, capsys):
         ([], 'give either a manifest, or --new'),
         ([manifest, '--output', str(tmp_path), '--jobs', '0'], '--jobs must be at least 1'),
         ([str(tmp_path / 'absent.yaml'), '--output', str(tmp_path)], 'cannot read the manifest'),
-        (['--new', str(tmp_path / 'absent')], 'is no folder'),
+        (['--new', str(tmp_path / 'absent')], 'there is no folder'),
     ):
         assert main(['campaign', *arguments]) == 2
         assert words in capsys.readouterr().err

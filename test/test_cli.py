@@ -153,7 +153,7 @@ RAMP = [(k / 100, 1.0) for k in range(2000)]
 
 
 def bad_files(folder):
-    """Name to file of everything that is no trial."""
+    """Name to file of everything that is not a trial."""
     wave = [(k / 10, 5 * np.sin(k / 10) + 4 * np.sin(0.83 * k / 10 + 1)) for k in range(6000)]
     (folder / 'folder').mkdir()
     (folder / 'empty.csv').touch()
@@ -237,7 +237,7 @@ def test_numbers_must_be_finite(trial_file, capsys):
         (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--duration', '1e9'], 'cannot be simulated'),
         (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--rate-noise', '-1'], 'noise cannot be negative'),
         (['--hull', 'swath-roll', '--initial-angle-deg', '3', '--ratio', 'b1=2'], '--ratio goes with --equation'),
-        (['--equation', 'linear', '--initial-angle-deg', '3', '--ratio', 'b1:2'], 'write NAME=VALUE'),
+        (['--equation', 'linear', '--initial-angle-deg', '3', '--ratio', 'b1:2'], 'is not NAME=VALUE'),
         (['--model', 'absent.yaml', '--initial-angle-deg', '3'], 'cannot read the model file'),
     ],
 )

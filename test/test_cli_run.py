@@ -4,7 +4,7 @@ import builtins
 
 import pytest
 
-from swath_sysid.cli import run
+from swath_sysid.cli import page, run
 from swath_sysid.common.errors import InputError
 
 
@@ -89,3 +89,21 @@ def test_a_model_that_is_none_is_refused_before_anything_starts(node, tmp_path):
         with pytest.raises(InputError):
             run.ros_arguments(parsed(*node, '--model', str(name)))
     assert run.ros_arguments(parsed(*node, '--model', str(tmp_path / 'later.yaml')))
+
+
+def test_the_page_beside_the_nodes_hears_the_same_names(monkeypatch):
+    monkeypatch.setattr('swath_sysid.page.server.check_installed', lambda: None)
+    command = run.page_command(parsed('--page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu'))
+    assert command[3:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
+
+
+@pytest.mark.parametrize(
+    ('host', 'given', 'length'), [('localhost', '', 0), ('localhost', 'mine', 4), ('0.0.0.0', '', 16)])
+def test_whoever_comes_from_elsewhere_is_asked_for_a_token(host, given, length):
+    assert len(page.token_for(host, given)) == length
+
+
+def test_without_its_extra_the_page_says_what_to_install(monkeypatch):
+    monkeypatch.setattr('swath_sysid.page.server.ui', None)
+    with pytest.raises(InputError, match=r'pip install swath_sysid\[page\]'):
+        page.run(argparse.Namespace())

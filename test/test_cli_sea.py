@@ -50,7 +50,7 @@ def test_a_known_wave_is_told_as_json_and_drawn(record, tmp_path, capsys):
 def test_words_say_what_it_is_and_what_it_is_not(record, capsys):
     assert main(['sea', str(record[0]), '--start', '100', '--end', '500']) == 0
     told = capsys.readouterr().out
-    words = '7 min', 'significant height', '30 ±', 'to port of the bow', 'at the sensor', 'encounter', 'no wave buoy'
+    words = '7 min', 'significant height', '30 ±', 'to port of the bow', 'at the sensor', 'encounter', 'not a wave buoy'
     assert [part for part in words if part not in told] == []
 
 

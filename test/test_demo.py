@@ -34,6 +34,7 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import CHART_ROWS, ViewState, chart, line, render
+from swath_sysid.share import share_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 600.0
@@ -228,6 +229,19 @@ def test_mistakes_are_told_before_anything_starts(words, sentence, tmp_path, mon
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'rclpy', None)
+    words = []
+    monkeypatch.setattr('swath_sysid.cli.demo.forecast.run', lambda arguments: words.append(vars(arguments)))
+    assert main(['demo', '--only', 'sea', '--output', str(tmp_path / 'out')]) == 0
+    (given,) = words
+    assert Path(given['record']) == share_folder() / 'records' / 'morro_buoy.csv'
+    assert given['plot'] == str(tmp_path / 'out' / 'sea.png')
+    assert f"swath-sysid forecast {given['record']} --leads 0.5,1,2,3 --warmup 180" in capsys.readouterr().out
+    assert main(['demo', '--output', str(tmp_path)]) == 2
+    assert 'needs none: --only sea' in capsys.readouterr().err
+
+
 @pytest.mark.dds
 def test_the_demonstration_runs_to_its_verdict(tmp_path):
     """Over DDS, nodes and craft each a process; the exit code says what the verdict says, nothing is left running."""
@@ -241,7 +255,8 @@ def test_the_demonstration_runs_to_its_verdict(tmp_path):
     assert result.returncode == 0, result.stdout + result.stderr + (tmp_path / 'out' / 'demo.log').read_text()
     assert told[-1].startswith('passed')
     assert any(text.startswith('let go; waiting') for text in told)
-    assert imread(tmp_path / 'out' / 'demo.png').shape[1] > 1000
+    for picture in ('sea.png', 'demo.png'):
+        assert imread(tmp_path / 'out' / picture).shape[1] > 1000
     log = (tmp_path / 'out' / 'demo.log').read_text()
     assert 'publishing its window' in log and 'new model: roll' in log
     assert 'Traceback' not in log
@@ -252,7 +267,7 @@ def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
     demo = subprocess.Popen(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--output', str(tmp_path)],
+        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--only', 'release', '--output', str(tmp_path)],
         env={**os.environ, 'PYTHONPATH': path}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
     deadline = time.monotonic() + PATIENCE

@@ -96,7 +96,7 @@ def test_a_winch_plans_within_its_limits_and_gains_by_the_horizon(voyage):
 def test_each_prints_a_table_and_draws_a_figure(name, voyage, tmp_path, capsys, monkeypatch):
     shared, file = importlib.import_module('craft_in_waves'), tmp_path / 'figure.png'
     monkeypatch.setattr(shared, 'sail', lambda *_, **__: voyage)
-    assert shared.carry_out('', importlib.import_module(name).tell, ['--figure', str(file)]) == 0
+    assert shared.carry_out('', importlib.import_module(name).demonstrate, ['--figure', str(file)]) == 0
     assert 'forecast' in capsys.readouterr().out and file.stat().st_size > 10_000
 
 

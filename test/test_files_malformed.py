@@ -17,8 +17,8 @@ from swath_sysid.formats.bags import write_imu_bag
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 
-MOST_SECONDS = 5.0
-MOST_BYTES = 500e6
+MAX_SECONDS = 5.0
+MAX_BYTES = 500e6
 NAMES = ('time_s', 'pitch_rad', 'pitch_rate_rad_s')
 
 
@@ -208,7 +208,7 @@ def test_each_is_refused_warned_of_or_right(malformed, capsys):
         taken = time.process_time() - began
         out, error = capsys.readouterr()
         assert 'Traceback' not in error, name
-        assert taken < MOST_SECONDS, (name, taken)
+        assert taken < MAX_SECONDS, (name, taken)
         if code == 2:
             assert error.startswith('swath-sysid inspect: ') or 'warning [' in error, name
             assert len(error.strip().splitlines()[-1]) < 800 and not out, name
@@ -236,8 +236,8 @@ def test_memory_stays_small(malformed, capsys):
         main(['inspect', str(path)])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < MOST_BYTES
-    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 < MOST_BYTES
+    assert peak < MAX_BYTES
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 < MAX_BYTES
 
 
 def test_nothing_is_written_of_what_is_refused(malformed, tmp_path, capsys):

@@ -74,9 +74,9 @@ def test_file_of_both_axes(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'words'),
     [
-        ('', 'is no model file'),
+        ('', 'is not a model file'),
         ('a: [', 'not YAML'),
-        ('- 1', 'is no model file'),
+        ('- 1', 'is not a model file'),
         (edited(lambda c, a: c.update(version=99)), 'version 99'),
         (edited(lambda c, a: c.update(colour='red')), "unknown field 'colour'"),
         (edited(lambda c, a: c.pop('frame')), "field 'frame' is missing"),

@@ -132,7 +132,7 @@ def test_hard_links_and_sockets_are_seen(tmp_path):
 @pytest.mark.skipif(os.geteuid() == 0, reason='root may write everywhere')
 def test_folders_that_may_not_be_written_to_are_refused(tmp_path):
     tmp_path.chmod(0o500)
-    with pytest.raises(InputError, match='may be written to'):
+    with pytest.raises(InputError, match='is not writable'):
         check_outputs([Output('--output', tmp_path / 'a.yaml')])
 
 

@@ -78,7 +78,7 @@ def test_other_things_in_the_way(tmp_path):
     with pytest.raises(InputError, match='damaged'):
         read_trial(tmp_path / 'other.db')
     os.mkfifo(tmp_path / 'pipe')
-    with pytest.raises(InputError, match='no regular file'):
+    with pytest.raises(InputError, match='not a regular file'):
         read_trial(tmp_path / 'pipe')
     write_csv(tmp_path / 'a.csv', TRIAL)
     with pytest.raises(InputError, match='so it has no topic /imu'):

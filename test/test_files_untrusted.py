@@ -31,7 +31,7 @@ LONGEST_SENTENCE = 600
 
 
 def refusal(read, text):
-    """The one sentence about a text that is no model."""
+    """The one sentence about a text that is not a model."""
     with pytest.raises(InputError) as caught:
         read(text, 'the model')
     sentence = str(caught.value)
@@ -191,7 +191,7 @@ trials:
     ('seed: 1', 'seed: !!python/name:os.system x', 'tag'),
     ('draft_m: 0.15', 'draft_m: 1.0e+300', 'draft_m must be at most 1e+09'),
     ('start_s: 0.5', 'start_s: .inf', 'not a finite number'),
-    ('title: Pitch', f'title: {"x" * 5000}', 'is no name'),
+    ('title: Pitch', f'title: {"x" * 5000}', 'is not a name'),
     ('axis: pitch', f'axis: {"x" * 5000}', 'there is no axis'),
     ('algorithm: ga', f'algorithm: {"x" * 5000}', 'there is no search'),
     ('file: pitch_3deg.csv', f'file: {"x" * 900}', 'there is no file'),
@@ -253,7 +253,7 @@ def test_pure_python_reads_as_the_library_does(monkeypatch):
             try:
                 found.append(plain_content(text, 'it'))
             except InputError as error:
-                # the words about what is no YAML are the parser's own
+                # the words about what is not YAML are the parser's own
                 found.append(str(error) if 'not YAML' not in str(error) else 'not YAML')
         return found
 
@@ -277,7 +277,7 @@ def test_files_that_are_none(tmp_path):
     os.mkfifo(pipe)
     for path, words in (
         (large, 'larger than 256 kB'), (binary, 'not text in UTF-8'), (tmp_path, 'is a folder'),
-        ('/dev/zero', 'no regular file'), (pipe, 'no regular file'), (tmp_path / ('x' * 300), 'cannot read'),
+        ('/dev/zero', 'a special file'), (pipe, 'a special file'), (tmp_path / ('x' * 300), 'cannot read'),
         (tmp_path / 'a\0b', 'no file has such a name'), (tmp_path / 'absent', 'cannot read'),
     ):  # fmt: skip
         for read in (text_of, read_model, read_manoeuvring_model, read_manifest):

@@ -1,4 +1,6 @@
 """The messages of named points and of windows of calm, against rotations of scipy."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -7,10 +9,12 @@ from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.point import point_motion
 from swath_sysid.attitude.prediction.quiescence import CalmWindow
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import PointMessages, typestore
+from swath_sysid.formats.forecast_output import ForecastMessages
+from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.topics import type_of
 from swath_sysid.nodes.parameters.files import values_from_file
 from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.pipeline.forecast_messages import attitude_forecast
 from swath_sysid.pipeline.forecast_pipeline import PipelineStep
 
 LEADS = np.array([0.5, 2.0])
@@ -32,8 +36,8 @@ def messages():
     points = {'bow': point_motion(PLACE, (0.0, 0.0), motion, covariance)}
     forecast = Forecast(0.0, LEADS, axes, quiescence=0.8, calm=CalmWindow(0.5, 2.25, 0.93), points=points)
     step = PipelineStep(used=True, forecast=forecast, horizon=forecast, stamp_ns=STAMP_NS)
-    found = {topic: typestore().deserialize_cdr(raw, type_of(topic)) for topic, raw in PointMessages('craft').of(step)}
-    return found, points['bow']
+    sent = dict(ForecastMessages('craft').of(step))
+    return {topic: typestore().deserialize_cdr(raw, type_of(topic)) for topic, raw in sent.items()}, points['bow']
 
 
 def test_a_point_is_where_its_lever_arm_puts_it(messages):
@@ -94,4 +98,32 @@ def test_impossible_points_are_refused(tmp_path, text):
     path = tmp_path / 'p.yaml'
     path.write_text(f'/**/predictor:\n  ros__parameters:\n    {text}\n')
     with pytest.raises(InputError, match='points'):
+        pipeline_settings(values_from_file(path, 'predictor'))
+
+
+def test_predicted_frames_have_names_of_their_own(messages):
+    """Now is what forecast/next says, without the heading; the lead is turned as forecast, never base_link."""
+    heading, now = 1.2, (0.15, -0.04)
+    axes = {axis: AxisForecast(angle, angle, np.tile(np.eye(2), (2, 1, 1)))
+            for axis, angle in (('roll', ROLL), ('pitch', PITCH))}  # fmt: skip
+    forecast = Forecast(0.0, LEADS, axes, points={'sensor': replace(messages[1], place=(0.0, 0.0, 0.0))})
+    held = {axis: (angle, *4 * (0.0,)) for axis, angle in zip(('roll', 'pitch'), now, strict=True)}
+    following = attitude_forecast(STAMP_NS, 0.1, held, heading, 0.0)
+    step = PipelineStep(used=True, next=following, forecast=forecast, stamp_ns=STAMP_NS, heading=(heading, 0.0))
+    assert '/tf' not in dict(ForecastMessages('craft').of(step))
+    raw = dict(ForecastMessages('craft', (2.0,)).of(step))['/tf']
+    transforms = typestore().deserialize_cdr(raw, type_of('/tf')).transforms
+    assert [each.child_frame_id for each in transforms] == ['craft_now', 'craft_in_2_0s']
+    assert {each.header.frame_id for each in transforms} == {'craft_level'}
+    for each, (roll, pitch) in zip(transforms, (now, (ROLL[1], PITCH[1])), strict=True):
+        q = each.transform.rotation
+        turn = Rotation.from_euler('ZYX', (0.0, pitch, roll))
+        assert (turn.inv() * Rotation.from_quat([q.x, q.y, q.z, q.w])).magnitude() < 1e-9
+    assert transforms[1].transform.translation.z == pytest.approx(messages[1].mean[1, 0])
+
+
+def test_frames_are_of_leads_that_are_forecast(tmp_path):
+    path = tmp_path / 'p.yaml'
+    path.write_text('/**/predictor:\n  ros__parameters:\n    frames_at_s: [0.7]\n')
+    with pytest.raises(InputError, match='frames_at_s'):
         pipeline_settings(values_from_file(path, 'predictor'))

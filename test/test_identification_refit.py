@@ -154,7 +154,7 @@ def test_coefficients_are_rows_of_axes(first):
 
 
 def test_the_provenance_of_a_window_survives_the_model_file(table):
-    provenance = window_provenance(table, 'swath_sysid 0')
+    provenance = window_provenance(table, {'topic': 'motion/window'}, 'swath_sysid 0')
     held = refit(Refitter(QUICK).request(table, provenance)).models
     assert model_from_yaml(model_to_yaml(held)) == held
     assert len(held['pitch'].provenance['sources'][0]['sha256']) == 64

@@ -4,8 +4,9 @@ import re
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
-from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, lead_topic
+from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
 from swath_sysid.nodes.parameters.parameter import defaults
 from swath_sysid.nodes.parameters.predictor import TABLE
 from swath_sysid.share import share_folder
@@ -91,3 +92,11 @@ def test_foxglove_scripts_turn_our_topics_into_degrees(foxglove):
         for field in ('topicPath', 'topicToRender'):
             if field in panel:
                 assert panel[field].split('.')[0] in OURS
+
+
+def test_rviz_shows_the_frames_that_predictor_publishes():
+    layout = yaml.safe_load((CONFIG / 'forecast.rviz').read_text(encoding='utf-8'))['Visualization Manager']
+    shown = {display['Reference Frame'] for display in layout['Displays'] if 'Reference Frame' in display}
+    assert shown == {'base_link_level', 'base_link_now', frame_at('base_link', 1.0)}
+    assert layout['Global Options']['Fixed Frame'] == 'base_link_level'
+    assert 1.0 in defaults(TABLE)['leads_s']

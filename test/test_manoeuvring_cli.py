@@ -123,7 +123,7 @@ def test_play_through_is_repeatable_and_right(folder, model, capsys):
     (('simulate', '--hull', 'wamv-vrx-old', '--test', 'speed', '--output', 'x.txt'), 'neither .csv'),
     (('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--base', '2'), 'within 0 and 1'),
     (('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--current', '1', '0'), 'for the programme'),
-    (('forecast', '{runs}/mixed.csv', '--model', '{runs}/mixed.csv'), 'no manoeuvring model|no YAML'),
+    (('forecast', '{runs}/mixed.csv', '--model', '{runs}/mixed.csv'), 'not a manoeuvring model|not YAML'),
 ])  # fmt: skip
 def test_one_clear_sentence(folder, words, match):
     with pytest.raises(InputError, match=match):

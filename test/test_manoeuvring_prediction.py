@@ -51,7 +51,7 @@ def test_model_file_round_trip(tmp_path):
 
 
 @pytest.mark.parametrize('change, match', [
-    (lambda t: 'format: other\n', 'no manoeuvring model'),
+    (lambda t: 'format: other\n', 'not a manoeuvring model'),
     (lambda t: t.replace('version: 1', 'version: 9'), 'version 9'),
     (lambda t: t.replace('noise:', 'noises:'), "unknown field 'noises'"),
     (lambda t: t.replace('Xuu:', 'Xww:'), "no parameter 'Xww'"),
@@ -114,7 +114,7 @@ def test_outliers_are_refused_until_they_stay():
     filter_.start(0.0, surge=1.0, heading=0.0, x=0.0, y=0.0)
     told = [a.code for _ in range(12) for a in filter_.correct('x', 500.0)]
     assert told[:10] == ['outlier'] * 10
-    assert told[10] == 'sensor-believed'
+    assert told[10] == 'sensor-followed'
     assert filter_.x[4] > 400
     assert filter_.correct('x', math.nan) == ()
 

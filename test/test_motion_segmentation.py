@@ -272,7 +272,7 @@ def test_spoilt_records(spoil):
     assert decay.end > 25.0
 
 
-# What is no decay -----------------------------------------------------------------------------
+# What is not a decay -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('seeds', [range(0, 15), range(15, 30)])

@@ -120,9 +120,9 @@ def test_the_sensor_is_heard_with_sensor_data_qos(craft):
 def test_before_a_model_it_says_so_and_forecasts(craft):
     craft.rest()
     craft.bench.wait_for_forecast_after(craft.stamp)
-    wait_for(lambda: craft.bench.statuses.get('predictor: forecast', (0,))[0] == 1, 'a warning of the predictor')
-    _, message, values = craft.bench.statuses['predictor: forecast']
-    assert 'no pitch model' in message and values['has_model_pitch'] == 'False'
+    wait_for(lambda: 'no pitch model' in craft.bench.statuses['predictor: forecast'][1], 'word of the missing model')
+    level, _, values = craft.bench.statuses['predictor: forecast']
+    assert level == 1 and values['has_model_pitch'] == 'False'
 
 
 def test_services_before_anything_was_identified(craft):

@@ -1,4 +1,4 @@
-"""Texts that are no model, over DDS: no node ends or grows, forecasts go on, and the diagnostics say what was wrong."""
+"""Texts that are not models, over DDS: no node ends or grows, forecasts go on, diagnostics say what was wrong."""
 import re
 from pathlib import Path
 
@@ -43,7 +43,7 @@ def status_of(bench, topic):
 
 @pytest.fixture(scope='module')
 def nodes():
-    """The nodes, started while texts that are no model lie on both topics."""
+    """The nodes, started while texts that are not models lie on both topics."""
     bench = Bench()
     publishers = {topic: bench.publisher(String, topic, LATCHED) for topic in TOPICS}
     for topic, publisher in publishers.items():

@@ -93,6 +93,7 @@ def test_every_parameter_matters():
         'thrust_input': 'force',
         'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0], 'axes': ['roll'], 'equation': 'swath-pitch-1',
         'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7], 'quiet_for_s': 3.0,
+        'frames_at_s': [1.0],
     }
     at_bow = {'points': ['bow'], 'points.bow': [1.0, 0.0, 0.0]}
     beside = {
@@ -192,3 +193,14 @@ def test_the_documentation_tells_every_parameter(node):
     for parameter, line in zip(ALL_TABLES[node], lines[2:], strict=True):
         assert line.startswith(f'| `{parameter.name}` |') and parameter.meaning.replace('|', '\\|') in line
         assert len(line.replace('\\|', '').split('|')) == 7
+
+
+def test_the_parameters_for_small_computers_are_known_and_cost_less():
+    path = ROOT / 'config' / 'small.yaml'
+    values = {node: values_from_file(path, node) for node in ALL_TABLES}
+    for node in ('imu_buffer', 'identifier', 'predictor'):
+        SETTINGS_OF[node](values[node])
+    small, usual = values['predictor'], defaults(ALL_TABLES['predictor'])
+    assert small['forecast_rate_hz'] < usual['forecast_rate_hz']
+    assert small['waves_refit_interval_s'] > usual['waves_refit_interval_s']
+    assert values['imu_buffer']['max_rate_hz'] < defaults(ALL_TABLES['imu_buffer'])['max_rate_hz']

@@ -1,14 +1,16 @@
-"""The probability of staying quiet over DDS: told with every forecast, by limits that can be changed at once."""
+"""Over DDS: the probability of staying quiet, by limits that can be changed at once, and the sea state."""
 import math
+import time
 from itertools import islice
 
 import pytest
+import yaml
 
 pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, reading  # noqa: E402
-from live_bench import RELIABLE, Bench, running, start_together, wait_for  # noqa: E402
-from std_msgs.msg import Float32  # noqa: E402
+from live_bench import LATCHED, PATIENCE, RELIABLE, Bench, running, start_together, wait_for  # noqa: E402
+from std_msgs.msg import Float32, String  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -18,8 +20,9 @@ AMPLITUDE = math.radians(0.2)
 
 def test_quiescence_is_told_for_the_limits_of_now():
     bench = Bench()
-    heard = []
+    heard, seas = [], []
     bench.node.create_subscription(Float32, 'forecast/quiescence', lambda m: heard.append(m.data), RELIABLE)
+    bench.node.create_subscription(String, 'sea/state', seas.append, LATCHED)
     stamps = iter(range(EPOCH_NS, 10 * EPOCH_NS, 20_000_000))
 
     def swing(count):
@@ -46,4 +49,11 @@ def test_quiescence_is_told_for_the_limits_of_now():
         before = len(heard)
         swing(100)
         assert len(heard) <= before + 1
+        # about each minute; a fit that is late leaves out the one after it
+        end = time.monotonic() + PATIENCE
+        while not seas:
+            assert time.monotonic() < end, 'no sea state'
+            swing(500)
+        report = yaml.safe_load(seas[0].data)
+        assert not report['is_known'] and 'too few waves' in report['reason']
     bench.close()

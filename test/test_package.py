@@ -37,16 +37,20 @@ ROSDEP_KEYS = {
 DISTRIBUTIONS = {'yaml': 'PyYAML'}
 """Names on PyPI that differ from the imported name."""
 
-OPTIONAL = {'numba': 'fast', 'dask': 'cluster', 'distributed': 'cluster'}
-"""Imports that may fail, and the extra that installs them; Ubuntu 24.04 has no numba, rosdep no distributed."""
+OPTIONAL = {
+    'numba': 'fast', 'dask': 'cluster', 'distributed': 'cluster',
+    **dict.fromkeys(('fastapi', 'nicegui', 'uvicorn'), 'page'),
+}
+"""Imports that may fail, and the extra that installs them; Ubuntu 24.04 has no numba, rosdep no distributed and no
+nicegui, which brings fastapi and uvicorn."""
 
 ROS_PACKAGES = {
     'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'launch', 'launch_ros', 'nav_msgs',
     'rcl_interfaces', 'rclpy', 'rosgraph_msgs', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'std_srvs',
-    'trajectory_msgs',
+    'tf2_msgs', 'trajectory_msgs',
 }
 
-NODE_VERBS = {'demo', 'record', 'replay', 'run'}
+NODE_VERBS = {'demo', 'page', 'record', 'replay', 'run'}
 """Verbs that start nodes; play_through does the same without them."""
 
 WINGS = ('attitude', 'manoeuvring')
@@ -68,8 +72,9 @@ MAY_IMPORT = {
     'formats': CORE,
     'campaign': CORE | {'formats'},
     'report': CORE | {'formats', 'campaign'},
+    'page': CORE | {'formats', 'campaign', 'report'},
     'nodes': CORE | {'formats'},
-    'cli': CORE | {'formats', 'campaign', 'report', 'nodes'},
+    'cli': CORE | {'formats', 'campaign', 'report', 'page', 'nodes'},
 }
 """Data flows down this list, imports go up it."""
 
@@ -324,7 +329,7 @@ def test_everything_shared_is_installed(setup_arguments):
     installed = {source: target for target, sources in setup_arguments['data_files'] for source in sources}
     assert installed[f'resource/{PACKAGE.name}'] == 'share/ament_index/resource_index/packages'
     assert installed['package.xml'] == f'share/{PACKAGE.name}'
-    for folder in ('config', 'launch', 'environment'):
+    for folder in ('config', 'launch', 'environment', 'records'):
         for path in (ROOT / folder).rglob('*'):
             if path.is_file() and '__pycache__' not in path.parts:
                 source = path.relative_to(ROOT)

@@ -15,7 +15,7 @@ from swath_sysid.campaign.papers.publication import DECAY_STUDIES, STUDIES, deca
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.report.campaign_page import escaped
-from swath_sysid.report.paper_decay import trend_of
+from swath_sysid.report.paper_decay_numbers import trend_of
 from swath_sysid.report.paper_manoeuvring import manoeuvring_page
 
 

@@ -214,7 +214,8 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
         assert [round((time - stamps[0]) / 1e9) for time, _ in messages] == list(range(1, 16))
     names = {name: [status.name for status in by_node[name][-1][1].status] for name in by_node}
     assert names == {
-        'imu_buffer': ['imu_buffer: imu', 'imu_buffer: window'], 'identifier': ['identifier: identification'],
+        'imu_buffer': ['imu_buffer: imu', 'imu_buffer: window'],
+        'identifier': ['identifier: identification', 'identifier: stability'],
         'predictor': ['predictor: imu', 'predictor: forecast', 'predictor: installation'],
     }  # fmt: skip
     statuses = by_node['predictor'][-1][1].status

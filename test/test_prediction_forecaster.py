@@ -160,6 +160,25 @@ def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(beginning, st
     assert len(after) >= 3 and (ratio[1:] < 1.3).all(), ratio
 
 
+@pytest.mark.parametrize('rates', [True, False])
+def test_a_pitch_that_is_a_fifth_of_roll_is_forecast_through_gaps(rates):
+    """On a rig, or where both angles are of one sensor: perfectly correlated, without noise."""
+    time = clock(10.0, 60.0)
+    roll, rate = SEA.angles(time)[0], SEA.rates(time)[0] if rates else np.full(time.size, math.nan)
+    rows = np.column_stack([roll, 0.2 * roll, rate, 0.2 * rate]).tolist()
+    samples = [
+        CraftSample(round(1e9 * now), *row, *(NOT_MEASURED,) * 7)
+        for number, (now, row) in enumerate(zip(time.tolist(), rows, strict=True)) if number % 200 >= 5
+    ]
+    _, steps = run(samples)
+    issued = [forecast for step in steps for forecast in (step.forecast, step.horizon) if forecast is not None]
+    covariances = np.concatenate([forecast.covariance for forecast in issued])
+    assert (np.diagonal(covariances, axis1=1, axis2=2) > 0.0).all()
+    assert (np.linalg.eigvalsh(covariances)[:, 0] > -1e-9 * np.trace(covariances, axis1=1, axis2=2)).all()
+    kept = np.array([sample.stamp_ns * 1e-9 for sample in samples])
+    assert error(steps, kept, 30.0, 57.0)[1] < 0.15 * roll.std(), 'a regression, not the oscillator of the first rows'
+
+
 @pytest.mark.parametrize('shift', [20.0, 300.0, 86400.0, 31536000.0, -1000.0])
 def test_half_a_minute_after_the_clock_was_set_the_forecast_is_as_good_as_before(beginning, steady, shift):
     time, undisturbed = steady

@@ -146,9 +146,9 @@ def _dense_oracle(moment, step):
 
 
 def test_on_a_linear_hull_it_is_filterpys_kalman_filter(monkeypatch):
-    for name in ('LEVEL_INTERVAL', 'MOST_STRAIN', 'CONVINCING'):
+    for name in ('LEVEL_INTERVAL', 'MAX_STRAIN', 'CONVINCING'):
         monkeypatch.setattr(hull_filter, name, math.inf)
-    for name in ('LEAST_STIFFNESS_STD', 'LEAST_DAMPING_STD', 'TRIM_DRIFT', 'SCALE_DRIFT'):
+    for name in ('MIN_STIFFNESS_STD', 'MIN_DAMPING_STD', 'TRIM_DRIFT', 'SCALE_DRIFT'):
         monkeypatch.setattr(hull_filter, name, 1e-12)
     monkeypatch.setattr(hull_filter, 'QUIET', -1.0)
     attitude = HullFilter(HullFilterSettings(gate_probability=1e-300))

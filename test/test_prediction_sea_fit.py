@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.intake import CraftSample
-from swath_sysid.attitude.prediction.forecaster import CHANNELS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.forecaster import CHANNELS, TARGETS, Forecaster, ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import (
+    ALL_CHANNELS,
     LONGEST_FILLED,
     SEA_MODELS,
     SeaRequest,
@@ -18,6 +20,8 @@ from swath_sysid.attitude.prediction.sea_fit import (
     newest_stretch,
     warm_up,
 )
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter
+from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
 
 STEP = 0.1
 
@@ -136,3 +140,31 @@ def test_a_short_gap_is_filled_and_a_long_one_ends_the_stretch():
     long[:, 40:70] = math.nan
     np.testing.assert_allclose(newest_stretch(short, STEP), channels)
     np.testing.assert_allclose(newest_stretch(long, STEP), channels[:, 70:])
+
+
+@pytest.mark.parametrize(('roll', 'sensor'), [(1e-4, 0.0), (0.0, 5e-3), ('coarse', 5e-3)])
+def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
+    """Whether its roll is noise, stays the same to the last digit, or jumps by one of them now and then."""
+    count, ahead, row = 2400, 30, 2399
+    rng = np.random.default_rng(1)
+    frequency = 2.0 * np.pi * np.array([0.11, 0.12, 0.135, 0.15])
+    heave = 0.2 * np.cos(np.outer(STEP * np.arange(count + ahead), frequency) + rng.uniform(0.0, 6.0, 4))
+    velocity = np.gradient(heave.sum(axis=1), STEP)
+    values = np.full((count, len(CHANNELS)), math.nan)
+    measured = dict(zip(CHANNELS, values.T, strict=True))
+    for name in ('pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y'):
+        measured[name][:] = 0.0
+    steps = 0.01 * (rng.uniform(size=count) < 0.03)
+    measured['roll'][:] = steps if roll == 'coarse' else rng.normal(0.0, roll, count)
+    measured['accel_z'][:] = STANDARD_GRAVITY - heave[:count] @ frequency**2 + rng.normal(0.0, sensor, count)
+    fit = fit_sea(SeaRequest(1.0, STEP, CHANNELS, values, vertical=VerticalRequest(ahead + 2, 0.0, row)))
+    waves = InnovationsFilter(fit.waves[ALL_CHANNELS], TARGETS, 3.0, np.arange(1, 4))
+    waves.seed(values[-600:])
+    forecaster = VerticalForecaster(STEP, ahead + 2)
+    for place in range(count):
+        forecaster.take(values[place, [CHANNELS.index(name) for name in ('roll', 'pitch', *FORCE)]], None)
+    forecaster.install(fit.vertical, row, waves)
+    found = forecaster.forecast(np.array([1.0, 2.0]), 0.0, np.zeros((2, 4)), np.tile(1e-6 * np.eye(4), (2, 1, 1)))
+    assert found.mean[:, 1] == pytest.approx(velocity[[row + 10, row + 20]], abs=0.1 * velocity.std())
+    assert np.isfinite(found.covariance).all()
+    assert (np.diagonal(found.covariance, axis1=1, axis2=2)[:, :3] > 0.0).all()

@@ -37,7 +37,7 @@ def test_the_same_sea_is_read_at_any_rate(sea_forecasts):
     assert np.array_equal(sea.readings(10.0), sea.readings(100.0)[::10])
     assert sea.angle.std() == pytest.approx(sea_forecasts.SIZE, rel=2e-3)
     assert sea.angle_at(np.array([0.1, 59.99, 60.0])) == pytest.approx([*sea.angle[[10, -1]], np.nan], nan_ok=True)
-    with pytest.raises(ValueError, match='no whole part'):
+    with pytest.raises(ValueError, match='not a multiple'):
         sea.readings(30.0)
 
 

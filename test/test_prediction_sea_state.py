@@ -3,9 +3,10 @@ import numpy as np
 import pytest
 
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
-from swath_sysid.attitude.prediction.sea_state import sea_state
+from swath_sysid.attitude.prediction.sea_state import sea_report, sea_state
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
 
 STEP, COUNT = 0.1, 12_000
 TIME = STEP * np.arange(COUNT)
@@ -88,5 +89,40 @@ def test_a_buoy_agrees_with_its_own_processing(data_folder):
 def test_a_short_record_and_one_at_rest_are_refused():
     with pytest.raises(InputError, match='too few waves'):
         sea_state(*np.zeros((3, 1000)), STEP)
-    with pytest.raises(InputError, match='does not heave'):
+    with pytest.raises(InputError, match='no sea that can be measured'):
         sea_state(*np.zeros((3, COUNT)), STEP)
+
+
+def sensor_noise(seed, flicker):
+    """Vertical acceleration of a sensor on land: white noise of 1 mg and, by power at 0.1 Hz, so much 1/f noise."""
+    rng = np.random.default_rng(seed)
+    frequency = np.fft.rfftfreq(COUNT, STEP)
+    shape = np.sqrt(1.0 + flicker * 0.1 / np.maximum(frequency, frequency[1]))
+    return np.fft.irfft(np.fft.rfft(rng.normal(0.0, 0.01, COUNT)) * shape, COUNT)
+
+
+def test_a_sensor_on_land_measures_no_sea():
+    refused = 0
+    for seed in range(60):
+        noise = sensor_noise(seed, flicker=(0.0, 1.0, 10.0)[seed % 3])
+        size = (COUNT, 6000, 3000)[seed // 20]
+        try:
+            sea_state(noise[:size], np.zeros(size), np.zeros(size), STEP)
+        except InputError as error:
+            refused += 'no sea that can be measured' in str(error)
+    assert refused == 60
+
+
+def test_a_small_sea_shows_above_the_noise_of_the_sensor():
+    record, _ = jonswap_record(0.2, 6.0, 0.6, 3)
+    noise = sensor_noise(0, flicker=1.0)
+    found = sea_state(record[0] + noise, *record[1:], STEP)
+    assert found.significant_height == pytest.approx(0.2, rel=0.1)
+    assert 0.01 < found.least_height < 0.2
+
+
+def test_a_buoy_ashore_measures_no_sea(data_folder):
+    trial = read_trial(data_folder / 'faults' / 'oahu_static_bad_packets.csv', frame='frd')
+    longest = max(even_stretches(trial, WITHOUT_RATES), key=lambda stretch: stretch.time.size)
+    found = sea_report(longest.acceleration, longest.channels['roll'], longest.channels['pitch'], longest.step)
+    assert found.state is None and 'no sea that can be measured' in found.reason

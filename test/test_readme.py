@@ -1,52 +1,78 @@
-"""The README says what is true: its generated tables are those of the code, and every verb is in it.
-
-``python test/test_readme.py`` writes the generated parts anew.
-"""
+"""README and site say what is true: every link leads somewhere, every command line is one, every name is explained."""
 import re
+import runpy
+import shlex
 from pathlib import Path
+
+import pytest
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
-from swath_sysid.cli.main import VERBS
-from swath_sysid.nodes.parameters.files import NODES, markdown_table
+from swath_sysid.cli.main import VERBS, build_parser
+from swath_sysid.formats.topics import LEADS, MANOEUVRING_LEADS, TYPES
+from swath_sysid.nodes.parameters.files import NODES, table_of
 from swath_sysid.nodes.reason_advice import reasons_table
 
-README = Path(__file__).resolve().parents[1] / 'README.md'
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / 'README.md', *sorted(p for p in (ROOT / 'docs').rglob('*.md') if 'generated' not in p.parts)]
+SITE = '\n'.join(path.read_text(encoding='utf-8') for path in PAGES)
+EXAMPLE = re.compile(r'[A-Z]{3,}|\.\.\.')
+"""Names that stand for the user's own."""
 
 
-def parameters():
-    """The parameters of every node."""
-    return '\n'.join(f'### {node}\n\n{markdown_table(node)}' for node in NODES).rstrip()
+def command_lines():
+    """Every command in the pages, on a line of its own or in a sentence, as a shell would hand it over."""
+    lines = re.findall(r'^\s+(swath-sysid .*)$', SITE, flags=re.MULTILINE)
+    lines += [' '.join(found.split()) for found in re.findall(r'`(swath-sysid [a-z-]+\s[^`]+)`', SITE)]
+    return sorted({line.split(' #')[0].split('--ros-args')[0].strip() for line in lines if not EXAMPLE.search(line)})
 
 
-GENERATED = {'diagnostics': lambda: reasons_table().rstrip(), 'parameters': parameters}
+def is_generated(link):
+    """Whether a page is written when the site is built."""
+    return link.startswith(('generated/', '../generated/'))
 
 
-def written_anew(text):
-    """The README with its generated parts from the code."""
-    for name, make in GENERATED.items():
-        block = f'<!-- {name} -->\n\n{make()}\n\n<!-- end of {name} -->'
-        pattern = rf'<!-- {name} -->(?:.*?<!-- end of {name} -->)?'
-        text = re.sub(pattern, lambda _, block=block: block, text, flags=re.DOTALL)
-    return text
+def test_the_readme_is_short_and_begins_with_a_picture():
+    lines = (ROOT / 'README.md').read_text(encoding='utf-8').splitlines()
+    assert len(lines) <= 150
+    assert lines[2].startswith('![') and 'docs/forecast.png' in lines[2]
 
 
-def test_generated_tables_are_those_of_the_code():
-    text = README.read_text(encoding='utf-8')
-    assert text == written_anew(text), 'run: python test/test_readme.py'
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_linked_files_exist(page):
+    links = re.findall(r'\]\(([^)#:]+)\)', page.read_text(encoding='utf-8'))
+    assert [link for link in links if not is_generated(link) and not (page.parent / link).exists()] == []
 
 
-def test_every_verb_and_name_is_explained():
-    text = README.read_text(encoding='utf-8')
-    absent = [name for name in (*VERBS, *PUBLISHED_HULLS, *PRESETS) if name not in text]
-    assert not absent
+def test_every_page_is_in_the_contents():
+    contents = (ROOT / 'docs' / 'index.md').read_text(encoding='utf-8')
+    names = [p.relative_to(ROOT / 'docs').with_suffix('').as_posix() for p in PAGES[1:]]
+    assert [name for name in names if f'\n{name}\n' not in contents and name != 'index'] == []
 
 
-def test_linked_files_exist():
-    links = re.findall(r'\]\(([^)#:]+)\)', README.read_text(encoding='utf-8'))
-    assert links
-    assert [link for link in links if not (README.parent / link).exists()] == []
+@pytest.mark.parametrize('line', command_lines())
+def test_every_command_line_is_one(line):
+    words = shlex.split(line.removesuffix('&'))[1:]
+    build_parser(words[0]).parse_args(words)
 
 
-if __name__ == '__main__':
-    README.write_text(written_anew(README.read_text(encoding='utf-8')), encoding='utf-8')
+def test_there_are_command_lines_for_every_verb():
+    written = {line.split()[1] for line in command_lines()}
+    assert set(VERBS) - written <= {'compare', 'scale', 'demo'}
+
+
+def test_every_verb_hull_preset_and_topic_is_explained():
+    topics = [name for name in (*TYPES, LEADS, MANOEUVRING_LEADS)]
+    assert [name for name in (*VERBS, *PUBLISHED_HULLS, *PRESETS, *topics) if name not in SITE] == []
+
+
+def test_generated_pages_are_those_of_the_code(tmp_path):
+    """Parameters, commands and what is counted are written by the code when the site is built."""
+    (tmp_path / 'conf.py').write_text((ROOT / 'docs' / 'conf.py').read_text(encoding='utf-8'), encoding='utf-8')
+    runpy.run_path(str(tmp_path / 'conf.py'))
+    written = {path.name: path.read_text(encoding='utf-8') for path in (tmp_path / 'generated').rglob('*.*')}
+    for node in NODES:
+        assert all(f'| `{parameter.name}` |' in written['parameters.md'] for parameter in table_of(node))
+    assert all(f'\n## {verb}\n' in written['commands.md'] for verb in VERBS)
+    assert written['counted.md'] == reasons_table()
+    assert 'automodule:: swath_sysid.pipeline.scoring' in written['pipeline.rst']

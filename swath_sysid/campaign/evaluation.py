@@ -21,6 +21,7 @@ from swath_sysid.attitude.hull.terms import TERM_INDEX
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
 from swath_sysid.attitude.identification.identify import (
     IdentificationSettings,
+    fit_metrics,
     identify_problem,
     motion_fit,
     refit_from,
@@ -222,18 +223,10 @@ class FitSummary(_Plain):
 
     def identified_model(self, provenance):
         """The content of a model file."""
-        metrics = {
-            'r2': self.r2,
-            'rmse_rad': self.rmse,
-            'rate_rmse_rad_s': self.rate_rmse,
-            'objective': self.objective,
-            'objective_value': self.objective_value,
-            'samples': self.samples,
-            'effective_samples': self.effective_samples,
-        }
         how = {'search_stop': self.stop, 'seed': self.seed, 'advice': [code for code, _ in self.advice]}
         return IdentifiedModel(
-            self.model, np.array(self.covariance), self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
+            self.model, np.array(self.covariance), self.trim_std, self.amplitude_range, fit_metrics(self),
+            {**provenance, **how},
         )
 
 
@@ -352,7 +345,7 @@ def fit_together(problem, settings, equation, starts):
 
 
 def _refit(problem, settings, equation, ratios, states, summary):
-    """Refinement from given ratios and states, as a summary; it tells the search of ``summary``."""
+    """Refinement from given ratios and states, as a summary; it keeps the search of ``summary``."""
     chosen = replace(settings, equation=equation)
     tried = (0, 0) if summary is None else (summary.generations, summary.evaluations)
     search = SearchResult(np.empty(0), float('nan'), *tried, 'refined')
@@ -429,7 +422,7 @@ def _on_other(summary, other):
 def best_repeats(records, fits):
     """The best repeat of each condition.
 
-    The papers keep the best of three without saying how it is told. Here: the one whose motion
+    The papers keep the best of three without saying how it is chosen. Here: the one whose motion
     the equations explain best, by the median over the equations of R^2 of the simulated motion.
 
     Parameters
@@ -487,7 +480,7 @@ def beyond_noise(summaries):
 
 @dataclass(frozen=True)
 class RankedEquation:
-    """How one equation stands in the whole campaign.
+    """How one equation does in the whole campaign.
 
     Attributes
     ----------
@@ -741,7 +734,7 @@ def noise_statement(records, fits, best):
     if between:
         words.append(f'between repeats of one condition by {100 * np.median(between):.2g} % (standard deviation)')
     verdict = (
-        'no difference exceeds the noise: these values do not tell the equations apart'
+        'no difference exceeds the noise: these values do not distinguish the equations'
         if beyond == 0
         else f'{beyond} of {total} differences from the best exceed the noise (95 %); they are marked'
     )

@@ -80,7 +80,7 @@ def _cluster(address):
     try:
         if not client.scheduler_info()['workers']:
             raise InputError(f'the Dask scheduler at {address} has no workers: start some with dask worker {address}')
-        # the loss of the connection is told in one sentence, not by its tracebacks
+        # the loss of the connection is reported in one sentence, not by its tracebacks
         logging.getLogger('distributed').setLevel(logging.CRITICAL)
         yield client.get_executor(pure=False, retries=RETRIES)
     finally:

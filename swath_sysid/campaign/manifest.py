@@ -437,7 +437,7 @@ def _matches(pattern, folder, line):
     try:
         candidates = sorted(root.glob(glob))
     except (ValueError, NotImplementedError, OSError) as error:
-        raise FieldError('', f"'{shown(pattern)}' is no pattern: {shown(error)}", line) from error
+        raise FieldError('', f"'{shown(pattern)}' is not a pattern: {shown(error)}", line) from error
     found = []
     for path in candidates:
         match = expression.fullmatch(_relative(path, root, relative))
@@ -471,8 +471,8 @@ def _without_duplicates(trials, faults):
     for trial in trials:
         file = (trial.path.resolve(), trial.axis, trial.start, trial.end)
         complete = None not in (trial.initial_angle_deg, trial.repeat)
-        told = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
-        condition = told if complete else None
+        stated = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
+        condition = stated if complete else None
         if file in by_file:
             faults.append(
                 Fault(
@@ -565,7 +565,7 @@ def new_manifest(folder, axis='pitch', name='campaign.yaml', at=None):
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError(f'{folder} is no folder: give the folder of the trials')
+        raise InputError(f'{folder} is not a folder: give the folder of the trials')
     files = [p for p in sorted(folder.iterdir()) if _may_be_trial(p)]
     if not files:
         raise InputError(f'{folder} holds no trial: CSV files, bags or MTi exports (.txt) were looked for')

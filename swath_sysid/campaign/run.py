@@ -41,7 +41,7 @@ RESULT_FORMAT = 1
 """To be raised when results of before can no longer be used."""
 POLL_S = 0.2
 ANGLE_STEP_DEG = 0.5
-"""Initial angles that nobody gave are taken from the decay, rounded to this."""
+"""Initial angles that were not given are taken from the decay, rounded to this."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class CampaignOutcome:
     ----------
     manifest : Manifest
     quantity : str
-        What tells the loading.
+        The quantity that gives the loading.
     trials : tuple of TrialOutcome
     axes : tuple of AxisOutcome
     failures : tuple of str
@@ -177,7 +177,7 @@ class Progress:
     running: tuple[str, ...]
 
 
-def run_campaign(manifest, store, executor, tell=lambda progress: None):
+def run_campaign(manifest, store, executor, on_progress=lambda progress: None):
     """Work a campaign off.
 
     Parameters
@@ -186,7 +186,7 @@ def run_campaign(manifest, store, executor, tell=lambda progress: None):
     store : ResultStore
         Results in it are not computed again.
     executor : concurrent.futures.Executor
-    tell : callable, optional
+    on_progress : callable, optional
         Called with `Progress`.
 
     Returns
@@ -202,9 +202,9 @@ def run_campaign(manifest, store, executor, tell=lambda progress: None):
     trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
     axes = {t.record.condition.series for t in trials if t.record is not None}
     if not axes:
-        told = '; '.join(f'{t.name}: {t.reason}' for t in trials[:3])
-        raise InputError(f'no trial of the campaign can be used: {told}')
-    work = _Work(store, executor, tell)
+        reasons = '; '.join(f'{t.name}: {t.reason}' for t in trials[:3])
+        raise InputError(f'no trial of the campaign can be used: {reasons}')
+    work = _Work(store, executor, on_progress)
     plans = [_AxisPlan(axis, manifest, trials, work) for axis in sorted(axes)]
     work.expect(sum(plan.task_count for plan in plans))
     found = [plan.carry_out(quantity) for plan in plans]
@@ -219,7 +219,7 @@ def run_campaign(manifest, store, executor, tell=lambda progress: None):
 
 
 def loading_quantity(manifest):
-    """The quantity that tells the loading in a campaign: what its first entry that names one uses."""
+    """The quantity that gives the loading in a campaign: what its first entry that names one uses."""
     return next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
 
 
@@ -258,7 +258,7 @@ def loading_of(entry, trial, craft, quantity):
     if craft.draft_m is not None and {name, quantity} == {'draft_factor', 'draft_m'}:
         return value * craft.draft_m if quantity == 'draft_m' else value / craft.draft_m
     raise InputError(
-        f"its {name} cannot be told as {quantity}, which the campaign's other trials give: give {quantity}, or "
+        f"its {name} cannot be converted to {quantity}, which the campaign's other trials give: give {quantity}, or "
         "the craft's draft_m for drafts and draft factors"
     )
 
@@ -286,15 +286,16 @@ def _prepared(entry, manifest, quantity):
 
 
 def _rounded_angle(trial, problem):
-    """Initial angle that the file tells, or that the decay began with, deg."""
+    """Initial angle that the file states, or at which the decay began, deg."""
     if trial.initial_angle is not None:
         return round(math.degrees(trial.initial_angle), 6)
     return round(math.degrees(problem.scales.amplitude) / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
 
 
 def _without_copies(trials):
-    """Leave out what has the very content, axis and bounds of a trial before: a copy is no repeat."""
-    found, first = [], {}
+    """Leave out trials with the content, axis and bounds of an earlier one: a copy is not a repeat."""
+    found = []
+    first: dict[tuple, TrialOutcome] = {}
     for t in trials:
         if t.record is not None:
             what = t.sha256, t.entry.axis, t.entry.start, t.entry.end, t.entry.topic
@@ -308,7 +309,7 @@ def _without_copies(trials):
 
 def _numbered(trials):
     """Give repeats without a number the next free one of their condition; refuse those taken twice."""
-    taken = {}
+    taken: dict[Condition, Counter] = {}
     for t in trials:
         if t.record is not None and t.record.repeat:
             taken.setdefault(t.record.condition, Counter())[t.record.repeat] += 1
@@ -342,8 +343,8 @@ def _plain(result):
 class _Work:
     """Gets results of tasks: from the store, or by the executor and then into the store."""
 
-    def __init__(self, store, executor, tell):
-        self._store, self._executor, self._tell = store, executor, tell
+    def __init__(self, store, executor, on_progress):
+        self._store, self._executor, self._on_progress = store, executor, on_progress
         self._done = self._total = 0
         self.computed = self.kept = 0
         self.cpu_s = 0.0
@@ -416,7 +417,7 @@ class _Work:
 
     def _say(self, pending):
         running = tuple(task.label for future, task in pending.items() if future.running())
-        self._tell(Progress(self._done, max(self._total, self._done), running))
+        self._on_progress(Progress(self._done, max(self._total, self._done), running))
 
 
 class _AxisPlan:
@@ -476,13 +477,13 @@ class _AxisPlan:
         return settings_for(equation, objective, self._manifest.search)
 
     def _conditions(self):
-        groups = {}
+        groups: dict[Condition, list] = {}
         for record in self._records:
             groups.setdefault(record.condition, []).append(record)
         return groups
 
     def _drafts(self):
-        groups = {}
+        groups: dict[float, list] = {}
         for record in self._records:
             groups.setdefault(record.condition.loading, []).append(record)
         return dict(sorted(groups.items()))
@@ -546,7 +547,7 @@ class _AxisPlan:
                 key = key_of('settle', [k for k, _ in kept])
                 arguments = (record.problem, self._settings(objective), tuple(s for _, s in kept))
                 tasks[objective, str(record)] = Task(key, f'{record}, nested equations, {objective}', settle, arguments)
-        found = {}
+        found: dict[str, dict] = {}
         for (objective, record), settled in self._in_order(tasks).items():
             found.setdefault(objective, {})[record] = settled
         return found

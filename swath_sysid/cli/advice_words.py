@@ -19,6 +19,7 @@ def worded(code: str, message: str) -> str:
     code : str
         Of an `Advice` or `InputError`.
     message : str
+        The neutral sentence.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""``swath-sysid campaign``: a whole trial matrix to tables, figures and a model that knows its draft."""
+"""``swath-sysid campaign``: a whole trial matrix to tables, figures and a model that depends on the draft."""
 
 import contextlib
 import os
@@ -62,8 +62,8 @@ def run(arguments: Namespace) -> int:
         print(f'warning: {arguments.manifest}, {fault}', file=sys.stderr)
     store = ResultStore(folder / RESULTS)
     try:
-        with store.alone(), executor_of(arguments.jobs, arguments.scheduler) as executor, _progress() as tell:
-            outcome = run_campaign(manifest, store, executor, tell)
+        with store.alone(), executor_of(arguments.jobs, arguments.scheduler) as executor, _progress() as on_progress:
+            outcome = run_campaign(manifest, store, executor, on_progress)
     except KeyboardInterrupt:
         print('stopped: the same command goes on from the finished fits', file=sys.stderr)
         raise
@@ -91,24 +91,24 @@ def _progress():
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task('reading trials', total=None)
 
-        def tell(state: CampaignProgress) -> None:
+        def show(state: CampaignProgress) -> None:
             running = f'{"; ".join(state.running[:2])}{" ..." if len(state.running) > 2 else ""}'
             bar.update(task, completed=state.done, total=state.total, description=running)
 
-        yield tell
+        yield show
 
 
 def _plain():
-    told = time.monotonic()
+    shown_at = time.monotonic()
 
-    def tell(state: CampaignProgress) -> None:
-        nonlocal told
-        if time.monotonic() - told < PLAIN_STEP_S:
+    def show(state: CampaignProgress) -> None:
+        nonlocal shown_at
+        if time.monotonic() - shown_at < PLAIN_STEP_S:
             return
-        told = time.monotonic()
+        shown_at = time.monotonic()
         running = f'; running: {"; ".join(state.running[:2])}' if state.running else ''
         print(
             f'campaign: {state.done} of {state.total} done, {state.total - state.done} left{running}', file=sys.stderr
         )
 
-    return tell
+    return show

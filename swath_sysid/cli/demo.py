@@ -1,9 +1,10 @@
-"""``swath-sysid demo``: a simulated craft, the three nodes, and forecasts that sharpen."""
+"""``swath-sysid demo``: a measured sea, forecast; then a simulated craft, the nodes, and forecasts that sharpen."""
 from __future__ import annotations
 
 import math
 import os
 import random
+import shlex
 import signal
 import subprocess
 import sys
@@ -28,6 +29,8 @@ from swath_sysid.attitude.hull.simulated_craft import returns
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.cli import forecast
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
@@ -35,6 +38,7 @@ from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import ViewState, line, render
+from swath_sysid.share import share_folder
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -44,6 +48,10 @@ if TYPE_CHECKING:
 HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
 EQUATIONS = {'roll': 'swath-roll-1', 'pitch': 'swath-pitch-1'}
 """The published polynomials with all their terms, whatever the true hull is."""
+
+SEA_RECORD = 'records/morro_buoy.csv'
+SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
+SEA, RELEASE = 'sea', 'release'
 
 ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)
 """The first from which the hull returns is used."""
@@ -65,36 +73,59 @@ EXIT_FAILED = 1
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    """The craft, and where the picture goes."""
+    """What to show, the craft, and where the pictures go."""
+    parser.add_argument(
+        '--only', choices=(SEA, RELEASE),
+        help='the forecast of a measured sea, which needs no ROS, or the simulated release (default: both)',
+    )  # fmt: skip
     parser.add_argument('--axis', choices=AXES, help='default: that of the hull, else roll')
     parser.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)} (default: one of the axis)')
     parser.add_argument('--keep-running', action='store_true', help='go on releasing the craft until Ctrl-C')
-    parser.add_argument('--output', default='.', metavar='DIR', help='folder of demo.png and demo.log (default: here)')
+    parser.add_argument(
+        '--output', default='.', metavar='DIR', help='folder of sea.png, demo.png and demo.log (default: here)'
+    )
     parser.add_argument('--domain', type=int, metavar='ID', help='ROS domain (default: a random one from 1 to 100)')
     parser.add_argument('--seed', type=int, default=1, help='of the sensor noise (default: %(default)s)')
 
 
 def run(arguments: Namespace) -> int:
-    """Run the demonstration; 0 if its forecasts are as good as promised."""
-    try:
+    """Forecast the sea, then run the simulated release; 0 if its forecasts are as good as promised."""
+    output = Path(arguments.output)
+    check_outputs([Output('--output', output, is_folder=True)])
+    if arguments.only == SEA:
+        _forecast_sea(output)
+        return 0
+    with ros_needed(f'the forecast of a measured sea needs none: --only {SEA}'):
         import rclpy
-        from rclpy.signals import SignalHandlerOptions
-
-        from swath_sysid.nodes.demo_monitor import Listener
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
-        ) from error
     craft = _Craft(arguments.hull, arguments.axis)
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
     domain = arguments.domain or random.SystemRandom().randint(1, 100)
     if not 0 <= domain <= 101:
         raise InputError(f'the ROS domain must lie between 0 and 101, not {domain}')
-    output = Path(arguments.output)
-    check_outputs([Output('--output', output, is_folder=True)])
+    if arguments.only != RELEASE:
+        _forecast_sea(output)
     output.mkdir(parents=True, exist_ok=True)
     check_outputs([Output('the log', output / 'demo.log'), Output('the picture', output / 'demo.png')])
+    return _release(rclpy, craft, arguments, domain, output)
+
+
+def _forecast_sea(output: Path) -> None:
+    """A measured sea, by the command that users give for records of their own."""
+    output.mkdir(parents=True, exist_ok=True)
+    words = ['forecast', str(share_folder() / SEA_RECORD), *SEA_OPTIONS, '--plot', str(output / 'sea.png')]
+    print(f'A moored buoy at sea, forecast from its past:\n\n    swath-sysid {shlex.join(words)}\n', flush=True)
+    parser = ArgumentParser()
+    forecast.add_arguments(parser)
+    forecast.run(parser.parse_args(words[1:]))
+    print(f'{output / "sea.png"}: these forecasts, beside what came\n', flush=True)
+
+
+def _release(rclpy: Any, craft: _Craft, arguments: Namespace, domain: int, output: Path) -> int:
+    from rclpy.signals import SignalHandlerOptions
+
+    from swath_sysid.nodes.demo_monitor import Listener
+
     os.environ.update(_environment(domain))
     began = time.monotonic()
     rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)
@@ -104,14 +135,14 @@ def run(arguments: Namespace) -> int:
             _Interrupts(rclpy.spin_once) as interrupts,
             _processes(craft, arguments.seed, output / 'demo.log') as processes,
         ):
-            with _shown(craft) as show:
+            with _shown() as show:
                 stage = _Stage(listener, processes, show, interrupts.spin_once)
                 print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
                 demonstration = _demonstrate(craft, stage)
             passed = _conclude(demonstration, output, began)
             if arguments.keep_running:
                 # Ctrl-C is the way to end it, not a failure
-                with suppress(KeyboardInterrupt), _shown(craft) as show:
+                with suppress(KeyboardInterrupt), _shown() as show:
                     stage.show = show
                     _keep_running(stage)
     finally:
@@ -241,7 +272,7 @@ def _stop(processes: Any) -> None:
 
 
 @contextmanager
-def _shown(craft: _Craft):
+def _shown():
     """A function that shows a `ViewState`: live on a terminal, else a line now and then."""
     console = Console()
     live = Live(console=console, refresh_per_second=8, transient=True) if console.is_terminal else None
@@ -262,7 +293,7 @@ def _shown(craft: _Craft):
 
 
 class _Stage:
-    """The demonstration as it goes on: spins the listener, shows what it heard, waits for things.
+    """The demonstration as it goes on: spins the monitor, shows what it received, waits for conditions.
 
     Parameters
     ----------
@@ -337,7 +368,7 @@ def _demonstrate(craft: _Craft, stage: _Stage):
     stage.title = f'{craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
     stage.scale, stage.drawn_lead = 1.3 * math.radians(craft.angle_deg), craft.lead
     if not stage.wait('starting', stage.listener.is_ready, START_TIMEOUT_S):
-        raise InputError(f'the nodes were not heard within {START_TIMEOUT_S:g} s: see demo.log')
+        raise InputError(f'nothing came from the nodes within {START_TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', STILL_S)
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')

@@ -33,7 +33,7 @@ _WINDOW = ForecasterSettings().window
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    """The record, the model, the leads, and how to tell."""
+    """The record, the model, the leads, and the form of the output."""
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
     parser.add_argument('--model', metavar='MODEL.yaml', help='the identified hull')
@@ -60,7 +60,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='the same of the rates (default: any)'
     )
-    parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for so long (default: 5)')
+    parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for this long (default: 5)')
     parser.add_argument(
         '--point', type=_point, action='append', default=[], metavar='NAME:x,y,z', dest='points',
         help='forecast and score vertical motion at a point of the craft, m forward, to port and up from the sensor, '
@@ -72,7 +72,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Run the predictor through the record and tell its skill."""
+    """Run the predictor through the record and print its skill."""
     check_model_and_plot(arguments, [arguments.record, arguments.model])
     trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
     refuse_contradictions(trial, arguments.axis)
@@ -111,11 +111,11 @@ def run(arguments: Namespace) -> int:
     if arguments.json:
         print(json.dumps(skill_as_data(skill), indent=2))
     else:
-        _tell(skill, arguments.record)
+        _print_skill(skill, arguments.record)
     return 0
 
 
-def _tell(skill: Any, name: str) -> None:
+def _print_skill(skill: Any, name: str) -> None:
     console = Console()
     for axis, scores in skill.axes.items():
         table = Table(title=f'{name}, {axis}: RMSE / standard deviation {_span(skill)}', title_justify='left')
@@ -191,7 +191,7 @@ def _numbers(text: str):
     try:
         return tuple(finite(part) for part in text.split(','))
     except ValueError as error:
-        raise ArgumentTypeError(f"'{text}' is no list of numbers separated by commas") from error
+        raise ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from error
 
 
 def _leads(text: str):
@@ -211,10 +211,10 @@ def _limits(text: str):
 def _point(text: str):
     name, colon, place = text.partition(':')
     if not (colon and name.isidentifier()):
-        raise ArgumentTypeError(f"'{text}' is no point: write NAME:x,y,z with a name of letters, digits and _")
+        raise ArgumentTypeError(f"'{text}' is not a point: write NAME:x,y,z with a name of letters, digits and _")
     numbers = _numbers(place)
     if len(numbers) != 3:
-        raise ArgumentTypeError(f"'{text}' is no point: give three coordinates in m, NAME:x,y,z")
+        raise ArgumentTypeError(f"'{text}' is not a point: give three coordinates in m, NAME:x,y,z")
     return Point(name, numbers)
 
 

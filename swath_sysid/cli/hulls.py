@@ -7,6 +7,7 @@ from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named,
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.physical_range import check_physical
 from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 
@@ -39,7 +40,7 @@ def hull_of(arguments: Namespace) -> DecayModel:
         _refuse_ratios(arguments)
         return _model_of_axis(arguments.model, arguments.axis)
     equation = equation_named(arguments.equation)
-    values = dict(_ratio(text) for text in arguments.ratio)
+    values = dict(assignment(text, 'r1=10.1') for text in arguments.ratio)
     if not values:
         return published_ratios_for(equation, arguments.axis)
     axis = arguments.axis or ('roll' if 'roll' in equation.name else 'pitch')
@@ -75,14 +76,6 @@ def published_ratios_for(equation: Equation, axis: str | None = None) -> DecayMo
 def _refuse_ratios(arguments: Namespace) -> None:
     if arguments.ratio:
         raise InputError('--ratio goes with --equation: a published hull or a model file has its own ratios')
-
-
-def _ratio(text: str):
-    name, _, value = text.partition('=')
-    try:
-        return name.strip(), float(value)
-    except ValueError as error:
-        raise InputError(f"'{text}' is no ratio: write NAME=VALUE, for example r1=10.1") from error
 
 
 def _model_of_axis(path: str | Path, axis: str):

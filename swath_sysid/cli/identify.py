@@ -179,7 +179,7 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
         print('\n'.join(at_sea_in_words(found)))
     if arguments.output and not found.is_usable:
         raise InputError(
-            f'{arguments.output} was not written, this sea tells too little of the hull: record longer, on another '
+            f'{arguments.output} was not written, this sea does not determine the hull: record longer, on another '
             'heading or in another sea, or record a free decay in still water'
         )
     return 0

@@ -18,18 +18,20 @@ VERBS = {
     'identify': 'from decay records to a hull model',
     'compare': 'fit many equations and choose the simplest adequate one',
     'simulate': 'a trial with known truth, as an IMU would have recorded it',
-    'campaign': 'a whole trial matrix: tables, figures and a model that knows its draft',
+    'campaign': 'a whole trial matrix: tables, figures and a model that depends on the draft',
     'paper': 'a published study carried out again, printed and obtained values side by side',
     'scale': "a model at another scale, by Froude's law",
     'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
+    'export': 'an identified model for Gazebo, VRX, Nav2, FMUs or in the form of Fossen',
     'forecast': 'how well the predictor forecasts a record, beside its baselines',
     'sea': "height, periods and axis of the waves, from the craft's own motion",
     'inspect': 'what is in a record: rates, gaps, decays, quality',
     'play-through': 'what the nodes would have published on a record, as fast as the machine can',
     'run': 'imu_buffer, identifier and predictor in one process',
+    'page': 'the nodes in a browser: health, forecasts, a guided bring-up',
     'replay': 'publish the topics of a bag over ROS',
     'record': 'write our topics from ROS to a bag',
-    'demo': 'a simulated craft, the nodes, and forecasts that sharpen: all of it in a minute',
+    'demo': 'a measured sea forecast, then a simulated craft, the nodes, and forecasts that sharpen',
 }
 EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130

@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import check_model_and_plot, finite, provenance_of, refuse_twice, without_copies
+from swath_sysid.cli.sources import (
+    assignment,
+    check_model_and_plot,
+    finite,
+    provenance_of,
+    refuse_twice,
+    without_copies,
+)
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
@@ -150,7 +157,7 @@ def _identify(arguments: Namespace):
         mass=arguments.mass, inertia=arguments.inertia, thrust_per_command=arguments.thrust_per_command,
         lever=arguments.lever, length=arguments.length,
         terms=tuple(arguments.terms.split(',')) if arguments.terms else None,
-        fixed=dict(_assignment(text) for text in arguments.fix),
+        fixed=dict(assignment(text, 'Xu_dot=-18') for text in arguments.fix),
         towards=dict(_target(text) for text in arguments.towards), current=arguments.current, window=arguments.window,
         generations=arguments.generations, population=arguments.population, seed=arguments.seed,
     )  # fmt: skip
@@ -184,21 +191,13 @@ def _identify(arguments: Namespace):
 
 
 def _for_file(found: Any, data: dict, paths: Sequence[str]):
-    told = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
-    metrics = {key: data[key] for key in told}
+    kept = ('r2', 'position_error_m', 'heading_error_rad', 'diverged_windows', 'stability')
+    metrics = {key: data[key] for key in kept}
     provenance = {**provenance_of(paths), 'runs': data['runs']}
     identified = IdentifiedManoeuvringModel(
         found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance,
         forecast_noise(found.model, found.identified_on))
     return calibrated(identified, found.identified_on)
-
-
-def _assignment(text: str):
-    name, sign, value = text.partition('=')
-    try:
-        return name.strip(), finite(value)
-    except ValueError as error:
-        raise InputError(f"'{text}' is no NAME=VALUE: write, as an example, Xu_dot=-18") from error
 
 
 def _target(text: str):
@@ -207,7 +206,7 @@ def _target(text: str):
     try:
         target = finite(value), finite(spread)
     except ValueError as error:
-        raise InputError(f"'{text}' is no NAME=VALUE:STD: write, as an example, Yv_dot=-90:30") from error
+        raise InputError(f"'{text}' is not NAME=VALUE:STD: write, for example, Yv_dot=-90:30") from error
     if not target[1] > 0.0:
         raise InputError(f"'{text}': the standard deviation must be positive")
     return name.strip(), target
@@ -275,7 +274,7 @@ def _leads(text: str):
     try:
         leads = tuple(finite(part) for part in text.split(','))
     except ValueError as error:
-        raise InputError(f"'{text}' is no list of leads: write, as an example, 1,5,10") from error
+        raise InputError(f"'{text}' is not a list of leads: write, for example, 1,5,10") from error
     if not leads or leads[0] <= 0.0 or any(b <= a for a, b in zip(leads, leads[1:], strict=False)):
         raise InputError(f'the leads must be positive and rising, not {text}')
     return leads
@@ -374,7 +373,7 @@ def _programme(model: Any, arguments: Namespace):
     if arguments.plot:
         raise InputError('the programme has no picture: identify from it with --plot')
     if arguments.command is not None:
-        values = dict(_assignment(text) for text in arguments.command)
+        values = dict(assignment(text, 'Xu_dot=-18') for text in arguments.command)
         values.setdefault('gain', model.largest_input if model.thrust_input != COMMAND else model['gain'])
         model = replace(model.with_values(**values), thrust_input=COMMAND, largest_input=1.0)
     if arguments.current is not None:

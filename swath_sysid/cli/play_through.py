@@ -19,11 +19,11 @@ from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_foreca
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.formats.topics import IMU_TOPIC
+from swath_sysid.formats.topics import IMU_TOPIC, WINDOW_TOPIC
 from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.parameters.imu_buffer import window_settings
-from swath_sysid.nodes.parameters.predictor import pipeline_settings
+from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.play_through import PlayThrough, PlayThroughSettings
 from swath_sysid.pipeline.played_health import PlayedHealth
@@ -59,7 +59,7 @@ def run(arguments: Namespace) -> int:
     buffer, identifier, predictor = (values_from_file(arguments.params, name) for name in ATTITUDE_NODES)
     settings = PlayThroughSettings(
         window_settings(buffer), refit_settings(identifier), pipeline_settings(predictor),
-        identifier['auto_identify'], arguments.refit_delay,
+        identifier['auto_identify'], arguments.refit_delay, {'topic': WINDOW_TOPIC}, identifier['identify_interval_s'],
     )  # fmt: skip
     installation = settings.forecasts.installation
     readings = read_readings(
@@ -75,9 +75,10 @@ def run(arguments: Namespace) -> int:
     periods = [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)]
     health = PlayedHealth(ADVICE, pipeline, IMU_TOPIC, periods)
     verdicts = []
+    frames = frames_at(predictor['frames_at_s'])
     with (
         progress_of('play-through') as progress,
-        writing_output_bag(arguments.output, frame_id=predictor['frame_id']) as bag,
+        writing_output_bag(arguments.output, frame_id=predictor['frame_id'], frames_at=frames) as bag,
     ):
         for index, reading in enumerate(readings):
             if arguments.with_imu:
@@ -99,6 +100,9 @@ def run(arguments: Namespace) -> int:
     show_advice((*readings.advice, *([beside] if manoeuvres else ())))
     for stamp_ns, verdict in verdicts:
         print(f'{(stamp_ns - int(readings.stamps[0])) / 1e9:.2f} s: {verdict}')
+    stability = pipeline.refitter.stability.newest
+    if stability is not None and stability.warning:
+        show_advice([Advice('stability-changed', stability.warning)])
     _report_counts(pipeline)
     published = ', '.join(f'{topic} {count}' for topic, count in bag.counts.items()) or 'nothing'
     print(f'{arguments.output}: from {len(readings)} messages {published}')

@@ -26,15 +26,15 @@ def progress_of(title: str) -> Iterator[Callable[..., None]]:
 
 
 def _plain(title: str):
-    told = 0.0
+    shown = 0.0
 
-    def tell(share: float, what: str = '') -> None:
-        nonlocal told
-        if share >= told + PLAIN_STEP or (share >= 1.0 > told):
-            told = share
+    def show(share: float, what: str = '') -> None:
+        nonlocal shown
+        if share >= shown + PLAIN_STEP or (share >= 1.0 > shown):
+            shown = share
             print(f'{title}: {share:.0%} {what}'.rstrip(), file=sys.stderr)
 
-    return tell
+    return show
 
 
 def show_advice(advice: Iterable[Advice]) -> None:

@@ -4,7 +4,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from datetime import datetime
 
-from swath_sysid.common.errors import InputError
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.formats.outputs import Output, check_outputs
 
 
@@ -21,12 +21,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Record until a signal comes."""
-    try:
+    with ros_needed():
         from swath_sysid.nodes.record import record
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
-        ) from error
     output = arguments.output or f'swath_sysid_{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap'
     check_outputs([Output('--output', output, is_recording=True, endings=('mcap',))])
     time = ['--ros-args', '-p', 'use_sim_time:=true'] if arguments.use_sim_time else []

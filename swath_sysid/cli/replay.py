@@ -1,10 +1,18 @@
 """``swath-sysid replay``: publish the topics of a bag over ROS."""
 
+import signal
 import sys
+import threading
 from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
+from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.cli.sources import finite
-from swath_sysid.common.errors import InputError
+
+if TYPE_CHECKING:
+    from swath_sysid.nodes.replay import Replay
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -15,23 +23,51 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--clock', action='store_true', help='publish /clock, for nodes with use_sim_time')
     parser.add_argument(
         '--wait-for', type=int, default=0, metavar='N',
-        help='begin when so many subscribe to the IMU, 2 for imu_buffer and predictor (default: when all that are '
+        help='begin when this many subscribe to the IMU, 2 for imu_buffer and predictor (default: when all that are '
         'found are connected and discovery has had its 3.5 s)',
     )
     parser.add_argument(
         '--wait', type=finite, default=15.0, metavar='S',
-        help='so long the start waits for them at most (default: %(default)s)',
+        help='the longest wait for them (default: %(default)s)',
     )  # fmt: skip
 
 
 def run(arguments: Namespace) -> int:
     """Replay until the end or a signal."""
-    try:
-        from swath_sysid.nodes.replay import ReplaySettings, replay
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
-        ) from error
+    with ros_needed():
+        import rclpy
+        from rclpy.signals import SignalHandlerOptions
+
+        from swath_sysid.nodes.replay import Replay
+    from swath_sysid.formats.bag_replay import ReplaySettings
+
     settings = ReplaySettings(arguments.rate, arguments.loop, arguments.clock, arguments.wait, arguments.wait_for)
-    replay(arguments.bag, settings, lambda line: print(line, file=sys.stderr, flush=True), ['swath-sysid'])
+    stop = threading.Event()
+    previous = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        _play(Replay(arguments.bag, settings), max(settings.listeners, 1), stop.is_set)
+    finally:
+        rclpy.try_shutdown()
+        for number, handler in previous.items():
+            signal.signal(number, handler)
     return 0
+
+
+def _play(node: 'Replay', expected: int, should_stop: Callable[[], bool]) -> None:
+    def show(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    try:
+        show_advice(node.advice)
+        if node.unknown_types:
+            show(f'left out, their types are not installed: {", ".join(sorted(node.unknown_types))}')
+        show(f'publishing {", ".join(node.topics)}')
+        listening = node.wait_for_listeners(should_stop)
+        if listening < expected and not should_stop():
+            show(f'{listening} of {expected} listen yet: publishing all the same')
+        node.play(should_stop)
+        node.wait_until_received()
+        show(f'{node.sent} messages published')
+    finally:
+        node.destroy_node()

@@ -1,11 +1,15 @@
 """The verb ``run``: imu_buffer, identifier and predictor in one process, or one node alone."""
 import argparse
 import os
+import subprocess
 import sys
 from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 
+from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
 
 NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
@@ -14,8 +18,10 @@ MODEL_PARAMETERS = {
     'identifier': 'model_path', 'manoeuvring_identifier': 'model_path', 'manoeuvring_predictor': 'model_file',
 }
 
+PAGE_END_S = 15.0
+
 OPEN_TO_THE_SUBNET = (
-    'these nodes can be heard and called from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
+    'these nodes can be used from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
     'this machine'
 )
 
@@ -28,6 +34,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--namespace', metavar='NAME', help='namespace of nodes and topics')
     parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
     parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
+    parser.add_argument('--page', action='store_true', help='show them in a browser too: see `swath-sysid page`')
     parser.add_argument(
         '--ros-args', nargs=argparse.REMAINDER, default=[], metavar='...', help='anything else, as ROS 2 nodes take it'
     )
@@ -35,17 +42,39 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the nodes until a signal comes; returns the exit code."""
-    try:
+    with ros_needed():
         import rclpy  # noqa: F401 - only to say what to do where it is missing
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
-        ) from error
     given = ros_arguments(arguments)
     program = import_module(f'swath_sysid.nodes.{arguments.only or "all_in_one"}')
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
-    return program.main(['swath-sysid', '--ros-args', *given])
+    with beside(page_command(arguments)) if arguments.page else nullcontext():
+        return program.main(['swath-sysid', '--ros-args', *given])
+
+
+def page_command(arguments: Namespace) -> list[str]:
+    """The page as a process of its own, which can cost the nodes no sample."""
+    from swath_sysid.page.server import check_installed
+
+    check_installed()
+    named = [('--namespace', arguments.namespace), ('--imu-topic', arguments.imu_topic)]
+    options = [word for option, value in named if value for word in (option, value)]
+    return [sys.executable, '-c', 'import sys; from swath_sysid.start import command_line; sys.exit(command_line())',
+            'page', *options]
+
+
+@contextmanager
+def beside(command: list[str]) -> Iterator[None]:
+    """Run a command while the block runs; Ctrl-C is for the block, which ends it."""
+    process = subprocess.Popen(command, start_new_session=True)
+    try:
+        yield
+    finally:
+        process.terminate()
+        try:
+            process.wait(PAGE_END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
 
 
 def ros_arguments(arguments: Namespace) -> list[str]:
@@ -65,7 +94,7 @@ def ros_arguments(arguments: Namespace) -> list[str]:
             raise InputError(f'{node} reads no model file: give --model to the identifier, which publishes it')
         path = Path(arguments.model).expanduser()
         if path.exists():
-            # a node would go on without it, which whoever types a command does not see
+            # a node would go on without it, and the user at the command line would not notice
             _read_model(node, path)
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']

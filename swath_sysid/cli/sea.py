@@ -7,14 +7,16 @@ from swath_sysid.attitude.prediction.sea_state import sea_state
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.formats.sea_state import REMARKS, sea_as_data
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
 from swath_sysid.report.figures import save_figure
+from swath_sysid.report.fit_summary import warnings_as_data
 from swath_sysid.report.sea_figure import sea_figure
-from swath_sysid.report.sea_summary import REMARKS, sea_as_data, sea_in_words
+from swath_sysid.report.sea_summary import sea_in_words
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    """The record, and how to tell."""
+    """The record, and the form of the output."""
     parser.epilog = ' '.join(f'{remark[0].upper()}{remark[1:]}.' for remark in REMARKS)
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     add_reading_arguments(parser)
@@ -36,7 +38,8 @@ def run(arguments: Namespace) -> int:
     if arguments.plot:
         save_figure(sea_figure(found), arguments.plot)
     if arguments.json:
-        print(json.dumps(sea_as_data(found, trial.advice), indent=2))
+        data = {**sea_as_data(found), 'remarks': REMARKS, **warnings_as_data(trial.advice)}
+        print(json.dumps(data, indent=2))
     else:
         print('\n'.join(sea_in_words(found, arguments.record)))
     return 0

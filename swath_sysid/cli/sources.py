@@ -52,6 +52,21 @@ def finite(text: str) -> float:
     return value
 
 
+def assignment(text: str, example: str) -> tuple[str, float]:
+    """Name and value of ``NAME=VALUE``.
+
+    Raises
+    ------
+    InputError
+        It is not, or the value is not a finite number; the sentence gives the example.
+    """
+    name, _, value = text.partition('=')
+    try:
+        return name.strip(), finite(value)
+    except ValueError as error:
+        raise InputError(f"'{text}' is not NAME=VALUE: write, for example, {example}") from error
+
+
 def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> None:
     """Refuse a model file (``--output``) and a picture (``--plot``) that cannot be written, before any work."""
     check_outputs(
@@ -61,7 +76,7 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
 
 
 def read_trials(paths: Sequence[str], arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...]]:
-    """Read the trials of the command line and show what is to be told of them; of identical files the first counts.
+    """Read the trials of the command line and show the advice on them; of identical files the first counts.
 
     Returns
     -------

@@ -4,7 +4,7 @@ from dataclasses import fields
 
 from swath_sysid.attitude.identification.extinction import Particulars, TypeB
 from swath_sysid.cli.sources import finite
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 
 SOURCES = tuple(f.name for f in fields(TypeB))
 
@@ -62,8 +62,7 @@ def type_b_of(arguments: Namespace) -> TypeB:
     given = {}
     for text in arguments.uncertainty:
         name, _, share = text.partition('=')
-        if name not in SOURCES:
-            raise InputError(f"there is no source of uncertainty '{name}': choose from {', '.join(SOURCES)}")
+        check_choice(name, SOURCES, 'source of uncertainty')
         try:
             given[name] = float(share)
         except ValueError:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 class Advice:
     """A warning with what to do about it.
 
-    The sentence knows no command line and no node: those add by the code what their flags and parameters are
-    called (`swath_sysid.cli.advice_words`).
+    The sentence names neither flags nor parameters: the command line and the nodes add theirs by the code
+    (`swath_sysid.cli.advice_words`).
 
     Attributes
     ----------

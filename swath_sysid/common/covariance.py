@@ -37,7 +37,9 @@ def sandwich_covariance(
     Parameters
     ----------
     residuals : sequence of ndarray, shape (N_k,)
+        Of each record and channel.
     jacobians : sequence of ndarray, shape (N_k, p)
+        Their derivatives by the parameters.
     shortest_memory : int
         See `autocovariance`; samples.
 

@@ -1,4 +1,5 @@
 """The one error that callers show to users instead of a traceback."""
+from collections.abc import Collection
 
 
 class InputError(ValueError):
@@ -17,3 +18,24 @@ class InputError(ValueError):
     def __init__(self, message: str = '', code: str = '') -> None:
         super().__init__(message)
         self.code = code
+
+
+def check_choice(name: str, choices: Collection[str], kind: str) -> None:
+    """Refuse a name that is not among the choices.
+
+    Parameters
+    ----------
+    name : str
+        As given.
+    choices : collection of str
+        All there are.
+    kind : str
+        What the names name: ``'hull'``.
+
+    Raises
+    ------
+    InputError
+        The name is none of them; the sentence lists them.
+    """
+    if name not in choices:
+        raise InputError(f"there is no {kind} '{name}': choose from {', '.join(choices)}")

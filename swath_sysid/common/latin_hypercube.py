@@ -8,7 +8,9 @@ def latin_hypercube(rng, count, dimensions):
     Parameters
     ----------
     rng : numpy.random.Generator
+        A child of it is drawn from, as `scipy.stats.qmc` does.
     count, dimensions : int
+        Number of points, and of their coordinates.
 
     Returns
     -------

@@ -29,7 +29,7 @@ def weighting_noise(channels: Sequence[np.ndarray]) -> float:
 
 
 def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
-    """Tapered autocovariance of a residual, cut where it is no more than chance.
+    """Tapered autocovariance of a residual, cut where it is within chance.
 
     The cut is the empirical rule of Politis (2003): the first lag after which
     ``shortest_memory`` autocorrelations stay below ``2 sqrt(log10 N / N)``. The triangular taper
@@ -38,6 +38,7 @@ def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
     Parameters
     ----------
     residual : ndarray, shape (N,)
+        At an even rate.
     shortest_memory : int
         Lags that must be small; longer than a quarter period, at which an oscillating residual
         passes through zero.

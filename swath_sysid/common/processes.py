@@ -12,25 +12,27 @@ class SerialExecutor(Executor):
 
     def submit(self, function, /, *args, **kwargs):
         """Call the function; the future that is returned is done."""
-        future = Future()
+        future: Future = Future()
         try:
             future.set_result(function(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 - handed to whoever asks for the result
+        except Exception as error:  # noqa: BLE001 - raised again by the result
             future.set_exception(error)
         return future
 
 
 def results_in_order(function, tasks, count):
-    """The result of each task, in order, by so many processes.
+    """The result of each task, in order, by this many processes.
 
     This process begins at the front, the others, which take seconds to start, at the end.
 
     Parameters
     ----------
     function : callable
+        Of one argument; importable by another process.
     tasks : sequence
         Arguments of the function.
     count : int
+        Of processes, this one among them.
 
     Yields
     ------
@@ -42,17 +44,18 @@ def results_in_order(function, tasks, count):
     with _pool(min(count, len(tasks)) - 1) as executor:
         futures = [executor.submit(function, task) for task in reversed(tasks)]
         for task, future in zip(tasks, reversed(futures), strict=True):
-            # whatever nobody has begun can be taken back
+            # a task that has not begun can be cancelled
             yield function(task) if future.cancel() else future.result()
 
 
 @contextlib.contextmanager
 def processes(count):
-    """An executor on so many processes; one is this process.
+    """An executor on this many processes; one is this process.
 
     Parameters
     ----------
     count : int
+        Of processes.
 
     Yields
     ------

@@ -40,6 +40,7 @@ def noise_level(values: np.ndarray) -> float:
     Parameters
     ----------
     values : ndarray, shape (N,)
+        At an even rate.
 
     Returns
     -------
@@ -70,7 +71,9 @@ def spikes(values: np.ndarray, threshold: float = 10.0) -> np.ndarray:
     Parameters
     ----------
     values : ndarray, shape (N,)
+        At an even rate.
     threshold : float
+        Standard deviations of the noise.
 
     Returns
     -------
@@ -104,6 +107,7 @@ def bin_means(bins: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, ...]:
     bins : ndarray of int, shape (N,)
         Number of the bin of each sample, from zero.
     *columns : ndarray, shape (N,)
+        Values of the samples.
 
     Returns
     -------

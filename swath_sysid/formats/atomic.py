@@ -1,4 +1,4 @@
-"""Writing files so that nobody ever sees half of one."""
+"""Writing files so that no reader ever finds half of one."""
 import os
 import shutil
 import tempfile
@@ -12,7 +12,7 @@ from swath_sysid.common.errors import InputError
 def replacing(path):
     """A temporary name to write a file or a folder under, which takes the final name at the end.
 
-    The temporary lies in a hidden folder beside the final place, and bears the final name there.
+    The temporary file lies in a hidden folder beside the final place, under its final name.
     If the block raises, nothing is left behind and what was at `path` before stays. A symbolic link
     stays one: what it points at is replaced.
 

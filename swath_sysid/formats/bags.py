@@ -138,7 +138,7 @@ def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
 def read_imu(path, topic=None):
     """Read the messages of an IMU topic of a rosbag2 bag, as they are.
 
-    Of a bag that was cut off, what is whole is read, and advice tells so.
+    The whole part of a truncated bag is read, and advice says so.
 
     Parameters
     ----------
@@ -204,9 +204,11 @@ def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id=
     path : str or Path
         ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
     trial : Trial
+        In the axes of the craft.
     start_stamp_ns : int
         Stamp of the first sample.
     topic, frame_id : str
+        Of the messages.
 
     Raises
     ------
@@ -229,6 +231,7 @@ def imu_values(trial):
     Parameters
     ----------
     trial : Trial
+        In the axes of the craft.
 
     Returns
     -------
@@ -308,7 +311,7 @@ def _imu_layout(encoding, name_length, size):
         return None
     order = '<' if encoding[1] else '>'
     length = int.from_bytes(name_length, 'little' if encoding[1] else 'big')
-    # alignment counts from behind the four bytes that tell the encoding
+    # alignment counts from the end of the four bytes of the encapsulation header
     values = 4 + -(-(12 + length) // 8) * 8
     if not 1 <= length <= size or values + 8 * IMU_VALUES > size:
         return None
@@ -322,7 +325,7 @@ def _imu_layout(encoding, name_length, size):
 
 @contextmanager
 def opened_bag(path):
-    """The open readers of everything in a bag, in the order of recording, and what to tell of its state.
+    """The open readers of everything in a bag, in the order of recording, and advice about its state.
 
     Parameters
     ----------
@@ -345,7 +348,7 @@ def opened_bag(path):
 
 
 def _open_bag(path, stack):
-    """Readers of everything in a bag, opened, and what to tell of its state."""
+    """Readers of everything in a bag, opened, and advice about its state."""
     if not path.exists():
         raise InputError(f'there is no bag {path}: check the name')
     if path.is_dir():
@@ -362,7 +365,7 @@ def _open_folder(path, stack):
         except Exception as error:  # as above
             problem = str(error)
     if not files:
-        raise InputError(f'{path} is no rosbag2 bag that can be read ({_reason(path, problem)}): give a bag folder, or '
+        raise InputError(f'{path} is not a readable rosbag2 bag ({_reason(path, problem)}): give a bag folder, or '
                          f'a .mcap or .db3 file')
     readers, advice = [], [_damage(path, problem)]
     for file in files:

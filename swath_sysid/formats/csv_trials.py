@@ -60,10 +60,10 @@ LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}
 BROKEN_PACKETS, BROKEN_SHARE = 3, 0.002
 """So many values beyond all limits, or this part of them, may be broken packets."""
 
-LEAST_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7
+MIN_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7
 """Half the range of angles in rad of a craft that moves by 2 to 40 deg."""
 
-LEAST_SAMPLES_A_CYCLE = 8
+MIN_SAMPLES_A_CYCLE = 8
 """Noise of a sensor at rest turns faster."""
 
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3
@@ -112,6 +112,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     Parameters
     ----------
     path : str or Path
+        Of the file.
     frame : str, optional
         ``flu`` or ``frd``; by default what the file says of itself, else ``flu``.
     mounting : tuple of 3 floats
@@ -153,8 +154,8 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
     start = _first_finite(values[columns.index(times[0])]) * times[0].scale
     moved = trial.time + (start - trial.time[0]) if times[0].unit == 's' else trial.time
-    told = check_time_base(moved, swinging, path, times[0].name, times[0].unit)
-    return replace(trial, advice=(*trial.advice, *told))
+    found = check_time_base(moved, swinging, path, times[0].name, times[0].unit)
+    return replace(trial, advice=(*trial.advice, *found))
 
 
 def write_csv(path, trial):
@@ -163,7 +164,9 @@ def write_csv(path, trial):
     Parameters
     ----------
     path : str or Path
+        Replaced whole or not at all.
     trial : Trial
+        Each of its channels becomes a column.
 
     Raises
     ------
@@ -223,6 +226,7 @@ def refuse_doubled(path, names):
     Parameters
     ----------
     path : Path
+        Named in the error.
     names : sequence of str
         Of the columns that are read, as written.
 
@@ -277,7 +281,9 @@ def check_units(path, columns, values):
     Parameters
     ----------
     path : Path
+        Named in the error.
     columns : sequence of Column
+        Those that are read.
     values : sequence of ndarray, shape (N,)
         As written.
 
@@ -298,11 +304,12 @@ def check_units(path, columns, values):
 
 
 def small_angle_advice(columns, values):
-    """What to tell where all angles are called degrees and move as little as angles in rad do.
+    """Advice where all angles are declared in degrees but move as little as angles in rad do.
 
     Parameters
     ----------
     columns : sequence of Column
+        Those that are read.
     values : sequence of ndarray, shape (N,)
         As written.
 
@@ -314,11 +321,11 @@ def small_angle_advice(columns, values):
     angles = {column.name: row[np.isfinite(row)] for column, row in zip(columns, values, strict=True)
               if column.reading in LARGEST_ANGLES and column.unit == 'deg'}
     swings = {name: float(np.subtract(*np.percentile(row, [99, 1]))) / 2 for name, row in angles.items() if row.size}
-    if not swings or not LEAST_SWING_RAD < max(swings.values()) < LARGEST_SWING_RAD:
+    if not swings or not MIN_SWING_RAD < max(swings.values()) < LARGEST_SWING_RAD:
         return ()
-    name = max(swings, key=swings.get)
+    name = max(swings, key=lambda angle: swings[angle])
     samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
-    if samples_a_cycle is None or samples_a_cycle < LEAST_SAMPLES_A_CYCLE:
+    if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()
     return (Advice('hardly-moves', (
         f"'{shown(name)}' swings by {swings[name]:.2g} deg only: if it is in rad, call it "
@@ -377,13 +384,13 @@ def _first_finite(values):
 
 
 def _installation(path, remarks, frame, mounting):
-    """How the sensor sits: as given, else as the file says of itself."""
+    """The mounting of the sensor: as given, else as the file states."""
     if remarks.get('mounting_deg') and not any(mounting):
         parts = re.split(r'[,;\s]+', remarks['mounting_deg'].strip('[]() '))
         try:
             mounting = tuple(float(part) * ANGLE_UNITS['deg'] for part in parts)
         except ValueError as error:
-            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which are no three "
+            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which is not three "
                              f'angles: write it as 180, 0, 0') from error
     return Installation(frame or remarks.get('frame', 'flu').lower(), mounting)
 

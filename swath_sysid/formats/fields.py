@@ -91,9 +91,9 @@ def text(longest=LONGEST_TEXT, as_written=False):
         if as_written:
             value = getattr(where, 'written', None) or value
         if not isinstance(value, str):
-            raise FieldError(where, f": '{shown(value)}' is no text")
+            raise FieldError(where, f": '{shown(value)}' is not text")
         if len(value) > longest or not value.isprintable() or as_written and not value:
-            raise FieldError(where, f": '{shown(value)}' is no name: at most {longest} characters on one line")
+            raise FieldError(where, f": '{shown(value)}' is not a name: at most {longest} characters on one line")
         return value
 
     return check
@@ -170,6 +170,7 @@ def record(required, optional=None):
     Parameters
     ----------
     required, optional : dict of str to callable
+        Descriptions by the name of the field.
     """
     optional = optional or {}
     known = {**required, **optional}
@@ -204,6 +205,7 @@ def table_of(names, kind, description):
     Parameters
     ----------
     names : collection of str
+        Those that may occur.
     kind : str
         What a name stands for, in the errors.
     description : callable, or dict of str to callable
@@ -296,7 +298,7 @@ class ModelFormat:
         """
         content = plain_content(text, source)
         if not isinstance(content, dict) or content.get('format') != self.format:
-            raise InputError(f"{source} is no {self.kind}: its field 'format' is not '{self.format}'; {self.remedy}")
+            raise InputError(f"{source} is not a {self.kind}: its field 'format' is not '{self.format}'; {self.remedy}")
         version = content.get('version')
         # to Python True is 1
         if version != self.version or not isinstance(version, int) or isinstance(version, bool):
@@ -337,7 +339,9 @@ def covariance(rows, names, where):
         As the file has it. A quantity whose variance is not known has nothing but null in its row
         and column.
     names : sequence of str
+        Of the quantities.
     where : str
+        Named in the errors.
 
     Returns
     -------
@@ -371,29 +375,31 @@ def _check_positive(matrix, names, where):
     limits = np.outer(std, std) * (1.0 + PSD_ROUNDING)
     # first each alone, so that the division below cannot overflow
     if (np.abs(matrix) > limits).any():
-        raise InputError(f'{where}: a correlation is larger than one: it is no covariance')
+        raise InputError(f'{where}: a correlation is larger than one: this is not a covariance matrix')
     correlation = np.divide(matrix, limits, out=np.zeros_like(matrix), where=limits > 0.0)
     if np.abs(correlation - correlation.T).max(initial=0.0) > PSD_ROUNDING:
-        raise InputError(f'{where}: it is not symmetric: it is no covariance')
+        raise InputError(f'{where}: it is not symmetric, so it is not a covariance matrix')
     if matrix.size and np.linalg.eigvalsh(0.5 * (correlation + correlation.T))[0] < -PSD_ROUNDING * len(names):
-        raise InputError(f'{where}: some combination has a negative variance: it is no covariance')
+        raise InputError(f'{where}: some combination has a negative variance: this is not a covariance matrix')
 
 
-def check_std(told, variances, where):
+def check_std(stated, variances, where):
     """Refuse standard deviations that contradict their covariance.
 
     Parameters
     ----------
-    told : dict of str to float
+    stated : dict of str to float
         NaN where not known.
     variances : ndarray, shape (n,)
+        The diagonal of the covariance, in the same order.
     where : str
+        Named in the errors.
 
     Raises
     ------
     InputError
     """
-    for (name, std), variance in zip(told.items(), variances.tolist(), strict=True):
+    for (name, std), variance in zip(stated.items(), variances.tolist(), strict=True):
         expected = math.sqrt(variance) if variance == variance else math.nan
         if not (math.isclose(std, expected, rel_tol=STD_ROUNDING) or std != std and expected != expected):
             raise InputError(f'{where}, {name}: its std {std:g} is not that of the covariance, {expected:g}')

@@ -145,7 +145,9 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
     path : str or Path
         ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
     manoeuvre : Manoeuvre
+        Its inputs become the thrust commands.
     namespace : str
+        Before all topics.
     start_stamp_ns : int
         Stamp of the first sample.
     """
@@ -233,7 +235,7 @@ def _read(path, readers, topics, advice):
                 numbers = _numbers(message, connection.msgtype, names)
             except InputError:
                 raise
-            except Exception:  # the library raises whatever a broken byte leads it to; counted and told below
+            except Exception:  # the library raises whatever a broken byte leads it to; counted and reported below
                 damaged += 1
                 continue
             header = getattr(message, 'header', None)
@@ -288,7 +290,7 @@ def _clock_offset(odometry, path, advice):
             f'{path}: header stamps and times of arrival run apart, so that times of arrival are used for all topics: '
             f'record with one clock')))  # fmt: skip
         return None
-    # the least delayed messages tell the offset of the clocks
+    # the least delayed messages give the offset of the clocks
     return float(np.quantile(difference, 0.9))
 
 

@@ -62,6 +62,7 @@ def read_manoeuvring_csv(path, frame=None):
     Parameters
     ----------
     path : str or Path
+        Of the file.
     frame : str, optional
         ``enu`` or ``ned``; by default what the file states, else not stated.
 
@@ -106,8 +107,11 @@ def write_manoeuvring_csv(path, manoeuvre, model, water_track=False):
     Parameters
     ----------
     path : str or Path
+        Replaced whole or not at all.
     manoeuvre : Manoeuvre
+        What is written.
     model : ManoeuvringModel
+        Says whether the inputs are forces or commands.
     water_track : bool
         Write u and v through the water for surge and sway instead of those over ground.
     """

@@ -18,7 +18,9 @@ def odometry_message(state, frame_id, child_frame_id, stamp=None):
     Parameters
     ----------
     state : ManoeuvreState
+        Measured or forecast.
     frame_id, child_frame_id : str
+        Of the message.
     stamp : int, optional
         ns; by default that of the state.
     """

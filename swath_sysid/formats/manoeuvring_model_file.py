@@ -64,6 +64,7 @@ def manoeuvring_to_yaml(identified):
     Parameters
     ----------
     identified : IdentifiedManoeuvringModel
+        Written whole, with uncertainty and provenance.
 
     Returns
     -------
@@ -95,6 +96,7 @@ def manoeuvring_from_yaml(text, source='the model'):
     Parameters
     ----------
     text : str
+        Any text.
     source : str
         Named in the errors.
 
@@ -114,11 +116,11 @@ def manoeuvring_from_yaml(text, source='the model'):
     region = Region(**content['region'])
     if not (region.slowest <= region.fastest and region.least_input <= region.most_input):
         raise InputError(f'{source}, region: slowest and least_input must not exceed fastest and most_input')
-    # YAML knows no empty table, only an empty list
+    # YAML has no empty table, only an empty list
     matrix = covariance(content['covariance'], names, f'{source}, covariance')
     # the current has no std of its own in the file
-    told = {name: content['parameters'][name]['std'] for name in names if name in content['parameters']}
-    check_std(told, np.diag(matrix)[[names.index(name) for name in told]], source)
+    stated = {name: content['parameters'][name]['std'] for name in names if name in content['parameters']}
+    check_std(stated, np.diag(matrix)[[names.index(name) for name in stated]], source)
     return IdentifiedManoeuvringModel(
         built(lambda: _model_of(content), source), names, matrix, np.array(content['noise']), region,
         content['metrics'], content['provenance'], _forecast_of(content.get('forecast'), f'{source}, forecast'),

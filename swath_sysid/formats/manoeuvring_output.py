@@ -18,7 +18,9 @@ def play_manoeuvres(trial, settings, identified=None):
     trial : ManoeuvringTrial
         Of a bag, in ENU, with everything that an odometry holds.
     settings : ManoeuvreOutlookSettings
+        Those of the live node.
     identified : IdentifiedManoeuvringModel, optional
+        By default none: then there are no forecasts.
 
     Yields
     ------
@@ -62,8 +64,11 @@ def write_forecasts(path, forecasts, leads, namespace=''):
     path : str or Path
         ``NAME.mcap``.
     forecasts : iterable of (float, OutlookStep)
+        Stamp, s, and what was forecast then.
     leads : sequence of float
+        s.
     namespace : str
+        Before all topics.
 
     Returns
     -------

@@ -39,8 +39,8 @@ def _number(file, at, size=4):
 def damage_of(path):
     """Whether records go beyond the file, and which check sums of the data section and of the summary do not hold.
 
-    Check sums of the chunks are looked at where the chunks are read. Lengths come first: who believes a broken one
-    asks for as much memory.
+    Check sums of the chunks are checked where the chunks are read. Lengths are checked first, because a
+    corrupt one would have as much memory allocated.
 
     Parameters
     ----------
@@ -99,6 +99,7 @@ def copy_whole_records(path, target):
     Parameters
     ----------
     path, target : Path
+        Read and written.
     """
     size = path.stat().st_size
     with open(path, 'rb') as source, open(target, 'wb') as copy:

@@ -12,20 +12,7 @@ from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficien
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.topics import (
-    ACCELERATION,
-    CALM_TOPIC,
-    IMU,
-    ODOMETRY,
-    STRING,
-    TRAJECTORY,
-    TYPES,
-    WINDOW_TOPIC,
-    point_acceleration_topic,
-    point_horizon_topic,
-    point_lead_topic,
-)
-from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE, UNKNOWN_RATE_VARIANCE
+from swath_sysid.formats.topics import IMU, STRING, TYPES, WINDOW_TOPIC
 
 SECOND_NS = 1_000_000_000
 FLOAT64 = 8
@@ -66,7 +53,7 @@ def header(stamp_ns, frame_id):
     return make('std_msgs/msg/Header', make('builtin_interfaces/msg/Time', seconds, rest), frame_id)
 
 
-class _Template:
+class Template:
     """A serialised message in which stamp and doubles are replaced: messages of one shape differ in nothing else.
 
     Serialising each costs 20 us to 1 ms, this 5 us.
@@ -104,7 +91,7 @@ class ImuMessage:
 
     def __init__(self, frame_id):
         vector = 'geometry_msgs/msg/Vector3'
-        self._template = _Template(lambda v: make(
+        self._template = Template(lambda v: make(
             IMU, header(0, frame_id),
             make('geometry_msgs/msg/Quaternion', *v[ORIENTATION]), v[ORIENTATION_COVARIANCE],
             make(vector, *v[RATES]), v[RATES_COVARIANCE], make(vector, *v[FORCE]), v[FORCE_COVARIANCE],
@@ -141,6 +128,12 @@ def stamp_ns(stamp):
     return stamp.sec * SECOND_NS + stamp.nanosec
 
 
+def raw_stamp_ns(raw):
+    """The stamp, in nanoseconds, of a serialised message that begins with a header, without reading the rest."""
+    seconds, rest = _STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
+    return seconds * SECOND_NS + rest
+
+
 def horizon_message(horizon, frame_id):
     """The trajectory_msgs/JointTrajectory of a `HorizonForecast`."""
     values = np.concatenate([horizon.positions, horizon.velocities], axis=1).ravel()
@@ -159,93 +152,15 @@ def _horizon_template(columns, leads_ns, frame_id):
                 make('trajectory_msgs/msg/JointTrajectoryPoint', angles, rates, nothing, nothing, duration))
         return make('trajectory_msgs/msg/JointTrajectory', header(0, frame_id), list(columns), points)
 
-    return _Template(message_of, 2 * len(columns) * len(leads_ns))
+    return Template(message_of, 2 * len(columns) * len(leads_ns))
 
 
-class PointMessages:
-    """The messages of named points and of windows of calm.
-
-    Parameters
-    ----------
-    frame_id : str
-        Of the craft; the level frame that moves with its mean is ``FRAME_level``.
-    """
-
-    def __init__(self, frame_id):
-        self._level = f'{frame_id}_level'
-        self._templates = {}
-
-    def of(self, step):
-        """What a step of the pipeline says of points and calm.
-
-        Parameters
-        ----------
-        step : PipelineStep
-
-        Yields
-        ------
-        (str, bytes)
-            Topic and message.
-        """
-        for point in step.points():
-            yield point_lead_topic(point.name, point.lead), self._filled(_odometry, point.name, point.stamp_ns, (
-                *point.position, *point.orientation, *point.pose_covariance.ravel().tolist(),
-                *point.linear, *point.angular, *point.twist_covariance.ravel().tolist(),
-            ))  # fmt: skip
-            covariance = np.diag([
-                *2 * (UNKNOWN_PLACE_VARIANCE,), point.acceleration_variance, *3 * (UNKNOWN_RATE_VARIANCE,)
-            ])  # fmt: skip
-            yield point_acceleration_topic(point.name, point.lead), self._filled(
-                _acceleration, point.name, point.stamp_ns, (0.0, 0.0, point.acceleration, *covariance.ravel().tolist())
-            )
-        horizon = step.horizon
-        if horizon is None:
-            return
-        leads_ns = tuple(np.round(horizon.leads * SECOND_NS).astype(int).tolist())
-        for name, motion in horizon.points.items():
-            deviation = np.sqrt(np.diagonal(motion.covariance, axis1=1, axis2=2)[:, :3])
-            values = np.stack([motion.mean, deviation], axis=2).ravel()
-            yield point_horizon_topic(name), self._filled(_point_horizon, leads_ns, step.stamp_ns, values)
-        if step.quiescence is not None:
-            calm = horizon.calm
-            times = () if calm is None else (round(calm.begin * SECOND_NS), round(calm.end * SECOND_NS))
-            points = [_trajectory_point(time, [calm.probability]) for time in times]
-            yield CALM_TOPIC, serialised(make(
-                TRAJECTORY, header(step.stamp_ns, self._level), ['probability'], points
-            ))  # fmt: skip
-
-    def _filled(self, message_of, key, stamp_ns, values):
-        if (message_of, key) not in self._templates:
-            self._templates[message_of, key] = _Template(lambda v: message_of(v, self._level, key), len(values))
-        return self._templates[message_of, key].filled(stamp_ns, values)
-
-
-def _odometry(v, level, point):
-    vector = 'geometry_msgs/msg/Vector3'
-    pose = make('geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', *v[:3]),
-                make('geometry_msgs/msg/Quaternion', *v[3:7]))  # fmt: skip
-    twist = make('geometry_msgs/msg/Twist', make(vector, *v[43:46]), make(vector, *v[46:49]))
-    return make(
-        ODOMETRY, header(0, level), point, make('geometry_msgs/msg/PoseWithCovariance', pose, v[7:43]),
-        make('geometry_msgs/msg/TwistWithCovariance', twist, v[49:85]),
-    )  # fmt: skip
-
-
-def _acceleration(v, level, _):
-    vector = 'geometry_msgs/msg/Vector3'
-    both = make('geometry_msgs/msg/Accel', make(vector, *v[:3]), make(vector, 0.0, 0.0, 0.0))
-    return make(ACCELERATION, header(0, level), make('geometry_msgs/msg/AccelWithCovariance', both, v[3:39]))
-
-
-def _point_horizon(v, level, leads_ns):
-    points = [_trajectory_point(lead, *row) for lead, row in zip(leads_ns, v.reshape(-1, 3, 2), strict=True)]
-    return make(TRAJECTORY, header(0, level), ['heave', 'heave_std'], points)
-
-
-def _trajectory_point(time_ns, position, velocity=(), acceleration=()):
-    arrays = [np.asarray(part, dtype=float) for part in (position, velocity, acceleration, ())]
-    duration = make('builtin_interfaces/msg/Duration', *divmod(time_ns, SECOND_NS))
-    return make('trajectory_msgs/msg/JointTrajectoryPoint', *arrays, duration)
+def trajectory_values(message):
+    """Stamp and times from it, ns, columns, and the positions of each time in turn, of a JointTrajectory."""
+    return (
+        stamp_ns(message.header.stamp), [stamp_ns(point.time_from_start) for point in message.points],
+        list(message.joint_names), [value for point in message.points for value in point.positions],
+    )
 
 
 def window_message(table, frame_id):
@@ -317,9 +232,11 @@ def diagnostics_message(stamp_ns, statuses, hardware_id=''):
     Parameters
     ----------
     stamp_ns : int
+        Of the header.
     statuses : sequence of (int, str, str, dict of str to str)
         Level, name, message and values of each.
     hardware_id : str
+        Of every status.
     """
     return serialised(make('diagnostic_msgs/msg/DiagnosticArray', header(stamp_ns, ''), [
         make('diagnostic_msgs/msg/DiagnosticStatus', level, name, message, hardware_id,

@@ -105,7 +105,7 @@ def model_from_yaml(text, source='the model'):
 
 
 def description_from_yaml(text, source='the model'):
-    """Models and schedules of a model file's text, whoever wrote it.
+    """Models and schedules of a model file's text, which need not be of this software.
 
     Parameters
     ----------

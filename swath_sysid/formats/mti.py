@@ -48,6 +48,7 @@ def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     Parameters
     ----------
     path : str or Path
+        Of the file.
     frame : str, optional
         ``flu`` (default: what an MTi sends as delivered, in ENU) or ``frd``.
     mounting : tuple of 3 floats

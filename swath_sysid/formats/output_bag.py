@@ -8,14 +8,12 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.forecast_output import ForecastMessages
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.messages import (
     ImuMessage,
-    PointMessages,
     coefficients_message,
     diagnostics_message,
-    horizon_message,
-    number_message,
     text_message,
     typestore,
     window_message,
@@ -25,14 +23,10 @@ from swath_sysid.formats.topics import (
     COEFFICIENTS_TOPIC,
     DESCRIPTION_TOPIC,
     DIAGNOSTICS_TOPIC,
-    HORIZON_TOPIC,
     IMU_TOPIC,
     LATCHED_TOPICS,
     NEXT_TOPIC,
-    QUIESCENCE_TOPIC,
-    TYPES,
     WINDOW_TOPIC,
-    lead_topic,
     type_of,
 )
 
@@ -80,7 +74,7 @@ def writing_bag(path):
 
 
 @contextmanager
-def writing_output_bag(path, *, frame_id='base_link', namespace=''):
+def writing_output_bag(path, *, frame_id='base_link', namespace='', frames_at=()):
     """An `OutputBag` that takes its final name at the end; see `writing_bag`.
 
     Parameters
@@ -91,6 +85,8 @@ def writing_output_bag(path, *, frame_id='base_link', namespace=''):
         Of all messages of attitude with a header.
     namespace : str
         Of the topics.
+    frames_at : sequence of float
+        See `ForecastMessages`.
 
     Yields
     ------
@@ -104,7 +100,7 @@ def writing_output_bag(path, *, frame_id='base_link', namespace=''):
     if not str(path).endswith('.mcap'):
         raise InputError(f"the messages are written as mcap: give an output name that ends in .mcap, not '{path}'")
     with writing_bag(path) as add:
-        yield OutputBag(add, frame_id, namespace)
+        yield OutputBag(add, frame_id, namespace, frames_at)
 
 
 class OutputBag:
@@ -116,14 +112,16 @@ class OutputBag:
         See `writing_bag`.
     frame_id : str
     namespace : str
+    frames_at : sequence of float
+        See `ForecastMessages`.
     """
 
-    def __init__(self, add, frame_id='base_link', namespace=''):
+    def __init__(self, add, frame_id='base_link', namespace='', frames_at=()):
         self._add = add
         self._frame_id = frame_id
         self._prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
         self._imu = ImuMessage(frame_id)
-        self._points = PointMessages(frame_id)
+        self._forecasts = ForecastMessages(frame_id, frames_at)
         self.counts = {}
 
     def add(self, topic, time_ns, raw):
@@ -139,19 +137,14 @@ class OutputBag:
         Parameters
         ----------
         played : Played
+            In the order of publishing.
         """
         time_ns, step = played.stamp_ns, played.step
         if played.models is not None:
             self.add_models(time_ns, played.models)
         if step.next is not None:
-            self.add(NEXT_TOPIC, time_ns, self._imu.filled(step.next))
-        for lead, forecast in step.attitudes():
-            self.add(lead_topic(lead), time_ns, self._imu.filled(forecast))
-        if step.horizon is not None:
-            self.add(HORIZON_TOPIC, time_ns, horizon_message(step.trajectory(), self._frame_id))
-        if step.quiescence is not None:
-            self.add(QUIESCENCE_TOPIC, time_ns, number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC]))
-        for topic, raw in self._points.of(step):
+            self.add(NEXT_TOPIC, time_ns, self._forecasts.attitude(step.next))
+        for topic, raw in self._forecasts.of(step):
             self.add(topic, time_ns, raw)
         if played.window is not None:
             self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._frame_id))
@@ -178,6 +171,7 @@ def offered_qos(latched, reliable):
     latched : bool
         Transient local.
     reliable : bool
+        Else best effort.
 
     Returns
     -------

@@ -83,6 +83,7 @@ def refuse_inputs_among(paths, inputs):
     paths : iterable of Path
         Files and folders that will be written.
     inputs : iterable of str or Path
+        Files and folders that are read.
 
     Raises
     ------
@@ -112,7 +113,7 @@ def _check_name(output):
     try:
         os.stat(output.path)
     except ValueError as error:
-        raise InputError(f'{output.option} is no name ({error}): choose another') from error
+        raise InputError(f'{output.option} is not a file name ({error}): choose another') from error
     except OSError as error:
         if error.errno in (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.ENOTDIR):
             shown = str(output.path)
@@ -137,7 +138,7 @@ def _check_target(output):
     path = Path(output.path)
     if output.is_folder:
         if path.exists() and not path.is_dir():
-            raise InputError(f'{output.option} {path} is no folder: choose another name')
+            raise InputError(f'{output.option} {path} is not a folder: choose another name')
         if path.is_dir() and _is_bag(path):
             raise InputError(f'{output.option} {path} is a rosbag2 bag: choose a folder of its own')
         return
@@ -174,7 +175,7 @@ def _check_folder(output):
     while not folder.exists():
         folder = folder.parent
     if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f'cannot write {output.path}: {folder} is no folder that may be written to; choose another')
+        raise InputError(f'cannot write {output.path}: {folder} is not writable; choose another folder')
 
 
 def _are_same(first, second):

@@ -28,6 +28,7 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
     Parameters
     ----------
     path : str or Path
+        Of a file or a bag folder.
     topic : str, optional
         The IMU topic, for bags that hold several.
     frame : str, optional
@@ -52,7 +53,7 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
         if not path.exists():
             raise InputError(f'there is no file {path}: check the name')
         if not path.is_file() and not path.is_dir():
-            raise InputError(f'{path} is no regular file: give a trial file or a bag folder')
+            raise InputError(f'{path} is not a regular file: give a trial file or a bag folder')
         if is_bag(path):
             return read_bag(path, topic, frame, mounting)
         if path.is_dir():
@@ -72,6 +73,7 @@ def source_hash(path):
     Parameters
     ----------
     path : str or Path
+        Of a file or a bag folder.
 
     Returns
     -------

@@ -31,7 +31,7 @@ LARGEST_RECODED = 1 << 27
 """Bytes of a file in UTF-16 that are read; a longer one is to be saved in UTF-8."""
 
 LONGEST_LINE = 1 << 20
-"""Bytes; a longer line is no row of a table."""
+"""Bytes; a longer line is not a row of a table."""
 
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
@@ -78,12 +78,13 @@ class TableHead:
 def read_head(path):
     """What stands above the numbers of a table.
 
-    The names are on the first line that is no comment; if that line is numbers already, on the
+    The names are on the first line that is not a comment; if that line is numbers already, on the
     last comment line (as numpy.savetxt writes them).
 
     Parameters
     ----------
     path : Path
+        Of the table.
 
     Returns
     -------
@@ -136,7 +137,9 @@ def read_columns(path, head, indices):
     Parameters
     ----------
     path : Path
+        Of the table.
     head : TableHead
+        Of `read_head`.
     indices : sequence of int
         Which columns, from 0.
 
@@ -235,7 +238,7 @@ class _BlockParser:
         if self.text_cells:
             line, column, cell = self.first_text
             advice.append(Advice('text-in-numbers', (
-                f"{self.text_cells} cells that are no numbers taken as missing, the first '{shown(cell)}' in line "
+                f"{self.text_cells} cells that are not numbers taken as missing, the first '{shown(cell)}' in line "
                 f'{line}, column {shown(column)}: correct them if they matter'
             )))
         if self.short_rows:

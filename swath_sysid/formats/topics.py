@@ -13,8 +13,10 @@ NEXT_TOPIC = 'forecast/next'
 HORIZON_TOPIC = 'forecast/horizon'
 QUIESCENCE_TOPIC = 'forecast/quiescence'
 CALM_TOPIC = 'forecast/calm'
+SEA_TOPIC = 'sea/state'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 PATH_TOPIC = 'manoeuvring/forecast'
+FRAMES_TOPIC = '/tf'
 
 LEADS, MANOEUVRING_LEADS = 'forecast/lead_', 'manoeuvring/lead_'
 """How the topics of forecasts at one lead begin."""
@@ -28,11 +30,13 @@ TYPES = {
     HORIZON_TOPIC: TRAJECTORY,
     QUIESCENCE_TOPIC: 'std_msgs/msg/Float32',
     CALM_TOPIC: TRAJECTORY,
+    SEA_TOPIC: STRING,
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
     PATH_TOPIC: PATH,
+    FRAMES_TOPIC: 'tf2_msgs/msg/TFMessage',
 }
 
-LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPIC)
+LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPIC, SEA_TOPIC)
 """Transient local: a late subscriber gets the last one."""
 
 
@@ -60,6 +64,11 @@ def point_acceleration_topic(point, lead):
 def point_horizon_topic(point):
     """Topic of a named point's motion over the horizon: ``forecast/bow/horizon``."""
     return f'forecast/{point}/horizon'
+
+
+def frame_at(frame_id, lead):
+    """Name of the craft's predicted frame at a lead, s: ``base_link_in_1_0s``."""
+    return _at(f'{frame_id}_in_', lead)
 
 
 def manoeuvring_lead_topic(lead):

@@ -22,8 +22,8 @@ LARGEST_TEXT = 256 * 1024
 DEEPEST = 20
 """Lists and mappings inside each other; the deepest that is written here has nine."""
 
-MOST_VALUES = 8_000
-"""A model of both axes scheduled on five drafts has about 2,200; so many are read within 25 ms."""
+MAX_VALUES = 8_000
+"""A model of both axes scheduled on five drafts has about 2,200; that many are read within 25 ms."""
 
 LONGEST_NUMBER = 40
 """Characters; a float has at most 24, and nothing that is counted here has 39 digits."""
@@ -55,6 +55,7 @@ def text_of(path, what='model file'):
     Parameters
     ----------
     path : str or Path
+        Of the file.
     what : str
         What it should be, for the errors.
 
@@ -65,13 +66,13 @@ def text_of(path, what='model file'):
     Raises
     ------
     InputError
-        It cannot be read, is no regular file, is larger than `LARGEST_TEXT`, or is not UTF-8.
+        It cannot be read, is not a regular file, is larger than `LARGEST_TEXT`, or is not UTF-8.
     """
     try:
         # before it is opened: a pipe would wait for ever
         status = os.stat(path)
         if not stat.S_ISREG(status.st_mode):
-            kind = 'a folder' if stat.S_ISDIR(status.st_mode) else 'no regular file'
+            kind = 'a folder' if stat.S_ISDIR(status.st_mode) else 'a special file'
             raise InputError(f'{path} is {kind}, not a {what}: give the name of the file')
         with open(path, 'rb') as file:
             content = file.read(LARGEST_TEXT + 1)
@@ -82,11 +83,11 @@ def text_of(path, what='model file'):
             raise
         raise InputError(f'cannot read the {what} {shown(repr(str(path)))}: no file has such a name') from error
     if len(content) > LARGEST_TEXT:
-        raise InputError(f'{path} is no {what}: it is larger than {LARGEST_TEXT // 1024} kB')
+        raise InputError(f'{path} is not a {what}: it is larger than {LARGEST_TEXT // 1024} kB')
     try:
         return content.decode('utf-8')
     except UnicodeDecodeError as error:
-        raise InputError(f'{path} is no {what}: it is not text in UTF-8') from error
+        raise InputError(f'{path} is not a {what}: it is not text in UTF-8') from error
 
 
 def plain_content(text, source):
@@ -95,6 +96,7 @@ def plain_content(text, source):
     Parameters
     ----------
     text : str
+        Any text.
     source : str
         Named in the errors.
 
@@ -113,11 +115,12 @@ def plain_content(text, source):
 
 
 def parsed(text, source):
-    """The nodes of a YAML text, each with its line; for those who tell of lines.
+    """The nodes of a YAML text, each with its line, for messages that name lines.
 
     Parameters
     ----------
     text : str
+        Any text.
     source : str
         Named in the errors.
 
@@ -168,6 +171,7 @@ def scalar_value(node):
     Parameters
     ----------
     node : yaml.ScalarNode
+        Of `parsed`.
 
     Raises
     ------
@@ -183,8 +187,8 @@ def scalar_value(node):
         return text in _TRUE
     if len(text) > LONGEST_NUMBER:
         if _LIKE_A_NUMBER.fullmatch(text):
-            told = f'{shown(text)} is a number of {len(text)} characters'
-            raise InputError(f'{told}: {LONGEST_NUMBER} are enough for any')
+            found = f'{shown(text)} is a number of {len(text)} characters'
+            raise InputError(f'{found}: {LONGEST_NUMBER} are enough for any')
         return text
     if _INTEGER.fullmatch(text):
         return int(text)
@@ -229,7 +233,7 @@ def _finite_or_null(value):
 
 
 def _check_text(text, source):
-    too_large = f'{source} is larger than {LARGEST_TEXT // 1024} kB: that is no file of this software'
+    too_large = f'{source} is larger than {LARGEST_TEXT // 1024} kB: this is not a file of this software'
     if len(text) > LARGEST_TEXT:
         raise InputError(too_large)
     try:
@@ -249,10 +253,10 @@ def _check_event(event, values, depth, source):
         wrong = 'anchors (&) and aliases (*) are not understood: write the values out'
     elif event.tag is not None:
         wrong = f'the tag {shown(event.tag)} is not understood: leave it out'
-    elif values > MOST_VALUES:
-        wrong = f'more than {MOST_VALUES} values: that is no file of this software'
+    elif values > MAX_VALUES:
+        wrong = f'more than {MAX_VALUES} values: this is not a file of this software'
     elif depth >= DEEPEST and isinstance(event, _BRANCHES):
-        wrong = f'lists and mappings lie more than {DEEPEST} deep: that is no file of this software'
+        wrong = f'lists and mappings lie more than {DEEPEST} deep: this is not a file of this software'
     if wrong is not None:
         raise InputError(f'{source}, line {line_of(event)}: {wrong}')
 
@@ -273,6 +277,8 @@ def located(node, source, name=None):
         Of `parsed`.
     source : str
         Named in the errors.
+    name : str, optional
+        The field it belongs to.
 
     Returns
     -------

@@ -10,9 +10,9 @@ from swath_sysid.nodes.predictor import Predictor
 def main(args: list[str] | None = None) -> int:
     """Run imu_buffer, predictor and identifier until a signal comes; returns the exit code.
 
-    Those that hear the sensor share the executor with the least delay. The identifier's services
+    Those that subscribe to the sensor share the executor with the least delay. The identifier's services
     wait for its worker, which that executor cannot do, so it has one of its own in a second thread;
     it is idle but for a window now and then.
     """
-    # the predictor first: it hears each sample before the buffer does
+    # the predictor first: it gets each sample before the buffer does
     return run([(events_executor, [Predictor, ImuBuffer]), (SingleThreadedExecutor, [Identifier])], args)

@@ -80,7 +80,7 @@ class Listener(Node):
         self._release = self.create_client(Trigger, 'simulated_craft/release')
 
     def is_ready(self) -> bool:
-        """Whether the craft, the forecasts and the identifier can all be heard."""
+        """Whether the craft, the forecasts and the identifier all publish."""
         heard = self.heard
         nodes = {name.partition(':')[0] for name in heard.diagnostics}
         streams = (heard.angles, heard.nexts, *heard.forecasts.values())

@@ -102,7 +102,7 @@ class IdentificationNode(Node):
         return self._done(work, self._ended)
 
     def begin(self, work: Callable[[], Awaitable[Answer]]) -> None:
-        """Have a work done that nobody waits for; not while another one is."""
+        """Start work that no caller waits for; not while other work runs."""
         executor = self.executor
         if executor is not None:
             self._ended = Future()

@@ -6,12 +6,13 @@ from rclpy.executors import SingleThreadedExecutor
 from swath_sysid import __version__
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit, warm_up, window_provenance
 from swath_sysid.attitude.motion.window import MotionTable
+from swath_sysid.formats.topics import WINDOW_TOPIC
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.model_publisher import ModelPublisher
 from swath_sysid.nodes.parameters.identifier import TABLE, refit_settings
 from swath_sysid.nodes.window_client import WindowClient
-from swath_sysid.pipeline.health import Report
+from swath_sysid.pipeline.health import Report, stability_report
 
 
 class Identifier(IdentificationNode):
@@ -26,6 +27,12 @@ class Identifier(IdentificationNode):
         self.serve(warm_up)
         if self.refitter.models:
             self._models.publish(self.refitter.models)
+        if self.parameters['identify_interval_s']:
+            self.create_timer(self.parameters['identify_interval_s'], self._identify_unasked)
+
+    def _identify_unasked(self) -> None:
+        if not self.busy:
+            self.begin(self.identify)
 
     def change(self, settings: RefitSettings) -> None:
         """Refit as set from now on."""
@@ -47,7 +54,10 @@ class Identifier(IdentificationNode):
 
     def reports(self) -> list[Report]:
         """The status of now."""
-        return [self.health.report(self.refitter.described, self.refitter.steps_back, self.busy)]
+        return [
+            self.health.report(self.refitter.described, self.refitter.steps_back, self.busy),
+            stability_report(self.refitter.stability),
+        ]
 
     def when_free(self) -> None:
         """Refit on a window that came meanwhile."""
@@ -66,7 +76,8 @@ class Identifier(IdentificationNode):
             self.when_free()
 
     async def _refit(self, table: MotionTable) -> Answer:
-        request = self.refitter.request(table, window_provenance(table, f'swath_sysid {__version__}'))
+        provenance = window_provenance(table, {'topic': WINDOW_TOPIC}, f'swath_sysid {__version__}')
+        request = self.refitter.request(table, provenance)
         outcome, problem = await self.carried_out(refit, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message

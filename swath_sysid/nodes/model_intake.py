@@ -7,10 +7,10 @@ from typing import Any
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
 
-MOST_WAITING = 16
+MAX_WAITING = 16
 """Texts; of a flood the oldest are passed over, as they are superseded anyway."""
 
-MOST_ENDINGS = 1000
+MAX_ENDINGS = 1000
 """Refusals and models that wait to be taken: more than are read between two diagnostics."""
 
 LONGEST_SENTENCE = 300
@@ -30,8 +30,8 @@ class ModelIntake:
     def __init__(self, read: Callable, on_refused: Callable[[str], None]):
         self._read = read
         self._on_refused = on_refused
-        self._waiting: deque[str] = deque(maxlen=MOST_WAITING)
-        self._endings: deque[tuple[Any, str | None]] = deque(maxlen=MOST_ENDINGS)
+        self._waiting: deque[str] = deque(maxlen=MAX_WAITING)
+        self._endings: deque[tuple[Any, str | None]] = deque(maxlen=MAX_ENDINGS)
         self._come = threading.Semaphore(0)
         self._closing = False
         self._thread = threading.Thread(target=self._serve, name='model intake', daemon=True)
@@ -72,6 +72,6 @@ class ModelIntake:
             return self._read(text), None
         except InputError as error:
             refusal = str(error)
-        except Exception as error:  # whatever a text does, the node tells it and lives
+        except Exception as error:  # whatever a text causes, the node reports it and goes on
             refusal = f'{type(error).__name__}: {error}'
         return None, refusal[:LONGEST_SENTENCE]

@@ -2,51 +2,26 @@
 import sys
 from time import perf_counter
 
-from geometry_msgs.msg import AccelWithCovarianceStamped
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
-from std_msgs.msg import Float32, Float64, String
-from trajectory_msgs.msg import JointTrajectory
+from std_msgs.msg import Float64, String
 
 from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
-from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import PointMessages, number_message
 from swath_sysid.formats.model_file import description_from_yaml
-from swath_sysid.formats.topics import (
-    CALM_TOPIC,
-    DESCRIPTION_TOPIC,
-    HORIZON_TOPIC,
-    NEXT_TOPIC,
-    QUIESCENCE_TOPIC,
-    TYPES,
-    lead_topic,
-    point_acceleration_topic,
-    point_horizon_topic,
-    point_lead_topic,
-)
+from swath_sysid.formats.topics import DESCRIPTION_TOPIC
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
-from swath_sysid.nodes.messages import AttitudeMessage, horizon_message, imu_reading
+from swath_sysid.nodes.forecast_publishers import ForecastPublishers
+from swath_sysid.nodes.messages import imu_reading
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import TABLE, further, pipeline_settings
-from swath_sysid.nodes.qos import (
-    IMU_TOPIC,
-    LATCHED,
-    NEWEST,
-    imu_subscription,
-    waiting,
-    watched_publisher,
-    watched_subscription,
-)
+from swath_sysid.nodes.parameters.predictor import TABLE, frames_at, further, pipeline_settings
+from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.pipeline.forecast_health import PredictorHealth
-from swath_sysid.pipeline.forecast_messages import AttitudeForecast
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
@@ -63,19 +38,10 @@ class Predictor(Node):
         self.pipeline = ForecastPipeline(self.parameters.settings)
         self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger())
-        self._message = AttitudeMessage(self.parameters['frame_id'])
-        self._next = watched_publisher(self, Imu, NEXT_TOPIC, NEWEST, self.health)
-        self._leads = {
-            lead: watched_publisher(self, Imu, lead_topic(lead), NEWEST, self.health)
-            for lead in self.parameters['leads_s']
-        }
-        self._horizon = watched_publisher(self, JointTrajectory, HORIZON_TOPIC, NEWEST, self.health)
-        self._quiescence = watched_publisher(self, Float32, QUIESCENCE_TOPIC, NEWEST, self.health)
-        self._points = PointMessages(self.parameters['frame_id'])
-        self._of_points = {
-            topic: watched_publisher(self, kind, topic, qos, self.health)
-            for topic, kind, qos in point_topics(self.parameters.settings.forecaster)
-        }
+        self._forecasts = ForecastPublishers(
+            self, self.parameters.settings.forecaster, self.parameters['frame_id'], self.health,
+            frames_at(self.parameters['frames_at_s']),
+        )
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
         self._intake = ModelIntake(described, self._refuse_model)
@@ -106,24 +72,13 @@ class Predictor(Node):
 
     def _add(self, reading: ImuReading, is_passed_over: bool) -> None:
         self.sea.hand_over(reading.stamp_ns)
-        step = self.pipeline.add(reading, None if is_passed_over else self._publish_next)
+        step = self.pipeline.add(reading, None if is_passed_over else self._forecasts.publish_next)
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
             self.health.note(PASSED_OVER)
             return
-        for lead, forecast in step.attitudes():
-            self._leads[lead].publish(self._message.filled(forecast))
-        if step.horizon is not None:
-            self._horizon.publish(horizon_message(step.trajectory(), self.parameters['frame_id']))
-        if step.quiescence is not None:
-            self._quiescence.publish(number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC]))
-
-        for topic, raw in self._points.of(step):
-            self._of_points[topic].publish(raw)
-
-    def _publish_next(self, forecast: AttitudeForecast) -> None:
-        self._next.publish(self._message.filled(forecast))
+        self._forecasts.publish(step)
 
     def _take_models(self) -> None:
         """Use what came on model/description, once it is read."""
@@ -165,17 +120,6 @@ class Predictor(Node):
         self._take_models()
         self.health.note_publishers(self.count_publishers(self._subscription.topic_name))
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
-
-
-def point_topics(settings: ForecasterSettings) -> list[tuple[str, type, QoSProfile]]:
-    """Topics of the named points and of windows of calm, with type and QoS."""
-    found = [(CALM_TOPIC, JointTrajectory, LATCHED)]
-    for point in settings.points:
-        found.append((point_horizon_topic(point.name), JointTrajectory, NEWEST))
-        for lead in settings.leads:
-            found.append((point_lead_topic(point.name, lead), Odometry, NEWEST))
-            found.append((point_acceleration_topic(point.name, lead), AccelWithCovarianceStamped, NEWEST))
-    return found
 
 
 def described(text: str) -> tuple[dict, dict]:

@@ -41,7 +41,7 @@ def imu_subscription(
 
 
 def waiting(subscription: Subscription, most: int) -> list:
-    """The messages that a subscription has received and that wait to be handled, at most so many, oldest first."""
+    """The messages that a subscription has received and that wait to be handled, at most this many, oldest first."""
     messages: list = []
     # as rclpy's own executors and wait_for_message take them
     with subscription.handle:

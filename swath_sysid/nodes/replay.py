@@ -1,26 +1,18 @@
 """Replaying a bag: its messages as they are, with their own stamps, and /clock."""
-import heapq
-import importlib
-import signal
-import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import rclpy
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
-from rosbags.interfaces import QosDurability
+from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.bags import IMU_TYPE, opened_bag
-from swath_sysid.formats.output_bag import LATCHED_TOPICS
+from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, merged_messages, recorded_topics
+from swath_sysid.formats.bags import opened_bag
+from swath_sysid.nodes.bag_topics import DEPTH, bag_qos, message_class
 from swath_sysid.nodes.messages import time_message
 
 CLOCK_PERIOD = 0.01
@@ -35,42 +27,7 @@ DELIVERY = 5.0
 DISCOVERY = 3.5
 """s in which a subscription that is there is found: mostly 0.2 s, now and then three."""
 
-DEPTH = 1000
 LATCHED_DEPTH = 1
-NANOSECOND = 1e-9
-
-
-@dataclass(frozen=True)
-class ReplaySettings:
-    """How a bag is replayed.
-
-    Attributes
-    ----------
-    rate : float
-        Times real time.
-    loop : bool
-        Begin again at the end.
-    clock : bool
-        Publish /clock too.
-    wait : float
-        s; so long subscriptions are waited for before the start.
-    listeners : int
-        Subscriptions to the IMU to wait for, or to any topic in a bag without one; 0: those that are found.
-    """
-
-    rate: float = 1.0
-    loop: bool = False
-    clock: bool = False
-    wait: float = 15.0
-    listeners: int = 0
-
-    def __post_init__(self) -> None:
-        if not self.rate > 0.0:
-            raise InputError(f'the rate must be greater than zero, not {self.rate}')
-        if not self.wait >= 0.0:
-            raise InputError('the time to wait must not be negative')
-        if self.listeners < 0:
-            raise InputError('the number of subscriptions to wait for must not be negative')
 
 
 class Replay(Node):
@@ -87,24 +44,27 @@ class Replay(Node):
         There is no such bag, or no topic of a known type in it.
     """
 
-    def __init__(self, path: str | Path, settings: Any):
+    def __init__(self, path: str | Path, settings: ReplaySettings):
         super().__init__('replay')
         self._replaying = settings
         self._open = ExitStack()
-        self.unknown_types: set[str] = set()
         self.sent = 0
-        self._told = -CLOCK_PERIOD
+        self._clock_published = -CLOCK_PERIOD
         try:
             self._readers, self.advice = self._open.enter_context(opened_bag(path))
-            self._outlets = self._announce()
+            self._recorded = recorded_topics(self._readers)
+            classes = {topic: message_class(recorded.kind) for topic, recorded in self._recorded.items()}
+            self.unknown_types = {self._recorded[topic].kind for topic, found in classes.items() if found is None}
+            self._outlets = {
+                topic: self._outlet(topic, found) for topic, found in classes.items() if found is not None
+            }
+            if not self._outlets:
+                types = ', '.join(sorted(self.unknown_types)) or 'none'
+                raise InputError(f'{path} holds no topic of an installed type ({types}): install their packages')
         except BaseException:
-            self._open.close()
             self.destroy_node()
             raise
-        if not self._outlets:
-            types = ', '.join(sorted(self.unknown_types)) or 'none'
-            raise InputError(f'{path} holds no topic of an installed type ({types}): install their packages')
-        self._time_outlet = self.create_publisher(Clock, '/clock', 10) if settings.clock else None
+        self._clock_outlet = self.create_publisher(Clock, '/clock', 10) if settings.clock else None
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -116,33 +76,24 @@ class Replay(Node):
         self._open.close()
         super().destroy_node()
 
-    def _announce(self):
-        publishers = {}
-        for connection in self._connections():
-            kind = message_class(connection.msgtype)
-            if kind is None:
-                self.unknown_types.add(connection.msgtype)
-            elif connection.topic != '/clock' and connection.topic not in publishers:
-                publishers[connection.topic] = self.create_publisher(kind, connection.topic, _qos(connection))
-        return publishers
-
-    def _connections(self):
-        return [connection for reader in self._readers for connection in reader.connections]
+    def _outlet(self, topic: str, kind: type) -> Publisher:
+        is_latched = self._recorded[topic].is_latched
+        return self.create_publisher(kind, topic, bag_qos(is_latched, depth=LATCHED_DEPTH if is_latched else DEPTH))
 
     def wait_for_listeners(self, should_stop: Callable[[], bool]) -> int:
-        """Wait until all who are to hear the bag are connected, at most as long as was set.
+        """Wait until the subscribers are connected, at most as long as was set.
 
-        Those are as many as were set; else all that are found, once nobody else has come for as long as discovery
-        takes.
+        These are as many as were set; else all that are found, once no more have come for as long as discovery takes.
 
         Parameters
         ----------
         should_stop : callable
+            Asked often.
 
         Returns
         -------
         int
-            How many are, on the IMU topic, or on the most heard one in a bag without an IMU.
+            How many are, on the IMU topic, or on the one with the most in a bag without an IMU.
         """
         deadline = time.monotonic() + self._replaying.wait
         settling = SETTLING if self._replaying.listeners else DISCOVERY
@@ -164,7 +115,7 @@ class Replay(Node):
                 for topic, outlet in self._outlets.items()]  # fmt: skip
 
     def _listening(self):
-        imus = {c.topic for c in self._connections() if c.msgtype == IMU_TYPE} & set(self._outlets)
+        imus = [topic for topic in self._outlets if self._recorded[topic].is_imu]
         return max(self._outlets[topic].get_subscription_count() for topic in imus or self._outlets)
 
     def play(self, should_stop: Callable[[], bool]) -> None:
@@ -187,30 +138,18 @@ class Replay(Node):
             outlet.wait_for_all_acked(Duration(seconds=max(deadline - time.monotonic(), 0.0)))
 
     def _play_once(self, should_stop: Callable[[], bool]) -> None:
-        begun, first = 0.0, None
-        for time_ns, topic, raw in self._messages():
-            if first is None:
-                begun, first = time.monotonic(), time_ns
-            due = begun + (time_ns - first) * NANOSECOND / self._replaying.rate
-            if not self._wait_until(due, begun, first, should_stop):
+        timeline: Timeline | None = None
+        for time_ns, topic, raw in merged_messages(self._readers, self._outlets):
+            timeline = timeline or Timeline(time.monotonic(), time_ns, self._replaying.rate)
+            if not self._wait_for(time_ns, timeline, should_stop):
                 return
-            self._tell_time(time_ns)
+            self._publish_clock(time_ns)
             self._outlets[topic].publish(raw)
             self.sent += 1
 
-    def _messages(self):
-        """Time, topic and serialised message, in the order of recording."""
-        streams = [
-            ((received, number, connection.topic, bytes(raw)) for connection, received, raw in reader.messages(
-                [c for c in reader.connections if c.topic in self._outlets]
-            ))
-            for number, reader in enumerate(self._readers)
-        ]
-        for received, _, topic, raw in heapq.merge(*streams, key=lambda message: message[:2]):
-            yield received, topic, raw
-
-    def _wait_until(self, due: float, begun: float, first: Any, should_stop: Callable[[], bool]):
-        """Sleep, telling the time meanwhile; False: stop."""
+    def _wait_for(self, time_ns: int, timeline: Timeline, should_stop: Callable[[], bool]) -> bool:
+        """Sleep until a message is due, publishing /clock meanwhile; False: stop."""
+        due = timeline.wall_time(time_ns)
         while not should_stop():
             now = time.monotonic()
             if now >= due:
@@ -218,76 +157,11 @@ class Replay(Node):
             time.sleep(min(due - now, CLOCK_PERIOD))
             now = time.monotonic()
             if now < due:
-                self._tell_time(first + round((now - begun) * self._replaying.rate / NANOSECOND))
+                self._publish_clock(timeline.bag_time(now))
         return False
 
-    def _tell_time(self, time_ns: int) -> None:
+    def _publish_clock(self, time_ns: int) -> None:
         now = time.monotonic()
-        if self._time_outlet is not None and now >= self._told + CLOCK_PERIOD:
-            self._told = now
-            self._time_outlet.publish(Clock(clock=time_message(time_ns)))
-
-
-def message_class(name: str) -> type | None:
-    """The class of a message type such as sensor_msgs/msg/Imu, None where its package is not installed."""
-    package, _, kind = name.partition('/msg/')
-    try:
-        return getattr(importlib.import_module(f'{package}.msg'), kind, None)
-    except ImportError:
-        return None
-
-
-def _qos(connection: Any):
-    """Reliable, so that it connects with every subscription; latched where it was."""
-    offered = connection.ext.offered_qos_profiles
-    latched = any(qos.durability == QosDurability.TRANSIENT_LOCAL for qos in offered)
-    # a bag written without ROS may not say so
-    latched = latched or connection.topic.endswith(LATCHED_TOPICS)
-    return QoSProfile(
-        depth=LATCHED_DEPTH if latched else DEPTH, reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-
-def replay(path: str | Path, settings: Any, tell: Callable[[str], None], args: list[str] | None = None) -> None:
-    """Replay a bag until its end or a signal.
-
-    Parameters
-    ----------
-    path : str or Path
-    settings : ReplaySettings
-    tell : callable
-        Takes lines for people.
-    args : list of str, optional
-        As for `rclpy.init`.
-
-    Raises
-    ------
-    InputError
-        See `Replay`.
-    """
-    stop = threading.Event()
-    previous = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = Replay(path, settings)
-        try:
-            for advice in node.advice:
-                tell(f'warning [{advice.code}]: {advice.message}')
-            if node.unknown_types:
-                tell(f'left out, their types are not installed: {", ".join(sorted(node.unknown_types))}')
-            tell(f'publishing {", ".join(node.topics)}')
-            listening = node.wait_for_listeners(stop.is_set)
-            expected = max(settings.listeners, 1)
-            if listening < expected and not stop.is_set():
-                tell(f'{listening} of {expected} listen yet: publishing all the same')
-            node.play(stop.is_set)
-            node.wait_until_received()
-            tell(f'{node.sent} messages published')
-        finally:
-            node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        if self._clock_outlet is not None and now >= self._clock_published + CLOCK_PERIOD:
+            self._clock_published = now
+            self._clock_outlet.publish(Clock(clock=time_message(time_ns)))

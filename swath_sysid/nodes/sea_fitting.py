@@ -41,6 +41,7 @@ class SeaFitting:
         Parameters
         ----------
         request : SeaRequest
+            The past to fit.
         stamp_ns : int
             Of the sample that led to it.
         """

@@ -38,7 +38,7 @@ class WindowClient:
         watched_subscription(node, PointCloud2, 'motion/window', self._receive, LATCHED, health)
 
     async def fetch(self, timeout: float) -> str:
-        """Have the buffer publish its window and wait for it, at most so many seconds.
+        """Have the buffer publish its window and wait for it, at most this many seconds.
 
         Returns
         -------

@@ -29,7 +29,7 @@ EVEN = 1.5
 ON_A_SAMPLE = 0.02
 """Usual intervals: a time as near as this to a sample is the sample's."""
 
-_LEAST_SHARE = 0.5
+_MIN_SHARE = 0.5
 _STILL = 1e-12
 
 
@@ -234,7 +234,7 @@ def _useful(values, channels):
     """Those channels that are mostly there and move."""
     return tuple(
         c for c in channels
-        if np.isfinite(values[:, c]).mean() > _LEAST_SHARE and np.nanstd(values[:, c]) > _STILL
+        if np.isfinite(values[:, c]).mean() > _MIN_SHARE and np.nanstd(values[:, c]) > _STILL
     )  # fmt: skip
 
 

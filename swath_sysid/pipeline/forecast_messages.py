@@ -158,6 +158,11 @@ def _diagonal(about_x, about_y, about_z):
     return (about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z)
 
 
+_NOTHING_KNOWN_OF_POSE = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [UNKNOWN_ANGLE_VARIANCE])
+_NOTHING_KNOWN_OF_TWIST = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [0.0] * 2 + [UNKNOWN_RATE_VARIANCE])
+_HEAVE_AND_ATTITUDE = np.ix_((0, 3, 4), (0, 3, 4))
+
+
 class PointForecast(NamedTuple):
     """What the messages of a point at one lead say: in a level frame that moves with the craft's mean.
 
@@ -222,20 +227,25 @@ def points_at_leads(forecast, stamp_ns):
 def _point_forecast(name, lead, stamp_ns, at, place, motion, covariance):
     heave, velocity, acceleration = motion
     orientation = attitude.quaternion(at[0], at[1], 0.0)
+    back = attitude.conjugate(*orientation)
     angular = attitude.body_rates(*at, 0.0)
     level = attitude.rotate(orientation, *place)
-    across = attitude.rotate(orientation, *np.cross(angular, place).tolist())
-    linear = attitude.rotate(attitude.conjugate(*orientation), across[0], across[1], velocity)
-    pose = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [UNKNOWN_ANGLE_VARIANCE])
-    pose[2:5, 2:5] = covariance[np.ix_((0, 3, 4), (0, 3, 4))]
-    # the world's axes in those of the craft, by columns
-    axes = np.array([attitude.rotate(attitude.conjugate(*orientation), *unit) for unit in np.eye(3).tolist()]).T
-    twist = np.zeros((6, 6))
-    twist[:3, :3] = axes @ np.diag([UNKNOWN_PLACE_VARIANCE, UNKNOWN_PLACE_VARIANCE, covariance[1, 1]]) @ axes.T
-    twist[3:5, 3:5], twist[5, 5] = covariance[5:, 5:], UNKNOWN_RATE_VARIANCE
-    twist[:3, 3:5] = np.outer(axes[:, 2], covariance[1, 5:])
+    across = attitude.rotate(orientation, *_cross(angular, place))
+    linear = attitude.rotate(back, across[0], across[1], velocity)
+    pose = _NOTHING_KNOWN_OF_POSE.copy()
+    pose[2:5, 2:5] = covariance[_HEAVE_AND_ATTITUDE]
+    # the same either way but along the world's vertical, here in the axes of the craft
+    up = np.array(attitude.rotate(back, 0.0, 0.0, 1.0))
+    twist = _NOTHING_KNOWN_OF_TWIST.copy()
+    twist[:3, :3] += (covariance[1, 1] - UNKNOWN_PLACE_VARIANCE) * (up[:, None] * up)
+    twist[3:5, 3:5] = covariance[5:, 5:]
+    twist[:3, 3:5] = up[:, None] * covariance[1, 5:]
     twist[3:5, :3] = twist[:3, 3:5].T
     return PointForecast(
         name, lead, stamp_ns + round(lead / NANOSECOND), (*level[:2], heave), orientation, pose, linear, angular, twist,
         acceleration, float(covariance[2, 2]),
     )  # fmt: skip
+
+
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -15,6 +15,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
+from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.pipeline.forecast_messages import (
     AttitudeForecast,
     HorizonForecast,
@@ -63,6 +64,8 @@ class PipelineStep(NamedTuple):
         Of the sample; 0 where it was left out.
     heading : tuple of 2 floats
         Held yaw and yaw rate, rad and rad/s.
+    sea : SeaReport or None
+        Of the sea state, once a minute.
     """
 
     reasons: tuple[str, ...] = ()
@@ -73,6 +76,7 @@ class PipelineStep(NamedTuple):
     sea_request: SeaRequest | None = None
     stamp_ns: int = 0
     heading: tuple[float, float] = (0.0, 0.0)
+    sea: SeaReport | None = None
 
     def attitudes(self):
         """For the topics of the leads: tuple of (lead, AttitudeForecast); empty unless due."""
@@ -197,7 +201,7 @@ class ForecastPipeline:
         self.used += 1
         return PipelineStep(
             reasons + observed.reasons, True, following, observed.forecast, observed.horizon, observed.sea_request,
-            stamp_ns, (self._yaw, self._yaw_rate),
+            stamp_ns, (self._yaw, self._yaw_rate), observed.sea,
         )  # fmt: skip
 
     def diagnostics(self):

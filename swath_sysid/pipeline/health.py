@@ -2,12 +2,19 @@
 
 Time is what the caller says. What to do about a reason is the caller's too: a mapping of reason to advice.
 """
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from math import isnan
+from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.motion.intake import NO_ORIENTATION, UNKNOWN_COVARIANCE
 from swath_sysid.attitude.motion.window import MotionWindow
+
+if TYPE_CHECKING:
+    from swath_sysid.attitude.identification.stability_watch import StabilityWatch
 
 OK, WARN, ERROR = range(3)
 """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -316,3 +323,27 @@ class IdentifierHealth(Reasons):
             **self.counts,
         }
         return Report('identification', level, message, values)
+
+
+def stability_report(watch: StabilityWatch) -> Report:
+    """What the natural period of roll says of the stability.
+
+    Parameters
+    ----------
+    watch : StabilityWatch
+
+    Returns
+    -------
+    Report
+    """
+    found = watch.newest
+    if found is None:
+        return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})
+    level, message = (WARN, found.warning) if found.warning else (OK, 'the natural period of roll has not changed')
+    return Report('stability', level, message, {
+        'relative_gm': found.relative, 'relative_gm_low': found.interval[0], 'relative_gm_high': found.interval[1],
+        'gm_m': 'not known' if isnan(found.height) else found.height,
+        'period_before_s': found.period_before, 'period_s': found.period,
+        'changed_at_s': 'no change beyond chance' if found.changed_at is None else f'{found.changed_at:.1f}',
+        'estimates': watch.count,
+    })  # fmt: skip

@@ -33,6 +33,10 @@ class PlayThroughSettings:
     refit_delay : float
         s from a window to the models found in it; at the next sample if it is 0. Live, a refit takes
         0.1 to 3 s.
+    window_source : dict
+        What names the windows' source in the provenance of models.
+    identify_interval : float
+        s after which the window is identified by itself; 0: never.
     """
 
     window: WindowSettings = field(default_factory=WindowSettings)
@@ -40,6 +44,8 @@ class PlayThroughSettings:
     forecasts: PipelineSettings = field(default_factory=PipelineSettings)
     auto_identify: bool = True
     refit_delay: float = 0.0
+    window_source: dict = field(default_factory=dict)
+    identify_interval: float = 0.0
 
 
 class Played(NamedTuple):
@@ -100,6 +106,7 @@ class PlayThrough:
         self.refits = 0
         self._running = None
         self._waiting = None
+        self._due_ns = None
         self._unpublished = bool(models)
 
     @property
@@ -126,6 +133,9 @@ class PlayThrough:
             # it comes into use a while after its stamp, so that live, too, it is there by then
             self.forecasts.install(self._fit_sea(step.sea_request))
         finished = (self.window.add(reading) if taken is None else self.window.add_taken(taken)).finished
+        if self._is_due(stamp_ns):
+            self._waiting = self.window.table()
+            self._start_refit(stamp_ns)
         if finished is None:
             return Played(stamp_ns, models, None, step, verdict)
         if self.settings.auto_identify:
@@ -133,10 +143,24 @@ class PlayThrough:
             self._start_refit(stamp_ns)
         return Played(stamp_ns, models, finished.table, step, verdict)
 
+    def _is_due(self, stamp_ns):
+        """Whether the window is to be identified by itself now."""
+        interval_ns = round(self.settings.identify_interval / NANOSECOND)
+        if not interval_ns:
+            return False
+        # a clock that was set back begins anew
+        if self._due_ns is None or self._due_ns - stamp_ns > interval_ns:
+            self._due_ns = stamp_ns + interval_ns
+        if stamp_ns < self._due_ns or not self.window.size:
+            return False
+        self._due_ns = stamp_ns + interval_ns
+        return True
+
     def _start_refit(self, stamp_ns):
         """Fit the newest window, unless a fit is still under way by the stamps."""
         if self._running is None and self._waiting is not None:
-            provenance = window_provenance(self._waiting, f'swath_sysid {__version__}')
+            software = f'swath_sysid {__version__}'
+            provenance = window_provenance(self._waiting, self.settings.window_source, software)
             outcome = self._fit(self.refitter.request(self._waiting, provenance))
             self._running, self._waiting = (stamp_ns, outcome), None
             self.refits += 1

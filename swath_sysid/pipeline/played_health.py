@@ -2,7 +2,7 @@
 from collections.abc import Mapping, Sequence
 
 from swath_sysid.pipeline.forecast_health import PredictorHealth
-from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report
+from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, stability_report
 from swath_sysid.pipeline.play_through import Played, PlayThrough
 
 
@@ -86,4 +86,7 @@ class PlayedHealth:
         if node == 'predictor':
             return self._predictor.reports(now, now_ns)
         refitter = self._pipeline.refitter
-        return [self._identifier.report(refitter.described, refitter.steps_back, self._pipeline.is_refitting)]
+        return [
+            self._identifier.report(refitter.described, refitter.steps_back, self._pipeline.is_refitting),
+            stability_report(refitter.stability),
+        ]

@@ -28,14 +28,14 @@ CONFIDENCE = 0.95
 """Of the intervals of the scores."""
 
 _BLOCK = 30.0
-"""s: several wave groups, so that the errors of one block tell little of the next."""
+"""s: several wave groups, so that the errors of one block say little about the next."""
 
-_FEWEST_BLOCKS = 8
+_MIN_BLOCKS = 8
 _REPLICATES = 2000
 _SELDOM = 2.0
 """Standard deviations: so rarely passed that staying below for some seconds is an open question."""
-_LEAST_LIMIT = 1e-4
-_LEAST_WARMUP = 30.0
+_MIN_LIMIT = 1e-4
+_MIN_WARMUP = 30.0
 """s from which limits of quiescence can be taken."""
 
 
@@ -138,10 +138,10 @@ def usual_limits(trial, limits, warmup):
     seen = trial.time < trial.time[0] + warmup
     warm = {axis: trial.channels[axis][seen] for axis in AXES if axis in trial.channels}
     warm = {axis: angle for axis, angle in warm.items() if np.isfinite(angle).any()}
-    if warmup < _LEAST_WARMUP or not warm:
+    if warmup < _MIN_WARMUP or not warm:
         return None
     usual = {axis: abs(np.nanmean(angle)) + _SELDOM * np.nanstd(angle) for axis, angle in warm.items()}
-    return replace(limits, **{axis: float(max(limit, _LEAST_LIMIT)) for axis, limit in usual.items()})
+    return replace(limits, **{axis: float(max(limit, _MIN_LIMIT)) for axis, limit in usual.items()})
 
 
 def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
@@ -221,6 +221,34 @@ def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
         leads, results, warmup, until, window, _spread(run.step_times), _spread(run.refit_times), run.reliability,
         run.quiescence_limits, tuple(advice), vertical,
     )  # fmt: skip
+
+
+def score_forecasts(record, name, stamps, leads, forecasts, stand_in, seed=0):
+    """Score anyone's forecasts of one channel, as `score` does those of a run.
+
+    Parameters
+    ----------
+    record : Record
+    name : str
+        The channel.
+    stamps : ndarray, shape (N,)
+        s, increasing, when they were issued.
+    leads : ndarray, shape (L,)
+        s.
+    forecasts, stand_in : ndarray, shape (N, L)
+        NaN where there is no forecast, and the other counts in its place: ``persistence``.
+    seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    QuantitySkill
+        Of these forecasts alone, beside ``persistence``.
+    """
+    span = float(stamps[0]), float(stamps[-1] + leads[-1])
+    at = _Occasions(stamps, leads, span, record.after_gap(name, stamps, AFTER_GAP), seed)
+    none = np.full((*forecasts.shape, LEVELS.size), np.nan)
+    return _score(record, name, at, {FORECAST: forecasts, 'persistence': stand_in}, none, 'persistence')
 
 
 def _issued(steps, axis, leads):
@@ -329,10 +357,10 @@ def resampled(sums, seed):
     Returns
     -------
     ndarray, shape (K, R, L)
-        NaN where there are too few blocks to tell.
+        NaN where there are too few blocks.
     """
     count = sums.shape[1]
-    if count < _FEWEST_BLOCKS:
+    if count < _MIN_BLOCKS:
         return np.full((sums.shape[0], _REPLICATES, sums.shape[2]), np.nan)
     return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), _REPLICATES) @ sums
 

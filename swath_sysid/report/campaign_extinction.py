@@ -132,7 +132,7 @@ def extinction_tables(outcome, axis):
 def extinction_drawings(outcome, axis):
     """Decrement and equivalent damping against amplitude, a figure a loading."""
     found = []
-    by_loading = {}
+    by_loading: dict[float, list] = {}
     for item in _conditions(outcome, axis):
         by_loading.setdefault(item[0].loading, []).append(item)
     with matplotlib.rc_context(STYLE):
@@ -199,7 +199,7 @@ def _damping_figure(outcome, items, title, axis):
         highest = max(highest, float(np.nanmax(value)))
     loading = items[0][0].loading
     fit, inertia = items[-1][4], items[-1][5]
-    methods = {}
+    methods: dict[str, list] = {}
     for p in outcome.manifest.predictions:
         if p.axis in (None, axis.motion) and (p.loading is None or math.isclose(p.loading, loading)):
             value = _predicted(p, fit, inertia, dimensional)

@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib import rcsetup
 
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
@@ -15,9 +17,9 @@ from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_fi
 
 WIDTH, HEIGHT = 4.6, 3.1
 LINE_STYLES = ('-', '--', ':', '-.')
-MOST_POINTS = 500
+MAX_POINTS = 500
 TWO_STD = 2.0
-STYLE = {
+STYLE: Any = {
     'text.color': MEASURED,
     'axes.labelcolor': MEASURED,
     'axes.edgecolor': MEASURED,
@@ -28,7 +30,7 @@ STYLE = {
     'axes.titlesize': 'medium',
     'legend.fontsize': 10.0,
     'svg.fonttype': 'none',
-    'axes.prop_cycle': matplotlib.cycler(color=SERIES),
+    'axes.prop_cycle': rcsetup.cycler(color=SERIES),
 }
 
 
@@ -58,7 +60,7 @@ def campaign_drawings(outcome, axis):
             'decays': decay_drawings(outcome, axis),
             'against_angle': against_angle(outcome, axis),
             'against_draft': against_draft(outcome, axis),
-            'amplitude': amplitude_drawings(outcome, axis),
+            'amplitude': amplitude_drawings(axis),
             'records': record_drawings(outcome, axis),
             'correlations': correlation_drawings(outcome, axis),
         }
@@ -77,7 +79,7 @@ def _shown(motion):
 
 
 def _thinned(*arrays):
-    step = max(1, arrays[0].size // MOST_POINTS)
+    step = max(1, arrays[0].size // MAX_POINTS)
     return [a[::step] for a in arrays]
 
 
@@ -85,7 +87,7 @@ def decay_drawings(outcome, axis):
     """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
     loadings = sorted({c.loading for c in axis.best})
     several = len(loadings) > 1
-    groups = {}
+    groups: dict[float | None, list] = {}
     for condition, index in axis.best.items():
         groups.setdefault(condition.initial_angle_deg if several else None, []).append((condition, index))
     found = []
@@ -193,7 +195,7 @@ def against_draft(outcome, axis):
     return found
 
 
-def amplitude_drawings(outcome, axis):
+def amplitude_drawings(axis):
     """Natural period and equivalent damping against amplitude, all conditions on one axis."""
     found = []
     loadings = sorted({c.loading for c in axis.together})

@@ -171,7 +171,8 @@ def _order_statement(axis):
 
 def _axis_sections(outcome, axis):
     drawings = campaign_drawings(outcome, axis) | {'extinction': extinction_drawings(outcome, axis)}
-    drawn, shown = [], {}
+    drawn = []
+    shown: dict[str, list[str]] = {}
     for kind, items in drawings.items():
         shown[kind] = []
         for item in items:
@@ -236,7 +237,7 @@ def _warnings(outcome):
     lines = [f'Manifest, {fault}' for fault in outcome.manifest.faults]
     lines += [f'Left out: {line}' for line in left_out]
     lines += [f'Failed: {line}' for line in outcome.failures]
-    gathered = {}
+    gathered: dict = {}
     for t in outcome.trials:
         for advice in t.advice:
             gathered.setdefault(f'{advice.message}', []).append(t.name)

@@ -57,7 +57,7 @@ class Table:
 
 
 def digits(count):
-    """A function that shows numbers with so many significant digits."""
+    """A function that shows numbers with this many significant digits."""
 
     def show(value):
         if value is None or (isinstance(value, float) and math.isnan(value)):
@@ -313,7 +313,7 @@ def next_step_table(outcome, axis):
         f'next_step_{axis.axis}', f'Next-step check, {axis.axis}',
         f'{c.initial_angle_deg:g} deg, {LOADING_NAMES[outcome.quantity]} {c.loading:g}, repeat {record.repeat}: where '
         f'it turns fastest. Any smooth model passes this check, because the measured rate stands on both sides; the '
-        f'errors of simulated motion and forecasts tell more.', samples,
+        f'errors of simulated motion and forecasts say more.', samples,
         ('time [s]', lambda s: s[0], digits(6)),
         ('measured rate [rad/s]', lambda s: s[1], digits(6)),
         ('next-step rate [rad/s]', lambda s: s[2], digits(6)),

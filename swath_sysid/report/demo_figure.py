@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
 NORMAL_90 = 1.6449
-MOST_LEADS = 4
+MAX_LEADS = 4
 
 
 def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
@@ -35,7 +35,7 @@ def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
     upper, lower = halves
     limit = 1.45 * np.degrees(demonstration.release_angle)
     _draw_run(quiet(upper.subplots()), demonstration, limit)
-    shown = demonstration.forecasts[:MOST_LEADS]
+    shown = demonstration.forecasts[:MAX_LEADS]
     panels = np.atleast_1d(lower.subplots(1, len(shown), sharey=True))
     for panel, forecasts in zip(panels, shown, strict=True):
         _draw_lead(quiet(panel), demonstration, forecasts, limit)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from swath_sysid.attitude.identification.identify import Identification
 
-MOST_PANELS = 12
+MAX_PANELS = 12
 
 
 def fit_figure(identification: Identification) -> Figure:
@@ -27,7 +27,7 @@ def fit_figure(identification: Identification) -> Figure:
     -------
     matplotlib Figure
     """
-    records = identification.records[:MOST_PANELS]
+    records = identification.records[:MAX_PANELS]
     columns = min(3, len(records))
     rows = math.ceil(len(records) / columns)
     figure = new_figure(11.0, 3.4 * rows + 3.6)

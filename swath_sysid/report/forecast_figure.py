@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from swath_sysid.attitude.motion.trial import Trial
-    from swath_sysid.pipeline.scoring import Run, Skill
+    from swath_sysid.pipeline.record_run import Run
+    from swath_sysid.pipeline.scoring import Skill
 
 LABELS = {
     'forecast': 'forecast', 'persistence': 'persistence', 'constant_rate': 'constant rate', 'mean': 'past mean',

@@ -11,7 +11,7 @@ from swath_sysid.report.manoeuvring_summary import short
 
 LABELS = ('surge (m/s)', 'sway (m/s)', 'yaw rate (deg/s)')
 SIZES = np.array([1.0, 1.0, np.degrees(1.0)])
-MOST_PARAMETERS = 30
+MAX_PARAMETERS = 30
 
 
 def run_figures(found, window=20.0):
@@ -162,7 +162,7 @@ def _draw_track(axes, run):
 
 
 def _derivatives_figure(found):
-    items = [(n, d) for n, d in found.derivatives.items()][:MOST_PARAMETERS]
+    items = [(n, d) for n, d in found.derivatives.items()][:MAX_PARAMETERS]
     figure = new_figure(8, 1.6 + 0.32 * len(items))
     axes = quiet(figure.subplots())
     for row, (_, derivative) in enumerate(items):

@@ -7,7 +7,7 @@ from swath_sysid.manoeuvring.hull.terms import PARAMETERS
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
 from swath_sysid.report.fit_summary import finite_or_none
 
-MOST_ALIKE = 2
+MAX_ALIKE = 2
 """So many warnings of one kind are shown before the others are only counted."""
 
 
@@ -23,16 +23,17 @@ def condensed(advice):
     tuple of Advice
     """
     advice = tuple(dict.fromkeys(advice))
-    shown, counts = [], {}
+    shown: list[Advice] = []
+    counts: dict[str, int] = {}
     per_run = {a.code for a in advice} - {'not-separable', 'uncertain', 'at-bound'}
     for item in advice:
         counts[item.code] = counts.get(item.code, 0) + 1
-        if item.code not in per_run or counts[item.code] <= MOST_ALIKE:
+        if item.code not in per_run or counts[item.code] <= MAX_ALIKE:
             shown.append(item)
     for code, count in counts.items():
-        if code in per_run and count > MOST_ALIKE:
+        if code in per_run and count > MAX_ALIKE:
             last = max(k for k, item in enumerate(shown) if item.code == code)
-            shown[last] = Advice(code, f'{shown[last].message} (and {count - MOST_ALIKE} more runs)')
+            shown[last] = Advice(code, f'{shown[last].message} (and {count - MAX_ALIKE} more runs)')
     return tuple(shown)
 
 
@@ -168,8 +169,8 @@ def test_in_words(report):
     lines = [report.name.replace('-', ' ')]
     for name, value in report.numbers.items():
         label, unit = _label_and_unit(name)
-        told = f'{round(value, 3) + 0.0:>10.3f} {unit}' if value == value else '  not reached'
-        lines.append(f'  {label:<34}{told}')
+        shown = f'{round(value, 3) + 0.0:>10.3f} {unit}' if value == value else '  not reached'
+        lines.append(f'  {label:<34}{shown}')
     return lines
 
 

@@ -22,7 +22,7 @@ def manoeuvring_page(study, wall_s):
         ('motion', 'Trajectories and turns', [figures(tracks)]),
         ('iterations', 'Parameters against iteration', [figures(iterations)]),
         ('conclusions', 'Conclusions', [table_as_html(_claims(study))]),
-        ('limits', 'What cannot come out, and why', [bullets(_limits(study))]),
+        ('limits', 'What cannot come out, and why', [bullets(_limits())]),
     ]
     body = [section(*parts) for parts in sections]
     links = [(anchor, name) for anchor, name, _ in sections]
@@ -47,7 +47,7 @@ def _in_short(study, wall_s):
         f'(root mean square of the track), and the turn at {study.content["runs"]["validation"][1]:g} N is predicted '
         f'to {other:.2g} m; by ours to {ours_here:.2g} and {ours_other:.2g} m, with fewer terms. {wall_s:.0f} s.',
         f'{len(_unknown(study))} of the {len(free)} derivatives that are estimated have a standard deviation larger '
-        'than themselves: one steady turn does not tell them, and what the study prints is largely where it began.',
+        'than themselves: one steady turn does not determine them, and the study largely prints its start values.',
         _resemblance(study),
     ]
 
@@ -89,7 +89,7 @@ def _how_simulated(study):
         'both thrusters at the larger thrust, then the turn; GPS position and speed with white noise of 0.3 m and '
         f'0.05 m/s. Each derivative is searched from {assumed["least_share"]:g} to {assumed["largest_share"]:g} times '
         f'its value, beginning at {assumed["start_share"]:g} times it; {", ".join(study.content["fixed_by_towing"])} '
-        "are fixed, as by towing tests. As printed, times 1e-3, the derivatives are no craft's: the added mass in "
+        'are fixed, as by towing tests. As printed, times 1e-3, no craft could have them: the added mass in '
         'sway would be over a hundred times the displacement. They are read times 1e-5, and the first with the '
         'decimal point that it has lost.'
     )
@@ -109,8 +109,8 @@ def _derivatives(study):
     marks = {(k, 4): 'beyond' for k, d in enumerate(study.derivatives) if d.std > abs(d.truth)}
     table = study.content['derivatives']['table']
     note = (
-        f'{table[0].upper()}{table[1:]}, and here times 1e-5. Red: not told by the turn. Ours leaves out what the turn '
-        'does not need. Subscripts in the order of the equations, partly illegible in print.'
+        f'{table[0].upper()}{table[1:]}, and here times 1e-5. Red: not determined by the turn. Ours leaves out what '
+        'the turn does not need. Subscripts in the order of the equations, partly illegible in print.'
     )
     return Table('derivatives', 'Non-dimensional derivatives', note, columns, rows, marks)
 
@@ -190,20 +190,20 @@ def _claims(study):
          'yes' if other < 5.0 * here else 'in part'),
         ('the parameters converge', f'after {len(study.iterations) - 1} iterations they hardly move, the free ones at '
          f'{np.abs(study.iterations[-1] - 1.0).max():.0%} from the truth at most', 'not to the truth'),
-        ('twelve derivatives are identified', f'{len(_unknown(study))} are not told by the turn', 'no'),
+        ('twelve derivatives are identified', f'{len(_unknown(study))} are not determined by the turn', 'no'),
     )  # fmt: skip
     marks = {(k, 2): 'best' if row[2] == 'yes' else 'beyond' for k, row in enumerate(rows)}
     columns = Column('the study concludes'), Column('here'), Column('holds here')
     return Table('claims', 'Conclusions of the study, and whether they hold here', '', columns, rows, marks)
 
 
-def _limits(study):
+def _limits():
     return [
         'A turn under constant thrusts is soon steady. Its three velocities give three equations, whatever the number '
-        'of derivatives; only the first seconds tell inertia from damping. Many sets of derivatives make the same '
-        'track: a good fit of the track is no evidence for them.',
+        'of derivatives; only the first seconds separate inertia from damping. Many sets of derivatives make the same '
+        'track: a good fit of the track is not evidence for them.',
         'From GPS position and speed alone drift angle and heading follow only from the model itself. A compass and '
         'a gyro separate sway from yaw.',
-        'What would tell them: straight runs with thrust steps, turns to both sides at several speeds, and zig-zags, '
-        'fitted together (swath-sysid manoeuvre identify).',
+        'What would determine them: straight runs with thrust steps, turns to both sides at several speeds, and '
+        'zig-zags, fitted together (swath-sysid manoeuvre identify).',
     ]

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
     from swath_sysid.attitude.motion.trial import AxisMotion
 
-MOST_POINTS = 20000
-"""More samples are drawn as the smallest and largest of each stretch: no eye sees more."""
+MAX_POINTS = 20000
+"""More samples are drawn as the smallest and largest of each stretch: more cannot be seen."""
 
 SPECTRUM_PERIODS = 16.0
-"""Each stretch of the averaged spectrum is so many mean periods long: narrow enough to place a peak."""
+"""Each stretch of the averaged spectrum is this many mean periods long: narrow enough to place a peak."""
 
 SPECTRUM_REACH = 4.0
-"""The spectrum is drawn to so many times the frequency of the mean period."""
+"""The spectrum is drawn to this many times the frequency of the mean period."""
 
 
 def record_figure(motions: Sequence[AxisMotion]) -> Figure:
@@ -77,9 +77,9 @@ def _draw_turning_points(axes, motion, decay):
 
 def _thinned(time, values):
     """The samples, or the smallest and largest of each stretch in order of time."""
-    if time.size <= MOST_POINTS:
+    if time.size <= MAX_POINTS:
         return time, values
-    stretch = int(np.ceil(2.0 * time.size / MOST_POINTS))
+    stretch = int(np.ceil(2.0 * time.size / MAX_POINTS))
     whole = time.size // stretch * stretch
     blocks = values[:whole].reshape(-1, stretch)
     begins = np.arange(0, whole, stretch)

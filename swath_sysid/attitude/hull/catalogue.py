@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.published_form import PublishedForm, from_published
 from swath_sysid.attitude.hull.terms import DAMPING_TERMS, RESTORING_TERMS
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 
 _LIN, _QUAD, _CUB = ('linear',), ('linear', 'quadratic'), ('linear', 'quadratic', 'cubic')
 _SINE = ('sine', 'sine-squared')
@@ -200,8 +200,7 @@ def hull_named(name: str) -> PublishedHull:
     InputError
         No such hull.
     """
-    if name not in PUBLISHED_HULLS:
-        raise InputError(f"there is no hull '{name}': choose from {', '.join(PUBLISHED_HULLS)}")
+    check_choice(name, PUBLISHED_HULLS, 'hull')
     return PUBLISHED_HULLS[name]
 
 

@@ -17,7 +17,7 @@ from swath_sysid.attitude.hull.terms import (
     restoring_slope,
 )
 from swath_sysid.attitude.motion.attitude import Value
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 
 DEFAULT_FRICTION_RATE = 0.01
 """rad/s; about 0.6 deg/s, small against the rates of a decay worth fitting."""
@@ -120,12 +120,11 @@ class DecayModel:
         Raises
         ------
         InputError
-            A name that is no term, or what the model refuses.
+            A name is not a term, or the model refuses a value.
         """
         ratios = np.zeros(len(TERM_NAMES))
         for name, value in values.items():
-            if name not in TERM_INDEX:
-                raise InputError(f"there is no ratio '{name}': choose from {', '.join(TERM_NAMES)}")
+            check_choice(name, TERM_NAMES, 'ratio')
             ratios[TERM_INDEX[name]] = value
         return cls(equation, ratios, **fields)
 

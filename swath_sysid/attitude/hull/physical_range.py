@@ -65,4 +65,4 @@ def check_physical(model: DecayModel) -> None:
 
 def _check(what: str, value: float, lowest: float, highest: float) -> None:
     if not lowest <= value <= highest:
-        raise InputError(f'{what} is {value:g}, which no craft has: it lies within {lowest:g} and {highest:g}')
+        raise InputError(f'{what} is {value:g}, which no craft has: it must lie within {lowest:g} and {highest:g}')

@@ -65,7 +65,7 @@ class ScheduledModel:
 
     @property
     def reference(self) -> IdentifiedModel:
-        """The model of the middle loading: what a reader that knows no draft should use."""
+        """The model of the middle loading: for readers without a draft."""
         return self.models[len(self.models) // 2]
 
     def at(self, loading: float) -> tuple[IdentifiedModel, tuple[Advice, ...]]:
@@ -213,7 +213,7 @@ def models_at(
     """
     if loading is None:
         return dict(models), ()
-    # also where no schedule asks for it: one may come later
+    # checked also where no schedule needs it: one may come later
     if not (np.isfinite(loading) and loading > 0.0):
         raise InputError(f'the draft or displacement must be a number greater than zero, not {loading}')
     found = {axis: schedule.at(loading) for axis, schedule in schedules.items()}

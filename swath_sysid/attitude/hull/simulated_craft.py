@@ -1,4 +1,4 @@
-"""A craft in still water, sample by sample: it lies at rest, is lifted about one axis, held and let go."""
+"""A craft in still water, sample by sample: at rest, lifted about one axis, held and released."""
 
 from dataclasses import dataclass, field
 

@@ -14,7 +14,7 @@ a floor.
 
 The nonlinear terms are fitted only because they would otherwise bias the linear ones: what a
 hull's asymmetry makes of the waves, at low and at double frequency, would pass for excitation. One
-record in one sea does not tell how the damping depends on the amplitude, so what is told is the
+record in one sea does not show how the damping depends on the amplitude, so what is reported is the
 *equivalent linear hull at the record's amplitude*: that of the harmonic motion with the same standard
 deviation, sqrt(2) std, by `hull.amplitude`.
 """
@@ -32,7 +32,7 @@ from swath_sysid.attitude.identification.sea_motion import (
     BAND_RATIO,
     EDGE_PERIODS,
     GAUSSIAN_RATE,
-    LEAST_REACH,
+    MIN_REACH,
     SeaMotion,
     TermSpectra,
     heave_spectrum,
@@ -49,7 +49,7 @@ from swath_sysid.common.stopping import Cancelled
 AT_SEA = 'motion in waves'
 """Marks a model identified at sea, as ``provenance['identified_from']``."""
 
-FEWEST_WAVES = 50
+MIN_WAVES = 50
 """Peak periods that a record must hold."""
 
 PARAMETERS = (
@@ -71,7 +71,7 @@ CLIFF, CLIFF_WIDTH = 12.0, 1.12
 its peak, but a wave maker does, and a sum of waves. What lies above is not fitted."""
 
 HEAVE_PREFERRED = 1.5
-"""The sea that the accelerometers show is believed unless its misfit is so many times that of JONSWAP."""
+"""The sea that the accelerometers show is used unless its misfit is so many times that of JONSWAP."""
 
 _FIRST_DAMPING = 0.15
 _REFINED = 8
@@ -80,7 +80,7 @@ _REFINED = 8
 _MODE_DEPTH = 8.0
 """Other optima count for the uncertainty unless their log-likelihood is so much worse."""
 
-LEAST_FADING = 6.0
+MIN_FADING = 6.0
 """Within the record a free decay of the hull must fade by exp of so much; what does not is a tone."""
 
 EDGE_SOFTNESS = 0.1
@@ -145,7 +145,7 @@ class Decrement:
 
 @dataclass(frozen=True)
 class AtSeaIdentification:
-    """What a record in waves tells of a hull.
+    """A hull as identified from a record in waves.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ class AtSeaIdentification:
         Parameters
         ----------
         provenance : dict
-            What the caller knows of the sources.
+            The caller's record of the sources.
         """
         metrics = {
             'natural_period_s': self.natural_period,
@@ -327,13 +327,13 @@ def excitation_spectrum(frequency, peak, peakedness, tail):
 
 
 def _best_fit(motion, heave, progress, should_cancel):
-    """The likelihood with the sea that is to be believed, and its optima, the best first."""
+    """The likelihood with the sea that is to be used, and its optima, the best first."""
     report = progress or (lambda share: None)
     sea, spectra = _prepared(motion)
     plain = _Fit(sea, spectra, _Jonswap(sea))
     others = plain.optima(lambda share: report(0.5 * share), should_cancel)
     end = _cliff(spectra.frequency, plain.parts(others[0].x)[0])
-    if end is not None and end > LEAST_REACH * sea.peak:
+    if end is not None and end > MIN_REACH * sea.peak:
         spectra = spectra.below(end)
         plain = _Fit(sea, spectra, _Jonswap(sea))
         others = plain.optima(None, should_cancel)
@@ -368,11 +368,11 @@ def _prepared(motion):
         )
     sea = sea_motion(motion)
     period = 2.0 * np.pi / sea.peak
-    needed = (FEWEST_WAVES + 2.0 * EDGE_PERIODS) * period
-    if sea.duration < FEWEST_WAVES * period:
+    needed = (MIN_WAVES + 2.0 * EDGE_PERIODS) * period
+    if sea.duration < MIN_WAVES * period:
         raise InputError(
             f'the {motion.axis} holds {sea.duration:.0f} s of motion in waves with a peak period of {period:.3g} s, '
-            f'too few waves to tell hull and sea apart: record at least {np.ceil(needed):.0f} s, better three times as '
+            f'too few waves to separate hull and sea: record at least {np.ceil(needed):.0f} s, better three times as '
             'long'
         )
     return sea, term_spectra(sea)
@@ -566,10 +566,10 @@ def _concluded(motion, fit, modes, holds_decay):
             f'{2.0 * np.pi / spectra.frequency[-1]:.3g} s), so the natural period is shorter and stays hidden: record '
             'in shorter waves, with a quieter sensor, or a free decay in still water'
         )
-    if damping * frequency * sea.duration < LEAST_FADING:
+    if damping * frequency * sea.duration < MIN_FADING:
         raise InputError(
             f'the {motion.axis} swings with a period of {period:.3g} s like a pure tone, as in regular waves, which '
-            'tell nothing of the damping: give motion in irregular waves, or record a free decay in still water'
+            'say nothing about the damping: give motion in irregular waves, or record a free decay in still water'
         )
     b1, r1 = 2.0 * damping * frequency, frequency**2
     # derivatives of (log b1, log r1) by (log period, log damping)
@@ -673,12 +673,12 @@ def _advice(holds_decay, sea, period, damping, covariance, misfit, peak_period, 
     if holds_decay:
         found.append(Advice(
             'holds-decay',
-            'there is a free decay in this record, which tells more of the hull: identify it as one',
+            'there is a free decay in this record, which says more about the hull: identify it as one',
         ))  # fmt: skip
     if period_spread > PERIOD_WANTED or damping_spread > DAMPING_WANTED:
         found.append(Advice(
             'sea-hides-hull',
-            f'the sea (peak period {peak_period:.3g} s) tells little of the hull (period to {100 * period_spread:.1f} '
+            f'the sea (peak period {peak_period:.3g} s) says little of the hull (period to {100 * period_spread:.1f} '
             f'%, damping to {100 * damping_spread:.0f} %): record longer than {sea.duration / 60:.0f} minutes, on '
             'another heading or in another sea, or record a free decay in still water',
         ))  # fmt: skip

@@ -41,11 +41,11 @@ BASIN_PRIORS = (
 """Name, mean and standard deviation of the logarithm of each of the basin's and the sensors' parameters."""
 STARTING_LEVELS = 0.003, 0.05
 LOG_LIMITS = 7.0
-LARGEST_DAMPING = 0.9
-SMALLEST_NOISE = 1e-4
+MAX_DAMPING = 0.9
+MIN_NOISE = 1e-4
 """Of the amplitude: white noise where third differences show none."""
 PERTURBATION = 1e-5
-MOST_ITERATIONS = 30
+MAX_ITERATIONS = 30
 CONVERGED = 0.01
 """Decrease of the negative log likelihood that a further step promises."""
 INTERVAL = 0.95
@@ -156,8 +156,8 @@ class BasinLikelihood:
         self._upper = UPPER[self._terms]
         self._bounded = np.array([name in DAMPING_NAMES for name in equation.terms])
         amplitude, rate = scales.amplitude, scales.rate
-        angle_noise = _white([m.angle for m in motions], SMALLEST_NOISE * amplitude)
-        rate_noise = _white([m.rate for m in motions], SMALLEST_NOISE * rate)
+        angle_noise = _white([m.angle for m in motions], MIN_NOISE * amplitude)
+        rate_noise = _white([m.rate for m in motions], MIN_NOISE * rate)
         self._floor = MODEL_FLOOR * np.array([
             max((float(np.std(v)) for v in channel if v is not None), default=0.0)
             for channel in ([m.angle for m in motions], [m.rate for m in motions])
@@ -199,7 +199,7 @@ class BasinLikelihood:
         ratios[self._terms] = z[:n] * self._ratio_units
         mean = self._prior_mean[n:shared]
         basin = np.exp(mean + LOG_LIMITS * np.tanh((z[n:shared] - mean) / LOG_LIMITS))
-        basin[2] = LARGEST_DAMPING * basin[2] / (LARGEST_DAMPING + basin[2])
+        basin[2] = MAX_DAMPING * basin[2] / (MAX_DAMPING + basin[2])
         return ratios, basin * self._basin_units, z[shared:].reshape(-1, 3) * self._state_units
 
     def innovations(self, z):
@@ -259,7 +259,7 @@ class BasinLikelihood:
         found = self.innovations(z)
         cost, damping = self.cost(z, found), 1e-3
         gradient, information = self.gradient_and_information(z, found)
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             trial = clipped_step(z, gradient, information + damping * np.diag(np.diag(information)), low, high)
             expected = -float(gradient @ (trial - z))
             if expected < CONVERGED:

@@ -24,7 +24,7 @@ PEAK_WINDOW = 0.1
 """Periods to each side of a turning point through which a parabola is laid: it averages the noise, and lowers every
 amplitude alike by 0.05 %."""
 
-LEAST_ROWS = (1, 4, 6)
+MIN_ROWS = (1, 4, 6)
 """Decrements that a curve of one, two, three terms needs: one to spare for each."""
 
 RESIDUAL_MEMORY = 4
@@ -122,7 +122,7 @@ class Extinction:
     ----------
     peaks : tuple of Peaks
     coefficients : ndarray, shape (3,)
-        p1, p2 (1/rad), p3 (1/rad^2); terms that so few half cycles cannot tell are zero.
+        p1, p2 (1/rad), p3 (1/rad^2); terms that so few half cycles cannot determine are zero.
     covariance : ndarray, shape (3, 3)
         From the scatter of the decrements about the curve (type A).
     bertin, bertin_std : float
@@ -168,7 +168,7 @@ def extinction_of(peaks):
     Parameters
     ----------
     peaks : sequence of Peaks
-        Of one condition; those with fewer than three turning points tell nothing.
+        Of one condition; those with fewer than three turning points are ignored.
 
     Returns
     -------
@@ -185,7 +185,7 @@ def extinction_of(peaks):
             'an extinction curve needs three turning points: the damping is too strong, or the record too short'
         )
     amplitude, period = (np.concatenate([getattr(p, name) for p in peaks]) for name in ('mean_amplitude', 'period'))
-    terms = sum(amplitude.size >= least for least in LEAST_ROWS)
+    terms = sum(amplitude.size >= least for least in MIN_ROWS)
     coefficients, covariance = np.zeros(3), np.zeros((3, 3))
     coefficients[:terms], covariance[:terms, :terms] = _fitted(peaks, range(1, terms + 1))
     (bertin,), ((bertin_variance,),) = _fitted(peaks, [2])

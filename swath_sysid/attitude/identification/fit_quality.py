@@ -9,13 +9,13 @@ from swath_sysid.common.noise import white_noise
 
 ADEQUATE, DOUBTFUL, REFUSED = 'adequate', 'doubtful', 'refused'
 
-LEAST_R2 = 0.9
+MIN_R2 = 0.9
 """Below this share of the variance of the angle (or of the rate, where no angle was measured) a model is of no use,"""
-LEAST_R2_IN_WAVES = 0.5
+MIN_R2_IN_WAVES = 0.5
 """or below this one where the likelihood shows that the rest is the basin's motion."""
 DOUBTFUL_R2 = 0.97
 
-LEAST_R2_OF_COHERENT_RESIDUALS = 0.95
+MIN_R2_OF_COHERENT_RESIDUALS = 0.95
 """Residuals, of angle or rate, that swing as the motion does are not noise; those of measured decays are within 1 %."""
 
 COHERENT = 0.5
@@ -24,17 +24,17 @@ COHERENT = 0.5
 LONGEST_PERIOD = 60.0
 """s; roll and pitch of craft that this package is for are several times as fast, so the time column is in doubt."""
 
-MOST_RATE_MISMATCH = 0.35
+MAX_RATE_MISMATCH = 0.35
 """What the rate and the angle's slope differ by, over the rate, root mean squares: a wrong unit, sign or delay."""
-MOST_PERIOD_STD = 0.05
+MAX_PERIOD_STD = 0.05
 """Relative standard deviation of the natural period beyond which the coefficients are hardly known."""
-LARGEST_DISTURBANCE = 0.1
+MAX_DISTURBANCE = 0.1
 """Standard deviation of the moment found on the craft, over the largest restoring moment."""
-MOST_WIDENING = 1.5
+MAX_WIDENING = 1.5
 """Of the natural frequency's standard deviation by the choice of the equation: beyond, that choice decides it."""
 VANISHED = 1e-6
 """Dimensionless damping that is none."""
-MOST_CORRELATION = 5.0
+MAX_CORRELATION = 5.0
 """Standard deviations of the innovations' correlation from sample to sample that chance does not make."""
 
 CHECK_COLUMNS = (
@@ -90,7 +90,7 @@ def judge(found):
 
 def _refusals(found):
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
-    if mismatch > MOST_RATE_MISMATCH:
+    if mismatch > MAX_RATE_MISMATCH:
         yield 'angle-against-rate', (
             f'the measured rate differs from the slope of the measured angle by {mismatch:.0%} of itself: check unit, '
             'sign and delay of both columns'
@@ -119,7 +119,7 @@ def _doubts(found):
             'compare equations'
         )
     rival = found.rival
-    if rival is not None and rival.widening > MOST_WIDENING:
+    if rival is not None and rival.widening > MAX_WIDENING:
         yield 'equation-open', (
             f'{rival.name} explains the motion about as well, with a natural period of {rival.natural_period:.4g} s '
             f'where {found.model.equation.name} has {found.model.natural_period:.4g} s, and either choice bends the '
@@ -140,13 +140,13 @@ def _doubts(found):
             'the equation lacks a term or the basin is not still, so compare equations, or wait for still water'
         )
     disturbance = disturbance_of(found)
-    if disturbance > LARGEST_DISTURBANCE:
+    if disturbance > MAX_DISTURBANCE:
         yield 'disturbed', (
             f'something moved the craft with {disturbance:.0%} of the moment it was released from, waves or an '
             'equation that lacks a term: wait for still water, or compare equations'
         )
     correlation = innovation_correlation(found.basin)
-    if correlation > MOST_CORRELATION:
+    if correlation > MAX_CORRELATION:
         yield 'residual-not-white', (
             'what the model leaves of the motion is not noise (its samples are correlated by '
             f'{correlation:.0f} standard deviations): compare equations, or look for a disturbance'
@@ -154,7 +154,7 @@ def _doubts(found):
     stiffness_std = max(found.std.get(name, 0.0) for name in ('r1', 's1'))
     natural = found.model.natural_frequency
     period_std = 0.5 * stiffness_std / natural**2 if np.isfinite(natural) else np.inf
-    if not period_std < MOST_PERIOD_STD:
+    if not period_std < MAX_PERIOD_STD:
         yield 'hardly-known', (
             f'the natural period is known to {period_std:.0%} only: release from a larger angle, repeat the trial, or '
             'choose an equation with fewer terms'
@@ -185,15 +185,15 @@ def explained_share(pairs):
 def _poor(quantity, pairs, found):
     fitted = 'rate' if found.records[0].motion.angle is None else 'angle'
     r2 = explained_share(pairs)
-    least = LEAST_R2 if found.basin is None else LEAST_R2_IN_WAVES
+    least = MIN_R2 if found.basin is None else MIN_R2_IN_WAVES
     if not r2 >= least and quantity == fitted:
         yield 'poor-fit', (
             f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and {least:.0%} is the least '
             f'that a model is of use with: {CHECK_COLUMNS}'
         )
-    elif found.basin is None and r2 < LEAST_R2_OF_COHERENT_RESIDUALS and _coherence(pairs, found) > COHERENT:
+    elif found.basin is None and r2 < MIN_R2_OF_COHERENT_RESIDUALS and _coherence(pairs, found) > COHERENT:
         yield 'poor-fit', (
-            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is no noise: '
+            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is not noise: '
             f'{CHECK_COLUMNS}'
         )
 

@@ -9,7 +9,7 @@ from swath_sysid.attitude.identification.one_step import with_angle_and_rate
 
 LEADS = (0.25, 0.5, 1.0)
 """Natural periods ahead."""
-MOST_STARTS = 200
+MAX_STARTS = 200
 STATE_PERIODS = 0.12
 """The state a forecast starts from is a parabola through this much of the past."""
 
@@ -93,7 +93,7 @@ def forecast_errors(model, motion, period, leads=LEADS):
     """
     angle, rate, first = measured_states(motion, period)
     step = period / STEPS_PER_PERIOD
-    starts = np.unique(np.linspace(first, motion.size - 1, MOST_STARTS).astype(int))
+    starts = np.unique(np.linspace(first, motion.size - 1, MAX_STARTS).astype(int))
     with np.errstate(over='ignore', invalid='ignore'):
         angles, _, _ = runge_kutta_population(
             angle[starts] - model.trim,

@@ -1,4 +1,4 @@
-"""From measured decays to a believed hull: search, refine, and say how well it is known."""
+"""From measured decays to a hull model: search, refine, and state the uncertainty."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -43,7 +43,7 @@ HORIZON_GROWTH = 2.5
 BLOCKS_PER_PERIOD = 24
 """As informative for a search as every sample, and short."""
 CURVE_POINTS = 40
-MOST_PERIOD_CHANGE = 0.25
+MAX_PERIOD_CHANGE = 0.25
 """Of least squares' natural period: by more the basin's motion does not bend it, but a term that is lacking does."""
 SEARCH_SHARE = 0.7
 
@@ -230,20 +230,9 @@ class Identification:
         Parameters
         ----------
         provenance : dict
-            What the caller knows of the sources: files, hashes, software version.
+            The caller's record of the sources: files, hashes, software version.
         """
         search = self.settings.search
-        metrics = {
-            'r2': self.r2,
-            'rmse_rad': self.rmse,
-            'rate_rmse_rad_s': self.rate_rmse,
-            'objective': self.objective,
-            'objective_value': self.objective_value,
-            'samples': self.samples,
-            'effective_samples': self.effective_samples,
-            'verdict': self.verdict.level,
-            'verdict_code': self.verdict.code,
-        }
         how = {
             'segments_s': [[float(r.segment.start), float(r.segment.end)] for r in self.records],
             'search': search.algorithm,
@@ -254,9 +243,33 @@ class Identification:
             'stop': self.search.stop,
             'advice': [a.code for a in self.advice],
         }
+        metrics = {**fit_metrics(self), 'verdict': self.verdict.level, 'verdict_code': self.verdict.code}
         return IdentifiedModel(
             self.model, self.covariance, self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
         )
+
+
+def fit_metrics(fit):
+    """How well a fit explains the motion, as model files hold it.
+
+    Parameters
+    ----------
+    fit : Identification
+        Or what has its attributes.
+
+    Returns
+    -------
+    dict of str to float or str
+    """
+    return {
+        'r2': fit.r2,
+        'rmse_rad': fit.rmse,
+        'rate_rmse_rad_s': fit.rate_rmse,
+        'objective': fit.objective,
+        'objective_value': fit.objective_value,
+        'samples': fit.samples,
+        'effective_samples': fit.effective_samples,
+    }
 
 
 def identify(motions, settings=IdentificationSettings(), *, progress=None, should_cancel=None):  # noqa: B008 - frozen
@@ -344,7 +357,7 @@ def refined_in_basin(found):
     parameters = fit.refine_states(fit.pack(basin.ratios, states))
     refined = conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
     lacking = absent_term(refined)
-    moved = abs(refined.model.natural_period / found.model.natural_period - 1.0) > MOST_PERIOD_CHANGE
+    moved = abs(refined.model.natural_period / found.model.natural_period - 1.0) > MAX_PERIOD_CHANGE
     if moved:
         lacking = lacking or absent_term(found)
     best = refined if lacking is None and not moved else found

@@ -18,7 +18,7 @@ SEARCH_STEPS_PER_PERIOD = 24
 PERTURBATION = 1e-6
 TOLERANCE = 1e-11
 BOUND_MARGIN = 1e-9
-MOST_EVALUATIONS = 100
+MAX_EVALUATIONS = 100
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ class MotionFit:
 
         return least_squares(
             residuals, parameters[chosen], jacobian, bounds=bounds,
-            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=MOST_EVALUATIONS,
+            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=MAX_EVALUATIONS,
         )  # fmt: skip
 
     def _simulate(self, x, rate, ratios):

@@ -1,7 +1,7 @@
-"""Refitting a craft's model on a new window: what is fitted, what is believed, and the way back.
+"""Refitting a craft's model on a new window: what is fitted, what is accepted, and the way back.
 
 A window that holds motion in waves instead of a free decay is identified at sea. The linear equivalent that
-this gives never replaces the model of a free decay, which knows other amplitudes too; a decay replaces either.
+this gives never replaces the model of a free decay, which covers other amplitudes too; a decay replaces either.
 """
 
 import hashlib
@@ -12,12 +12,14 @@ from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import gain_over, identify_at_sea, is_at_sea
+from swath_sysid.attitude.identification.at_sea import PERIOD_USABLE, gain_over, identify_at_sea, is_at_sea
+from swath_sysid.attitude.identification.fit_quality import REFUSED
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import decays_or_waves
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
 from swath_sysid.attitude.motion.contradictions import OFFSET_CODES, RATE_CODES, refuse_contradictions
 from swath_sysid.attitude.motion.installation_checks import contradictions_in
 from swath_sysid.attitude.motion.sensor_mount import Installation
@@ -33,7 +35,7 @@ BY_CHANCE = 0.01
 
 @dataclass(frozen=True)
 class RefitSettings:
-    """What a refit fits, and when it is believed.
+    """What a refit fits, and when it is accepted.
 
     Attributes
     ----------
@@ -43,11 +45,13 @@ class RefitSettings:
     least_improvement : float
         Part by which the new model's residuals must be smaller than the current model's, or more
         where chance alone does as much.
+    stability : StabilitySettings
     """
 
     axes: tuple[str, ...] = AXES
     identification: IdentificationSettings = field(default_factory=IdentificationSettings)
     least_improvement: float = 0.001
+    stability: StabilitySettings = field(default_factory=StabilitySettings)
 
     def __post_init__(self):
         unknown = [axis for axis in self.axes if axis not in AXES]
@@ -67,7 +71,7 @@ class RefitRequest:
     current : dict of str to IdentifiedModel
     settings : RefitSettings
     provenance : dict
-        What the caller knows of the source.
+        The caller's record of the source.
     """
 
     table: MotionTable
@@ -91,6 +95,8 @@ class AxisVerdict:
         Root mean square of the weighted residuals of the new and of the current model on this
         window, each from its own best initial state; NaN where there is none. At sea the deviance
         a degree of freedom of the new one.
+    estimate : PeriodEstimate or None
+        Of the natural period, whether or not the model is to be published; None where it is not known.
     """
 
     axis: str
@@ -98,6 +104,7 @@ class AxisVerdict:
     message: str
     misfit: float = float('nan')
     current_misfit: float = float('nan')
+    estimate: PeriodEstimate | None = None
 
 
 @dataclass(frozen=True)
@@ -142,7 +149,7 @@ def refit(request, *, progress=None, should_cancel=None):
     Returns
     -------
     RefitOutcome
-        What cannot be fitted is told in its verdict.
+        What cannot be fitted is reported in its verdict.
 
     Raises
     ------
@@ -167,7 +174,11 @@ def refit(request, *, progress=None, should_cancel=None):
 
         try:
             refuse_contradictions(trial, axis)
-            verdicts.append(_refit_axis(axis, trial, request, report, should_cancel))
+            verdict, estimate = _refit_axis(axis, trial, request, report, should_cancel)
+            if estimate is not None:
+                begin, end = request.table.rows[[0, -1], 0].tolist()
+                verdict = replace(verdict, estimate=PeriodEstimate(begin, end, *estimate))
+            verdicts.append(verdict)
         except InputError as error:
             verdicts.append(AxisVerdict(axis, None, f'not fitted, {error}'))
         report(1.0)
@@ -205,13 +216,28 @@ def _refit_axis(axis, trial, request, progress, should_cancel):
     if problem is None:
         return _refit_at_sea(axis, motion, heave_of(trial), request, progress, should_cancel)
     found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
+    estimate = _period_at_reference(found) if found.verdict.level != REFUSED else None
+    return _judged_decay(axis, problem, found, request), estimate
+
+
+def _period_at_reference(found):
+    """Period, its standard deviation and the amplitude of an `Identification`."""
+    amplitude, curves = found.reference_amplitude, found.bands.curves
+    frequency = float(np.interp(amplitude, curves.amplitude, curves.frequency))
+    std = float(np.interp(amplitude, curves.amplitude, found.bands.frequency_std))
+    period = 2.0 * np.pi / frequency
+    return (period, period * std / frequency, amplitude) if 0.0 < std < PERIOD_USABLE * frequency else None
+
+
+def _judged_decay(axis, problem, found, request):
+    settings = request.settings
     new = misfit(problem, found.model)
     held = request.current.get(axis)
     current = float('nan') if held is None else misfit(problem, held.model)
     summary = f'{found.model.equation.name}, r2 {found.r2:.5f}, period {found.model.natural_period:.3f} s'
     if not np.isfinite(new):
         return AxisVerdict(axis, None, f'not published, the fit runs away ({summary})', new, current)
-    worth = min(1.0 - request.settings.least_improvement, _chance_ratio(found))
+    worth = min(1.0 - settings.least_improvement, _chance_ratio(found))
     if held is not None and not new < worth * current:
         message = f'not published, the current model explains the window as well (misfit {current:.4g}, new {new:.4g})'
         return AxisVerdict(axis, None, message, new, current)
@@ -224,12 +250,18 @@ def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
         found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
         raise InputError(f'{error} (the window holds what window_s says)') from error
+    is_known = found.natural_period_std < PERIOD_USABLE * found.natural_period
+    estimate = (found.natural_period, found.natural_period_std, found.amplitude) if is_known else None
+    return _judged_at_sea(axis, motion, heave, found, request, should_cancel), estimate
+
+
+def _judged_at_sea(axis, motion, heave, found, request, should_cancel):
     summary = (
         f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
         f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
     )
     if not found.is_usable:
-        message = f'not published, this sea tells too little of the hull ({summary})'
+        message = f'not published, this sea does not determine the hull ({summary})'
         return AxisVerdict(axis, None, message, found.misfit)
     held, better = request.current.get(axis), ''
     if held is not None and not is_at_sea(held):
@@ -252,12 +284,14 @@ def _told_there(held, amplitude):
     return f'which there has period {period:.3f} s and damping ratio {damping:.3f}'
 
 
-def window_provenance(table, software):
-    """What is known of where a window came from.
+def window_provenance(table, source, software):
+    """Where a window came from.
 
     Parameters
     ----------
     table : MotionTable
+    source : dict
+        What names its source: on a bus ``{'topic': ...}``.
     software : str
         Name and version.
 
@@ -268,7 +302,7 @@ def window_provenance(table, software):
     return {
         'software': software,
         'sources': [{
-            'topic': 'motion/window',
+            **source,
             'first_stamp_s': float(table.rows[0, 0]) if len(table.rows) else None,
             'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
         }],
@@ -313,6 +347,7 @@ class Refitter:
         self.settings = settings or RefitSettings()
         self.models = dict(models or {})
         self.version = 0
+        self.stability = StabilityWatch()
         self._history = []
 
     def request(self, table, provenance=None):
@@ -330,7 +365,7 @@ class Refitter:
         return RefitRequest(table, dict(self.models), self.settings, provenance or {})
 
     def take(self, outcome):
-        """Believe what a refit found to be better.
+        """Believe what a refit found to be better, and watch the stability by what it found of the period.
 
         Parameters
         ----------
@@ -341,6 +376,10 @@ class Refitter:
         bool
             Whether the models have changed and are to be published.
         """
+        self.stability.settings = self.settings.stability
+        for verdict in outcome.verdicts:
+            if verdict.axis == 'roll' and verdict.estimate is not None:
+                self.stability.add(verdict.estimate)
         if not outcome.succeeded:
             return False
         self._history = [*self._history, self.models][-LONGEST_HISTORY:]
@@ -349,7 +388,7 @@ class Refitter:
         return True
 
     def rollback(self):
-        """Return to the models before the last refit that was believed.
+        """Return to the models before the last refit that was accepted.
 
         Returns
         -------

@@ -17,7 +17,7 @@ _RANGES = {
 }  # fmt: skip
 LOWER = np.array([_RANGES[name][0] for name in TERM_NAMES])
 UPPER = np.array([_RANGES[name][1] for name in TERM_NAMES])
-"""No craft feeds on its own motion: damping is not negative. No upper limit is meant to bind."""
+"""Damping is not negative. No upper limit is meant to bind."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Motion in waves, smooth enough to be differentiated, and the spectra of what a hull's equation makes of it.
 
 Sine tapers (Riedel and Sidorenko, Minimum bias multiple taper spectral estimation, IEEE Trans. Signal
-Processing 43, 1995) keep the energy of the waves out of the bands where there is none: those bands tell
+Processing 43, 1995) keep the energy of the waves out of the bands where there is none: those bands show
 what the hull's nonlinearity makes of the waves.
 """
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ DYNAMIC_RANGE = 1e-5
 LOWEST_BAND, HIGHEST_BAND = 0.25, 8.0
 """... between these multiples of the peak frequency."""
 
-LEAST_REACH = 1.3
+MIN_REACH = 1.3
 """Multiple of the peak frequency up to which the motion must be known."""
 
 FASTEST = 0.8
@@ -41,7 +41,7 @@ EDGE_PERIODS = 1.0
 
 HEAVE_ABOVE_NOISE = 10.0
 HEAVE_WANTED = 0.01
-"""Heave tells the sea where it stands so far above its noise wherever the spectrum of the angle is above
+"""Heave shows the sea where it stands so far above its noise wherever the spectrum of the angle is above
 this part of its peak."""
 
 HEAVE_LEAST = 0.05
@@ -272,7 +272,7 @@ def _reach(even, angle, rate, noise, frequency):
         _, spectrum = tapered_spectrum(rate, interval)
         spectrum[1:] /= frequency[1:] ** 2
     smooth = np.convolve(spectrum, np.ones(15) / 15.0, mode='same')
-    # a drift of the mean is no wave: a record shows at least ten of them
+    # a drift of the mean is not a wave: a record shows at least ten of them
     slowest = 10
     at = slowest + int(smooth[slowest:].argmax())
     peak = float(frequency[at])
@@ -280,7 +280,7 @@ def _reach(even, angle, rate, noise, frequency):
     lost = np.flatnonzero(~known[at:])
     last = frequency[at + lost[0] - 1] if lost.size else frequency[-1]
     highest = min(float(last), HIGHEST_BAND * peak, FASTEST * float(frequency[-1]))
-    if highest < LEAST_REACH * peak:
+    if highest < MIN_REACH * peak:
         raise InputError(
             f'the motion is known only up to {highest / (2 * np.pi):.3g} Hz, its peak is at '
             f'{peak / (2 * np.pi):.3g} Hz: record at ten samples a wave or more, with a quieter sensor'

@@ -1,4 +1,4 @@
-"""Which equation to believe: rank many on the same records, and choose the simplest adequate one."""
+"""Which equation to use: rank many on the same records, and choose the simplest adequate one."""
 
 from dataclasses import dataclass, replace
 

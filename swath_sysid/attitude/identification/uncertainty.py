@@ -1,4 +1,4 @@
-"""How far a fit can be trusted: covariance, correlation, and what a record cannot tell apart."""
+"""Uncertainty of a fit: covariance, correlation, and terms that a record cannot separate."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ RELATIVE_STEP = 1e-4
 
 
 def inseparable_terms(terms, covariance):
-    """Advice for each pair of terms that the records cannot tell apart.
+    """Advice for each pair of terms that the records cannot separate.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
 """What was measured: attitude, trials, windows, quality, installation of the sensor, decays.
 
-Knows no model of the hull: those who fit and those who forecast take their samples from here.
+Independent of any model of the hull; identification and prediction take their samples from here.
 """

@@ -1,4 +1,4 @@
-"""A record as it came from a sensor, in whatever frame that sits, assembled to a trial of the craft."""
+"""A sensor's record, in whatever frame it was mounted, assembled to a trial of the craft."""
 from collections.abc import Sequence
 
 import numpy as np

@@ -51,7 +51,7 @@ def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
     ----------
     trial : Trial
     axis : str, optional
-        Contradictions that only concern the other axis are no matter; by default both matter.
+        Contradictions that concern only the other axis are ignored; by default both axes count.
 
     Raises
     ------

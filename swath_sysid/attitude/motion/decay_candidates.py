@@ -41,7 +41,7 @@ class FallSettings:
         Least part of the loss to be expected from quadratic damping, which lowers it with the
         square of the swings. Waves that feed the motion leave less.
     recent : int
-        So many losses or periods are recent.
+        This many losses or periods are recent.
     period_change : float
         Ratio by which a period may differ from the recent ones: restoring bends it slowly.
     asymmetry : float
@@ -72,8 +72,8 @@ RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)
 CREEP_PERIODS = 0.6
 """Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping, 0.55 with 0.77 of it."""
 
-MOST_CREEP = 1.3
-"""A swing that turns so much later than a cosine that arrives with it has crept to rest."""
+MAX_CREEP = 1.3
+"""A swing that turns this much later than a cosine that arrives with it has crept to rest."""
 
 ODD_PERIOD = 0.25
 """A period that differs by this part from the median spans a gap."""
@@ -91,7 +91,7 @@ SMOOTHED_SAMPLES = 3.0
 """How far the smoothing of a grid reaches, samples."""
 
 LONGEST_REST = 8.0
-"""Rest is looked for over so many periods: more proves nothing further."""
+"""Rest is looked for over this many periods: more proves nothing further."""
 
 ACTIVE_PART = 0.25
 """Motion that reaches, within a period, this part of the first swing is motion like it."""
@@ -184,7 +184,7 @@ class Fall:
         if periods.size:
             usual = np.abs(periods / weighted_median(periods, swings) - 1.0) < ODD_PERIOD
             return float(np.average(periods[usual], weights=swings[usual]))
-        crept = self.is_single and self._turned > MOST_CREEP * self._arrived
+        crept = self.is_single and self._turned > MAX_CREEP * self._arrived
         return (self.end - self.release) / CREEP_PERIODS if crept else 2.0 * self.first_half
 
     @cached_property
@@ -338,7 +338,7 @@ class Fall:
         return reach > ACTIVE_PART * self.swings[0]
 
     def activity_after(self, periods=10.0):
-        """Moving part of so many periods that begin one period after its end."""
+        """Moving part of this many periods that begin one period after its end."""
         begin, end = (self.signal.index(self.end + count * self.period) for count in (1.0, 1.0 + periods))
         return float(np.mean(self.activity[begin:end])) if end > begin else 0.0
 

@@ -96,7 +96,7 @@ def list_of_craft(up: np.ndarray, installation: Installation) -> list[Contradict
     mounting = mounting_after((nearest_quarter(roll), nearest_quarter(pitch), 0.0), installation)
     return [Contradiction('sensor-turned', (
         f'the attitude averages roll {in_degrees([roll])[0]} deg and pitch {in_degrees([pitch])[0]} deg, at which no '
-        f'craft floats, so this is how the sensor sits: set mounting_deg to {mounting} (roll, pitch, yaw, of which the '
+        f'craft floats, so this is its mounting: set mounting_deg to {mounting} (roll, pitch, yaw, of which the '
         f'yaw does not show)'
     ))]  # fmt: skip
 
@@ -157,7 +157,7 @@ def direction_of_gravity(
 
 
 def _direction_alone(direction: np.ndarray, installation: Installation) -> list[Contradiction]:
-    """Without an orientation gravity alone says how the sensor sits, but for its yaw."""
+    """Without an orientation gravity alone gives the mounting, but for its yaw."""
     turn = max(TURNS, key=lambda turn: float(turn[2] @ direction))
     if direction[2] >= MIN_UPRIGHT or turn[2] @ direction < MIN_UPRIGHT:
         return []

@@ -1,4 +1,4 @@
-"""Whether a sensor sits in the craft as it was said to, judged from its own data.
+"""Whether a sensor is mounted as stated, judged from its own data.
 
 Gravity is held against the attitude, and the rates against the derivative of the angles. A sensor whose orientation,
 rates and accelerations are all turned alike about the vertical agrees with itself: no such check can see it.
@@ -29,7 +29,7 @@ from swath_sysid.attitude.motion.rate_comparison import MIN_RATE, RateComparison
 from swath_sysid.attitude.motion.sensor_mount import Installation
 
 WINDOW = 30.0
-"""s; over so long the accelerations of waves average out."""
+"""s over which the accelerations of waves average out."""
 
 BIN = 0.05
 """s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more."""
@@ -159,7 +159,7 @@ def contradictions_in(
 ) -> tuple[Contradiction, ...]:
     """What contradicts itself in a whole record.
 
-    The record is judged in stretches. What stands is found in most of those that can tell; a sensor that froze, in any.
+    The record is judged in stretches. A contradiction must show in most that can show it; a frozen sensor, in any.
 
     Parameters
     ----------
@@ -196,12 +196,12 @@ def contradictions_in(
 
 
 def samples_a_bin(interval: float) -> int:
-    """So many samples of an interval (s) are averaged to a bin."""
+    """This many samples of an interval (s) are averaged to a bin."""
     return max(int(BIN / interval + 0.5), 1)
 
 
 def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tuple[np.ndarray, ...]:
-    """Samples averaged by so many that a bin is `BIN` long; a value that is missing leaves its bin unknown.
+    """Samples averaged over bins of `BIN` s; a value that is missing leaves its bin unknown.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ class InstallationCheck:
         return judge(*parts, installation=self._installation, interval=interval)
 
     def _weigh(self, judgement: Judgement) -> None:
-        """Contradictions stand, and fall, when so many judgements in a row agree."""
+        """Contradictions stand, and fall, when this many judgements in a row agree."""
         found = {(each.code, each.axis): each for each in judgement.contradictions}
         for key, each in found.items():
             votes = self._votes.get(key, (0, None))[0]

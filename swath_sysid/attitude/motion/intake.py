@@ -31,7 +31,7 @@ _NOT_MEASURED = (nan, nan, nan)
 _LARGEST_RATE, _LARGEST_ACCELERATION = LARGEST_VALUES['rate'], LARGEST_VALUES['acceleration']
 
 LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = LARGEST_VALUES['angle'] ** 2, LARGEST_VALUES['rate'] ** 2
-"""A sensor that knows less than this knows nothing, or its covariance is not in rad^2 and rad^2/s^2."""
+"""A sensor with a larger variance measures nothing, or its covariance is not in rad^2 and rad^2/s^2."""
 
 LARGEST_PITCH = radians(80.0)
 """Beyond it roll and yaw can hardly be separated, and every rate error is more than five times as large in theirs."""

@@ -1,4 +1,4 @@
-"""Quality gates: what speaks against a record or a decay before anything is fitted to it."""
+"""Quality gates: weaknesses of a record or a decay, found before anything is fitted to it."""
 from collections.abc import Sequence
 
 import numpy as np

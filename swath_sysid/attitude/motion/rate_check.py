@@ -19,13 +19,13 @@ UNITS = {
     1e3: 'the time is in ms where s is expected',
     1e6: 'the time is in us where s is expected',
 }
-"""What is wrong where the rate is so many times the derivative of the angle."""
+"""What is wrong where the rate is this many times the derivative of the angle."""
 
 UNIT_TOLERANCE = 1.3
 """Factor by which the rates may differ from the derivatives of the angles, and from a unit of `UNITS`."""
 
 LAG_INTERVALS, MIN_LAG = 2.5, 0.05
-"""A delay is reported beyond so many sample intervals and so many seconds."""
+"""A delay is reported beyond this many sample intervals and this many seconds."""
 
 UNRELATED = 0.6
 """Correlation with the derivative of its angle at every delay below which a rate does not follow it."""
@@ -34,10 +34,10 @@ MIN_SHARE = 0.3
 """Of the derivative's standard deviation that a rate must have to hold it."""
 
 MIN_FREEDOM = 6.0
-"""Degrees of freedom below which a poor correlation is no proof: one noisy swing."""
+"""Degrees of freedom below which a poor correlation proves nothing: one noisy swing."""
 
 SIGNIFICANT = 4.0
-"""Standard deviations beyond which a delay or a gain is no chance."""
+"""Standard deviations beyond which a delay or a gain is not chance."""
 
 MAX_OFFSET = np.radians(2.0)
 """rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets."""

@@ -13,7 +13,7 @@ from swath_sysid.common.signals import noise_level
 
 HOLD_BAND = 0.6
 """Part of a hold's angle above which the craft counts as held: a hand wobbles by less than the rest."""
-SHORTEST_HOLD = 0.5
+MIN_HOLD = 0.5
 """Natural periods: a free swing stays above the band for 0.3 of one."""
 FALL_FROM, FALL_TO = 0.9, 0.5
 FALL_PHASE = float(np.arccos(FALL_TO) - np.arccos(FALL_FROM))
@@ -22,11 +22,11 @@ BEFORE, AFTER = 0.15, 0.2
 """Natural periods on either side of a release that show its kink."""
 PLAIN_JUMP = 20.0
 """Standard deviations from which half of those show it better: the polynomials bend less."""
-LEAST_FALL = 0.5
+MIN_FALL = 0.5
 """Of the acceleration of a free swing of that angle and period."""
 PLAIN_SHARE = 0.5
 """Of the largest jump: the last one that reaches it is the release, those before are the hand's."""
-LEAST_JUMP = 4.0
+MIN_JUMP = 4.0
 """Standard deviations by which the acceleration jumps."""
 FINEST_STEPS = 80
 """Candidate times across a search."""
@@ -103,7 +103,7 @@ def _release_of(motion, signal, away, trim, run):
         return None
     fall = (last + below[0] - top) * signal.interval
     period = 2.0 * np.pi * fall / FALL_PHASE
-    if (last - first) * signal.interval < SHORTEST_HOLD * period:
+    if (last - first) * signal.interval < MIN_HOLD * period:
         return None
     at = signal.start + top * signal.interval
     earliest = max(signal.start + first * signal.interval, at - 0.25 * period)
@@ -140,7 +140,7 @@ def kink_time(motion, earliest, latest, period, towards, level):
         for order, values in enumerate((motion.angle, motion.rate)) if values is not None
     ]  # fmt: skip
     before, after = BEFORE * period, AFTER * period
-    least_fall = LEAST_FALL * (2.0 * np.pi / period) ** 2 * level
+    least_fall = MIN_FALL * (2.0 * np.pi / period) ** 2 * level
 
     def fitted(time, begin, end):
         inside = (motion.time >= begin) & (motion.time <= end)
@@ -166,7 +166,7 @@ def kink_time(motion, earliest, latest, period, towards, level):
     scores = [fitted(t, t - before, t + after) for t in coarse]
     jumps = np.array([-np.inf if s is None else s[0] for s in scores])
     peaks = np.flatnonzero((jumps >= np.r_[-np.inf, jumps[:-1]]) & (jumps >= np.r_[jumps[1:], -np.inf]))
-    plain = peaks[jumps[peaks] >= max(LEAST_JUMP, PLAIN_SHARE * jumps.max())]
+    plain = peaks[jumps[peaks] >= max(MIN_JUMP, PLAIN_SHARE * jumps.max())]
     if not plain.size:
         return None
     best = plain[-1]

@@ -40,7 +40,7 @@ class SegmentationSettings:
     smallest_reach : float
         A record without a decay that reaches no further than so many times that (1 deg) is too
         small, whatever moved it.
-    fewest_swings : int
+    min_swings : int
         Three swings show two losses and one rhythm; fewer are taken only where nothing else moves.
     smooth_swings, smooth_roughness, smooth_scatter : int, float, float
         A fall of so many swings, so smooth and so regular needs no rest around it. Tank decays
@@ -48,29 +48,29 @@ class SegmentationSettings:
     many_swings, many_roughness, many_scatter : int, float, float
         Nor does one of so many swings that is smooth and regular as far as noise lets it. In the
         seas 20 swings reached 0.023 and 0.006.
-    most_searched : float
+    max_searched : float
         In both cases other motion may last so many times longer: in hours of waves anything
         comes by once.
     whole_swings, whole_part : int, float
         Nor one of so many swings that fills this part of the record: seas reached 0.75.
     rest_wanted : float
         Periods of rest, before and after together, that settle the matter; those seas reached 4.8.
-    most_searched_with_rest : float
+    max_searched_with_rest : float
         In that case other motion may last so many times longer.
     rest_needed : float
         Periods of rest that settle it where little else in the record moves: for each
         period of rest, no more than the duration of the decay. Windows of ten and more
         periods cut from the seas had 1.6 times the duration with 0.8 periods of rest.
-    most_unexplained : float
+    max_unexplained : float
         In no case may other motion last longer than so many times the decay.
     short_scatter : float
         Scatter of the periods, where it shows three, that such a decay may have.
     rest_in_jump : float
         Periods of rest that a jump to the first turning point stands for.
-    least_decrement : float
+    min_decrement : float
         Mean logarithmic decrement a half cycle (pi times the damping ratio) below which the
         motion is kept up by something. The lightest decay known here has 0.012.
-    most_activity_after : float
+    max_activity_after : float
         Moving part of the ten periods after a decay that has no rest after it.
     held_periods : float
         Dwelling at the first turning point that no swinging craft does: it was held there.
@@ -89,31 +89,31 @@ class SegmentationSettings:
     plentiful_tail : float
         Part of the first swing at which that tail begins: an eighth holds 1/64 of the energy.
     smallest_of_several : float
-        Part of the largest first swing below which a further fall is no decay of its own.
+        Part of the largest first swing below which a further fall is not a decay of its own.
     """
 
     fall: FallSettings = field(default_factory=FallSettings)
     smallest_angle_swing: float = float(np.radians(0.4))
     smallest_rate_swing: float = float(np.radians(1.0))
     smallest_reach: float = 2.5
-    fewest_swings: int = 3
+    min_swings: int = 3
     smooth_swings: int = 8
     smooth_roughness: float = 0.005
     smooth_scatter: float = 0.02
     many_swings: int = 16
     many_roughness: float = 0.015
     many_scatter: float = 0.03
-    most_searched: float = 30.0
+    max_searched: float = 30.0
     whole_swings: int = 6
     whole_part: float = 0.8
     rest_wanted: float = 5.0
-    most_searched_with_rest: float = 100.0
+    max_searched_with_rest: float = 100.0
     rest_needed: float = 1.0
-    most_unexplained: float = 2.0
+    max_unexplained: float = 2.0
     short_scatter: float = 0.045
     rest_in_jump: float = 1.0
-    least_decrement: float = 0.004
-    most_activity_after: float = 0.5
+    min_decrement: float = 0.004
+    max_activity_after: float = 0.5
     held_periods: float = 0.4
     jump_periods: float = 0.05
     push_periods: float = 1.25
@@ -407,17 +407,17 @@ def _free_falls(falls, settings):
     if certain or others:
         return certain + others
     singles = [single for single in (fall.first_swing() for fall in falls) if _is_single_release(single, settings)]
-    # Of inclining the craft and letting it go, the letting go comes last.
+    # The craft is inclined first and released last.
     return [max(singles, key=lambda single: single.release)] if singles else []
 
 
 def _is_rhythmic(fall, settings):
     """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
     return (
-        fall.swings.size >= settings.fewest_swings
+        fall.swings.size >= settings.min_swings
         and fall.is_suited
         and _keeps_time(fall, settings)
-        and fall.decrement >= settings.least_decrement
+        and fall.decrement >= settings.min_decrement
     )
 
 
@@ -446,7 +446,7 @@ def _is_regular(fall, settings):
         and fall.roughness <= settings.smooth_roughness
         and fall.scatter <= settings.smooth_scatter
     )
-    if (many or smooth) and fall.unexplained([fall]) <= settings.most_searched * duration:
+    if (many or smooth) and fall.unexplained([fall]) <= settings.max_searched * duration:
         return True
     return number >= settings.whole_swings and duration >= settings.whole_part * (fall.signal.end - fall.signal.start)
 
@@ -455,10 +455,10 @@ def _is_settled(fall, settings):
     """Followed by a long rest, or begun from one without being swamped afterwards."""
     rest_after = fall.rest_after(settings.stop_periods)
     if rest_after < settings.rest_wanted and not (
-        _rest(fall, settings) >= settings.rest_wanted and fall.activity_after() <= settings.most_activity_after
+        _rest(fall, settings) >= settings.rest_wanted and fall.activity_after() <= settings.max_activity_after
     ):
         return False
-    return fall.unexplained([fall]) <= settings.most_searched_with_rest * (fall.end - fall.release)
+    return fall.unexplained([fall]) <= settings.max_searched_with_rest * (fall.end - fall.release)
 
 
 def _stands_alone(fall, certain, settings):
@@ -467,7 +467,7 @@ def _stands_alone(fall, certain, settings):
     rest = _rest(fall, settings) + (settings.rest_in_jump if fall.rise <= settings.jump_periods else 0.0)
     if not regular or rest < settings.rest_needed:
         return False
-    return fall.unexplained([fall, *certain]) <= min(rest, settings.most_unexplained) * (fall.end - fall.release)
+    return fall.unexplained([fall, *certain]) <= min(rest, settings.max_unexplained) * (fall.end - fall.release)
 
 
 def _is_single_release(fall, settings):
@@ -626,7 +626,7 @@ def _period_of_relaxation(signal, centre):
 
 
 def _vouched_for(motion, settings):
-    """Falls for whose freedom the user stands in by giving a bound, the large ones."""
+    """The large falls, taken for free decays because the user gave a bound."""
     falls = [
         fall for piece in split_at_pauses(motion) for fall in find_falls(piece, settings.fall)
         if fall.is_suited and fall.swings.size >= 2

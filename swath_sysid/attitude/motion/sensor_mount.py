@@ -1,11 +1,11 @@
-"""How an IMU sits in the craft: its frame and mounting, and what its readings are in the axes of the craft."""
+"""The frame and mounting of an IMU, and its readings in the axes of the craft."""
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Quaternion, Value
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 
 FRAMES = ('flu', 'frd')
 """Sensor axes forward-left-up in an ENU world, or forward-right-down in a NED world."""
@@ -13,7 +13,7 @@ FRAMES = ('flu', 'frd')
 
 @dataclass(frozen=True)
 class Installation:
-    """How a sensor sits in the craft.
+    """The frame and mounting of a sensor.
 
     Its readings are first brought from its frame to FLU in ENU, then turned by the mounting.
 
@@ -34,8 +34,7 @@ class Installation:
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if self.frame not in FRAMES:
-            raise InputError(f"there is no frame '{self.frame}': choose one of {', '.join(FRAMES)}")
+        check_choice(self.frame, FRAMES, 'frame')
         if len(self.mounting) != 3 or not all(isfinite(angle) for angle in self.mounting):
             raise InputError(f'a mounting is three finite angles (roll, pitch, yaw in rad), not {self.mounting}')
 

@@ -22,7 +22,7 @@ FOLLOWING = {True: 0.02, False: 0.1}
 
 SETTLING_SAMPLES = 50
 SETTLED = 1.15
-"""The interval is settled when it has moved by less than this factor over so many samples."""
+"""The interval is settled when it has moved by less than this factor over this many samples."""
 
 RATE_CHANGE = 1.4
 

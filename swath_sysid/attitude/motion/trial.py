@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 
 AXES = ('roll', 'pitch')
 
@@ -141,8 +141,7 @@ class Trial:
         InputError
             The trial holds neither angle nor rate of that axis, or no finite sample of it.
         """
-        if name not in AXES:
-            raise InputError(f"there is no axis '{name}': choose one of {', '.join(AXES)}")
+        check_choice(name, AXES, 'axis')
         measured = [c for c in (getattr(self, name), getattr(self, f'{name}_rate')) if c is not None]
         if not measured:
             held = ', '.join(self.axes) or 'none'

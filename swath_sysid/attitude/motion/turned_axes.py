@@ -42,7 +42,7 @@ def in_degrees(mounting: Sequence[float]) -> list[int]:
 
 
 def mounting_after(further: Sequence[float], installation: Installation) -> list[int]:
-    """The mounting, deg, of a sensor that sits turned by a further rotation (rad) beside its stated mounting."""
+    """The mounting, deg, of a sensor that is turned by a further rotation (rad) beside its stated mounting."""
     turned = attitude.multiply(attitude.quaternion(*further), installation.rotation)
     return in_degrees(attitude.euler_angles(*turned))
 

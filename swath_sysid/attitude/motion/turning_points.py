@@ -11,20 +11,20 @@ from scipy.ndimage import gaussian_filter1d
 
 from swath_sysid.common.signals import bin_means, noise_level, quantum, without_spikes
 
-MOST_SAMPLES = 65536
+MAX_SAMPLES = 65536
 """Longer records are averaged down to this many samples: 20 a period for an hour of a 1 s period."""
 
-FEWEST_PER_PERIOD = 32
+MIN_PER_PERIOD = 32
 """Samples a period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most."""
 
-FEWEST_PER_PERIOD_UNSMOOTHED = 5
+MIN_PER_PERIOD_UNSMOOTHED = 5
 """On the finest grid nothing is smoothed, and slow sampling is all there is."""
 
 PROMINENCE = 5.0
-"""A turning point stands out by so many standard deviations of the noise left on its grid."""
+"""A turning point stands out by this many standard deviations of the noise left on its grid."""
 
 RESOLVED_STEPS = 1.5
-"""... by so many steps of rounded values: where the motion is slow, averaging does not help,"""
+"""... by this many steps of rounded values: where the motion is slow, averaging does not help,"""
 
 SMALLEST_PROMINENCE = 0.002
 """... and by this part of the record's range, so that no trifle is taken for motion."""
@@ -146,7 +146,7 @@ def find_turning_points(motion, period=None):
         else:
             found = 2.0 * float(np.average(half_periods, weights=swings))
         wanted = found if period is None else period
-        if best is None or wanted >= FEWEST_PER_PERIOD * signal.interval:
+        if best is None or wanted >= MIN_PER_PERIOD * signal.interval:
             best = points
     return best
 
@@ -259,7 +259,7 @@ def even_signal(motion):
         none = np.empty((0, 2))
         return EvenSignal(quantity, float(time[0]), 1.0, value.copy(), 0.0, 0.0, none, record_end=record_end)
     start, duration = float(time[0]), float(time[-1] - time[0])
-    interval = max(float(np.median(np.diff(time))), duration / (MOST_SAMPLES - 1))
+    interval = max(float(np.median(np.diff(time))), duration / (MAX_SAMPLES - 1))
     number = int(np.floor(duration / interval * (1.0 + 1e-9))) + 1
     resolution = quantum(value)
     if number < 0.7 * motion.size:
@@ -286,7 +286,7 @@ def pyramid(signal):
     """
     yield signal
     level = signal
-    while level.value.size >= FEWEST_PER_PERIOD // 2:
+    while level.value.size >= MIN_PER_PERIOD // 2:
         smooth = gaussian_filter1d(level.value, SMOOTHING, mode='nearest')
         yield replace(level, value=smooth, noise=level.noise * SMOOTHED_NOISE, smoothed=True)
         even = level.value.size // 2 * 2
@@ -306,8 +306,8 @@ def suits(signal, period):
     """
     samples = period / signal.interval
     if signal.smoothed:
-        return FEWEST_PER_PERIOD <= samples <= 2.2 * FEWEST_PER_PERIOD
-    return FEWEST_PER_PERIOD_UNSMOOTHED <= samples <= 1.1 * FEWEST_PER_PERIOD
+        return MIN_PER_PERIOD <= samples <= 2.2 * MIN_PER_PERIOD
+    return MIN_PER_PERIOD_UNSMOOTHED <= samples <= 1.1 * MIN_PER_PERIOD
 
 
 def prominence_of(signal):

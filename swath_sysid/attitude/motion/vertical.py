@@ -41,7 +41,7 @@ def vertical_acceleration(roll, pitch, specific_force):
 
 
 def zero_phase_integral(signal, step, times, delay=0.0):
-    """Integrated so many times over `BAND_HZ`, with no phase error: it looks both ways, so it is for the past only.
+    """Integrated this many times over `BAND_HZ`, with no phase error: it looks both ways, so it is for the past only.
 
     Parameters
     ----------

@@ -23,17 +23,17 @@ COLUMNS = ('t', *CHANNELS)
 WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 
 WATCH_SPAN = 2.0
-"""s; motion is large or small over so long."""
+"""s over which motion is judged large or small."""
 
 WATCH_BLOCK = 0.25
-"""s; the extremes of so long are kept, not every sample."""
+"""s of which the extremes are kept, not every sample."""
 
 CALM = 0.35
 """Motion below this part of the largest is worth a look for a decay that has ended."""
 
 FIRST_LOOK = 1.0
 NEXT_LOOK = 1.5
-"""A decay is looked for so many seconds after the last large motion, and then ever more rarely, by this factor."""
+"""A decay is looked for this many seconds after the last large motion, and then ever more rarely, by this factor."""
 
 LOOK_RATE = 50.0
 """Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms."""
@@ -51,7 +51,7 @@ class WindowSettings:
     window : float
         Length, s.
     max_rate : float
-        Hz; memory is taken for so many samples a second, faster ones shorten the window.
+        Hz; memory is reserved for this many samples a second, faster ones shorten the window.
     detect_decay : bool
         Whether to look for free decays that have ended.
     smallest_decay : float

@@ -14,7 +14,7 @@ _UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN, _QUANTILE, _MISSES, _LARGEST_TAIL = 0.1, 1.6449, 0.1, 1.5
 # the variance of the true angle is at least this share of the reading's
-_LEAST_SHARE = 0.02
+_MIN_SHARE = 0.02
 # a squared error over its expected value counts as this much at the most: what nobody could foresee, such as a hand on
 # the craft, says little of the errors to come
 _CREDIBLE = 9.0
@@ -31,8 +31,8 @@ class Blend:
         s between rows.
     axes : int
     prior : sequence of float, length E
-        The candidates' weights where errors do not tell them apart: at long leads 60 s hold few independent errors, and
-        the candidate that knows most should speak until another one is shown to be better.
+        The candidates' weights where errors do not distinguish them: at long leads 60 s hold few independent errors,
+        and the candidate with the most information is used until another one is shown to be better.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Blend:
         self._issued[now] = mean
         weights = present_weights(self.weights, np.isfinite(mean))
         self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
-        true = np.maximum(self._variance[now] - noise_variance, _LEAST_SHARE * self._variance[now])
+        true = np.maximum(self._variance[now] - noise_variance, _MIN_SHARE * self._variance[now])
         self._interval[now] = _QUANTILE**2 * (self.scale * true + noise_variance)
         self._row += 1
 
@@ -149,7 +149,7 @@ class Blend:
         squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
         self._time_variance, gain = self._aged(self._time_variance, known, 1.0 - self._step / _MEMORY_VARIANCE)
-        true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
+        true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         # ratio by ratio: a mean of variances would remember the largest for minutes
         ratio = (np.minimum(square, _CREDIBLE * variance) - noise_variance) / true
         self._ratio += gain * np.where(known, ratio - self._ratio, 0.0)
@@ -167,7 +167,7 @@ class Blend:
     def scale(self):
         """Variance over the candidates' own, shape (S, A), by the errors' mean square and the intervals' coverage."""
         time, trust = self._time_variance, _TRUST_VARIANCE
-        return np.exp(self._tail) * (trust + time * np.maximum(self._ratio, _LEAST_SHARE)) / (trust + time)
+        return np.exp(self._tail) * (trust + time * np.maximum(self._ratio, _MIN_SHARE)) / (trust + time)
 
     def combine(self, mean, covariance, axis_of, noise_variance=0.0):
         """The blended forecast at the leads.
@@ -191,7 +191,7 @@ class Blend:
         root = np.sqrt(weights)
         blended = _weighted(root[..., :, None] * root[..., None, :], covariance)
         variance = np.diagonal(blended, axis1=1, axis2=2)
-        true = np.maximum(variance - noise_variance, _LEAST_SHARE * variance)
+        true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         factor = np.sqrt(self.scale[places] * true / variance)
         return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :]
 

@@ -27,7 +27,7 @@ SMOOTHING = 0.04
 HIGHEST_FREQUENCY = 20.0
 """rad/s; beyond, no sea moves a craft and the hull's inverse amplifies noise only."""
 
-LEAST_SIGNAL = 1e-3
+MIN_SIGNAL = 1e-3
 """The spectrum is at least so much of the noise's."""
 
 AUTOREGRESSION_SPAN = 12.0
@@ -46,7 +46,7 @@ DOUBLINGS = 11
 LOW_RANK_DOUBLINGS = 5
 """So long it has at most a quarter as many columns as states that a quicker form is for."""
 
-FEWEST_SAMPLES = 300
+MIN_SAMPLES = 300
 REPLAY_SPAN = 40.0
 """s at the window's end that the new model's filter runs over, so that it starts knowing the sea's phase."""
 
@@ -72,7 +72,7 @@ def fit_excitation(request):
     ExcitationFit or None
         None: the window is too short.
     """
-    if request.angle.size < FEWEST_SAMPLES or not np.isfinite(request.angle + request.rate).all():
+    if request.angle.size < MIN_SAMPLES or not np.isfinite(request.angle + request.rate).all():
         return None
     hull = _Hull.of(request.model, *request.hull_mean.tolist())
     moment = reduced_moment(moment_spectrum(request, hull), request, hull)
@@ -142,7 +142,7 @@ def moment_spectrum(request, hull):
     keep = f < HIGHEST_FREQUENCY
     f, density, noise = f[keep], density[keep], np.interp(f[keep], w, noise)
     smooth = gaussian_filter1d(density, SMOOTHING / (f[1] - f[0]), mode='nearest')
-    return Spectrum(f, np.maximum(smooth - noise, LEAST_SIGNAL * noise), noise)
+    return Spectrum(f, np.maximum(smooth - noise, MIN_SIGNAL * noise), noise)
 
 
 def _sine_taper_spectrum(values, step):

@@ -27,7 +27,8 @@ from swath_sysid.attitude.prediction.sea_fit import (
     SeaRequest,
     newest_stretch,
 )
-from swath_sysid.attitude.prediction.sensor_noise import NoiseMeter
+from swath_sysid.attitude.prediction.sea_state import SeaReport
+from swath_sysid.attitude.prediction.sensor_noise import AgreementMeter, NoiseMeter
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
 from swath_sysid.common.advice import Advice
@@ -35,14 +36,14 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
-"""Of a sample, those that may tell of the waves; a record that lacks some is forecast from the others."""
+"""Of a sample, those that may show the waves; a record that lacks some is forecast from the others."""
 
 TARGETS = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
 AXIS_OF_TARGET = (0, 1, 0, 1)
 
 OSCILLATOR, HULL = 'oscillator', 'hull-filter'
 CANDIDATES = {OSCILLATOR: 0.3, HULL: 3.0, SHORT_MEMORY: 0.3, ALL_CHANNELS: 1.0, EACH_ALONE: 0.3}
-"""Each with its weight where errors do not tell them apart: the one that knows most, until another proves better."""
+"""Each with its weight where errors do not distinguish them: most for the one with the most information."""
 
 _PLACE = {name: place for place, name in enumerate(CANDIDATES)}
 
@@ -83,14 +84,19 @@ _SEEDED_FROM, _SEEDED_ROWS = 10.0, 80
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 20.0
 _YOUNG = 60.0
 """s; so long the oscillator is fitted anew each second."""
+_SEA_STATE_PERIOD = 60.0
+"""s between two reports of the sea state."""
 _OSCILLATOR_WINDOW = 600.0
 _YOUNG_INTERVAL, _OLD_INTERVAL = 1.0, 20.0
 HEALTHY_STRAIN = 4.0
 """Innovations squared over their expectation, lately: a model of the motion at hand stays below."""
 
-_LEAST_VARIANCE = 1e-10
+_ALIKE = 1.5
+"""Mean square errors, over all leads: a wide filter explains any sample, but may forecast badly."""
+
+_MIN_VARIANCE = 1e-10
 _ACTIVITY_TIME = 5.0
-_LEAST_ACTIVITY = 1e-4
+_MIN_ACTIVITY = 1e-4
 
 
 @dataclass(frozen=True)
@@ -158,12 +164,15 @@ class Observed(NamedTuple):
         At the leads and over the horizon, when due.
     sea_request : SeaRequest or None
         A past to learn from: give it to `fit_sea` and the result to `Forecaster.install`.
+    sea : SeaReport or None
+        Of the sea state, once a minute.
     """
 
     reasons: tuple[str, ...] = ()
     forecast: Forecast | None = None
     horizon: Forecast | None = None
     sea_request: SeaRequest | None = None
+    sea: SeaReport | None = None
 
 
 @dataclass(frozen=True)
@@ -213,7 +222,9 @@ class Forecaster:
         self._hulls = {axis: HullFilter(s.hull) for axis in AXES}
         self._models = dict.fromkeys(AXES)
         self._meters = {axis: (NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)) for axis in AXES}
+        self._agreements = {axis: AgreementMeter() for axis in AXES}
         self._noise = dict.fromkeys(AXES, (math.nan, math.nan))
+        self._noise_to_hull = dict(self._noise)
         self._reported_noise = [0.0] * len(TARGETS)
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
@@ -317,13 +328,17 @@ class Forecaster:
                 size.follow(hull.x.item(0), hull.x.item(1), elapsed)
         if self._step != self._step:
             return Observed(reasons)
+        sea = None
         if self._waiting is not None and self._time >= self._waiting.time + self.settings.refit_delay - 1e-9:
+            sea = self._waiting.sea
+            if sea is not None:
+                self._sea_state_due += _SEA_STATE_PERIOD
             self._take_over()
         self._follow_rows(sample, elapsed)
         if self._time < self._due:
-            return Observed(reasons)
+            return Observed(reasons, sea=sea)
         self._schedule()
-        return Observed(reasons, *self._issue(stamp), self._sea_request())
+        return Observed(reasons, *self._issue(stamp), self._sea_request(), sea)
 
     def _break_off(self):
         """Nothing links the motion before to that to come; what is known of hull and sea stays."""
@@ -365,9 +380,13 @@ class Forecaster:
                 continue
             variances = self._noise[axis] = self._variances(place, axis, angle, rate, sample, even)
             if not (linked and hull.is_started):
+                self._agreements[axis].restart()
                 hull.start(angle, rate, *variances)
                 continue
-            observed = hull.observe(elapsed, angle, rate, *variances)
+            of_angle, of_rate = variances
+            of_rate += self._agreements[axis].take(elapsed, angle, rate, of_angle, of_rate)
+            self._noise_to_hull[axis] = of_angle, of_rate
+            observed = hull.observe(elapsed, angle, rate, of_angle, of_rate)
             if self._models[axis] is not None and (observed.surprised or observed.restarted):
                 self._rows_since_surprise[place] = 0
             if observed.rejected:
@@ -401,12 +420,13 @@ class Forecaster:
         self._score_anew()
         self._rows_begun = self._time
         self._refit_due = -math.inf
+        self._sea_state_due = self._time + _SEA_STATE_PERIOD
         # the next sample is a row
         self._since_row = self._step
         self._restart_block()
 
     def _correct_step(self):
-        """The first intervals of a sensor that jitters are no measure of the others; the rows themselves stay."""
+        """The first intervals of a sensor that jitters say nothing about the others; the rows themselves stay."""
         self._step = self._samples_a_row * self._interval
         self._spaces = {}
         self._waiting = None
@@ -509,14 +529,14 @@ class Forecaster:
         s, age = self.settings, self._time - self._rows_begun
         if self._time < self._refit_due or age < s.first_refit:
             return None
-        # what a young fit knows grows quickly; one of a long past costs more and changes less
+        # the information in a young fit grows quickly; one of a long past costs more and changes less
         interval = max(s.refit_interval, min(_REFIT_SHARE * age, _LONGEST_REFIT_INTERVAL))
         self._refit_due = self._time + interval
         excitations = {axis: self._excitation_request(place, axis) for place, axis in enumerate(AXES)}
         return SeaRequest(
             self._time, self._step, CHANNELS, self._past(s.window).copy(),
             {axis: request for axis, request in excitations.items() if request is not None},
-            self._vertical_request(),
+            self._vertical_request(), self._time >= self._sea_state_due,
         )  # fmt: skip
 
     def _vertical_request(self):
@@ -534,7 +554,7 @@ class Forecaster:
         rows = self._history.last(int(min(EXCITATION_WINDOW, self.settings.window) / self._step) + 1)
         angle, rate = newest_stretch(rows[:, _BLOCK][:, [place, place + 2]].T, self._step)
         samples = self._samples_a_row
-        noise = [variance / samples for variance in self._noise[axis]]
+        noise = [variance / samples for variance in self._noise_to_hull[axis]]
         return hull.excitation_request(self._step, angle, rate, *noise, samples)
 
     def _take_over(self):
@@ -574,7 +594,7 @@ class Forecaster:
             k = _PLACE[name]
             mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
             if space.strain > HEALTHY_STRAIN:
-                mean[k][:, self._hull_vouches()] = math.nan
+                mean[k][:, self._hull_vouches(k)] = math.nan
             # nothing acts: there is nothing else to know
             mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
         angles = mean[..., :2]
@@ -582,11 +602,13 @@ class Forecaster:
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
         return mean, covariance
 
-    def _hull_vouches(self):
-        """The targets of which an identified hull explains the newest samples."""
+    def _hull_vouches(self, candidate):
+        """The targets of which an identified hull explains the newest samples, and has forecast them nearly as well."""
+        level = np.log(np.maximum(self._blend.mean_square, 1e-300)).mean(axis=1)
+        errs_alike = level[_PLACE[HULL]] < level[candidate] + math.log(_ALIKE)
         vouches = [
-            model is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
-            for model, hull in zip(self._models.values(), self._hulls.values(), strict=True)
+            errs_alike[place] and model is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
+            for place, (model, hull) in enumerate(zip(self._models.values(), self._hulls.values(), strict=True))
         ]
         return [vouches[axis] for axis in AXIS_OF_TARGET]
 
@@ -649,7 +671,7 @@ class Forecaster:
         newest, time = self._history.newest, self._time - self._since_row
         self._quiescence.learn(self._time, lambda times: self._what_came(newest + (times - time) / self._step))
         activity = [self._sizes[axis].activity for axis in AXIS_OF_TARGET]
-        activity += [max(abs(value), _LEAST_ACTIVITY) for value in motion[0, len(TARGETS):].tolist()]
+        activity += [max(abs(value), _MIN_ACTIVITY) for value in motion[0, len(TARGETS):].tolist()]
         trim = np.array([*self._trim, *[0.0] * (motion.shape[1] - len(AXES))])
         return self._quiescence.assess(self._time, motion, np.sqrt(variance), np.array(activity), trim)
 
@@ -688,7 +710,7 @@ class Forecaster:
         nrmse, coverage = np.full((2, *shape[1:]), math.nan)
         if self._blend is not None:
             places = self._blend.place_of_lead[self._asked]
-            size = np.array([max(size.deviation, _LEAST_ACTIVITY) for size in self._sizes])
+            size = np.array([max(size.deviation, _MIN_ACTIVITY) for size in self._sizes])
             candidate = np.sqrt(self._blend.mean_square[:, places]).transpose(0, 2, 1) / size[:, None]
             weights = self._blend.weights[:, places].transpose(0, 2, 1)
             nrmse = np.sqrt(self._blend.blended_square[places]).T / size[:, None]
@@ -712,11 +734,11 @@ class MotionSize:
         self._memory = memory
         self._elapsed = 0.0
         self.mean = math.nan
-        self._square = self._rate_square = self._recent = _LEAST_VARIANCE
+        self._square = self._rate_square = self._recent = _MIN_VARIANCE
 
     def restart(self):
         """Begin the recent size anew."""
-        self._recent = _LEAST_VARIANCE
+        self._recent = _MIN_VARIANCE
 
     def follow(self, angle, rate, elapsed):
         """Take the filtered motion, rad and rad/s, so many seconds later."""
@@ -730,7 +752,7 @@ class MotionSize:
         self._square += slow * (square - self._square)
         self._rate_square += slow * (rate * rate - self._rate_square)
         # both halves of the oscillation's energy, so that the size does not swing with the phase
-        share = self._square / max(self._rate_square, _LEAST_VARIANCE)
+        share = self._square / max(self._rate_square, _MIN_VARIANCE)
         self._recent += quick * (0.5 * (square + share * rate * rate) - self._recent)
 
     @property
@@ -741,4 +763,4 @@ class MotionSize:
     @property
     def activity(self):
         """Over the last seconds, rad."""
-        return max(math.sqrt(self._recent), _LEAST_ACTIVITY)
+        return max(math.sqrt(self._recent), _MIN_ACTIVITY)

@@ -2,7 +2,7 @@
 
     d(angle)/dt = rate
     d(rate)/dt  = -exp(d) D(rate) - exp(k) R(angle - trim) + h z        D, R: the identified damping and restoring
-    d(trim)/dt, dk/dt, dd/dt = slow random walks, from what the identification knows of them
+    d(trim)/dt, dk/dt, dd/dt = slow random walks, from their identified uncertainty
     dz/dt       = A z + w                                               (`modal_moment`)
 
 Two of them follow every sample: one on which nothing acts, and one that is driven by the sum of two moments: one of
@@ -44,13 +44,13 @@ UNKNOWN_TRIM_STD = 0.02
 IDENTIFIED_TRIM_STD = 5e-4
 """rad; identification reports 3e-5 to 7e-4."""
 
-LEAST_STIFFNESS_STD = 0.001
-LEAST_DAMPING_STD = 0.005
-MOST_SCALE_STD = 1.0
+MIN_STIFFNESS_STD = 0.001
+MIN_DAMPING_STD = 0.005
+MAX_SCALE_STD = 1.0
 """Of the logarithms of the scales: no model is exact, and none is worth nothing."""
 
 USUAL_AMPLITUDE = 0.05
-"""rad; where the ratios' covariance is weighed, if the identification does not say which amplitudes it saw."""
+"""rad; where the ratios' covariance is weighed, if the identification does not state its amplitudes."""
 
 INITIAL_ANGLE_STD = 0.3
 INITIAL_RATE_STD = 0.3
@@ -62,7 +62,7 @@ MARKOV_TIME = 0.5
 MARKOV_STD = 0.3
 """rad/s^2; its size at the start."""
 
-LEAST_LEVEL, MOST_LEVEL = 1e-10, 1e4
+MIN_LEVEL, MAX_LEVEL = 1e-10, 1e4
 """Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft."""
 
 CHALLENGING_LEVEL = 0.01
@@ -84,7 +84,7 @@ UNFORESEEN = 1e-8
 """Of a learnt sea's variance: that of the unknown moment beside it, at first."""
 
 STRAIN_GAIN = 0.2
-MOST_STRAIN = 3.5
+MAX_STRAIN = 3.5
 """Running mean of the innovations squared over their expectation, and from where on something new must be acting."""
 
 NEWCOMER = 0.5
@@ -126,7 +126,7 @@ class HullUncertainty(NamedTuple):
 
     @classmethod
     def of(cls, identified):
-        """Relative uncertainty of the restoring and damping moments at the amplitude that the identification saw.
+        """Relative uncertainty of the restoring and damping moments at the amplitude of the identification.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class ExcitationRequest:
     model : DecayModel
         The hull.
     hull_mean, hull_covariance : ndarray, shapes (3,) and (3, 3)
-        Trim, rad, and logarithms of the scales of stiffness and damping, as the filter knows them now.
+        Trim, rad, and logarithms of the scales of stiffness and damping, as now estimated.
     hull_is_learnt : bool
         Whether the filter has learnt them in this window already.
     step : float
@@ -511,8 +511,8 @@ class HullFilter:
         trim_std = uncertainty.trim_std if uncertainty.trim_std == uncertainty.trim_std else UNKNOWN_TRIM_STD
         return np.square([
             trim_std,
-            min(max(uncertainty.stiffness_std, LEAST_STIFFNESS_STD), MOST_SCALE_STD),
-            min(max(uncertainty.damping_std, LEAST_DAMPING_STD), MOST_SCALE_STD),
+            min(max(uncertainty.stiffness_std, MIN_STIFFNESS_STD), MAX_SCALE_STD),
+            min(max(uncertainty.damping_std, MIN_DAMPING_STD), MAX_SCALE_STD),
         ])
 
     def set_excitation(self, fit, age=0.0):
@@ -582,7 +582,7 @@ class HullFilter:
 
     def _set_level(self, place, level):
         """Give a moment another size: the covariance that it tends to."""
-        self.levels[place] = level = min(max(level, LEAST_LEVEL), MOST_LEVEL)
+        self.levels[place] = level = min(max(level, MIN_LEVEL), MAX_LEVEL)
         moment, part = self.moments[place], self._parts[place]
         part = slice(part.start - HULL_STATES, part.stop - HULL_STATES)
         self.driven.moment[2][part, part] = level * moment.stationary
@@ -643,7 +643,7 @@ class HullFilter:
         if gate_nis > self._gates[measured]:
             return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
         self.rejections = 0
-        surprised = self.driven.strain > MOST_STRAIN
+        surprised = self.driven.strain > MAX_STRAIN
         if surprised:
             self._something_new(angle, rate, elapsed)
         for track in tracks:
@@ -728,7 +728,7 @@ class HullFilter:
     def advice(self):
         """What to say of the model: whether the sea, or the craft in still water, contradicts it.
 
-        The scales begin at one with what the identification knows of them. Innovations that draw one further than
+        The scales begin at one with their identified uncertainty. Innovations that draw one further than
         `CONTRADICTION` of its standard deviations were not made by this hull.
 
         Returns
@@ -748,7 +748,7 @@ class HullFilter:
             if is_unlikely or is_much:
                 found.append(Advice(
                     'model-contradicted',
-                    f'the motion asks for {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
+                    f'the motion shows {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
                     f'model has, and than its uncertainty allows ({log_scale / math.sqrt(before):+.1f} standard '
                     'deviations): identify again',
                 ))  # fmt: skip

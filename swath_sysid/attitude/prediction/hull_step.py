@@ -314,7 +314,7 @@ def predict_to(mean, covariance, moment, hull, drifts, durations, longest, means
 
 
 @accelerated
-def innovation(mean, covariance, output, hull, elapsed, angle, rate, angle_variance, rate_variance, least_jump):
+def innovation(mean, covariance, output, hull, elapsed, angle, rate, angle_variance, rate_variance, min_jump):
     """How far what was measured (NaN: not measured) lies from what was expected.
 
     Returns
@@ -337,7 +337,7 @@ def innovation(mean, covariance, output, hull, elapsed, angle, rate, angle_varia
     for j in range(output.size):
         moment += output[j] * mean[HULL_STATES + j]
     own = damping_moment(mean[1], ratios, active, friction_rate) + restoring_moment(mean[0] - mean[2], ratios, active)
-    jump = min(2.0 * (least_jump + abs(moment) + abs(mean[1]) + abs(own)), LARGEST_JUMP)
+    jump = min(2.0 * (min_jump + abs(moment) + abs(mean[1]) + abs(own)), LARGEST_JUMP)
     by_angle, by_rate = 0.5 * elapsed * elapsed * jump, elapsed * jump
     if e1 != e1:
         nis = e0 * e0 / a

@@ -14,7 +14,7 @@ _DAMPING = 0.4
 _EXPECTED_FREQUENCY, _EXPECTED_FOR = 1.1, 1.5
 # rad; the motion before there are two rows
 _EXPECTED_ANGLE = 0.05
-_LEAST_ANGLE = 1e-5
+_MIN_ANGLE = 1e-5
 _NOISE = 1e-8
 
 
@@ -94,5 +94,5 @@ def angle_statistics(angle, rate, step):
     mean = duration / (duration + 2.0 * np.pi / _EXPECTED_FREQUENCY) * np.nanmean(angle)
     expected = rate_square / _EXPECTED_FREQUENCY**2
     square = (duration * np.nanmean((angle - mean) ** 2) + _EXPECTED_FOR * expected) / (duration + _EXPECTED_FOR)
-    deviation = max(np.sqrt(square), _LEAST_ANGLE)
+    deviation = max(np.sqrt(square), _MIN_ANGLE)
     return mean, deviation, np.sqrt(max(rate_square, 1e-12)) / deviation

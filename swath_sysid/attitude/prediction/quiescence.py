@@ -104,7 +104,7 @@ class CalmWindow(NamedTuple):
     begin, end : float
         s from now.
     probability : float
-        Of keeping all limits from begin to end.
+        Of keeping all limits from beginning to end.
     """
 
     begin: float

@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
+from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
 from swath_sysid.attitude.prediction.vertical import ATTITUDE, FORCE, VerticalFit, VerticalRequest, fit_vertical
@@ -18,7 +20,7 @@ SHORT = 60.0
 """s; a sea that has just changed is forecast from so short a past until the long one has learnt it."""
 
 LONGEST_FILLED = 2.0
-"""s; across a longer gap the motion before does not tell the phase after."""
+"""s; across a longer gap the motion before does not give the phase after."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class SeaRequest:
         By axis with an identified hull.
     vertical : VerticalRequest or None
         None: vertical motion is not asked for.
+    wants_sea_state : bool
     """
 
     time: float
@@ -47,6 +50,7 @@ class SeaRequest:
     values: np.ndarray
     excitations: dict[str, ExcitationRequest] = field(default_factory=dict)
     vertical: VerticalRequest | None = None
+    wants_sea_state: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,12 +67,15 @@ class SeaFit:
         By axis; likewise.
     vertical : VerticalFit or None
         With the waves of all channels.
+    sea : SeaReport or None
+        Where it was asked for.
     """
 
     time: float
     waves: dict[str, InnovationsModel]
     excitations: dict[str, ExcitationFit]
     vertical: VerticalFit | None = None
+    sea: SeaReport | None = None
 
 
 def fit_sea(request):
@@ -97,7 +104,18 @@ def fit_sea(request):
         {name: model for name, model in waves.items() if model is not None},
         {axis: fit for axis, fit in excitations.items() if fit is not None},
         vertical,
+        sea_of(request) if request.wants_sea_state else None,
     )
+
+
+def sea_of(request):
+    """The `SeaReport` of the newest stretch of a `SeaRequest`."""
+    place = {name: number for number, name in enumerate(request.names)}
+    needed = request.values[:, [place[name] for name in (*AXES, *FORCE)]].T
+    if not np.isfinite(needed).any(axis=1).all():
+        return SeaReport(None, 'the sea shows in attitude and accelerations together, and the sensor lacks one of them')
+    roll, pitch, *force = newest_stretch(needed, request.step)
+    return sea_report(vertical_acceleration(roll, pitch, np.stack(force, axis=1)), roll, pitch, request.step)
 
 
 def _fit_vertical(request, model):

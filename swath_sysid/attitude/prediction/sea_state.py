@@ -11,7 +11,7 @@ import numpy as np
 from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.common.errors import InputError
 
-LEAST_DURATION = 300.0
+MIN_DURATION = 300.0
 """s; a shorter record holds too few waves."""
 
 _SEGMENT = 200.0
@@ -22,6 +22,10 @@ _SEGMENTS_IN_EFFECT = 0.95
 """Independent segments of N halfway overlapping ones under a Hann window over N / 2 (Welch 1967)."""
 _COHERENT = 0.6
 _DRAWS = 400
+_BELOW_THE_WAVES_HZ = (0.015, 0.035)
+"""No craft heaves so slowly: what its accelerations show there is the sensor's own noise."""
+_MEASURABLE = 2.0
+"""Heights of less than so many times that which the noise alone would give are no sea."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,8 @@ class SeaState:
     axis, axis_std : float
         Along which the waves run, rad from the bow, positive to port, from -pi/2 to pi/2: either way along it. NaN
         where heave and slope are not coherent.
+    least_height : float
+        m; a lower sea could not be told from the noise of the sensor.
     frequency, spectrum : ndarray, shape (F,)
         Hz and m^2/Hz.
     """
@@ -56,8 +62,42 @@ class SeaState:
     peak_period_interval: tuple[float, float]
     axis: float
     axis_std: float
+    least_height: float
     frequency: np.ndarray
     spectrum: np.ndarray
+
+
+@dataclass(frozen=True)
+class SeaReport:
+    """The sea state, or why there is none.
+
+    Attributes
+    ----------
+    state : SeaState or None
+    reason : str
+        Why there is none.
+    """
+
+    state: SeaState | None
+    reason: str = ''
+
+
+def sea_report(acceleration, roll, pitch, step):
+    """As `sea_state`, for who goes on where there is none.
+
+    Parameters
+    ----------
+    acceleration, roll, pitch, step
+        See `sea_state`.
+
+    Returns
+    -------
+    SeaReport
+    """
+    try:
+        return SeaReport(sea_state(acceleration, roll, pitch, step))
+    except InputError as error:
+        return SeaReport(None, str(error))
 
 
 def sea_state(acceleration, roll, pitch, step, seed=0):
@@ -79,28 +119,35 @@ def sea_state(acceleration, roll, pitch, step, seed=0):
     Raises
     ------
     InputError
-        Where the record is too short or the craft does not move.
+        Where the record is too short, or the craft heaves no more than the noise of its sensor would show.
     """
     duration = acceleration.size * step
-    if not duration >= LEAST_DURATION:
+    if not duration > MIN_DURATION - 0.5 * step:
         raise InputError(
-            f'{duration:.0f} s of motion hold too few waves: a sea state needs {LEAST_DURATION / 60:.0f} min, better 20'
+            f'{duration:.0f} s of motion hold too few waves: a sea state needs {MIN_DURATION / 60:.0f} min, better 20'
         )
     from scipy.signal import welch
 
     how = {'fs': 1.0 / step, 'nperseg': round(min(_SEGMENT, duration / 3.0) / step)}
     frequency, of_acceleration = welch(acceleration, **how)
     inside = (frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1])
+    below = (frequency > _BELOW_THE_WAVES_HZ[0]) & (frequency < _BELOW_THE_WAVES_HZ[1])
     frequency = frequency[inside]
-    spectrum = of_acceleration[inside] / (2.0 * math.pi * frequency) ** 4
+    twice_integrated = (2.0 * math.pi * frequency) ** -4
+    spectrum = of_acceleration[inside] * twice_integrated
     width = frequency[1] - frequency[0]
     m0, m2 = spectrum.sum() * width, (spectrum * frequency**2).sum() * width
-    if not m0 > 0.0:
-        raise InputError('the craft does not heave: there is no sea state in this record')
+    # white from there on, which is more than a sensor's noise is in the band of the waves
+    of_noise = np.median(of_acceleration[below]) * twice_integrated.sum() * width
+    height, least_height = 4.0 * math.sqrt(m0), _MEASURABLE * 4.0 * math.sqrt(of_noise)
+    if not height > least_height:
+        raise InputError(
+            f'there is no sea that can be measured: {height:.2g} m is no higher than the noise of the sensor may show '
+            f'({least_height:.2g} m)'
+        )
     # a spectrum of few segments is too large where it is squared, by its own variance
     segments = _SEGMENTS_IN_EFFECT * (2.0 * duration / (how['nperseg'] * step) - 1.0)
     squared = spectrum**2 / (1.0 + 1.0 / segments)
-    height = 4.0 * math.sqrt(m0)
     of_m0 = (squared.sum() * width / duration) / m0**2
     of_ratio = (squared * (1.0 / m0 - frequency**2 / m2) ** 2).sum() * width / duration
     period = math.sqrt(m0 / m2)
@@ -108,7 +155,7 @@ def sea_state(acceleration, roll, pitch, step, seed=0):
     return SeaState(
         duration, height, 0.5 * height * math.sqrt(of_m0), period, 0.5 * period * math.sqrt(of_ratio),
         1.0 / _peak_frequency(frequency, spectrum), _peak_interval(frequency, spectrum, segments, seed),
-        axis, axis_std, frequency, spectrum,
+        axis, axis_std, least_height, frequency, spectrum,
     )  # fmt: skip
 
 

@@ -1,11 +1,25 @@
-"""White noise of a sensor that does not tell it, from the roughness of its samples."""
+"""What a sensor does not report: its white noise, by the roughness of its samples, and how well its channels agree."""
 import math
+from collections import deque
 
 _FIRST, _MEMORY = 20, 1000
 """Samples that the first guess counts for, and over which the variance is averaged."""
 
 _THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of the third difference of white noise
 _CLIP = 16.0
+
+
+_SPAN = 0.5
+"""s over which the rate is integrated: some tenths of a craft's period, so that a lag or a gain shows."""
+
+_WHOLE_SPAN = _SPAN - 1e-6
+"""s; sums of intervals round."""
+
+_SETTLED, _AGREEMENT_MEMORY = 5.0, 30.0
+"""s of motion before a disagreement counts, and over which it is averaged."""
+
+_BEYOND_CHANCE = 2.0
+"""Disagreement over what the noise explains, mean square, from where on the channels contradict each other."""
 
 
 class NoiseMeter:
@@ -47,3 +61,68 @@ class NoiseMeter:
             self._average = average = average if average > self._floor else self._floor
             self.variance = self._least if average < self._least else self._most if average > self._most else average
         return self.variance
+
+
+class AgreementMeter:
+    """Variance by which a rate's noise is larger for a filter that takes it for the derivative of an angle.
+
+    Attitude that a sensor has filtered lags behind its gyroscopes by some hundredths of a second, or follows with a
+    gain.  Over half a second the angle then changes by another amount than the integral of the rate, by much more than
+    white noise explains.  White noise of the rate that explains it has that mean square over span and interval.
+    """
+
+    def __init__(self):
+        self._seconds = self._square = self._chance = 0.0
+        self.restart()
+
+    def restart(self):
+        """Forget the neighbours (after a gap or a missing value), not what was learnt."""
+        self._past: deque[tuple[float, float]] = deque()
+        self._rate = math.nan
+        self._time = self._integral = 0.0
+
+    def take(self, elapsed, angle, rate, angle_variance, rate_variance):
+        """Take in the next sample.
+
+        Parameters
+        ----------
+        elapsed : float
+            s since the one before.
+        angle, rate : float
+            rad, rad/s; NaN: not measured.
+        angle_variance, rate_variance : float
+            Of their white noise, rad^2 and rad^2/s^2.
+
+        Returns
+        -------
+        float
+            rad^2/s^2; zero where angle and rate agree within their noise.
+        """
+        change = rate - self._rate
+        self._rate = rate
+        if change != change or angle != angle:
+            self.restart()
+            self._rate = rate
+            return self._excess(elapsed)
+        self._time += elapsed
+        self._integral += elapsed * (rate - 0.5 * change)
+        # trapezoids with the ends' correction (Euler and Maclaurin)
+        departure = angle - self._integral + elapsed / 12.0 * change
+        past = self._past
+        past.append((self._time, departure))
+        while len(past) > 1 and self._time - past[1][0] >= _WHOLE_SPAN:
+            past.popleft()
+        span = self._time - past[0][0]
+        if span >= _WHOLE_SPAN:
+            self._seconds = min(self._seconds + elapsed, _AGREEMENT_MEMORY)
+            gain = elapsed / self._seconds
+            chance = 2.0 * angle_variance + rate_variance * elapsed * span
+            square = (departure - past[0][1]) ** 2
+            self._square += gain * (square - self._square)
+            self._chance += gain * (chance - self._chance)
+        return self._excess(elapsed)
+
+    def _excess(self, elapsed):
+        if self._seconds < _SETTLED or self._square < _BEYOND_CHANCE * self._chance:
+            return 0.0
+        return (self._square - self._chance) / (_SPAN * elapsed)

@@ -20,7 +20,7 @@ _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 _KNOWN = 1e-4
 # s over which the innovations of the targets are averaged
 _STRAIN_TIME = 1.0
-# an error as many times (in variance) what was expected is no innovation: the motion was broken off, the past is void
+# an error this many times (in variance) what was expected is not an innovation: the motion was broken off
 _BREAK = 400.0
 
 

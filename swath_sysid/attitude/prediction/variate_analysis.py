@@ -12,21 +12,24 @@ from scipy.linalg import cholesky, eigh, solve_triangular
 
 from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side
 
-# of the Gram matrix's unit diagonal: more costs .1 s ahead (1e-6: 5 to 20 %)
+# variance of white noise that every channel is given, over the channel's own: without it, channels of which one follows
+# from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %)
 _RIDGE = 1e-8
 # lags on either side: as many as matter at 10 Hz, as far back as a ship's slow sea needs at 1 Hz
-_MOST_LAGS, _LONGEST_REACH, _LEAST_LAGS = 40, 20.0, 2
-_MOST_STATES, _MOST_STATES_A_CHANNEL = 50, 10
+_MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 20.0, 2
+_MAX_STATES, _MAX_STATES_A_CHANNEL = 50, 10
 _ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
-_LEAST_SHARE = 0.5
+_MIN_SHARE = 0.5
 # where losses break up more of the lags than this, gaps of few rows are filled from both sides
 _WHOLE_ENOUGH = 0.5
 _LONGEST_FILLED, _SIDES = 5, (8, 4, 2)
 _FLAT = 1e-9
-# third differences as many times their median size are no motion of a craft: a spike, or one record joined to another
+# third differences as many times their median size are not a craft's motion: a spike, or one record joined to another
 _BREAK = 60.0
 _LARGEST_RADIUS = 0.9999
+# regular waves do not die out, and by chance a model of little data grows: by so much a step it is damped at most
+_MOST_DAMPED = 1.01
 
 
 def identify(values, names, step):
@@ -60,7 +63,7 @@ def identify(values, names, step):
         return None
     gram, count = lag_gram(rows, 2 * half)
     width = len(places)
-    states = min(_MOST_STATES, _MOST_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
+    states = min(_MAX_STATES, _MAX_STATES_A_CHANNEL * width, round(half * width / _LAGS_A_STATE))
     space = canonical_state_space(gram / count, width, states)
     if space is None:
         return None
@@ -104,7 +107,7 @@ def useful_channels(values):
     finite = np.isfinite(values)
     return [
         place for place in range(values.shape[1])
-        if finite[:, place].sum() > _LEAST_SHARE * values.shape[0] and np.nanstd(values[:, place]) > _FLAT
+        if finite[:, place].sum() > _MIN_SHARE * values.shape[0] and np.nanstd(values[:, place]) > _FLAT
     ]  # fmt: skip
 
 
@@ -118,8 +121,10 @@ def without_breaks(rows):
     if rows.shape[0] < 4:
         return rows
     size = np.abs(np.diff(rows, 3, axis=0))
+    # most differences of a coarse sensor are zero, the others several of its steps
+    usual = [np.median(sizes[sizes > _FLAT]) if (sizes > _FLAT).any() else np.inf for sizes in size.T]
     result = rows.copy()
-    result[2:-1][(size > _BREAK * np.nanmedian(size, axis=0)).any(axis=1)] = np.nan
+    result[2:-1][(size > _BREAK * np.array(usual)).any(axis=1)] = np.nan
     return result
 
 
@@ -133,15 +138,15 @@ def lags_for(rows, step):
         s.
     """
     complete = np.isfinite(rows).all(axis=1)
-    for half in range(most_lags(step), _LEAST_LAGS - 1, -1):
+    for half in range(max_lags(step), _MIN_LAGS - 1, -1):
         if whole_lags(complete, 2 * half).sum() >= _ROWS_A_COEFFICIENT * half * rows.shape[1]:
             return half
     return None
 
 
-def most_lags(step):
+def max_lags(step):
     """Lags on either side, however much data there is."""
-    return min(_MOST_LAGS, round(_LONGEST_REACH / step))
+    return min(_MAX_LAGS, round(_LONGEST_REACH / step))
 
 
 def broken(rows, step):
@@ -154,7 +159,7 @@ def broken(rows, step):
         s.
     """
     complete = np.isfinite(rows).all(axis=1)
-    count = 2 * most_lags(step)
+    count = 2 * max_lags(step)
     return not complete.all() and whole_lags(complete, count).sum() < _WHOLE_ENOUGH * (complete.size - count + 1)
 
 
@@ -262,16 +267,17 @@ def canonical_state_space(gram, width, states):
 
     Returns
     -------
-    tuple (A, K, C, S, prior, from_lags), or None where either A or A - K C is not stable
+    tuple (A, K, C, S, prior, from_lags), or None where A grows much or A - K C is not stable
     """
     half = gram.shape[0] // 2
     lags = half // width
     future = np.arange(half).reshape(lags, width)[::-1].ravel()
     past = np.arange(half, 2 * half)
-    ridge = _RIDGE * np.eye(half)
+    # in all that follows alike: then S is no less, and every inverse exists
+    gram = gram + _RIDGE * np.eye(2 * half)
     try:
-        white_future = cholesky(gram[np.ix_(future, future)] + ridge, lower=True)
-        white_past = cholesky(gram[np.ix_(past, past)] + ridge, lower=True)
+        white_future = cholesky(gram[np.ix_(future, future)], lower=True)
+        white_past = cholesky(gram[np.ix_(past, past)], lower=True)
         whitened = solve_triangular(
             white_future, solve_triangular(white_past, gram[np.ix_(past, future)], lower=True).T, lower=True
         )
@@ -294,7 +300,18 @@ def canonical_state_space(gram, width, states):
     except np.linalg.LinAlgError:
         return None
     a, k = ak[:, :states], ak[:, states:]
-    radius = max(np.abs(np.linalg.eigvals(m)).max() for m in (a, a - k @ c))
-    if not radius < _LARGEST_RADIUS:
+    growth = spectral_radius(a) / _LARGEST_RADIUS
+    a = a / max(growth, 1.0)
+    if growth > _MOST_DAMPED or not spectral_radius(a - k @ c) < _LARGEST_RADIUS:
         return None
     return a, k, c, 0.5 * (s + s.T), 0.5 * (prior + prior.T), from_lags
+
+
+def spectral_radius(matrix):
+    """Largest absolute value of the eigenvalues.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+    """
+    return np.abs(np.linalg.eigvals(matrix)).max()

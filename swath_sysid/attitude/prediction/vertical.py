@@ -32,6 +32,8 @@ _TRAINING_STEP = 0.4
 """s; rows nearer to each other say the same of waves below `BAND_HZ`."""
 _ROWS_A_REGRESSOR = 4.0
 _RIDGE = 1e-8
+_UNSEEN_VARIANCE = 1e-12
+"""rad^2 and (rad/s)^2; no sensor resolves as much, and an angle that never changes has no variance of its own."""
 _SCORED = 300.0
 """s over which the intervals are calibrated."""
 _PRIOR_SCORES = 60.0
@@ -212,8 +214,9 @@ class VerticalForecaster:
         scale = np.sqrt((prior + np.nansum(ratio, axis=0)) / (prior + np.isfinite(ratio).sum(axis=0)))[:, None, None]
         count = len(VERTICAL)
         cross = fit.covariance[:, :count, count:] * scale
+        of_attitude = fit.covariance[:, count:, count:] + _UNSEEN_VARIANCE * np.eye(len(ATTITUDE))
         # of the vertical motion on the attitude's errors, and what is left of it when they are known
-        self._slope = np.linalg.solve(fit.covariance[:, count:, count:], cross.transpose(0, 2, 1)).transpose(0, 2, 1)
+        self._slope = np.linalg.solve(of_attitude, cross.transpose(0, 2, 1)).transpose(0, 2, 1)
         self._left = fit.covariance[:, :count, :count] * scale**2 - self._slope @ cross.transpose(0, 2, 1)
         self._look_ahead(waves)
 
@@ -258,7 +261,7 @@ class VerticalForecaster:
     def forecast(self, leads, age, attitude, attitude_covariance):
         """Vertical motion at leads, given the attitude forecast.
 
-        The regression forecasts the attitude, too: where the forecast that is issued knows better, so does the vertical
+        The regression forecasts the attitude, too: where the forecast that is issued is better, so is the vertical
         motion, by the correlation of their errors; and both together have a covariance.
 
         Parameters

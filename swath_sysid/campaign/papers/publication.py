@@ -5,7 +5,7 @@ from importlib import resources
 import yaml
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import check_choice
 
 DECAY_STUDIES = ('swath-pitch', 'swath-roll', 'hydrofoil-pitch', 'swath-usv-pitch')
 MANOEUVRING_STUDY = 'wam-v'
@@ -104,8 +104,7 @@ def printed_values(name):
     InputError
         There is no such study.
     """
-    if name not in STUDIES:
-        raise InputError(f"there is no paper '{name}': choose from {', '.join(STUDIES)}")
+    check_choice(name, STUDIES, 'paper')
     text = resources.files(__package__).joinpath(f'{name}.yaml').read_text(encoding='utf-8')
     return yaml.safe_load(text)
 

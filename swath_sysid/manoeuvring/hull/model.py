@@ -3,7 +3,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.manoeuvring.hull.terms import (
     INDEX,
     NAMES,
@@ -43,8 +43,7 @@ class ManoeuvringModel:
     active: tuple[bool, ...] = field(init=False)
 
     def __post_init__(self):
-        if self.thrust_input not in INPUTS:
-            raise InputError(f"there is no thrust input '{self.thrust_input}': choose from {', '.join(INPUTS)}")
+        check_choice(self.thrust_input, INPUTS, 'thrust input')
         values = np.asarray(self.values, dtype=float)
         if values.shape != NEUTRAL.shape or not np.all(np.isfinite(values)):
             raise InputError(f'a manoeuvring model needs {len(NAMES)} finite values: give each parameter a number')
@@ -91,9 +90,8 @@ def parameter_values(values, base=NEUTRAL):
     InputError
         A name is not in the catalogue.
     """
-    unknown = [name for name in values if name not in INDEX]
-    if unknown:
-        raise InputError(f"there is no manoeuvring parameter '{unknown[0]}': choose from {', '.join(NAMES)}")
+    for name in values:
+        check_choice(name, NAMES, 'manoeuvring parameter')
     full = np.array(base, dtype=float)
     for name, value in values.items():
         full[INDEX[name]] = value

@@ -38,8 +38,10 @@ def check_physical(model):
     """
     for name, (lowest, highest) in PARAMETER_RANGES.items():
         if not lowest <= model[name] <= highest:
-            raise InputError(f'the parameter {name} of {model[name]:g} is no craft\'s: it lies within {lowest:g} and '
-                             f'{highest:g}')  # fmt: skip
+            raise InputError(
+                f'the parameter {name} of {model[name]:g} is outside the range of real craft: it must lie within '
+                f'{lowest:g} and {highest:g}'
+            )
     p = model.values
     # symmetric part: what the kinetic energy has
     coupling = 0.5 * (p[YR_DOT] + p[NV_DOT])

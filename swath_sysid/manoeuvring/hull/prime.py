@@ -45,7 +45,7 @@ class PrimeUnits:
         """
         parameter = PARAMETERS[INDEX[name]] if name in INDEX else None
         if parameter is None or parameter.kind not in HULL:
-            raise InputError(f"'{name}' is no derivative of the prime system: give one such as Xuu or Nr")
+            raise InputError(f"'{name}' is not a derivative of the prime system: give one such as Xuu or Nr")
         length, speed = self.length, self.speed
         mass = 0.5 * self.density * length**3
         if name in ('m', 'Iz'):

@@ -50,14 +50,11 @@ class StabilityCheck:
         Largest real part of the eigenvalues of small motions about straight courses, 1/s; negative decays.
     unstable_speed : float
         Where it is not negative, m/s; NaN if nowhere.
-    largest_excess : float
-        Largest motion under held inputs, as a multiple of what was seen.
     """
 
     stable: bool
     largest_growth: float
     unstable_speed: float
-    largest_excess: float
 
 
 def check_stability(model, region):
@@ -79,7 +76,7 @@ def check_stability(model, region):
     decays = growth[worst] < 0.0
     return StabilityCheck(
         stable=bool(decays and excess < EXCESS), largest_growth=float(growth[worst]),
-        unstable_speed=float('nan') if decays else float(speeds[worst]), largest_excess=excess,
+        unstable_speed=float('nan') if decays else float(speeds[worst]),
     )  # fmt: skip
 
 

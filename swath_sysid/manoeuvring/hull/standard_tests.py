@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
@@ -228,8 +228,7 @@ def run_test(name, model, settings=None):
     InputError
         There is no such test.
     """
-    if name not in TESTS:
-        raise InputError(f"there is no test '{name}': choose from {', '.join(TESTS)}")
+    check_choice(name, TESTS, 'test')
     return TESTS[name](model, settings or DriveSettings())
 
 

@@ -42,7 +42,7 @@ class Parameter:
     neutral : float
         Its value where it is not in use.
     separated_by : str
-        The manoeuvre that tells it from its neighbours.
+        The manoeuvre that separates it from its neighbours.
     """
 
     name: str

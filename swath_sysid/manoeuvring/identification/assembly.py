@@ -25,7 +25,7 @@ SWAY_SEEN = 0.03
 """m/s."""
 
 USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0}
-"""s; time constants taken where the runs tell nothing."""
+"""s; time constants assumed where the runs show none."""
 
 DEVIATION, SENSOR_PLACE = ('deviation_B', 'deviation_C'), ('sensor_x', 'sensor_y')
 FIRST_DELAY = 0.15
@@ -36,7 +36,7 @@ LARGEST_DRIFT = 2.0
 
 DRIFT_SPREAD = 0.5
 FIRST_DRIFT_SPREAD = 0.02
-"""m/s by which the currents of the runs are first taken to differ, until the fit tells."""
+"""m/s by which the currents of the runs are first assumed to differ, until the fit."""
 
 _CANDIDATES = {
     'X': ('Xvr', 'Xvv', 'Xrr', 'Xuuu', 'X0'),
@@ -70,7 +70,7 @@ class Problem:
         m.
     towards : dict of str to (value, std)
     assumed : tuple of str
-        Parameters that these runs tell nothing of and that have usual values.
+        Parameters that these runs do not excite and that have usual values.
     flags : dict of str to str
         Parameters that need a warning, and its code.
     region : Region
@@ -223,7 +223,7 @@ def seen_region(runs):
 
 
 def _rows_told(runs, speeds, sways, rates, advice, flags):
-    """Equations that the runs tell something of."""
+    """Equations that the runs excite."""
     rows = []
     total = np.concatenate([run.port + run.starboard for run in runs])
     difference = np.concatenate([run.starboard - run.port for run in runs])
@@ -232,17 +232,17 @@ def _rows_told(runs, speeds, sways, rates, advice, flags):
         rows.append('X')
         moved = _largest(speeds) - float(np.nanquantile(speeds, 0.02))
         if np.std(total) < 0.05 * size:
-            told = 'only its run-up from rest' if moved > 0.3 * _largest(speeds) else 'nothing'
+            separating = 'only its run-up from rest' if moved > 0.3 * _largest(speeds) else 'nothing'
             advice.append(Advice('constant-thrust', (
-                f'the total thrust is constant, so that {told} tells inertia and resistance apart: add thrust steps '
-                f'up and down on a straight course')))  # fmt: skip
+                f'the total thrust is constant, so that {separating} separates inertia and resistance: add thrust '
+                f'steps up and down on a straight course')))  # fmt: skip
             flags.update(dict.fromkeys(('m', 'Xu_dot', 'gain', 'Xu', 'Xuu', 'Xuuu'), 'constant-thrust'))
     else:
         advice.append(Advice('no-speed', (
             'no run holds a speed: surge is assumed, not identified; add surge_m_s, or position and heading')))
     if np.std(difference) < 0.05 * _largest(difference):
         advice.append(Advice('constant-difference', (
-            'the difference of the thrusts is constant, so that nothing tells yaw inertia and added masses apart from '
+            'the difference of the thrusts is constant, so that nothing separates yaw inertia and added masses from '
             'damping: add zig-zags and turns to both sides')))  # fmt: skip
         names = ('Iz', 'Nr_dot', 'Yv_dot', 'Nr', 'Yv', 'lag', 'delay')
         flags.update(dict.fromkeys(names, 'constant-difference'))
@@ -283,7 +283,7 @@ def _craft(runs, settings, advice):
 
 
 def _anchors(runs, thrust_input, settings, lever, rows, advice):
-    """Scale of mass and thrust: what is given, what follows, what cannot be told apart.
+    """Scale of mass and thrust: what is given, what follows, what cannot be separated.
 
     Returns
     -------
@@ -303,7 +303,7 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
     if thrust_input == COMMAND and settings.thrust_per_command is None:
         if settings.mass is None:
             advice.append(Advice('scale-not-given', (
-                'free running tells only ratios to mass: all derivatives are per kg of craft; give the mass (--mass) '
+                'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass (--mass) '
                 'or the thrust of one thruster at full command (--thrust-per-command)')))  # fmt: skip
         else:
             advice.append(Advice('surge-inertia-assumed', (

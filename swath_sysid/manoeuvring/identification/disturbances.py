@@ -15,11 +15,11 @@ SHORTEST_TIME, LONGEST_TIME = 1.0, 30.0
 THRUST_LEAD = 5.0
 """s over which the change of the thrust is measured."""
 
-LEAST_SHARE = 0.002
+MIN_SHARE = 0.002
 """Of the accelerations that the thrust gives: no disturbance is smaller."""
 
 SENSORS = np.array([0.05, 0.01, 0.01, 0.5])
-LEAST_SENSORS = np.array([0.005, 0.0005, 0.0005, 0.01])
+MIN_SENSORS = np.array([0.005, 0.0005, 0.0005, 0.01])
 
 
 def forecast_noise(model, runs):
@@ -53,9 +53,9 @@ def forecast_noise(model, runs):
         time = (LAGS[1] - LAGS[0]) / np.log(near / np.clip(far, 1e-3 * near, 0.999 * near))
     time = np.clip(np.nan_to_num(time, nan=SHORTEST_TIME), SHORTEST_TIME, LONGEST_TIME)
     thrust = np.sqrt(np.nanmean(np.concatenate(changes, axis=1) ** 2, axis=1) / 2.0)
-    least = (LEAST_SHARE * np.max(np.abs(thrust)) + 1e-6) ** 2
+    least = (MIN_SHARE * np.max(np.abs(thrust)) + 1e-6) ** 2
     disturbance = np.sqrt(np.maximum(near * np.exp(LAGS[0] / time), least))
-    return ForecastNoise(disturbance, time, thrust, np.maximum(_sensors(runs), LEAST_SENSORS))
+    return ForecastNoise(disturbance, time, thrust, np.maximum(_sensors(runs), MIN_SENSORS))
 
 
 def _accelerations_left(model, run):

@@ -1,14 +1,14 @@
-"""What runs tell of each derivative: the share of its motion that no other one explains."""
+"""How far runs excite each derivative: the share of its motion that no other one explains."""
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS
 
 ENOUGH = 0.15
-"""A derivative whose motion is explained by the others but for less than this share is hardly told from them."""
+"""A derivative of whose motion the others explain all but less than this share is hardly distinguished from them."""
 
 
 def excitation(runs):
-    """How well some runs tell derivatives apart.
+    """How well runs separate derivatives.
 
     In each equation the motion that a derivative multiplies is regressed on that of the others; what is left of it,
     as a share of its size, is its own (the root of one over the variance inflation factor).

@@ -14,7 +14,7 @@ LARGEST_SHARE = 0.25
 SCATTER = 0.5
 """Standard errors of the runs by which terms must help."""
 
-LEAST_GAIN = 0.003
+MIN_GAIN = 0.003
 """Share of the misfit that terms must explain of runs they were not fitted to."""
 
 
@@ -64,14 +64,14 @@ def helps(costs, costs_before):
     most = LARGEST_SHARE * np.abs(gain).sum()
     gain = np.clip(gain, -most, most)
     scatter = gain.std(ddof=1) * np.sqrt(gain.size)
-    return bool(gain.sum() > max(SCATTER * scatter, LEAST_GAIN * float(weight @ costs_before)))
+    return bool(gain.sum() > max(SCATTER * scatter, MIN_GAIN * float(weight @ costs_before)))
 
 
 def covariance_over_runs(shooting, values, matrix):
     """A covariance no smaller than what the runs scatter by.
 
     The jackknife over runs (a sandwich over clusters with its leverage taken out: Bell and McCaffrey 2002, CR3)
-    gives the variances where it is larger; few runs tell no correlations, which stay.
+    gives the variances where it is larger; few runs give no correlations, which stay.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ STRANGE_MASS = 0.6
 MORE_THAN_NOISE = 2.0
 """A simulation within so many times the sensor's own noise is not called poor."""
 
-LEAST_DIFFERENCE = 0.02
+MIN_DIFFERENCE = 0.02
 """m/s; runs whose currents differ by less have one current."""
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
@@ -150,7 +150,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     Raises
     ------
     InputError
-        The runs cannot be used together, or tell nothing.
+        The runs cannot be used together, or excite nothing.
     Cancelled
         ``should_cancel`` said so.
     """
@@ -286,8 +286,8 @@ def _derivatives(problem, found, units):
         if name not in CURRENT and at_bound(problem, name, value):
             flags[name].append('at-bound')
             advice.append(Advice('at-bound', (
-                f'{name} ended at the limit of its range ({value:.3g}): the runs do not tell it; leave it out, or add '
-                f'{_separating(name)}')))  # fmt: skip
+                f'{name} ended at the limit of its range ({value:.3g}): the runs do not determine it; leave it out, or '
+                f'add {_separating(name)}')))  # fmt: skip
         size = max(abs(value), 0.1 * unknowns.units[k])
         if name not in CURRENT and not std[k] < UNCERTAIN * size:
             flags[name].append('uncertain')
@@ -313,7 +313,7 @@ def _derivatives(problem, found, units):
 
 def _worth_telling(model, currents):
     """The currents of the runs, or the model's for all where they hardly differ."""
-    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > LEAST_DIFFERENCE:
+    if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > MIN_DIFFERENCE:
         return currents
     return np.tile(model.current, (len(currents), 1))
 
@@ -339,7 +339,7 @@ def _white(runs):
 
 
 def _separating(*names):
-    """The manoeuvre that would tell terms apart."""
+    """The manoeuvre that would separate terms."""
     found = dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX)
     return ' and '.join(found) or 'runs in opposite directions'
 

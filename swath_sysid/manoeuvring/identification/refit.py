@@ -1,4 +1,4 @@
-"""Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, believed, and the way back."""
+"""Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, accepted, and the way back."""
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from swath_sysid.manoeuvring.motion.intake import prepare
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial
 
 LONGEST_HISTORY = 20
-LEAST_DURATION = 60.0
+MIN_DURATION = 60.0
 """s of motion, below which nothing is identified."""
 
 PIECE = 60.0
@@ -85,7 +85,7 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     Raises
     ------
     InputError
-        The window is too short, or tells nothing.
+        The window is too short, or without excitation.
     Cancelled
         ``should_cancel`` said so.
     """
@@ -104,7 +104,7 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     if held is not None and held.model.thrust_input != found.model.thrust_input:
         held = None
     if held is not None:
-        # in today's current: that is no merit of either
+        # in today's current, which favours neither
         same_water = replace(held.model, current=found.model.current)
         current_misfit = _misfit(score(same_water, held_out, request.settings.window), found.noise)
         if not misfit < (1.0 - request.least_improvement) * current_misfit:
@@ -126,10 +126,10 @@ def pieces(run):
     Raises
     ------
     InputError
-        It is shorter than `LEAST_DURATION`.
+        It is shorter than `MIN_DURATION`.
     """
-    if run.duration < LEAST_DURATION:
-        raise InputError(f'{run.duration:.0f} s of motion are too short: drive for {LEAST_DURATION:.0f} s or more, '
+    if run.duration < MIN_DURATION:
+        raise InputError(f'{run.duration:.0f} s of motion are too short: drive for {MIN_DURATION:.0f} s or more, '
                          f'straight, in turns and zig-zags')  # fmt: skip
     known = np.isfinite(run.channels).any(axis=0)
     places = np.flatnonzero(known)

@@ -14,7 +14,7 @@ SWAY_SHARE = 0.3
 WIDE = 50.0
 """Largest value of a term in its natural unit."""
 
-LEAST_DAMPING = 0.01
+MIN_DAMPING = 0.01
 """Least linear damping in its natural unit, so that every motion dies away however small."""
 
 _RANGES = {
@@ -81,7 +81,7 @@ class Scales:
             limit = 0.5 * np.sqrt(self.mass * self.inertia)
             return -limit, limit
         if name in ('Xu', 'Yv', 'Nr'):
-            return -WIDE * unit, -LEAST_DAMPING * unit
+            return -WIDE * unit, -MIN_DAMPING * unit
         if parameter.kind == DAMPING:
             return -WIDE * unit, 0.0
         if parameter.kind in (CROSS, OFFSET):

@@ -17,14 +17,14 @@ from swath_sysid.manoeuvring.identification.windows import cut
 MEMORY = 10
 """Lags that must be small before a residual counts as forgotten (see noise.autocovariance)."""
 
-MOST_TERMS = 14
+MAX_TERMS = 14
 MARGIN = 4.0
 """On top of the information criterion's ln(N), so that chance seldom adds a term among twenty."""
 
 NOISE_FLOOR = 0.003
 """No model is trusted closer than this share of the motion."""
 
-LEAST_DRIFT_SPREAD = 0.005
+MIN_DRIFT_SPREAD = 0.005
 """m/s; no two runs have the same current more closely."""
 
 LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
@@ -120,11 +120,11 @@ def currents_of(problem, model, runs, window):
     That of the model where the problem has one current for all, or a run holds no heading.
     """
     currents = np.tile(model.current, (len(runs), 1))
-    told = [k for k, run in enumerate(runs) if run.heading is not None]
-    if not problem.drift_spread or not told:
+    with_heading = [k for k, run in enumerate(runs) if run.heading is not None]
+    if not problem.drift_spread or not with_heading:
         return currents
     base = model.values
-    for k in told:
+    for k in with_heading:
         try:
             windows = cut([runs[k]], window)
         except InputError:
@@ -193,7 +193,7 @@ def with_drift_spread(problem, found):
     inflation = _inflation(found)
     variance = inflation * found.shooting.drift_variance(found.values)
     spread = np.sqrt(np.mean(found.shooting.drift**2 + variance))
-    return replace(problem, drift_spread=float(max(spread, LEAST_DRIFT_SPREAD) / np.sqrt(inflation)))
+    return replace(problem, drift_spread=float(max(spread, MIN_DRIFT_SPREAD) / np.sqrt(inflation)))
 
 
 def renewed(problem, found):
@@ -226,7 +226,7 @@ def select(problem, first, note=None):
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
     rejected = {}
     held_out = held_out_costs(now.shooting, now.values)
-    for _ in range(MOST_TERMS):
+    for _ in range(MAX_TERMS):
         ranked = _ranked(problem, now, remaining)
         best = next(((group, gain) for group, gain in ranked if gain > 0.0), None)
         if best is None:
@@ -378,7 +378,7 @@ def _without_weak(problem, now, rejected):
 
 
 def without_bounds(problem, found):
-    """The fit without terms that end at the limits of their ranges, which the runs do not tell; with the problem.
+    """The fit without terms that end at the limits of their ranges, which the runs do not determine; with the problem.
 
     Terms of choice go; linear damping stays at its limit, and is no longer searched.
     """

@@ -44,16 +44,16 @@ ROBUST_AT = 3.0
 """Standard deviations at which a residual begins to count less (soft_l1)."""
 
 STABLE_STEP = 1.5
-LEAST_DECAY = 0.02
+MIN_DECAY = 0.02
 """1/s; slower decays of small motions on straight courses are held against a candidate."""
 
 STABILITY_WEIGHT = 20.0
 """Of such a residual, 1/s beside the root of the number of samples."""
 
 LARGEST_INFORMATION = 1e14
-"""Beyond this a window has run away and tells nothing of its initial state."""
+"""Beyond this a window has diverged and says nothing about its initial state."""
 
-FEWEST_PARTS = 3
+MIN_PARTS = 3
 """Into which runs are divided at least, to hold one out at a time."""
 
 UNKNOWN_SWAY = 0.3
@@ -278,8 +278,8 @@ class MultipleShooting:
     def part_of_window(self):
         """Number of the part of each window, (W,): its run, or its third where there are fewer than three runs."""
         index = self.windows.run_index
-        if np.unique(index).size < FEWEST_PARTS:
-            index = np.arange(index.size) * FEWEST_PARTS // index.size
+        if np.unique(index).size < MIN_PARTS:
+            index = np.arange(index.size) * MIN_PARTS // index.size
         return np.unique(index, return_inverse=True)[1]
 
     def parts(self, values):
@@ -469,7 +469,7 @@ class MultipleShooting:
             return np.zeros((0, columns.shape[1]))
         growth = growth_rates(columns, active_terms(_union(columns)), self._speeds)
         weight = STABILITY_WEIGHT * np.sqrt(self._known.sum())
-        return weight * np.maximum(growth + LEAST_DECAY, 0.0)
+        return weight * np.maximum(growth + MIN_DECAY, 0.0)
 
     def instability_slopes(self, values):
         """Derivatives of `_instability` by the unknowns, shape (speeds, n)."""

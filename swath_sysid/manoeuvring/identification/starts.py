@@ -54,7 +54,7 @@ def surge_ratios(runs, thrust):
     Returns
     -------
     ndarray, shape (3,)
-        Zeros where the runs do not tell.
+        Zeros where the runs do not determine them.
     """
 
     def features(run, acting):

@@ -17,7 +17,7 @@ from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS
 
 LEADS = (5.0, 10.0, 20.0)
-"""s, at which the errors of position and heading are told."""
+"""s, at which the errors of position and heading are reported."""
 
 LEAD_IN = 5.0
 """s of simulation before a window, from which an unmeasured sway is taken."""

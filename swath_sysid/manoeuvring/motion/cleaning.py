@@ -9,14 +9,14 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, MEASURED
 
 ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'heading': 1e6}
-LEAST_SPIKE = {'surge': 0.5, 'sway': 0.5, 'yaw_rate': 0.3, 'x': 3.0, 'y': 3.0}
+MIN_SPIKE = {'surge': 0.5, 'sway': 0.5, 'yaw_rate': 0.3, 'x': 3.0, 'y': 3.0}
 """m/s, rad/s, m by which a single sample jumps away from its neighbours at least to be left out."""
 
 SPIKE = 10.0
 """Usual distances from the neighbours, beyond which a sample is left out."""
 
 NEIGHBOURS = 7
-MOST_SPIKES = 0.03
+MAX_SPIKES = 0.03
 
 
 def cleaned(trial, advice):
@@ -25,7 +25,7 @@ def cleaned(trial, advice):
 
 
 def without_constant(trials, advice):
-    """Trials without the speeds and yaw rates that change in none of them: their senders had nothing to tell."""
+    """Trials without the speeds and yaw rates that are constant in all of them: their senders did not measure them."""
     for name in CHANNELS:
         holding = [k for k, trial in enumerate(trials) if getattr(trial, name) is not None]
         values = [getattr(trials[k], name) for k in holding]
@@ -83,7 +83,7 @@ def _without_absurd(trial, advice):
 
 def _without_spikes(trial, advice):
     """Without single samples far from their neighbours on both sides, as receivers and buses make them."""
-    for name, least in LEAST_SPIKE.items():
+    for name, least in MIN_SPIKE.items():
         values = getattr(trial, name)
         known = np.flatnonzero(np.isfinite(values)) if values is not None else np.zeros(0, dtype=int)
         if known.size < 10 * NEIGHBOURS:
@@ -91,7 +91,7 @@ def _without_spikes(trial, advice):
         away = np.abs(values[known] - median_filter(values[known], NEIGHBOURS, mode='nearest'))
         usual = 1.4826 * median_filter(away, 20 * NEIGHBOURS + 1, mode='nearest')
         spikes = away > np.maximum(SPIKE * usual, least)
-        if not spikes.any() or spikes.mean() > MOST_SPIKES:
+        if not spikes.any() or spikes.mean() > MAX_SPIKES:
             continue
         advice.append(Advice('spikes', (
             f'{trial.source}: {int(spikes.sum())} values of {name} jump away for a moment and are left out: look at '

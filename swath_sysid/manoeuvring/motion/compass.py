@@ -7,7 +7,7 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
 
-LEAST_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
+MIN_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
 SURE = 4.0
 """Standard deviations by which a compass must be askew to be turned."""
 
@@ -18,7 +18,7 @@ USUAL_DEVIATION = 0.15
 """rad; a deviation by the course is not taken for a compass askew, and is left to the identification."""
 
 REMEMBERED = 10.0
-"""Half seconds over which wind and manoeuvres leave the same sway: so many samples count as one."""
+"""Half seconds over which wind and manoeuvres leave the same sway: this many samples count as one."""
 
 
 def aligned(trials, advice):
@@ -29,13 +29,13 @@ def aligned(trials, advice):
     So the sway is regressed on all of these.
     """
     rows = [_sway_by_cause(t) for t in trials]
-    told = [r for r in rows if r is not None]
-    if not told:
+    usable = [r for r in rows if r is not None]
+    if not usable:
         return trials
-    count = sum(len(sway) for sway, _, _ in told)
-    sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(told)))
+    count = sum(len(sway) for sway, _, _ in usable)
+    sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(usable)))
     begin = 0
-    for k, (values, causes, course) in enumerate(told):
+    for k, (values, causes, course) in enumerate(usable):
         span = slice(begin, begin + len(values))
         sway[span], shared[span], currents[span, 2 * k : 2 * k + 2] = values, causes, course
         begin = span.stop
@@ -49,7 +49,7 @@ def aligned(trials, advice):
         found = covariance @ (matrix.T @ sway) / (variance * REMEMBERED)
         variance = max(float(np.mean((sway - matrix @ found) ** 2)), 1e-6)
     offset, std = float(np.arctan(found[0])), float(np.sqrt(covariance[0, 0]))
-    if not LEAST_MISALIGNMENT < abs(offset) < LARGEST_MISALIGNMENT or abs(offset) < SURE * std:
+    if not MIN_MISALIGNMENT < abs(offset) < LARGEST_MISALIGNMENT or abs(offset) < SURE * std:
         return trials
     for item, trial in zip(advice, trials, strict=True):
         item.append(Advice('compass-misaligned', (
@@ -60,7 +60,7 @@ def aligned(trials, advice):
 
 
 def _sway_by_cause(trial):
-    """Sway every half second under way ahead, and what may cause it; None where a trial does not tell.
+    """Sway every half second under way ahead, and what may cause it; None where a trial does not show it.
 
     Returns
     -------

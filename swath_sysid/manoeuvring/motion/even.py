@@ -10,13 +10,13 @@ USUAL_STEP = 0.1
 """s; also used for runs whose own interval is far from it."""
 
 MOVING = 0.3
-"""m/s; above this a course tells a heading."""
+"""m/s; above this the course gives the heading."""
 
 
 def even(trial, *names):
     """Channels at even times, s and values, gaps bridged; None where a channel was not measured."""
     time = np.arange(trial.time[0], trial.time[-1], USUAL_STEP)
-    found = []
+    found: list[np.ndarray | None] = []
     for name in names:
         values = getattr(trial, name)
         known = np.isfinite(values) if values is not None else np.zeros(1, dtype=bool)

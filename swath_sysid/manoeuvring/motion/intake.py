@@ -1,4 +1,4 @@
-"""From records to runs ready for identification; what a record does not tell by itself is taken from all together."""
+"""From records to runs ready for identification; what one record does not determine is taken from all of them."""
 import numpy as np
 
 from swath_sysid.common.advice import Advice

@@ -64,7 +64,7 @@ def set_right(trials, advice):
 
 
 def _likeness(pairs):
-    """Correlation about zero of pairs of series, pooled; 0 where none of them tells."""
+    """Correlation about zero of pairs of series, pooled; 0 where none is usable."""
     pairs = [pair for pair in pairs if pair is not None and len(pair[0])]
     if not pairs:
         return 0.0
@@ -85,7 +85,7 @@ def _reversed(trials, advice, names, code, meaning):
 
 
 def _courses(trial):
-    """Course over ground and heading under way, rad; None where the trial does not tell."""
+    """Course over ground and heading under way, rad; None where the trial does not hold them."""
     _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
     span = round(2.0 / USUAL_STEP)
     if heading is None or x is None or y is None or heading.size < 4 * span:
@@ -147,7 +147,7 @@ def _speed_and_track(name, place):
         track = speeds_of_track(trial)
         if measured is None or track is None or np.sqrt(np.mean(track[place] ** 2)) < 0.1:
             return None
-        # about zero, not about the mean: a steady speed tells its sign as well
+        # about zero, not about the mean: a steady speed shows its sign as well
         return measured, track[place]
 
     return pair
@@ -167,7 +167,7 @@ def _with_thrust_ahead(trials, advice):
     best = max((_likeness([_total_and_surge(t, tau) for t in trials]) for tau in (0.5, 2.0, 5.0)), key=abs)
     if best > -SEEN_IN_SPEED:
         return trials
-    # a surge that agrees with the track is no suspect, nor a thrust that turns the craft as it should
+    # a surge that agrees with the track is not suspected, nor a thrust that turns the craft as it should
     confirmed = any(t.x is not None and t.heading is not None for t in trials)
     if confirmed or _turning_likeness(trials) < -SEEN:
         return _reversed(trials, advice, ('port', 'starboard'), 'thrust-reversed', (

@@ -17,7 +17,7 @@ SMOOTHING = 0.4
 """s; width of the Gaussian that gives smooth states."""
 
 NOISY = 0.1
-"""A noise of this share of the motion asks for the full smoothing."""
+"""A noise of this share of the motion gets the full smoothing."""
 
 
 def smoothed(values, step, width=SMOOTHING):

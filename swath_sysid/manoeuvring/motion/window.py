@@ -8,7 +8,7 @@ from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTria
 
 COLUMNS = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
 FASTEST = 20.0
-"""Hz; of faster odometry only so many messages a second are kept."""
+"""Hz; of faster odometry only this many messages a second are kept."""
 
 LARGEST_COMMAND = 1.0 + 1e-6
 AUTO = 'auto'
@@ -109,7 +109,7 @@ class ManoeuvringWindow:
             missing = ' and '.join(side for side in ('port', 'starboard') if side not in self._thrust)
             raise InputError(
                 f'nothing has come from the {missing} thruster: check its topic' if missing else
-                'no odometry has come since the thrusters spoke: check its topic')  # fmt: skip
+                'no odometry has come since the first thruster command: check its topic')  # fmt: skip
         order = np.arange(self._next - self._count, self._next) % len(self._rows)
         rows = self._rows[order]
         rows = rows[rows[:, 0] > rows[-1, 0] - self._duration]

@@ -11,11 +11,11 @@ SETTLING = 5.0
 """s of a run before the first forecast."""
 
 FORECASTS = 250
-"""More tell hardly more of a 90 % interval."""
+"""More hardly improve the estimate of a 90 % interval."""
 
-LEAST_FORECASTS = 30
+MIN_FORECASTS = 30
 HELD = 0.9
-LEAST_SCALE, LARGEST_SCALE = 0.4, 4.0
+MIN_SCALE, LARGEST_SCALE = 0.4, 4.0
 
 
 def calibrated(identified, runs):
@@ -39,8 +39,8 @@ def calibrated(identified, runs):
     for c in range(len(MEASURABLE)):
         for k in range(len(LEADS)):
             known = np.isfinite(errors[:, k, c])
-            # where the sensor's own noise is larger, the errors tell nothing of the forecast
-            if known.sum() >= LEAST_FORECASTS and np.median(variances[known, k, c]) > noise[c] ** 2:
+            # where the sensor's own noise is larger, the errors say nothing about the forecast
+            if known.sum() >= MIN_FORECASTS and np.median(variances[known, k, c]) > noise[c] ** 2:
                 scale[c, k] = _scale(errors[known, k, c], variances[known, k, c], noise[c])
     return replace(identified, forecast=replace(identified.forecast, leads=LEADS, scale=scale))
 
@@ -74,7 +74,7 @@ def _errors(identified, runs):
 
 def _scale(errors, variances, noise):
     """By which the standard deviations must be multiplied, the sensor's noise apart; by bisection."""
-    low, high = LEAST_SCALE, LARGEST_SCALE
+    low, high = MIN_SCALE, LARGEST_SCALE
     for _ in range(30):
         middle = np.sqrt(low * high)
         inside = np.mean(np.abs(errors) < INTERVAL * np.sqrt(middle**2 * variances + noise**2))

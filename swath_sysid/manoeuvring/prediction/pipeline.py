@@ -15,14 +15,14 @@ from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter, ManoeuvreFilterSettings
 
 LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
-NOT_FINITE, OUTLIER, BELIEVED, NO_THRUST = 'not-finite', 'outlier', 'sensor-believed', 'no-thrust'
+NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
 REASONS = {
     LATE: 'messages older than the filter were left out: look at the transport, or for a second publisher',
     JUMPED_BACK: 'the clock was set back (a bag that looped?): the filter began anew',
     LONG_GAP: 'odometry was silent for long and came back: the filter began anew',
     NOT_FINITE: 'messages with NaN or infinite values were left out: look at the driver',
     OUTLIER: 'values that contradict the forecast were refused: look for GPS jumps',
-    BELIEVED: 'a sensor contradicted the filter until that followed it: check the sensor, identify again if it repeats',
+    FOLLOWED: 'a sensor contradicted the filter until that followed it: check the sensor, identify again if it repeats',
     NO_THRUST: 'no thrust command for long, it is taken as zero: check the thruster topics, or stop_after_s',
 }
 """What is counted, and what to do about it."""
@@ -68,7 +68,7 @@ class ManoeuvreOutlookSettings:
 
 @dataclass(frozen=True)
 class OdometryReading:
-    """Pose and twist of one message; standard deviations None where the sender does not tell.
+    """Pose and twist of one message; standard deviations None where the sender gives none.
 
     Attributes
     ----------

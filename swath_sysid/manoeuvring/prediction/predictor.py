@@ -53,11 +53,11 @@ class ManoeuvreFilterSettings:
     Attributes
     ----------
     speed_noise, yaw_rate_noise, heading_noise, position_noise : float
-        Standard deviations of the sensors, m/s, rad/s, rad, m, where they do not tell theirs.
+        Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
     gate_probability : float
-        A true measurement is taken for an outlier with this probability.
+        Probability that a good measurement is rejected as an outlier.
     gate_patience : int
-        After so many rejected samples of a kind in a row the sensor is believed.
+        After this many rejected samples of a kind in a row the filter follows the sensor.
     """
 
     speed_noise: float = 0.05
@@ -210,7 +210,7 @@ class ManoeuvreFilter:
         Returns
         -------
         tuple of Advice
-            ``outlier`` where the gate refused the value, ``sensor-believed`` where it gave in.
+            ``outlier`` where the gate refused the value, ``sensor-followed`` where it gave in.
         """
         if not math.isfinite(value):
             return ()
@@ -231,7 +231,7 @@ class ManoeuvreFilter:
             self.P = self.P + np.outer(row, row) * innovation**2
             seen = self.P @ row
             spread = float(row @ seen) + variance
-            advice = (Advice('sensor-believed', f'{name} jumped and stayed: the filter follows it; check the sensor'),)
+            advice = (Advice('sensor-followed', f'{name} jumped and stayed: the filter follows it; check the sensor'),)
         self._rejections[name] = 0
         self.x = self.x + seen * (innovation / spread)
         self.P = self.P - np.outer(seen, seen) / spread

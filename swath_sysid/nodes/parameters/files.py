@@ -179,6 +179,7 @@ def markdown_table(node_name: str) -> str:
     Parameters
     ----------
     node_name : str
+        As in the parameter file.
 
     Returns
     -------

@@ -2,6 +2,7 @@
 from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.identification.search import ALGORITHMS, SearchSettings
+from swath_sysid.attitude.identification.stability_watch import StabilitySettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.parameter import DIAGNOSTICS, NodeParameter, Values, check
@@ -22,6 +23,18 @@ TABLE = (
         'part', '', 0.0, 0.9,
     ),
     NodeParameter('auto_identify', True, 'Refit whenever a window arrives'),
+    NodeParameter(
+        'identify_interval_s', 0.0, 'Identify so often by itself, so that the stability is watched; window_s of '
+        'imu_buffer as long, and at least 300 s; 0: only when asked', 's', 0.0, 86400.0, read_only=True,
+    ),
+    NodeParameter(
+        'stability_limit', 0.0, 'Relative change of the metacentric height that is warned of, as in 0.1; 0: only one '
+        'beyond chance', '', 0.0, 1.0,
+    ),
+    NodeParameter(
+        'known_gm_m', 0.0, 'Metacentric height at the start, by an inclining test, with which the relative one becomes '
+        'absolute; 0: not known', 'm', 0.0, 1000.0,
+    ),
     NodeParameter(
         'window_service', 'imu_buffer/publish_window', 'Service that makes the buffer publish its window',
         read_only=True,
@@ -51,4 +64,5 @@ def refit_settings(values: Values) -> RefitSettings:
     equation = identification.chosen_equation
     if not equation.terms:
         raise InputError(f'the equation {equation.name} has no terms: name another')
-    return RefitSettings(tuple(values['axes']), identification, values['least_improvement'])
+    stability = StabilitySettings(values['stability_limit'], values['known_gm_m'])
+    return RefitSettings(tuple(values['axes']), identification, values['least_improvement'], stability)

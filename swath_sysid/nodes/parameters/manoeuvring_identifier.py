@@ -13,7 +13,7 @@ TABLE = (
         choices=THRUST_INPUTS,
     ),
     NodeParameter(
-        'stop_after_s', 0.0, 'Without a command for so long the thrust is zero; 0: the last one holds', 's',
+        'stop_after_s', 0.0, 'Without a command for this long the thrust is zero; 0: the last one holds', 's',
         0.0, 60.0, read_only=True,
     ),
     NodeParameter('mass_kg', 0.0, 'Mass of the craft, cargo included; 0: not known', 'kg', 0.0, 1e6),

@@ -15,7 +15,7 @@ TABLE = (
                   read_only=True),
     NodeParameter('backward_jump_s', 1.0, 'A stamp further back is a clock that was set back', 's', 0.05, 60.0,
                   read_only=True),
-    NodeParameter('stop_after_s', 0.0, 'Without a command for so long the thrust is zero; 0: the last one holds', 's',
+    NodeParameter('stop_after_s', 0.0, 'Without a command for this long the thrust is zero; 0: the last one holds', 's',
                   0.0, 60.0, read_only=True),
     NodeParameter('speed_noise_m_s', 0.05, 'Noise of the speeds, where the odometry does not report it', 'm/s', 1e-4,
                   5.0, read_only=True),

@@ -105,7 +105,7 @@ def check(table: Table, values: Values) -> None:
 
 
 def installation(values: Values) -> Installation:
-    """How the sensor sits in the craft, of the values of `SENSOR`."""
+    """The mounting of the sensor, of the values of `SENSOR`."""
     if len(values['mounting_deg']) != 3:
         raise InputError('the parameter mounting_deg takes three angles (roll, pitch, yaw), as in [0.0, 0.0, 90.0]')
     roll, pitch, yaw = (radians(angle) for angle in values['mounting_deg'])

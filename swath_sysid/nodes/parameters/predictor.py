@@ -1,5 +1,6 @@
 """The parameters of predictor."""
 import re
+from collections.abc import Sequence
 from math import inf, radians
 
 from swath_sysid.attitude.motion.trial import AXES
@@ -78,6 +79,10 @@ TABLE = (
         'parameter points.NAME, [x, y, z] in m from the sensor, forward, port, up', read_only=True,
     ),
     NodeParameter(
+        'frames_at_s', [0.0], 'Some of leads_s, for which the predicted frame of the craft goes to /tf, as '
+        'base_link_in_1_0s, beside base_link_now; [0.0]: none', 's', 0.0, 120.0, read_only=True,
+    ),
+    NodeParameter(
         'loading', 0.0, 'Draft or displacement the craft floats at, in the unit its model is scheduled on; '
         '0: as published on craft/loading, or not known', '', 0.0, 1e9,
     ),
@@ -87,7 +92,7 @@ TABLE = (
     ),
     NodeParameter(
         'gate_patience', HullFilterSettings().gate_patience,
-        'After so many rejected samples in a row the sensor is accepted again', 'samples', 1, 1000, read_only=True,
+        'After this many rejected samples in a row the sensor is accepted again', 'samples', 1, 1000, read_only=True,
     ),
     *DIAGNOSTICS,
 )
@@ -110,10 +115,18 @@ def further(values: Values) -> Table:
     )
 
 
+def frames_at(leads: Sequence[float]) -> tuple[float, ...]:
+    """The leads of `frames_at_s` that are asked for."""
+    return tuple(lead for lead in leads if lead)
+
+
 def pipeline_settings(values: Values) -> PipelineSettings:
     """Settings of predictor's core; raises `InputError` where a value is not allowed."""
     places = further(values)
     check((*TABLE, *places), values)
+    for lead in frames_at(values['frames_at_s']):
+        if lead not in values['leads_s']:
+            raise InputError(f'the parameter frames_at_s cannot hold {lead:g}: add it to leads_s, or name one of those')
     if any(len(values[place.name]) != 3 for place in places):
         raise InputError('the parameters points.NAME take three lengths (forward, port, up), as in [2.5, 0.0, 0.0]')
     return PipelineSettings(

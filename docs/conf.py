@@ -1,0 +1,86 @@
+"""The site: `sphinx-build -W docs out/site`, or rosdoc2. Its reference is generated from the code (docs/generated)."""
+import importlib
+import os
+import pkgutil
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+os.environ['COLUMNS'] = '100'
+
+import swath_sysid  # noqa: E402
+from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
+from swath_sysid.nodes.parameters.files import NODES, markdown_table  # noqa: E402
+from swath_sysid.nodes.reason_advice import reasons_table  # noqa: E402
+
+project = 'swath_sysid'
+author = copyright = 'The swath_sysid maintainers'
+version = release = swath_sysid.__version__
+extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'sphinx.ext.mathjax']
+exclude_patterns = ['generated/parts']
+# the wings have the same names inside: Run, Scales, heading
+suppress_warnings = ['ref.python']
+html_theme = 'alabaster'
+html_theme_options = {
+    'description': swath_sysid.__doc__.strip(), 'fixed_sidebar': True, 'page_width': '1100px', 'sidebar_width': '240px',
+}  # fmt: skip
+html_show_sphinx = False
+myst_heading_anchors = 3
+myst_enable_extensions = ['dollarmath']
+autodoc_member_order = 'bysource'
+autodoc_typehints = 'none'
+autodoc_class_signature = 'separated'
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+
+API = {
+    'attitude.motion': 'what was measured', 'attitude.hull': 'decay models, the catalogue, simulation',
+    'attitude.identification': 'from measured motion to a model', 'attitude.prediction': 'from a model to a forecast',
+    'manoeuvring': 'surge, sway and yaw', 'pipeline': 'messages in, forecasts out; scores',
+    'formats': 'files and messages', 'common': 'what is independent of any craft',
+}  # fmt: skip
+
+
+def write(name, text):
+    """A generated page, left alone where it is the same, so that a second build is quick."""
+    path = HERE / 'generated' / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() or path.read_text(encoding='utf-8') != text:
+        path.write_text(text, encoding='utf-8')
+
+
+def commands():
+    """Every verb's own help."""
+    texts = ['# Commands', '', 'As each prints it with `--help`.', '']
+    for verb in VERBS:
+        parser = build_parser(verb)._subparsers._group_actions[0].choices[verb]
+        texts += [f'## {verb}', '', '```text', parser.format_help().rstrip(), '```', '']
+    return '\n'.join(texts)
+
+
+def parameters():
+    """The tables of the nodes' parameters."""
+    head = 'The defaults are in `config/swath_sysid.yaml`; those for small computers in `config/small.yaml`.'
+    return f'# Parameters\n\n{head}\n\n' + '\n\n'.join(f'## {node}\n\n{markdown_table(node)}' for node in NODES)
+
+
+def room(name, what):
+    """The public names of a room, module by module."""
+    package = importlib.import_module(f'swath_sysid.{name}')
+    modules = sorted(m.name for m in pkgutil.walk_packages(package.__path__, f'{package.__name__}.') if not m.ispkg)
+    heading = f'{name}: {what}'
+    # docstrings write the absolute value of a rate |w|, which reStructuredText takes for a substitution
+    lines = [heading, '=' * len(heading), '', r'.. |w| replace:: \|w\|', '']
+    for module in modules:
+        short = module.removeprefix(f'{package.__name__}.')
+        lines += [short, '-' * len(short), '', f'.. automodule:: {module}', '   :members:', '']
+    return '\n'.join(lines)
+
+
+write('commands.md', commands())
+write('parameters.md', parameters())
+write('parts/counted.md', reasons_table())
+for name, what in API.items():
+    write(f'api/{name}.rst', room(name, what))

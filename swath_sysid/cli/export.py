@@ -1,0 +1,116 @@
+"""``swath-sysid export``: an identified model in the words of simulators and controllers."""
+
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from pathlib import Path
+
+from swath_sysid.cli.progress import show_advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.export.expressible import Export
+from swath_sysid.formats.export.fossen import LANGUAGES, MATLAB, PYTHON, fossen, fossen_attitude
+from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
+from swath_sysid.formats.export.nav2 import nav2
+from swath_sysid.formats.export.ssv import ssv, ssv_attitude
+from swath_sysid.formats.export.vrx import vrx
+from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
+from swath_sysid.formats.model_file import FORMAT, read_model
+from swath_sysid.formats.outputs import Output, check_outputs
+
+GAZEBO, VRX, NAV2, FOSSEN, FMU_PARAMETERS = TARGETS = ('gazebo', 'vrx', 'nav2', 'fossen', 'fmu-parameters')
+ATTITUDE_TARGETS = (GAZEBO, FOSSEN, FMU_PARAMETERS)
+WITH_INERTIA = (GAZEBO, FOSSEN)
+SNIFFED_BYTES = 4096
+TARGETS_IN_WORDS = """\
+targets:
+  gazebo          SDF of gz-sim's Hydrodynamics and Thruster plugins, Garden or later
+  vrx             the plugin SimpleHydrodynamics of VRX
+  nav2            parameters of the MPPI controller and the velocity smoother, and what the craft does at three speeds
+  fossen          M, C, D and the thrust in Fossen's axes, as a Python module or a MATLAB function
+  fmu-parameters  every parameter with unit and standard deviation, as SSV (SSP standard 1.0)
+
+What a target cannot express is named in the file and on the terminal, with how far a turning circle and a zig-zag, or a
+decay, differ because of it. Roll and pitch models go to gazebo, fossen and fmu-parameters.
+"""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The model file, the target, and where to write."""
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.epilog = TARGETS_IN_WORDS
+    parser.add_argument('model', metavar='MODEL.yaml', help='model file of manoeuvre identify, or of identify')
+    parser.add_argument('--to', required=True, choices=TARGETS, help='what is to read it, see below')
+    parser.add_argument(
+        '--language', choices=LANGUAGES, help='of fossen; without it matlab where the output ends in .m, else python'
+    )
+    parser.add_argument(
+        '--inertia',
+        action='append',
+        default=[],
+        metavar='AXIS=KG_M2',
+        help='of roll and pitch models, with added inertia: roll=0.08',
+    )
+    parser.add_argument('--output', metavar='FILE', help='write it there instead of printing it')
+
+
+def run(arguments: Namespace) -> int:
+    """Export, warn, and write or print."""
+    check_outputs([Output('--output', arguments.output)], [arguments.model])
+    found = _exported(arguments)
+    show_advice(found.advice)
+    if arguments.output is None:
+        print(found.text, end='')
+        return 0
+    with replacing(arguments.output) as temporary:
+        temporary.write_text(found.text, encoding='utf-8')
+    print(f'{arguments.output} written')
+    return 0
+
+
+def _exported(arguments: Namespace) -> Export:
+    target, output = arguments.to, Path(arguments.output or 'craft')
+    if arguments.language and target != FOSSEN:
+        raise InputError(f'--language is for --to {FOSSEN}: leave it out')
+    language = arguments.language or (MATLAB if output.suffix == '.m' else PYTHON)
+    inertias = dict(_inertia(text) for text in arguments.inertia)
+    if _is_attitude(arguments.model):
+        if target not in ATTITUDE_TARGETS:
+            raise InputError(f'{target} takes no roll or pitch model: choose {" or ".join(ATTITUDE_TARGETS)}')
+        models = read_model(arguments.model)
+        _check_inertias(inertias, tuple(models) if target in WITH_INERTIA else ())
+        if target == GAZEBO:
+            return gazebo_attitude(models, inertias)
+        return fossen_attitude(models, inertias, language, output.stem) if target == FOSSEN else ssv_attitude(models)
+    _check_inertias(inertias, ())
+    identified = read_manoeuvring_model(arguments.model)
+    if target == FMU_PARAMETERS:
+        return ssv(identified)
+    if target == FOSSEN:
+        return fossen(identified.model, language, output.stem)
+    return {GAZEBO: gazebo, VRX: vrx, NAV2: nav2}[target](identified.model)
+
+
+def _check_inertias(inertias: dict[str, float], axes: tuple[str, ...]) -> None:
+    stray = [axis for axis in inertias if axis not in axes]
+    if stray:
+        raise InputError(f'--inertia {stray[0]} is of no use here: it is for the axes of roll and pitch models that go '
+                         f'to {" or ".join(WITH_INERTIA)}; leave it out')  # fmt: skip
+
+
+def _is_attitude(path: str) -> bool:
+    """Whether a file begins as a decay model; what cannot be read is left to the reader's sentence."""
+    try:
+        with open(path, 'rb') as file:
+            return FORMAT.format.encode() in file.read(SNIFFED_BYTES)
+    except (OSError, ValueError):
+        return False
+
+
+def _inertia(text: str) -> tuple[str, float]:
+    axis, _, number = text.partition('=')
+    try:
+        value = float(number)
+    except ValueError:
+        value = float('nan')
+    if axis not in ('roll', 'pitch') or not 0.0 < value < float('inf'):
+        raise InputError(f"--inertia '{text}' is not understood: give roll=KG_M2 or pitch=KG_M2, greater than zero")
+    return axis, value

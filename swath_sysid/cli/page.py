@@ -1,0 +1,70 @@
+"""``swath-sysid page``: what the nodes do, and a guided bring-up, in a browser."""
+import os
+import secrets
+import sys
+from argparse import ArgumentParser, Namespace
+from contextlib import ExitStack
+from pathlib import Path
+
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.errors import InputError
+from swath_sysid.page.server import LOCAL_NAMES, check_installed, served
+
+PORT = 8484
+
+NICENESS = 5
+"""Where the processor is short the nodes come first."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Where it listens, what it shows."""
+    parser.add_argument(
+        '--host', default='localhost', help='address to listen on (default: %(default)s); any other asks for a token'
+    )
+    parser.add_argument('--port', type=int, default=PORT, help='default: %(default)s; 0: one that is free')
+    parser.add_argument('--token', help='default: a new one, printed; the environment may give it as SWATH_SYSID_TOKEN')
+    parser.add_argument('--axis', choices=AXES, default=AXES[0], help='that is identified first (default: %(default)s)')
+    parser.add_argument('--manifest', metavar='FILE', help='campaign whose trials are listed')
+    parser.add_argument('--output', metavar='DIR', default='.', help='folder of saved models and bags (default: here)')
+    parser.add_argument('--namespace', metavar='NAME', help='of the nodes')
+    parser.add_argument('--imu-topic', metavar='TOPIC', help='topic of the sensor (default imu/data)')
+
+
+def run(arguments: Namespace) -> int:
+    """Serve the page until a signal comes; returns the exit code."""
+    check_installed()
+    try:
+        from swath_sysid.nodes.executor_loop import events_executor
+        from swath_sysid.nodes.executor_loop import run as run_nodes
+        from swath_sysid.nodes.page_node import PageNode
+    except ImportError as error:
+        raise InputError(
+            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
+        ) from error
+    from swath_sysid.page.desk import Desk
+
+    folder = Path(arguments.output)
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise InputError(f'--output {folder} is no folder that may be written to: choose another')
+    remappings = []
+    if arguments.namespace:
+        remappings += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
+    if arguments.imu_topic:
+        remappings += ['-r', f'imu/data:={arguments.imu_topic}']
+    token = token_for(arguments.host, arguments.token or os.environ.get('SWATH_SYSID_TOKEN', ''))
+    os.nice(NICENESS)
+    address = '127.0.0.1' if arguments.host == 'localhost' else arguments.host
+    with ExitStack() as serving:
+        def make_node() -> PageNode:
+            node = PageNode(lambda line: desk.answer(line))
+            desk = Desk(node, folder, arguments.axis, arguments.manifest)
+            url = serving.enter_context(served(desk, address, arguments.port, token))
+            print(f'the page is at {url}', file=sys.stderr, flush=True)
+            return node
+
+        return run_nodes([(events_executor, [make_node])], ['swath-sysid', '--ros-args', *remappings])
+
+
+def token_for(host: str, given: str) -> str:
+    """The token that is asked for: none on this machine only, unless one is given."""
+    return given or ('' if host in LOCAL_NAMES else secrets.token_urlsafe(12))

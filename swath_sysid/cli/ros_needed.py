@@ -1,0 +1,28 @@
+"""Where a verb needs ROS: one sentence if it is not installed."""
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from swath_sysid.common.errors import InputError
+
+
+@contextmanager
+def ros_needed(without: str = '') -> Iterator[None]:
+    """Around imports of rclpy and the nodes.
+
+    Parameters
+    ----------
+    without : str, optional
+        What the verb does without ROS, for the sentence.
+
+    Raises
+    ------
+    InputError
+        They cannot be imported.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise InputError(
+            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
+            + (without and f'; {without}')
+        ) from error

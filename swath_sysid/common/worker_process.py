@@ -1,0 +1,215 @@
+"""A child process that runs one function after the other for its parent, spawned once, warm, and never left behind.
+
+A plain child with one socket, rather than multiprocessing's spawn: that would import the parent's main module, and
+rclpy with it, into the child, and start a resource tracker.
+"""
+import os
+import signal
+import socket
+import subprocess
+import sys
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import swath_sysid
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Cancelled
+
+NICENESS = 10
+"""The child yields to the processes that forecast."""
+
+CANCEL_PATIENCE = 0.3
+"""s; a child that has not given up by then is killed and started again."""
+
+POLL_PERIOD = 0.02
+
+PROGRESS, DONE, REFUSED, CANCELLED, FAILED = 'progress', 'done', 'refused', 'cancelled', 'failed'
+
+
+class WorkerError(RuntimeError):
+    """The worker died, or its work ended in an error of its own."""
+
+
+class WorkerProcess:
+    """The process, as its parent uses it: from one thread at a time.
+
+    Parameters
+    ----------
+    warm_up : callable
+        Run in the process when it starts; importable there, as all functions given.
+    clock : callable
+        Seconds that only go forward, for `CANCEL_PATIENCE`.
+    """
+
+    def __init__(self, warm_up, clock):
+        self._warm_up, self._clock = warm_up, clock
+        self._ready = False
+        self._start()
+
+    @property
+    def pid(self):
+        """Process id of now."""
+        return self._process.pid
+
+    def died_idle(self):
+        """Whether it was ready and has died since, which is reported once.
+
+        One that never got ready is started again with the next work only, not for ever.
+        """
+        try:
+            if not self._ready and self._connection.poll():
+                self._note_ready()
+        except (EOFError, OSError, WorkerError):
+            return False
+        died = self._ready and self._process.poll() is not None
+        self._ready = self._ready and not died
+        return died
+
+    def run(self, work, is_cancelled, on_progress=None):
+        """Have a function run, and wait for its end.
+
+        Parameters
+        ----------
+        work : tuple
+            Function, arguments, and whether it takes ``progress=`` and ``should_cancel=``.
+        is_cancelled : callable
+            Asked often.
+        on_progress : callable, optional
+            Called with 0 to 1.
+
+        Returns
+        -------
+        object
+            What the function returned.
+
+        Raises
+        ------
+        InputError, Cancelled, WorkerError
+            What the function ended in; `Cancelled` within half a second of ``is_cancelled()``.
+        EOFError, OSError
+            The process has died.
+        """
+        sent, asked_at = False, None
+        while True:
+            if self._ready and not sent and not is_cancelled():
+                self._connection.send(work)
+                sent = True
+            if self._connection.poll(POLL_PERIOD):
+                if not sent:
+                    self._note_ready()
+                    continue
+                kind, content = self._connection.recv()
+                if kind != PROGRESS:
+                    return _result(kind, content)
+                if on_progress is not None:
+                    on_progress(content)
+            if is_cancelled():
+                now = self._clock()
+                if not sent:
+                    raise Cancelled
+                if asked_at is None:
+                    asked_at = now
+                    self._connection.send(None)
+                elif now - asked_at > CANCEL_PATIENCE:
+                    self.restart()
+                    raise Cancelled
+
+    def restart(self):
+        """Start another process in place of this one; how this one had ended, in words."""
+        code = self._process.poll()
+        self._process.kill()
+        self.end()
+        self._start()
+        return f'with code {code}' if code is not None else 'unexpectedly'
+
+    def end(self):
+        """End the process, which has `CANCEL_PATIENCE` to do so itself."""
+        self._connection.close()
+        try:
+            self._process.wait(CANCEL_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _start(self):
+        self._ready = False
+        ours, theirs = socket.socketpair()
+        # held from here on, so that a start that fails leaves nothing open
+        self._connection = Connection(ours.detach())
+        environment = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1'}
+        # `python -m` must find this very package, installed or not
+        root = str(Path(swath_sysid.__file__).resolve().parents[1])
+        environment['PYTHONPATH'] = os.pathsep.join(filter(None, [root, environment.get('PYTHONPATH')]))
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, '-m', __name__, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()], env=environment, stdin=subprocess.DEVNULL,
+                # out of the terminal's process group: Ctrl-C is the parent's, which then closes the socket
+                start_new_session=True,
+            )
+        self._connection.send((self._warm_up, (), False))
+
+    def _note_ready(self):
+        """The answer of the warm-up, if it has come."""
+        kind, content = self._connection.recv()
+        if kind == FAILED:
+            raise WorkerError(content)
+        self._ready = True
+
+
+def _result(kind, content):
+    """What a function returned; else what it ended in is raised."""
+    if kind == DONE:
+        return content
+    if kind == REFUSED:
+        raise InputError(content)
+    if kind == CANCELLED:
+        raise Cancelled
+    raise WorkerError(content)
+
+
+def serve(connection):
+    """What the process does: one function after the other, until the parent is gone."""
+    while True:
+        try:
+            work = connection.recv()
+            if work is not None:  # else: to stop what has ended already
+                connection.send(_carried_out(connection, *work))
+        except (EOFError, OSError):
+            return
+
+
+def _carried_out(connection, function, arguments, reports):
+    """Run a function and say how it ended."""
+    reported = [0.0]
+
+    def progress(share):
+        if share - reported[0] >= 0.01 or share >= 1.0:
+            reported[0] = share
+            connection.send((PROGRESS, float(share)))
+
+    def should_cancel():
+        # a message amid work can only say: stop
+        if connection.poll():
+            connection.recv()
+            return True
+        return False
+
+    try:
+        reporting = {'progress': progress, 'should_cancel': should_cancel} if reports else {}
+        return DONE, function(*arguments, **reporting)
+    except InputError as error:
+        return REFUSED, str(error)
+    except Cancelled:
+        return CANCELLED, None
+    except (EOFError, OSError):
+        raise
+    except Exception as error:  # whatever it is, the parent reports it and the process goes on
+        return FAILED, f'{type(error).__name__}: {error}'
+
+
+if __name__ == '__main__':
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICENESS)
+    with Connection(int(sys.argv[1])) as to_parent:
+        serve(to_parent)

@@ -1,0 +1,143 @@
+"""A bag as it is published again: its topics, its serialised messages in the order of recording, and their times."""
+import heapq
+from dataclasses import dataclass
+
+from rosbags.interfaces import QosDurability
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import IMU_TYPE
+from swath_sysid.formats.topics import LATCHED_TOPICS
+
+NANOSECOND = 1e-9
+
+
+@dataclass(frozen=True)
+class ReplaySettings:
+    """How a bag is replayed.
+
+    Attributes
+    ----------
+    rate : float
+        Times real time.
+    loop : bool
+        Begin again at the end.
+    clock : bool
+        Publish /clock too.
+    wait : float
+        s; the longest wait for subscriptions before the start.
+    listeners : int
+        Subscriptions to the IMU to wait for, or to any topic in a bag without one; 0: those that are found.
+    """
+
+    rate: float = 1.0
+    loop: bool = False
+    clock: bool = False
+    wait: float = 15.0
+    listeners: int = 0
+
+    def __post_init__(self):
+        if not self.rate > 0.0:
+            raise InputError(f'the rate must be greater than zero, not {self.rate}')
+        if not self.wait >= 0.0:
+            raise InputError('the time to wait must not be negative')
+        if self.listeners < 0:
+            raise InputError('the number of subscriptions to wait for must not be negative')
+
+
+@dataclass(frozen=True)
+class RecordedTopic:
+    """A topic of a bag.
+
+    Attributes
+    ----------
+    kind : str
+        Message type.
+    is_latched : bool
+        Whether a late subscriber gets the last message.
+    """
+
+    kind: str
+    is_latched: bool
+
+    @property
+    def is_imu(self):
+        """Whether it holds IMU messages."""
+        return self.kind == IMU_TYPE
+
+
+def recorded_topics(readers):
+    """The topics of a bag by name, but /clock.
+
+    Parameters
+    ----------
+    readers : list
+        Of `opened_bag`.
+
+    Returns
+    -------
+    dict of str to RecordedTopic
+    """
+    found: dict[str, RecordedTopic] = {}
+    for connection in (connection for reader in readers for connection in reader.connections):
+        offered = connection.ext.offered_qos_profiles
+        latched = any(qos.durability == QosDurability.TRANSIENT_LOCAL for qos in offered)
+        # a bag written without ROS may not record it
+        latched = latched or connection.topic.endswith(LATCHED_TOPICS)
+        found.setdefault(connection.topic, RecordedTopic(connection.msgtype, latched))
+    found.pop('/clock', None)
+    return found
+
+
+def merged_messages(readers, topics):
+    """The messages of some topics in the order of recording.
+
+    Parameters
+    ----------
+    readers : list
+        Of `opened_bag`.
+    topics : collection of str
+        Those to read.
+
+    Yields
+    ------
+    time_ns : int
+        Of reception.
+    topic : str
+    raw : bytes
+        Serialised.
+    """
+    streams = [
+        ((received, number, connection.topic, bytes(raw)) for connection, received, raw in reader.messages(
+            [c for c in reader.connections if c.topic in topics]
+        ))
+        for number, reader in enumerate(readers)
+    ]
+    for received, _, topic, raw in heapq.merge(*streams, key=lambda message: message[:2]):
+        yield received, topic, raw
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Bag time against the clock on the wall.
+
+    Attributes
+    ----------
+    begun : float
+        Wall time at which the first message is published, s.
+    first_ns : int
+        Its bag time.
+    rate : float
+        Times real time.
+    """
+
+    begun: float
+    first_ns: int
+    rate: float
+
+    def wall_time(self, time_ns):
+        """When a message is due, s."""
+        return self.begun + (time_ns - self.first_ns) * NANOSECOND / self.rate
+
+    def bag_time(self, now):
+        """Bag time, ns, at a wall time."""
+        return self.first_ns + round((now - self.begun) * self.rate / NANOSECOND)

@@ -1,0 +1,130 @@
+"""What a target can express of a craft, and how far standard tests differ because of the rest."""
+from dataclasses import dataclass
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.manoeuvring.hull.standard_tests import run_test
+from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR, THRUST
+
+INERTIAL = ('m', 'Iz')
+SENDERS = ('gain', 'reverse_ratio', 'dead_band', 'exponent', 'balance', 'deduction', 'lever', 'moment_factor',
+           'full_input', 'reverse_exponent_ratio')  # fmt: skip
+"""Of the thrusters; who commands a force in N applies them before the target does."""
+
+COMPARED = {
+    'turning-circle': ('approach_speed_m_s', 'steady_diameter_m', 'tactical_diameter_m', 'steady_yaw_rate_deg_s'),
+    'zigzag': ('first_overshoot_deg', 'period_s'),
+}
+
+
+@dataclass(frozen=True)
+class Export:
+    """Text of a file, and the warnings about what is not in it."""
+
+    text: str
+    advice: tuple[Advice, ...]
+
+
+def expressed(model, expressible, **implied):
+    """The model as a target has it, and the names of the terms that differ there.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+        As identified.
+    expressible : collection of str
+        Hull terms of the target; inertia and what the sender of forces applies are always kept.
+    **implied : float
+        Terms that the target does not take as numbers but has from its own equations.
+
+    Returns
+    -------
+    ManoeuvringModel, tuple of str
+    """
+    kept = {*expressible, *INERTIAL, *SENDERS}
+    neutral = {p.name: p.neutral for p in PARAMETERS if p.kind != SENSOR and p.name not in kept}
+    reduced = model.with_values(**neutral | implied)
+    return reduced, tuple(name for name in NAMES if reduced[name] != model[name])
+
+
+def losses(model, expressible, target, **implied):
+    """Advice on the terms that a target changes, with the standard tests of the craft with and without them.
+
+    Returns
+    -------
+    tuple of Advice
+    """
+    reduced, changed = expressed(model, expressible, **implied)
+    if not changed:
+        return ()
+    named = ', '.join(f'{name} = {model[name]:.4g}' + (f' (there {reduced[name]:.4g})' if name in implied else '')
+                      for name in changed)  # fmt: skip
+    found = [Advice('terms-dropped', f'{target} cannot express {named}: see how far the tests differ')]
+    for test, names in COMPARED.items():
+        whole, part = run_test(test, model).numbers, run_test(test, reduced).numbers
+        changes = '; '.join(change(name, whole[name], part[name]) for name in names)
+        found.append(Advice('tests-differ', f'{test} of the model and as exported: {changes}'))
+    return tuple(found)
+
+
+def change(name, whole, part):
+    """Words for a number of the model and as exported."""
+    if not (np.isfinite(whole) and np.isfinite(part)):
+        return f'{name} {whole:.4g} and {part:.4g}, not reached by both'
+    share = f' ({(part - whole) / abs(whole):+.1%})' if whole else ''
+    return f'{name} {whole:.4g} and {part:.4g}{share}'
+
+
+def added_mass_diverges(model):
+    """Whether added mass that is applied by the acceleration of the step before outgrows the craft's own."""
+    own = np.diag([model['m'], model['m'], model['Iz']])
+    added = np.array([
+        [model['Xu_dot'], 0.0, 0.0],
+        [0.0, model['Yv_dot'], model['Yr_dot']],
+        [0.0, model['Nv_dot'], model['Nr_dot']],
+    ])
+    return bool(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(own, added)))) >= 1.0)
+
+
+def added_mass_advice(model):
+    """Advice where the plugins' explicit added mass would diverge, as a tuple."""
+    if not added_mass_diverges(model):
+        return ()
+    return (Advice('added-mass-diverges', 'added mass exceeds mass: the plugin applies it by the acceleration of the '
+                   'step before and diverges; identify again with the mass as weighed, --fix m=KG'),)  # fmt: skip
+
+
+def force_lines(model):
+    """Sentences on the forces that thrusters are to be sent, and where they act."""
+    lines = [f'input: {model.thrust_input}, at most {model.largest_input:.6g}; send each thruster the force in N of',
+             '(1 - deduction) (1 -+ balance, port - and starboard +) curve(input), with curve(c) = gain full_input',
+             '((|c| / full_input - dead_band) / (1 - dead_band))^exponent; astern the force is multiplied by',
+             '-reverse_ratio and the exponent by reverse_exponent_ratio']  # fmt: skip
+    return [*lines, *(f'{p.name}: {model[p.name]:.8g}' for p in PARAMETERS if p.kind == THRUST and p.name in SENDERS)]
+
+
+def effective_lever(model):
+    """Arm of the forces that are sent, m: the deduction acts on the force ahead only, the moment factor on yaw only."""
+    return model['lever'] * (1.0 + model['moment_factor']) / (1.0 - model['deduction'])
+
+
+def xml_comment(lines):
+    """Lines as one XML comment; two hyphens in a row are not allowed within."""
+    body = '\n'.join(f'  {line}' for line in lines)
+    while '--' in body:
+        body = body.replace('--', '- -')
+    return f'<!--\n{body}\n-->'
+
+
+def elements(values, indent):
+    """``<name>value</name>`` a line; mappings within as elements within."""
+    margin = ' ' * indent
+    return '\n'.join(
+        f'{margin}<{name}>\n{elements(value, indent + 2)}\n{margin}</{name}>' if isinstance(value, dict)
+        else f'{margin}<{name}>{escape(_plain(value))}</{name}>' for name, value in values.items())  # fmt: skip
+
+
+def _plain(value):
+    return value if isinstance(value, str) else f'{value + 0.0:.10g}'

@@ -1,0 +1,173 @@
+"""Fossen's form ``M dnu/dt + C(nu) nu + D(nu) nu = tau`` as a Python module or a MATLAB function, each of its own.
+
+Axes are Fossen's: x forward, y starboard, z down, yaw rate positive to starboard (Fossen 2021, 2.1). Against x forward,
+y port, z up the derivatives of a symmetric craft keep their numbers; N0, the lever's sign and pitch change theirs.
+"""
+import math
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.export.expressible import Export, losses
+from swath_sysid.formats.export.gazebo import inertia_of
+from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR
+
+PYTHON, MATLAB = 'python', 'matlab'
+LANGUAGES = (PYTHON, MATLAB)
+EXPRESSIBLE = frozenset(NAMES) - {'lag', 'delay'}
+
+MATRICES = {
+    'M': (('m - Xu_dot', '0', '0'), ('0', 'm - Yv_dot', '-Yr_dot'), ('0', '-Nv_dot', 'Iz - Nr_dot')),
+    'C': (('0', '0', '-m * v'), ('0', '0', 'm * u'), ('m * v', '-m * u', '0')),
+    'D': (
+        ('-Xu - Xuu * abs(u) - Xuuu * u * u', '-Xvv * v', '-Xvr * v - Xrr * r'),
+        ('0', '-Yv - Yvv * abs(v) - Yvvv * v * v - Yuv * abs(u)', '-Yr - Yur * u'),
+        ('0', '-Nv - Nvvv * v * v - Nuv * u', '-Nr - Nrr * abs(r) - Nrrr * r * r - Nur * abs(u) - Nuur * u * u'),
+    ),
+    'tau': (
+        ('(1 - deduction) * (1 - advance * u) * (left + right) + X0',),
+        ('0',),
+        ('(1 + moment_factor) * lever * (1 - advance * u) * (left - right) + N0',),
+    ),
+}
+"""Of u, v and r; the same text in both languages."""
+
+_PYTHON = '''import numpy as np
+
+{numbers}
+
+M = {M}
+
+
+def C(u, v, r):
+    """Coriolis and centripetal matrix of the rigid body; that of added mass is in Xvr, Yur and Nuv of D."""
+    return {C}
+
+
+def D(u, v, r):
+    """Damping matrix."""
+    return {D}
+
+
+def thrust(c):
+    """Force of one thruster under an input, N."""
+    beyond = max(abs(c) / full_input - dead_band, 0.0) / (1.0 - dead_band)
+    if c < 0.0:
+        return -reverse_ratio * gain * full_input * beyond ** (exponent * reverse_exponent_ratio)
+    return gain * full_input * beyond**exponent
+
+
+def tau(port, starboard, u):
+    """Forces of the thrusters and constant ones, N, N, N m."""
+    left, right = (1 - balance) * thrust(port), (1 + balance) * thrust(starboard)
+    return {tau}[:, 0]
+
+
+def acceleration(nu, port, starboard):
+    """Derivative of nu = (u, v, r) through the water under inputs."""
+    return np.linalg.solve(M, tau(port, starboard, nu[0]) - (C(*nu) + D(*nu)) @ nu)
+'''
+
+_MATLAB = '''function [nu_dot, M, C, D, tau] = {function}(nu, port, starboard)
+{head}
+% nu_dot is the derivative of nu = [u v r]' through the water under inputs.
+% C is of the rigid body: that of added mass is in Xvr, Yur and Nuv of D.
+
+{numbers}
+
+u = nu(1); v = nu(2); r = nu(3);
+M = {M};
+C = {C};
+D = {D};
+
+beyond = max(abs([port, starboard]) / full_input - dead_band, 0) / (1 - dead_band);
+ahead = [port, starboard] >= 0;
+thrust = gain * full_input * (ahead .* beyond .^ exponent ...
+    - ~ahead * reverse_ratio .* beyond .^ (exponent * reverse_exponent_ratio));
+left = (1 - balance) * thrust(1);
+right = (1 + balance) * thrust(2);
+tau = {tau};
+nu_dot = M \\ (tau - (C + D) * nu(:));
+end
+'''
+
+
+def _python_matrix(rows):
+    return 'np.array([\n' + ''.join(f'    [{", ".join(row)}],\n' for row in rows) + '])'
+
+
+def _matlab_matrix(rows):
+    return '[\n' + '\n'.join('    ' + ', '.join(f'({entry})' for entry in row) for row in rows) + '\n]'
+
+
+def fossen(model, language=PYTHON, function='craft'):
+    """Text of a manoeuvring model.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+        As identified.
+    language : str
+        Of `LANGUAGES`.
+    function : str
+        Name of the MATLAB function, which its file is to bear.
+
+    Returns
+    -------
+    Export
+    """
+    advice = losses(model, EXPRESSIBLE, "Fossen's form")
+    east, north = model.current
+    head = ['Surge, sway and yaw of an identified craft: nu = (u, v, r), body x forward, y starboard, z down.',
+            f'Inputs: {model.thrust_input} of the port and starboard thrusters, at most {model.largest_input:.10g}.',
+            f'Current: V_c = {math.hypot(east, north):.6g} m/s, beta_c = {math.atan2(east, north):.6g} rad from north '
+            'to east.', *(f'WARNING {a.message}' for a in advice)]  # fmt: skip
+    values = {p.name: (model[p.name], p.unit) for p in PARAMETERS if p.kind != SENSOR and p.name in EXPRESSIBLE}
+    values['N0'] = (0.0 - model['N0'], values['N0'][1])
+    if language == PYTHON:
+        text = _commented(head, '#') + _PYTHON.format(
+            numbers='\n'.join(f'{name} = {value!r}  # {unit}' for name, (value, unit) in values.items()),
+            **{name: _python_matrix(rows).replace('\n', '\n' + ' ' * 4 * (name != 'M'))
+               for name, rows in MATRICES.items()})  # fmt: skip
+    else:
+        text = _MATLAB.format(
+            function=_matlab_name(function), head=_commented(head, '%').rstrip(),
+            numbers='\n'.join(f'{name} = {value!r}; % {unit}' for name, (value, unit) in values.items()),
+            **{name: _matlab_matrix(rows) for name, rows in MATRICES.items()})  # fmt: skip
+    return Export(text, advice)
+
+
+def fossen_attitude(models, inertias, language=PYTHON, function='craft'):
+    """Text of decay models: inertia, damping and restoring of each axis; see `fossen` and `gazebo_attitude`."""
+    head = ['Roll and pitch of an identified craft: I dw/dt + D(w) + G(x) = exciting moment, N m.',
+            'Body x forward, y starboard, z down: pitch is positive bow up. Angles in rad, rates in rad/s.',
+            'Friction is smoothed over a rate, as it was identified.']  # fmt: skip
+    parts = [_commented(head, '#') + 'import numpy as np' if language == PYTHON else
+             f'function s = {_matlab_name(function)}()\n{_commented(head, "%")}'
+             '% s holds inertia, kg m2, and handles of damping and restoring, N m, of each axis.']  # fmt: skip
+    sine, tanh = ('np.sin', 'np.tanh') if language == PYTHON else ('sin', 'tanh')
+    for axis, identified in models.items():
+        inertia, model = inertia_of(axis, inertias), identified.model
+        side = -1.0 if axis == 'pitch' else 1.0
+        b0, b1, b2, b3, r1, r2, r3, s1, s2 = (float(inertia * value) for value in model.ratios)
+        x = f'(angle - {side * float(model.trim)!r})'
+        damping = f'{b0!r} * {tanh}(w / {model.friction_rate!r}) + ({b1!r} + {b2!r} * abs(w) + {b3!r} * w * w) * w'
+        restoring = (f'({r1!r} + {side * r2!r} * {x} + {r3!r} * {x} * {x}) * {x} + ({s1!r} + {side * s2!r} * '
+                     f'{sine}{x}) * {sine}{x}')  # fmt: skip
+        if language == PYTHON:
+            parts.append(f'\n{axis}_inertia = {inertia!r}  # kg m2, with added inertia\n\n\n'
+                         f'def {axis}_damping(w):\n    """D(w), N m."""\n    return {damping}\n\n\n'
+                         f'def {axis}_restoring(angle):\n    """G, N m."""\n    return {restoring}\n')  # fmt: skip
+        else:
+            parts.append(f's.{axis}_inertia = {inertia!r};\ns.{axis}_damping = @(w) {damping};\n'
+                         f's.{axis}_restoring = @(angle) {restoring};')  # fmt: skip
+    return Export('\n'.join(parts) + ('' if language == PYTHON else '\nend\n'), ())
+
+
+def _commented(lines, mark):
+    return ''.join(f'{mark} {line}\n' for line in lines)
+
+
+def _matlab_name(name):
+    if not (name.isascii() and name.isidentifier() and name[0] != '_'):
+        raise InputError(f"MATLAB takes no function name '{name}', which is that of the file: begin --output with a "
+                         'letter, then letters, digits and underscores')  # fmt: skip
+    return name

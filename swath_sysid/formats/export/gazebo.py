@@ -1,0 +1,213 @@
+"""SDF for gz-sim (Garden and later): the Hydrodynamics and Thruster plugins.
+
+The plugin's forces are ``sum (xU + xUabsV |v| + xUV v) u`` and ``xDotU dU/dt``, derivatives with Fossen's signs
+(damping negative). Its Coriolis forces of added mass are switched off: the equations of `manoeuvring.hull.terms`
+have them in Xvr, Yur and Nuv.
+
+The plugin applies its added mass by the acceleration of the step before, which diverges where added mass outgrows mass.
+Such a craft has it in the link's ``fluid_added_mass``, which DART integrates with the mass, and DART's own Coriolis
+forces of it are taken off the plugin's derivatives.
+"""
+import math
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.export.expressible import (
+    Export,
+    added_mass_advice,
+    added_mass_diverges,
+    change,
+    effective_lever,
+    elements,
+    expressed,
+    force_lines,
+    losses,
+    xml_comment,
+)
+from swath_sysid.manoeuvring.hull.thrust import thrust_curve
+
+ADDED_MASS = {'Xu_dot': 'xDotU', 'Yv_dot': 'yDotV', 'Yr_dot': 'yDotR', 'Nv_dot': 'nDotV', 'Nr_dot': 'nDotR'}
+FLUID_ADDED_MASS = {'Xu_dot': 'xx', 'Yv_dot': 'yy', 'Yr_dot': 'yr', 'Nr_dot': 'rr'}
+ELEMENTS = {
+    **ADDED_MASS,
+    'Xu': 'xU', 'Xuu': 'xUabsU', 'Xvr': 'xVR', 'Xvv': 'xVV', 'Xrr': 'xRR',
+    'Yv': 'yV', 'Yvv': 'yVabsV', 'Yr': 'yR', 'Yur': 'yUR', 'Yuv': 'yVabsU',
+    'Nr': 'nR', 'Nrr': 'nRabsR', 'Nur': 'nRabsU', 'Nv': 'nV', 'Nuv': 'nUV',
+}  # fmt: skip
+AXES = {'roll': ('k', 'P', 'ixx'), 'pitch': ('m', 'Q', 'iyy')}
+EXPRESSED_TERMS = ('b1', 'b2', 'r1')
+TYPICAL_AMPLITUDE = math.radians(5.0)
+"""Of a decay whose file does not say how far it went."""
+
+CRESTS = 3
+"""After the release, up to which a decay is compared."""
+
+
+def gazebo(model):
+    """SDF of a manoeuvring model.
+
+    Parameters
+    ----------
+    model : ManoeuvringModel
+        As identified.
+
+    Returns
+    -------
+    Export
+    """
+    within_link = added_mass_diverges(model) and model['Yr_dot'] == model['Nv_dot']
+    advice = (*losses(model, ELEMENTS, "gz-sim's Hydrodynamics"), *(() if within_link else added_mass_advice(model)))
+    reduced, _ = expressed(model, ELEMENTS)
+    derivatives = {element: reduced[name] for name, element in ELEMENTS.items()}
+    inertial = {'mass': model['m']}
+    if within_link:
+        inertial['fluid_added_mass'] = {element: -model[name] for name, element in FLUID_ADDED_MASS.items()}
+        derivatives = _without_coriolis_of_the_link(derivatives)
+    lever = effective_lever(model)
+    notes = [
+        'Surge, sway and yaw of an identified craft for gz-sim Garden or later, body x forward, y port, z up.',
+        'Merge link inertia and plugins into your model; buoyancy keeps heave, roll and pitch. ixx and iyy are not',
+        'known: put your own. The frame of base_link is to lie at the centre of mass.',
+        *(['Added mass is within the link: use DART, the default physics.'] if within_link else []),
+        f'The joints port_joint and starboard_joint turn propellers about x at y = {lever:.6g} m and {-lever:.6g} m;',
+        'send forces to /model/NAME/joint/port_joint/cmd_thrust and .../starboard_joint/cmd_thrust. propeller_diameter',
+        'and thrust_coefficient set only how fast the propellers are seen to turn: put your own.',
+        *force_lines(model), *(f'WARNING {a.message}' for a in advice),
+    ]  # fmt: skip
+    thrusters = [_thruster(reduced, f'{side}_joint', share) for side, share in (('port', -1.0), ('starboard', 1.0))]
+    text = _sdf(model.name or 'craft', notes, inertial, {'izz': model['Iz']},
+                [_hydrodynamics(derivatives, model.current), *thrusters])  # fmt: skip
+    return Export(text, advice)
+
+
+def _without_coriolis_of_the_link(derivatives):
+    """The plugin's derivatives beside added mass of the link; DART adds ``-C_A(nu) nu`` itself (Fossen 2021, 3.3)."""
+    x, y, cross = derivatives['xDotU'], derivatives['yDotV'], derivatives['yDotR']
+    return {name: value for name, value in derivatives.items() if name not in ADDED_MASS.values()} | {
+        'xVR': derivatives['xVR'] + y,
+        'xRR': derivatives['xRR'] + cross,
+        'yUR': derivatives['yUR'] - x,
+        'nUV': derivatives['nUV'] + x - y,
+        'nUR': -cross,
+    }
+
+
+def _hydrodynamics(derivatives, current=(0.0, 0.0)):
+    """The plugin; what is zero, its default, is left out."""
+    values = {'link_name': 'base_link', 'disable_coriolis': 'true'}
+    values |= {name: value for name, value in derivatives.items() if value}
+    if any(current):
+        values['default_current'] = f'{current[0]:.6g} {current[1]:.6g} 0'
+    return _plugin('gz-sim-hydrodynamics-system', 'gz::sim::systems::Hydrodynamics', values)
+
+
+def _thruster(model, joint, side):
+    """The plugin with velocity control: its PID control would turn the craft about x by the propeller's torque."""
+    limits = thrust_curve(np.array([model.largest_input, -model.largest_input]), model.values)
+    most, least = (1.0 - model['deduction']) * (1.0 + side * model['balance']) * limits
+    return _plugin('gz-sim-thruster-system', 'gz::sim::systems::Thruster', {
+        'joint_name': joint, 'velocity_control': 'true', 'max_thrust_cmd': most, 'min_thrust_cmd': least})  # fmt: skip
+
+
+def _plugin(file, name, values):
+    return f'    <plugin filename="{file}" name="{name}">\n{elements(values, 6)}\n    </plugin>'
+
+
+def _sdf(name, notes, inertial, moments, plugins):
+    """SDF of one link; moments of inertia that are not known are the largest known one, which SDF accepts."""
+    all_moments = dict.fromkeys(('ixx', 'iyy', 'izz'), max(moments.values())) | moments
+    products = dict.fromkeys(('ixy', 'ixz', 'iyz'), 0.0)
+    link = elements({**inertial, 'inertia': all_moments | products}, 8)
+    body = '\n'.join(plugins)
+    return (f'<?xml version="1.0"?>\n{xml_comment(notes)}\n<sdf version="1.10">\n  <model name={quoteattr(name)}>\n'
+            f'    <link name="base_link">\n      <inertial>\n{link}\n      </inertial>\n    </link>\n{body}\n'
+            '  </model>\n</sdf>\n')  # fmt: skip
+
+
+def gazebo_attitude(models, inertias):
+    """SDF of the roll and pitch damping of decay models.
+
+    Parameters
+    ----------
+    models : mapping of str to IdentifiedModel
+        By axis.
+    inertias : mapping of str to float
+        Axis to inertia with added inertia, kg m^2.
+
+    Returns
+    -------
+    Export
+
+    Raises
+    ------
+    InputError
+        An axis has no inertia.
+    """
+    derivatives: dict[str, float] = {}
+    moments, notes, advice = {}, [], []
+    for axis, identified in models.items():
+        model, inertia = identified.model, inertia_of(axis, inertias)
+        moment, rate, diagonal = AXES[axis]
+        derivatives |= {f'{moment}{rate}': -inertia * model.terms.get('b1', 0.0),
+                        f'{moment}{rate}abs{rate}': -inertia * model.terms.get('b2', 0.0)}  # fmt: skip
+        moments[diagonal] = inertia
+        restoring = ', '.join(f'{n} {inertia * v:.6g}' for n, v in model.terms.items() if n[0] in 'rs')
+        notes.append(f'{axis}: restoring moment over x = angle - {model.trim:.6g} rad, N m: {restoring} '
+                     '(r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x)')  # fmt: skip
+        advice += _attitude_losses(axis, identified, inertia)
+    notes = ['Roll and pitch damping of an identified craft for gz-sim Garden or later.',
+             'Merge link inertia and plugin into your model, mass too. The inertias hold the added inertia; those of',
+             'axes without a model are placeholders.', *notes, *(f'WARNING {a.message}' for a in advice)]  # fmt: skip
+    return Export(_sdf('craft', notes, {}, moments, [_hydrodynamics(derivatives)]), tuple(advice))
+
+
+def inertia_of(axis, inertias):
+    """Inertia of an axis, kg m^2; InputError where there is none."""
+    if axis not in inertias:
+        raise InputError(f'a decay shows only ratios to the inertia: give --inertia {axis}=KG_M2, added inertia in it')
+    return inertias[axis]
+
+
+def gazebo_decay(model):
+    """A decay model as gz-sim has it: linear and quadratic damping, and the stiffness of small angles by buoyancy."""
+    kept = {name: value for name, value in model.terms.items() if name in EXPRESSED_TERMS}
+    return DecayModel.from_terms(Equation('exported', EXPRESSED_TERMS), kept | {'r1': model.natural_frequency**2},
+                                 trim=model.trim, friction_rate=model.friction_rate, axis=model.axis)  # fmt: skip
+
+
+def _attitude_losses(axis, identified, inertia):
+    """Advice on restoring, which the craft's shape is to give, and on a decay without the terms that gz-sim lacks."""
+    model = identified.model
+    if not np.isfinite(model.natural_frequency):
+        return [Advice('restoring-not-exported', f'{axis}: this hull is not stable at its trim; gz-sim takes restoring '
+                       'from the shape of the hull, and only its damping is exported')]  # fmt: skip
+    found = [Advice('restoring-not-exported', f'{axis}: gz-sim takes restoring from the Buoyancy plugin and the '
+                    f'shape of the hull: see that it gives {inertia * model.natural_frequency**2:.4g} N m/rad, for a '
+                    f'natural period of {model.natural_period:.4g} s')]  # fmt: skip
+    dropped = {name: value for name, value in model.terms.items() if value and name not in EXPRESSED_TERMS}
+    if dropped:
+        largest = identified.amplitude_range[1]
+        angle = largest if 0.0 < largest < float('inf') else TYPICAL_AMPLITUDE
+        whole, part = crest(model, angle), crest(gazebo_decay(model), angle)
+        named = ', '.join(f'{n} = {v:.4g}' for n, v in dropped.items())
+        found.append(Advice('terms-dropped', f'{axis}: gz-sim cannot express {named}: of a decay from '
+                            f'{math.degrees(angle):.3g} deg crest {CRESTS} of the model and as exported: '
+                            f'{change("time_s", whole[0], part[0])}; '
+                            f'{change("height_deg", math.degrees(whole[1]), math.degrees(part[1]))}'))  # fmt: skip
+    return found
+
+
+def crest(model, angle):
+    """Time, s, and height above trim, rad, of the last compared crest of a decay from rest; NaN where there is none."""
+    time = np.linspace(0.0, 2.0 * CRESTS * model.natural_period, 4001)
+    motion = simulate(model, model.trim + angle, 0.0, time)[0] - model.trim
+    places = find_peaks(motion)[0]
+    if places.size < CRESTS:
+        return float('nan'), float('nan')
+    return float(time[places[CRESTS - 1]]), float(motion[places[CRESTS - 1]])

@@ -1,0 +1,118 @@
+"""Parameters of Nav2's MPPI controller and velocity smoother, from simulated runs of the craft."""
+import math
+
+import numpy as np
+import yaml
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.export.expressible import Export
+from swath_sysid.manoeuvring.hull.simulation import simulate
+
+STEP = 0.1
+DURATION = 180.0
+"""s; after which a craft under held inputs is taken as steady."""
+
+SHARES = (0.25, 0.5, 0.75)
+"""Mean inputs, of the largest; what is left of the faster thruster steers."""
+
+RISE = 1.0 - math.exp(-1.0)
+
+
+def nav2(model):
+    """Parameters of Nav2 and a table of what the craft does, as an `Export`.
+
+    Raises
+    ------
+    InputError
+        The craft does not move ahead, turn or stop in the simulation.
+    """
+    full = model.largest_input
+    rows = [_row(model, share) for share in SHARES]
+    cruise, delay = SHARES[-1] * full, model['delay'] + model['lag']
+    ahead, astern = _held(model, cruise, cruise), _held(model, -cruise, -cruise)
+    spin = _held(model, -full, full)
+    yaw_rate = min(abs(float(spin.yaw_rate[-1])), *(row['yaw_rate_rad_s'] for row in rows))
+    limits = {
+        'vx_max': rows[-1]['speed_m_s'], 'vx_min': min(float(astern.u[-1]), 0.0), 'wz_max': yaw_rate,
+        'ax_max': _mean_rise(ahead.u, delay), 'ax_min': -rows[-1]['speed_m_s'] / rows[-1]['stopping_time_s'],
+        'az_max': _mean_rise(np.abs(rows[-1]['turn'].yaw_rate), delay),
+    }  # fmt: skip
+    if not all(math.isfinite(value) for value in limits.values()) or yaw_rate <= 0.0:
+        raise InputError('this craft does not run ahead, turn and stop in the simulation: look at its standard tests '
+                         'before giving its limits to Nav2')  # fmt: skip
+    limits = {name: _rounded(value) for name, value in limits.items()}
+    table = {key: [_rounded(row[key]) for row in rows] for key in (
+        'input_share', 'speed_m_s', 'turning_speed_m_s', 'yaw_rate_rad_s', 'turn_radius_m', 'drift_angle_rad',
+        'stopping_distance_m', 'stopping_time_s')}  # fmt: skip
+    v, w = limits['vx_max'], limits['wz_max']
+    content = {
+        'controller_server': {'ros__parameters': {'FollowPath': {
+            'plugin': 'nav2_mppi_controller::MPPIController', 'motion_model': 'DiffDrive', **limits,
+            'model_delay_vx': _rounded(delay), 'model_delay_wz': _rounded(delay)}}},
+        'velocity_smoother': {'ros__parameters': {
+            'max_velocity': [v, 0.0, w], 'min_velocity': [limits['vx_min'], 0.0, -w],
+            'max_accel': [limits['ax_max'], 0.0, limits['az_max']],
+            'max_decel': [limits['ax_min'], 0.0, -limits['az_max']]}},
+        'craft': {'ros__parameters': table},
+    }  # fmt: skip
+    advice = _simplified(rows)
+    head = ['# Limits of an identified craft in still water; merge into the parameters of Nav2.',
+            f'# The mean input of both thrusters is at most {SHARES[-1]:.0%} of the largest: the rest steers;',
+            '# wz_max is reached at every speed of the table craft. model_delay_* are delay and lag of the thrusters;',
+            '# Nav2 has these parameters from Lyrical on and leaves them unread in Jazzy and Kilted. From Lyrical on',
+            '# motion_model names a plugin: write diff_drive, and diff_drive: {plugin: "mppi::DiffDriveMotionModel"}.',
+            *(f'# WARNING {a.message}' for a in advice)]  # fmt: skip
+    return Export('\n'.join(head) + '\n' + yaml.safe_dump(content, sort_keys=False), advice)
+
+
+def _simplified(rows):
+    fastest = rows[-1]
+    change = fastest['turning_speed_m_s'] / fastest['speed_m_s'] - 1.0
+    return (Advice('motion-simplified', 'Nav2 moves a craft along its heading at the speed asked for: this one drifts '
+                   f'by up to {math.degrees(max(row["drift_angle_rad"] for row in rows)):.3g} deg and its '
+                   f'speed changes by {change:+.0%} in the hardest turn at the highest speed'),)  # fmt: skip
+
+
+def _held(model, port, starboard, speed=0.0, before=0.0):
+    """Run in still water under inputs that follow on one step, `STEP`, of ``before``, which has acted for long."""
+    steps = round(DURATION / STEP)
+    left, right = (np.append(before, np.full(steps, value)) for value in (port, starboard))
+    return simulate(model, left, right, STEP, (speed, 0.0, 0.0), current=(0.0, 0.0))
+
+
+def _row(model, share):
+    """Straight speed, the hardest turn to port, and the stop from that speed at a mean input."""
+    full = model.largest_input
+    base = share * full
+    straight = float(_held(model, base, base).u[-1])
+    turn = _held(model, (2.0 * share - 1.0) * full, full, straight, base)
+    speed, rate = float(np.hypot(turn.u[-1], turn.v[-1])), abs(float(turn.yaw_rate[-1]))
+    if not (rate > 0.0 and straight > 0.0 and np.isfinite(speed)):
+        raise InputError('this craft does not run ahead or does not turn in the simulation: look at its standard tests')
+    time, way = _until_stopped(model, straight, base)
+    return {'input_share': share, 'speed_m_s': straight, 'turning_speed_m_s': speed, 'yaw_rate_rad_s': rate,
+            'turn_radius_m': speed / rate, 'drift_angle_rad': abs(float(np.arctan2(turn.v[-1], turn.u[-1]))),
+            'stopping_distance_m': way, 'stopping_time_s': time, 'turn': turn}  # fmt: skip
+
+
+def _until_stopped(model, speed, before):
+    """Time, s, and way, m, under full astern; NaN where it does not stop."""
+    full = model.largest_input
+    run = _held(model, -full, -full, speed, before)
+    stopped = np.flatnonzero(run.u <= 0.0)
+    if not stopped.size:
+        return float('nan'), float('nan')
+    end = stopped[0]
+    way = float(np.sum(np.hypot(np.diff(run.x[1 : end + 1]), np.diff(run.y[1 : end + 1]))))
+    return float(run.time[end] - STEP), way
+
+
+def _mean_rise(values, delay):
+    """Mean slope of a response to a step until it has come to 63 % of its end, the delay taken off."""
+    reached = np.flatnonzero(values >= RISE * values[-1])
+    return float(RISE * values[-1] / max((reached[0] - 1) * STEP - delay, STEP)) if reached.size else float('nan')
+
+
+def _rounded(value):
+    return float(f'{value:.5g}')

@@ -1,0 +1,44 @@
+"""SDF for VRX's SimpleHydrodynamics: diagonal added mass, linear and quadratic damping, all positive.
+
+The plugin's forces are ``-xDotU a_x - (xU + xUU |u|) u``. Its acceleration is that of the link in the world, turned
+into body axes: ``a_x = du/dt - v r``, ``a_y = dv/dt + u r``. So its added mass brings Xvr = -Xu_dot and Yur = Yv_dot
+with it. It computes further Coriolis forces but does not apply them.
+"""
+from swath_sysid.common.advice import Advice
+from swath_sysid.formats.export.expressible import (
+    Export,
+    added_mass_advice,
+    effective_lever,
+    elements,
+    force_lines,
+    losses,
+    xml_comment,
+)
+
+ELEMENTS = {
+    'Xu_dot': 'xDotU', 'Yv_dot': 'yDotV', 'Nr_dot': 'nDotR',
+    'Xu': 'xU', 'Xuu': 'xUU', 'Yv': 'yV', 'Yvv': 'yVV', 'Nr': 'nR', 'Nrr': 'nRR',
+}  # fmt: skip
+
+
+def vrx(model):
+    """The plugin's SDF for a manoeuvring model, as an `Export`."""
+    implied = {'Xvr': -model['Xu_dot'], 'Yur': model['Yv_dot']}
+    advice = (*losses(model, ELEMENTS, "VRX's SimpleHydrodynamics", **implied), *added_mass_advice(model))
+    if any(model.current):
+        advice += (Advice('current-not-exported', "VRX's SimpleHydrodynamics knows no current: that of the model, "
+                          f'{model.current[0]:.3g} m/s east and {model.current[1]:.3g} m/s north, is left out'),)
+    lever = effective_lever(model)
+    notes = [
+        'Surge, sway and yaw of an identified craft for VRX: put the plugin in place of the one in',
+        'wamv_gazebo/urdf/dynamics/wamv_gazebo_dynamics_plugin.xacro, under <gazebo>.',
+        f'All links together are to have mass {model["m"]:.10g} kg and izz {model["Iz"]:.10g} kg m2 about their common',
+        f'centre, and the thrusters to be at y = {lever:.6g} m and {-lever:.6g} m.',
+        'Keep zW, kP, kPP, mQ and mQQ of your craft beside these; without them VRX takes its own defaults.',
+        *force_lines(model), *(f'WARNING {a.message}' for a in advice),
+    ]  # fmt: skip
+    values = {'link_name': 'wamv/base_link', **{element: -model[name] for name, element in ELEMENTS.items()}}
+    return Export(
+        f'<?xml version="1.0"?>\n{xml_comment(notes)}\n'
+        '<plugin filename="libSimpleHydrodynamics.so" name="vrx::SimpleHydrodynamics">\n'
+        f'{elements(values, 2)}\n</plugin>\n', advice)  # fmt: skip

@@ -1,0 +1,193 @@
+"""What the predictor publishes, as messages, live and in a bag."""
+import numpy as np
+
+from swath_sysid.attitude.motion.attitude import multiply, quaternion
+from swath_sysid.formats.messages import (
+    SECOND_NS,
+    ImuMessage,
+    Template,
+    header,
+    horizon_message,
+    make,
+    number_message,
+    serialised,
+    text_message,
+)
+from swath_sysid.formats.sea_state import sea_as_yaml
+from swath_sysid.formats.topics import (
+    ACCELERATION,
+    CALM_TOPIC,
+    FRAMES_TOPIC,
+    HORIZON_TOPIC,
+    NEXT_TOPIC,
+    ODOMETRY,
+    QUIESCENCE_TOPIC,
+    SEA_TOPIC,
+    TRAJECTORY,
+    TYPES,
+    frame_at,
+    lead_topic,
+    point_acceleration_topic,
+    point_horizon_topic,
+    point_lead_topic,
+)
+from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE, UNKNOWN_RATE_VARIANCE
+
+_NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [UNKNOWN_RATE_VARIANCE] * 3)
+
+
+def forecast_topics(leads, points, frames_at=()):
+    """Every topic that is published.
+
+    Parameters
+    ----------
+    leads : sequence of float
+        s.
+    points : sequence of str
+        Names.
+    frames_at : sequence of float
+        See `ForecastMessages`.
+
+    Returns
+    -------
+    list of str
+    """
+    of_points = [
+        topic for point in points for topic in (
+            point_horizon_topic(point), *(point_lead_topic(point, lead) for lead in leads),
+            *(point_acceleration_topic(point, lead) for lead in leads),
+        )
+    ]  # fmt: skip
+    return [
+        NEXT_TOPIC, *(lead_topic(lead) for lead in leads), HORIZON_TOPIC, QUIESCENCE_TOPIC, CALM_TOPIC, SEA_TOPIC,
+        *of_points, *([FRAMES_TOPIC] if frames_at else []),
+    ]
+
+
+class ForecastMessages:
+    """The messages of one predictor.
+
+    Parameters
+    ----------
+    frame_id : str
+        Of the craft; the level frame that moves with its mean is ``FRAME_level``.
+    frames_at : sequence of float
+        Leads, s, whose predicted frames go to ``/tf``, beside ``FRAME_now``.
+    """
+
+    def __init__(self, frame_id, frames_at=()):
+        self._frame_id = frame_id
+        self._frames_at = frames_at
+        self._level = f'{frame_id}_level'
+        self._imu = ImuMessage(frame_id)
+        self._templates = {}
+
+    def attitude(self, forecast):
+        """The message of an `AttitudeForecast`."""
+        return self._imu.filled(forecast)
+
+    def of(self, step):
+        """What a step of the pipeline leads to, but for ``forecast/next``.
+
+        Parameters
+        ----------
+        step : PipelineStep
+            Of one sample.
+
+        Yields
+        ------
+        (str, bytes)
+            Topic and message.
+        """
+        for lead, forecast in step.attitudes():
+            yield lead_topic(lead), self.attitude(forecast)
+        if step.horizon is not None:
+            yield HORIZON_TOPIC, horizon_message(step.trajectory(), self._frame_id)
+        if step.quiescence is not None:
+            yield QUIESCENCE_TOPIC, number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC])
+        yield from self._at_points(step)
+        if step.sea is not None:
+            yield SEA_TOPIC, text_message(sea_as_yaml(step.sea, step.stamp_ns))
+        if self._frames_at and step.forecast is not None and step.next is not None:
+            yield FRAMES_TOPIC, serialised(make(TYPES[FRAMES_TOPIC], list(self._transforms(step))))
+
+    def _transforms(self, step):
+        """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""
+        forecast, yaw = step.forecast, step.heading[0]
+        without_heading = multiply(quaternion(0.0, 0.0, -yaw), step.next.orientation)
+        yield self._transform(f'{self._frame_id}_now', step.stamp_ns, 0.0, without_heading)
+        heaving = [motion for motion in forecast.points.values() if not any(motion.place)]
+        for lead in self._frames_at:
+            place = int(np.abs(forecast.leads - lead).argmin())
+            roll, pitch = (
+                float(forecast.axes[axis].angle[place]) if axis in forecast.axes else 0.0 for axis in ('roll', 'pitch')
+            )
+            heave = float(heaving[0].mean[place, 0]) if heaving else 0.0
+            yield self._transform(frame_at(self._frame_id, lead), step.stamp_ns, heave, quaternion(roll, pitch, 0.0))
+
+    def _transform(self, child, stamp_ns, heave, orientation):
+        return make(
+            'geometry_msgs/msg/TransformStamped', header(stamp_ns, self._level), child,
+            make('geometry_msgs/msg/Transform', make('geometry_msgs/msg/Vector3', 0.0, 0.0, heave),
+                 make('geometry_msgs/msg/Quaternion', *orientation)),
+        )  # fmt: skip
+
+    def _at_points(self, step):
+        for point in step.points():
+            yield point_lead_topic(point.name, point.lead), self._filled(_odometry, point.name, point.stamp_ns, (
+                *point.position, *point.orientation, *point.pose_covariance.ravel().tolist(),
+                *point.linear, *point.angular, *point.twist_covariance.ravel().tolist(),
+            ))  # fmt: skip
+            covariance = _NOTHING_KNOWN.copy()
+            covariance[2, 2] = point.acceleration_variance
+            yield point_acceleration_topic(point.name, point.lead), self._filled(
+                _acceleration, point.name, point.stamp_ns, (0.0, 0.0, point.acceleration, *covariance.ravel().tolist())
+            )
+        horizon = step.horizon
+        if horizon is None:
+            return
+        leads_ns = tuple(np.round(horizon.leads * SECOND_NS).astype(int).tolist())
+        for name, motion in horizon.points.items():
+            deviation = np.sqrt(np.diagonal(motion.covariance, axis1=1, axis2=2)[:, :3])
+            values = np.stack([motion.mean, deviation], axis=2).ravel()
+            yield point_horizon_topic(name), self._filled(_point_horizon, leads_ns, step.stamp_ns, values)
+        if step.quiescence is not None:
+            calm = horizon.calm
+            times = () if calm is None else (round(calm.begin * SECOND_NS), round(calm.end * SECOND_NS))
+            points = [_trajectory_point(time, [calm.probability]) for time in times]
+            yield CALM_TOPIC, serialised(make(
+                TRAJECTORY, header(step.stamp_ns, self._level), ['probability'], points
+            ))  # fmt: skip
+
+    def _filled(self, message_of, key, stamp_ns, values):
+        if (message_of, key) not in self._templates:
+            self._templates[message_of, key] = Template(lambda v: message_of(v, self._level, key), len(values))
+        return self._templates[message_of, key].filled(stamp_ns, values)
+
+
+def _odometry(v, level, point):
+    vector = 'geometry_msgs/msg/Vector3'
+    pose = make('geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', *v[:3]),
+                make('geometry_msgs/msg/Quaternion', *v[3:7]))  # fmt: skip
+    twist = make('geometry_msgs/msg/Twist', make(vector, *v[43:46]), make(vector, *v[46:49]))
+    return make(
+        ODOMETRY, header(0, level), point, make('geometry_msgs/msg/PoseWithCovariance', pose, v[7:43]),
+        make('geometry_msgs/msg/TwistWithCovariance', twist, v[49:85]),
+    )  # fmt: skip
+
+
+def _acceleration(v, level, _):
+    vector = 'geometry_msgs/msg/Vector3'
+    both = make('geometry_msgs/msg/Accel', make(vector, *v[:3]), make(vector, 0.0, 0.0, 0.0))
+    return make(ACCELERATION, header(0, level), make('geometry_msgs/msg/AccelWithCovariance', both, v[3:39]))
+
+
+def _point_horizon(v, level, leads_ns):
+    points = [_trajectory_point(lead, *row) for lead, row in zip(leads_ns, v.reshape(-1, 3, 2), strict=True)]
+    return make(TRAJECTORY, header(0, level), ['heave', 'heave_std'], points)
+
+
+def _trajectory_point(time_ns, position, velocity=(), acceleration=()):
+    arrays = [np.asarray(part, dtype=float) for part in (position, velocity, acceleration, ())]
+    duration = make('builtin_interfaces/msg/Duration', *divmod(time_ns, SECOND_NS))
+    return make('trajectory_msgs/msg/JointTrajectoryPoint', *arrays, duration)

@@ -1,0 +1,165 @@
+"""The node of the page: hears what the nodes publish, and asks of them what is pressed."""
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Float32, String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.messages import raw_stamp_ns, trajectory_values
+from swath_sysid.formats.model_file import model_from_yaml
+from swath_sysid.formats.topics import (
+    CALM_TOPIC,
+    DESCRIPTION_TOPIC,
+    HORIZON_TOPIC,
+    IMU_TOPIC,
+    QUIESCENCE_TOPIC,
+    point_horizon_topic,
+)
+from swath_sysid.nodes.messages import imu_reading
+from swath_sysid.nodes.parameters.parameter import installation
+from swath_sysid.nodes.qos import LATCHED, NEWEST
+from swath_sysid.pipeline.health import Report
+from swath_sysid.pipeline.live_record import LiveRecord, horizon_of
+
+SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""What this node is too slow for is lost to it alone."""
+
+NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""No publisher waits for a page."""
+
+ASK_PERIOD = 0.1
+INSTALLATION_PERIOD = 3.0
+"""s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew."""
+
+MOST_REQUESTS = 10
+
+
+class PageNode(Node):
+    """Keeps a `LiveRecord` up to date, and carries out requests in the thread that spins it.
+
+    Parameters
+    ----------
+    report : callable
+        Called with one line for people about each answer.
+    """
+
+    def __init__(self, report: Callable[[str], None]):
+        super().__init__('page')
+        self.lock = Lock()
+        self.record = LiveRecord()
+        self.description = ''
+        self._report = report
+        self._requests: deque[Callable[[], None]] = deque(maxlen=MOST_REQUESTS)
+        self._prefix = self.get_namespace().strip('/')
+        self._points: set[str] = set()
+        self._asked: dict[str, Any] = {}
+        self.create_subscription(Imu, IMU_TOPIC, self._on_imu, SENSOR, raw=True)
+        self.create_subscription(JointTrajectory, HORIZON_TOPIC, self._on_horizon, NEWEST_LOSSY)
+        self.create_subscription(String, DESCRIPTION_TOPIC, self._on_description, LATCHED)
+        self.create_subscription(JointTrajectory, CALM_TOPIC, self._on_calm, LATCHED)
+        self.create_subscription(Float32, QUIESCENCE_TOPIC, self._on_quiescence, NEWEST)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(ASK_PERIOD, self._carry_out, clock=steady)
+        self.create_timer(INSTALLATION_PERIOD, self._ask_predictor, clock=steady)
+
+    def press(self, button: str) -> None:
+        """A button was pressed, in any thread: ``identify``, ``rollback``, ``cancel``, ``accept`` or ``refine``."""
+        if button in ('accept', 'refine'):
+            self._requests.append(partial(self._keep, button == 'accept'))
+        else:
+            self._requests.append(partial(self._ask, f'identifier/{button}', Trigger, Trigger.Request(), self._tell))
+
+    def _carry_out(self) -> None:
+        while self._requests:
+            self._requests.popleft()()
+
+    def _ask(self, service: str, kind: Any, request: Any, take: Callable[[Any], None], quietly: bool = False) -> None:
+        if service not in self._asked:
+            self._asked[service] = self.create_client(kind, service)
+        client = self._asked[service]
+        if client.service_is_ready():
+            client.call_async(request).add_done_callback(lambda future: take(future.result()))
+        elif not quietly:
+            self._report(f'{client.service_name} does not answer: start the nodes with swath-sysid run')
+
+    def _tell(self, answer: Trigger.Response) -> None:
+        self._report(answer.message)
+
+    def _keep(self, is_kept: bool) -> None:
+        """An accepted model stays until Identify is pressed: windows are not refitted by themselves."""
+        parameter = Parameter('auto_identify', value=not is_kept).to_parameter_msg()
+
+        def take(answer: SetParameters.Response) -> None:
+            (result,) = answer.results
+            if result.successful:
+                with self.lock:
+                    self.record.is_kept = is_kept
+            self._report(result.reason or ('the model is kept' if is_kept else 'further releases refine the model'))
+
+        self._ask('identifier/set_parameters', SetParameters, SetParameters.Request(parameters=[parameter]), take)
+
+    def _ask_predictor(self) -> None:
+        request = GetParameters.Request(names=['frame', 'mounting_deg', 'points'])
+        self._ask('predictor/get_parameters', GetParameters, request, self._take_parameters, quietly=True)
+
+    def _take_parameters(self, answer: GetParameters.Response) -> None:
+        frame, mounting, points = map(parameter_value_to_python, answer.values)
+        with self.lock:
+            self.record.install(installation({'frame': frame, 'mounting_deg': list(mounting)}))
+        for point in {point for point in points if point} - self._points:
+            self._points.add(point)
+            self.create_subscription(
+                JointTrajectory, point_horizon_topic(point), partial(self._on_horizon, name=f'heave of {point}'),
+                NEWEST_LOSSY)
+
+    def _on_imu(self, raw: bytes) -> None:
+        with self.lock:
+            if self.record.wants(raw_stamp_ns(raw), monotonic()):
+                self.record.add_reading(imu_reading(deserialize_message(raw, Imu)))
+
+    def _on_horizon(self, message: JointTrajectory, name: str = '') -> None:
+        with self.lock:
+            self.record.add_horizon(horizon_of(*trajectory_values(message)), name)
+
+    def _on_description(self, message: String) -> None:
+        try:
+            models = model_from_yaml(message.data, DESCRIPTION_TOPIC) if message.data else {}
+        except InputError as error:
+            self._report(str(error))
+            return
+        with self.lock:
+            self.description = message.data
+            self.record.set_models(models)
+
+    def _on_calm(self, message: JointTrajectory) -> None:
+        stamp, times, _, probabilities = trajectory_values(message)
+        calm = [1e-9 * (stamp + time) for time in times]
+        with self.lock:
+            self.record.calm = (calm[0], calm[-1], probabilities[0]) if calm else None
+
+    def _on_quiescence(self, message: Float32) -> None:
+        with self.lock:
+            self.record.quiescence = message.data
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        with self.lock:
+            for status in message.status:
+                if status.hardware_id == self._prefix:
+                    name = status.name.removeprefix(f'{self._prefix}/')
+                    values = {each.key: each.value for each in status.values}
+                    self.record.add_status(Report(name, status.level[0], status.message, values), monotonic())

@@ -1,0 +1,79 @@
+"""The charts, as options of Apache ECharts, and the series that change."""
+import math
+from typing import Any
+
+from swath_sysid.report.live_view import INTERVALS, SHOWN_S
+
+MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'
+BAND_OPACITY = 0.16
+QUIET = {'type': 'line', 'showSymbol': False, 'silent': True, 'animation': False}
+
+
+def motion_options(unit: str) -> dict[str, Any]:
+    """A chart of measured motion and its forecast, without data yet."""
+    frame = _frame(unit, 's from now')
+    frame['xAxis']['min'] = -SHOWN_S
+    return {
+        **frame,
+        'legend': {'data': ['measured', 'forecast', '2 s before'], 'top': 0, 'right': 8, 'icon': 'roundRect',
+                   'itemHeight': 3, 'textStyle': {'color': MEASURED}},
+        'series': [
+            *(series for interval in INTERVALS for series in _band(interval)),
+            {**QUIET, 'name': 'measured', 'lineStyle': {'width': 2}, 'color': MEASURED},
+            {**QUIET, 'name': 'forecast', 'lineStyle': {'width': 2}, 'color': FORECAST},
+            {**QUIET, 'name': '2 s before', 'lineStyle': {'width': 1, 'type': 'dashed'}, 'color': CHECKED},
+        ],
+    }
+
+
+def motion_series(chart: dict[str, list]) -> list[list]:
+    """The data of the series of `motion_options`, in their order."""
+    bands = [data for band in chart['bands'] for data in _stacked(band)]
+    return [*bands, chart['measured'], chart['forecast'], chart['checked']]
+
+
+def curve_options(name: str) -> dict[str, Any]:
+    """A chart of a quantity against amplitude with its band."""
+    return {
+        **_frame(name, 'amplitude [deg]'),
+        'series': [*_band('band'), {**QUIET, 'name': name, 'color': FORECAST, 'lineStyle': {'width': 2}}],
+    }
+
+
+def curve_series(rows: list) -> list[list]:
+    """The data of the series of `curve_options`."""
+    return [*_stacked([[x, low, high] for x, _, low, high in rows]), [[x, value] for x, value, _, _ in rows]]
+
+
+def reach_of(chart: dict[str, list], smallest: float) -> float:
+    """Half the height of a motion chart: 1, 2 or 5 times a power of ten that holds what is drawn.
+
+    Intervals are cut off where they would make the motion small.
+    """
+    drawn = max((abs(value) for name in ('measured', 'forecast') for _, value in chart[name]), default=0.0)
+    bands = max((abs(value) for band in chart['bands'] for row in band for value in row[1:]), default=0.0)
+    reach = max(1.05 * drawn, min(bands, 2.0 * drawn), smallest)
+    power = 10.0 ** math.floor(math.log10(reach))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= 0.999 * reach)
+
+
+def _frame(name: str, below: str) -> dict[str, Any]:
+    left = {'onZero': False}
+    return {
+        'animation': False,
+        'grid': {'left': 48, 'right': 16, 'top': 32, 'bottom': 40},
+        'xAxis': {'type': 'value', 'scale': True, 'name': below, 'nameLocation': 'middle', 'nameGap': 24,
+                  'splitLine': {'show': False}, 'axisLine': left},
+        'yAxis': {'type': 'value', 'scale': True, 'name': name, 'nameTextStyle': {'align': 'left'}, 'axisLine': left,
+                  'splitLine': {'lineStyle': {'opacity': 0.25}}},
+    }  # fmt: skip
+
+
+def _band(name: str) -> list[dict[str, Any]]:
+    """An area between two lines: the lower one, not drawn, with the distance to the upper stacked on it."""
+    stacked = {**QUIET, 'stack': name, 'stackStrategy': 'all', 'lineStyle': {'width': 0}, 'color': FORECAST}
+    return [{**stacked, 'name': f'{name} below'}, {**stacked, 'name': name, 'areaStyle': {'opacity': BAND_OPACITY}}]
+
+
+def _stacked(rows: list) -> list[list]:
+    return [[[x, low] for x, low, _ in rows], [[x, round(high - low, 4)] for x, low, high in rows]]

@@ -1,0 +1,174 @@
+"""What all browsers share: the guide, the view of now, and what the buttons do."""
+import signal
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from time import monotonic
+from typing import Any, Protocol
+
+from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
+from swath_sysid.pipeline.bring_up import STEPS, BringUp, Guidance
+from swath_sysid.pipeline.live_record import LiveRecord
+from swath_sysid.report.live_view import (
+    calm_words,
+    campaign_words,
+    health,
+    model_chart,
+    model_words,
+    motion_chart,
+)
+
+CAMPAIGN_PERIOD = 5.0
+"""s between looks at the folder of the trials."""
+
+RECORD_END_S = 10.0
+
+
+class Source(Protocol):
+    """Where the page gets its data, and what carries out its requests."""
+
+    lock: Any
+    record: LiveRecord
+    description: str
+
+    def press(self, button: str) -> None:
+        """``identify``, ``rollback``, ``cancel``, ``accept`` or ``refine``."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What is on the screens now, as plain data."""
+
+    axis: str = ''
+    guidance: Guidance = field(default_factory=lambda: Guidance(STEPS[0], ''))
+    health: list[tuple[str, int, str]] = field(default_factory=list)
+    motion: dict[str, dict[str, list]] = field(default_factory=dict)
+    model: dict[str, list] = field(default_factory=dict)
+    model_words: list[str] = field(default_factory=list)
+    calm: str = ''
+    trials: list[dict[str, Any]] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    is_recording: bool = False
+    answers: tuple[str, ...] = ()
+
+
+class Desk:
+    """The state of the page.
+
+    Parameters
+    ----------
+    source : Source
+    folder : Path
+        Where models and bags are saved.
+    axis : str
+        To be identified first.
+    manifest : str, optional
+        Of the campaign.
+    clock : callable
+        That which the source notes arrivals by, s.
+    """
+
+    def __init__(
+        self, source: Source, folder: Path, axis: str = AXES[0], manifest: str | None = None,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self.view = View()
+        self.answers: deque[str] = deque(maxlen=5)
+        self.manifest = manifest
+        self._source = source
+        self._clock = clock
+        self._folder = folder
+        self._guides = {each: BringUp(each) for each in AXES}
+        self._axis = axis
+        self._recorder: subprocess.Popen | None = None
+        self._campaign: tuple[list, list] = [], []
+        self._campaign_read = float('-inf')
+
+    def answer(self, line: str) -> None:
+        """Show a line to everybody."""
+        self.answers.append(f'{datetime.now():%H:%M:%S} {line}')
+
+    def refresh(self) -> None:
+        """Make the view of now, once for all browsers."""
+        now, record = self._clock(), self._source.record
+        with self._source.lock:
+            facts = record.facts(self._axis, now)
+            charts = {
+                name: motion_chart(record, name, facts.motions.get(name))
+                for name in dict.fromkeys((*AXES, *record.horizons))
+            }
+            verdict = facts.statuses.get('identifier: identification')
+            words = model_words(record, str(verdict.values.get('last_verdict', '')) if verdict else '')
+            calm = calm_words(record)
+        if self.manifest and now - self._campaign_read > CAMPAIGN_PERIOD:
+            self._campaign, self._campaign_read = campaign_words(self.manifest), now
+        self._look_after_recorder()
+        self.view = View(
+            self._axis, self._guides[self._axis].look(facts), health(facts.statuses, facts.motions), charts,
+            model_chart(facts.model) if facts.model is not None else {}, words, calm, *self._campaign,
+            self._recorder is not None, tuple(self.answers),
+        )
+
+    def choose(self, axis: str) -> None:
+        """Guide the identification of this axis."""
+        if axis != self._axis and axis in self._guides:
+            self._axis = axis
+            self._guides[axis].restart()
+
+    def press(self, button: str) -> None:
+        """A button was pressed in some browser."""
+        if button == 'restart':
+            self._guides[self._axis].restart()
+        elif button == 'save':
+            self._save()
+        elif button == 'record':
+            self._record()
+        else:
+            self._source.press(button)
+
+    def close(self) -> None:
+        """End the recording."""
+        if self._recorder is not None:
+            self._recorder.send_signal(signal.SIGINT)
+            try:
+                self._recorder.wait(RECORD_END_S)
+            except subprocess.TimeoutExpired:
+                # what is on the disk is readable
+                self._recorder.kill()
+
+    def _save(self) -> None:
+        if not self._source.description:
+            self.answer('there is no model to save yet: release the craft first')
+            return
+        path = self._folder / f'model_{datetime.now():%Y-%m-%d_%H-%M-%S}.yaml'
+        try:
+            with replacing(path) as temporary:
+                temporary.write_text(self._source.description, encoding='utf-8')
+            self.answer(f'saved {path}')
+        except InputError as error:
+            self.answer(str(error))
+
+    def _record(self) -> None:
+        """Begin a bag, by the verb that does it, in a process of its own; or end it."""
+        if self._recorder is not None:
+            self._recorder.send_signal(signal.SIGINT)
+            return
+        path = self._folder / f'swath_sysid_{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap'
+        self._recorder = subprocess.Popen(
+            [sys.executable, '-m', 'swath_sysid.cli.main', 'record', '--output', str(path)],
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True,
+        )
+        self.answer(f'recording to {path}')
+
+    def _look_after_recorder(self) -> None:
+        if self._recorder is not None and self._recorder.poll() is not None:
+            assert self._recorder.stdout is not None, 'it is piped'
+            last = self._recorder.stdout.read().strip() or f'the recording failed in {self._folder}: is it writable?'
+            self.answer(last)
+            self._recorder = None

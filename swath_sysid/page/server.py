@@ -1,0 +1,155 @@
+"""Serving the page from a thread: on this machine only, or with a token."""
+import secrets
+import socket
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from http.cookies import SimpleCookie
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from swath_sysid.common.errors import InputError
+from swath_sysid.page.desk import Desk
+from swath_sysid.page.layout import SCREEN_PERIOD, build
+
+try:
+    import fastapi
+    import uvicorn
+    from nicegui import app as pages
+    from nicegui import ui
+except ImportError:  # `check_installed` says what to install
+    ui = None  # type: ignore[assignment]
+
+COOKIE = 'swath_sysid_page'
+LOCAL_NAMES = ('localhost', '127.0.0.1', '::1')
+FEW_MESSAGES = 10
+"""That are kept for a browser that comes back: the next picture shows the same, and a stalled one costs no memory."""
+
+REFUSAL = b'Open the address that swath-sysid page printed, with its token.'
+
+END_S = 10.0
+
+
+def check_installed() -> None:
+    """Raise `InputError` where the web part is not installed."""
+    if ui is None:
+        raise InputError('the page needs nicegui: pip install swath_sysid[page]')
+
+
+class Guard:
+    """Lets in who has the token, or, where there is none, who asks for this machine by its own name.
+
+    Pages of other origins, which any browser may have open too, are refused both.
+
+    Parameters
+    ----------
+    application : callable
+        ASGI.
+    token : str
+        Empty: none.
+    """
+
+    def __init__(self, application: Callable[..., Awaitable[None]], token: str) -> None:
+        self._application = application
+        self._token = token
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Handle one connection."""
+        if scope['type'] not in ('http', 'websocket'):
+            await self._application(scope, receive, send)
+            return
+        given = parse_qs(scope.get('query_string', b'').decode()).get('token', [''])[0]
+        if not is_allowed(_headers(scope), self._token, given):
+            await _refuse(scope, send)
+            return
+
+        async def with_cookie(message: dict[str, Any]) -> None:
+            if message['type'] == 'http.response.start' and given:
+                cookie = f'{COOKIE}={given}; HttpOnly; SameSite=Strict; Path=/'
+                message['headers'] = [*message['headers'], (b'set-cookie', cookie.encode())]
+            await send(message)
+
+        await self._application(scope, receive, with_cookie)
+
+
+def is_allowed(headers: dict[str, str], token: str, given: str = '') -> bool:
+    """Whether a request may see the page.
+
+    Parameters
+    ----------
+    headers : dict of str to str
+        Names in small letters.
+    token : str
+        That is asked for; empty: none, but then the host must be this machine by its own name.
+    given : str
+        The token in the address, if there was one.
+    """
+    host, origin = headers.get('host', ''), headers.get('origin')
+    if origin is not None and urlsplit(origin).netloc != host:
+        return False
+    if not token:
+        return urlsplit(f'//{host}').hostname in LOCAL_NAMES
+    cookie = SimpleCookie(headers.get('cookie', '')).get(COOKIE)
+    shown = given, cookie.value if cookie else ''
+    return any(secrets.compare_digest(each.encode(), token.encode()) for each in shown)
+
+
+def _headers(scope: dict[str, Any]) -> dict[str, str]:
+    return {name.decode('latin-1').lower(): value.decode('latin-1') for name, value in scope['headers']}
+
+
+async def _refuse(scope: dict[str, Any], send: Any) -> None:
+    if scope['type'] == 'websocket':
+        await send({'type': 'websocket.close', 'code': 1008})
+        return
+    await send({'type': 'http.response.start', 'status': 403, 'headers': [(b'content-type', b'text/plain')]})
+    await send({'type': 'http.response.body', 'body': REFUSAL})
+
+
+@contextmanager
+def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
+    """Serve the page while the block runs.
+
+    Parameters
+    ----------
+    desk : Desk
+        What the page shows and does.
+    host : str
+        Address to listen on.
+    port : int
+        0: one that is free.
+    token : str
+        Empty: none.
+
+    Yields
+    ------
+    str
+        The address for a browser.
+
+    Raises
+    ------
+    InputError
+        nicegui is not installed, or the port is taken.
+    """
+    check_installed()
+    try:
+        listener = socket.create_server((host, port), family=socket.AF_INET6 if ':' in host else socket.AF_INET)
+    except OSError as error:
+        raise InputError(f'the page cannot listen on {host}:{port} ({error.strerror}): choose another port') from error
+    application = fastapi.FastAPI()
+    ui.run_with(
+        application, root=lambda: build(desk), title='swath_sysid', dark=None, message_history_length=FEW_MESSAGES,
+        show_welcome_message=False,
+    )
+    pages.timer(SCREEN_PERIOD, desk.refresh)
+    server = uvicorn.Server(uvicorn.Config(Guard(application, token), log_level='error', lifespan='on',
+                                           timeout_graceful_shutdown=1))
+    thread = threading.Thread(target=lambda: server.run(sockets=[listener]), daemon=True)
+    thread.start()
+    shown = 'localhost' if host in LOCAL_NAMES else socket.gethostname() if host in ('0.0.0.0', '::') else host
+    try:
+        yield f'http://{shown}:{listener.getsockname()[1]}/' + (f'?token={token}' if token else '')
+    finally:
+        server.should_exit = True
+        thread.join(END_S)
+        desk.close()

@@ -1,0 +1,166 @@
+"""What one who watches the nodes has received lately, in memory that does not grow: what a page shows and guides by."""
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.trial import AXES, AxisMotion
+from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
+from swath_sysid.common.errors import InputError
+from swath_sysid.pipeline.bring_up import Facts
+from swath_sysid.pipeline.health import Report
+
+WINDOW_S = 60.0
+RATE = 25.0
+"""Hz; more samples than that are left out: a craft rolls in 1 s and more."""
+
+STALE_S = 5.0
+"""s after which a status does not count any more."""
+
+CHECKED_LEAD = 2.0
+"""s; the forecast so far ahead is kept until what it is for has been measured."""
+
+KEPT_FORECASTS = 600
+MOST_STATUSES = 100
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """A forecast over the horizon.
+
+    Attributes
+    ----------
+    stamp : float
+        When issued, s.
+    leads : ndarray, shape (L,)
+        s.
+    mean, std : dict of str to ndarray, shape (L,)
+        By quantity: roll and pitch, rad; heave of a point, m.
+    """
+
+    stamp: float
+    leads: np.ndarray
+    mean: dict[str, np.ndarray]
+    std: dict[str, np.ndarray]
+
+
+def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], positions: Sequence[float]) -> Horizon:
+    """A horizon from the columns of its message.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    leads_ns : sequence of int
+    columns : sequence of str
+        ``roll``, ``roll_std``, ...
+    positions : sequence of float
+        The columns of each lead in turn.
+
+    Returns
+    -------
+    Horizon
+    """
+    table = dict(zip(columns, np.asarray(positions, dtype=float).reshape(len(leads_ns), len(columns)).T, strict=True))
+    means = {name: values for name, values in table.items() if not name.endswith('_std')}
+    return Horizon(
+        stamp_ns * NANOSECOND, np.asarray(leads_ns) * NANOSECOND, means,
+        {name: table.get(f'{name}_std', np.zeros(len(leads_ns))) for name in means},
+    )
+
+
+class LiveRecord:
+    """The motion, forecasts, models and statuses of late. Clocks are steady, s; stamps those of the sensor."""
+
+    def __init__(self) -> None:
+        self._window: MotionWindow | None = None
+        self._installation: Installation | None = None
+        self._newest_ns = 0
+        self._arrival = float('-inf')
+        self._statuses: dict[str, tuple[float, Report]] = {}
+        self.horizons: dict[str, Horizon] = {}
+        self.checked: dict[str, deque[tuple[float, float, float]]] = {}
+        self.models: dict[str, IdentifiedModel] = {}
+        self.models_received = 0
+        self.quiescence: float | None = None
+        self.calm: tuple[float, float, float] | None = None
+        self.is_kept = False
+
+    def install(self, installation: Installation) -> None:
+        """The sensor sits so; readings are taken in from the first time on."""
+        if installation != self._installation:
+            self._installation = installation
+            self._window = MotionWindow(WindowSettings(
+                window=WINDOW_S, max_rate=2.0 * RATE, detect_decay=False, installation=installation))
+
+    def wants(self, stamp_ns: int, clock: float) -> bool:
+        """Whether a sample of this stamp is due; a sample is heard of in any case."""
+        self._arrival = clock
+        due = not 0 <= stamp_ns - self._newest_ns < 1e9 / RATE
+        return due and self._window is not None
+
+    def add_reading(self, reading: ImuReading) -> None:
+        """Take in a sample."""
+        self._newest_ns = reading.stamp_ns
+        if self._window is not None:
+            self._window.add(reading)
+
+    def add_horizon(self, horizon: Horizon, name: str = '') -> None:
+        """Take in a forecast: of the attitude, or of the heave of a named point."""
+        if name:
+            horizon = Horizon(
+                horizon.stamp, horizon.leads, {name: horizon.mean['heave']}, {name: horizon.std['heave']})
+        for quantity in horizon.mean:
+            self.horizons[quantity] = horizon
+            kept = self.checked.setdefault(quantity, deque(maxlen=KEPT_FORECASTS))
+            at = int(np.argmin(np.abs(horizon.leads - CHECKED_LEAD)))
+            time = horizon.stamp + float(horizon.leads[at])
+            if kept and time < kept[-1][0]:
+                kept.clear()
+            kept.append((time, float(horizon.mean[quantity][at]), float(horizon.std[quantity][at])))
+
+    def add_status(self, report: Report, clock: float) -> None:
+        """Take in a status, named ``NODE: NAME``."""
+        if report.name in self._statuses or len(self._statuses) < MOST_STATUSES:
+            self._statuses[report.name] = clock, report
+
+    def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
+        """These models were published."""
+        self.models = dict(models)
+        self.models_received += 1
+
+    def statuses(self, clock: float) -> dict[str, Report]:
+        """The fresh ones by name."""
+        return {name: report for name, (heard, report) in self._statuses.items() if clock - heard < STALE_S}
+
+    @property
+    def stamp(self) -> float:
+        """Of the newest sample, s."""
+        return self._newest_ns * NANOSECOND
+
+    def motions(self) -> dict[str, AxisMotion]:
+        """The last minute by axis, where angles are measured."""
+        if self._window is None or self._window.size < 2:
+            return {}
+        table, found = self._window.table(), {}
+        trial = table.trial()
+        start = table.stamp_ns * NANOSECOND - float(trial.time[-1])
+        for axis in AXES:
+            try:
+                motion = trial.axis(axis)
+            except InputError:
+                # this axis has too few samples, the other may have enough
+                continue
+            if motion.angle is not None:
+                found[axis] = AxisMotion(axis, motion.time + start, motion.angle, motion.rate)
+        return found
+
+    def facts(self, axis: str, clock: float) -> Facts:
+        """What the bring-up of an axis goes by."""
+        return Facts(
+            self.statuses(clock), clock - self._arrival, self.motions(), self.models.get(axis), self.models_received,
+            self.is_kept,
+        )

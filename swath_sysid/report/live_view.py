@@ -1,0 +1,158 @@
+"""What a page shows of running nodes, as plain data: health in words, charts, the model, calm, a campaign's trials."""
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.identification.uncertainty import amplitude_bands
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.campaign.manifest import read_manifest
+from swath_sysid.common.errors import InputError
+from swath_sysid.pipeline.bring_up import described
+from swath_sysid.pipeline.health import OK, WARN, Report
+from swath_sysid.pipeline.live_record import LiveRecord
+
+SHOWN_S = 30.0
+SHOWN_POINTS = 300
+INTERVALS = {'50 %': 0.674, '90 %': 1.645, '99 %': 2.576}
+"""Half widths in standard deviations."""
+
+AMPLITUDES = 25
+NOISE_S = 5.0
+
+STATUSES = {
+    'predictor: imu': 'Sensor', 'predictor: installation': 'Frame, units, gravity',
+    'imu_buffer: window': 'Motion window',
+    'identifier: identification': 'Identification', 'predictor: forecast': 'Forecast',
+}
+
+
+def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) -> list[tuple[str, int, str]]:
+    """Name, level and sentence of each thing that can be well or not."""
+    lines = []
+    for status, name in STATUSES.items():
+        report = statuses.get(status)
+        if report is None:
+            lines.append((name, WARN, f'no word from {status.partition(":")[0]}'))
+            continue
+        rate = f'{float(str(report.values["rate_hz"])):.1f} Hz, ' if 'rate_hz' in report.values else ''
+        lines.append((name, report.level, rate + report.message))
+    noises = [f'{axis} {np.degrees(noise_of(motion)):.2g} deg' for axis, motion in motions.items()]
+    lines.insert(2, ('Noise of the angles', OK, ', '.join(noises) or 'not known yet'))
+    return lines
+
+
+def noise_of(motion: AxisMotion) -> float:
+    """Standard deviation of white noise on an angle, rad, from second differences, in which slow motion cancels.
+
+    Those of white noise have a variance of 1 + 4 + 1 times its own.
+    """
+    late = motion.time > motion.time[-1] - NOISE_S
+    second = np.diff(motion.angle[late], 2)  # type: ignore[index]
+    return float(np.std(second) / np.sqrt(6.0)) if second.size else float('nan')
+
+
+def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -> dict[str, list]:
+    """Measured motion, the forecast with its intervals and what was forecast before, against the time from now.
+
+    Returns
+    -------
+    dict
+        ``measured``, ``forecast``, ``checked``: lists of (s, deg or m); ``bands``: per interval lists of
+        (s, lower, upper).
+    """
+    now = record.stamp
+    scale = np.degrees(1.0) if motion is not None or quantity in ('roll', 'pitch') else 1.0
+    chart: dict[str, list] = {'measured': [], 'forecast': [], 'checked': [], 'bands': [[] for _ in INTERVALS]}
+    if motion is not None and motion.angle is not None:
+        late = motion.time > now - SHOWN_S
+        step = max(1, int(np.count_nonzero(late)) // SHOWN_POINTS)
+        chart['measured'] = _points(motion.time[late][::-step][::-1] - now, motion.angle[late][::-step][::-1] * scale)
+    horizon = record.horizons.get(quantity)
+    if horizon is None or abs(now - horizon.stamp) > SHOWN_S:
+        return chart
+    time = horizon.leads + horizon.stamp - now
+    mean, std = horizon.mean[quantity] * scale, horizon.std[quantity] * scale
+    chart['forecast'] = _points(time, mean)
+    chart['bands'] = [_points(time, mean - width * std, mean + width * std) for width in INTERVALS.values()]
+    checked = np.array(record.checked[quantity])
+    shown = checked[checked[:, 0] > now - SHOWN_S]
+    chart['checked'] = _points(shown[:, 0] - now, shown[:, 1] * scale)
+    return chart
+
+
+def model_chart(model: IdentifiedModel) -> dict[str, list]:
+    """Natural period and equivalent damping against amplitude, with two standard deviations.
+
+    Returns
+    -------
+    dict
+        ``period`` (s) and ``damping``: lists of (deg, value, lower, upper).
+    """
+    low, high = model.amplitude_range
+    high = high if np.isfinite(high) and high > 0.0 else float(np.radians(5.0))
+    amplitude = np.linspace(max(low, 0.05 * high), high, AMPLITUDES)
+    bands = amplitude_bands(model.model, model.covariance, amplitude)
+    period = 2.0 * np.pi / bands.curves.frequency
+    spread = 2.0 * period * bands.frequency_std / bands.curves.frequency
+    damping, wide = bands.curves.damping_ratio, 2.0 * bands.damping_ratio_std
+    degrees = np.degrees(amplitude)
+    return {
+        'period': _points(degrees, period, period - spread, period + spread),
+        'damping': _points(degrees, damping, damping - wide, damping + wide),
+    }
+
+
+def model_words(record: LiveRecord, verdict: str) -> list[str]:
+    """Every model in words, and the last verdict."""
+    lines = []
+    for axis, model in record.models.items():
+        low, high = np.degrees(model.amplitude_range)
+        lines.append(
+            f'{axis}: {model.model.equation.name}, {described(model)}, seen from {low:.2g} to {high:.2g} deg')
+    return [*(lines or ['No model yet.']), f'Last verdict: {verdict or "none yet"}']
+
+
+def calm_words(record: LiveRecord) -> str:
+    """The next window of calm and the probability of staying quiet."""
+    words = []
+    if record.quiescence is not None:
+        words.append(f'The craft stays within its quiet limits with a probability of {100 * record.quiescence:.0f} %.')
+    if record.calm is not None:
+        begin, end, probability = record.calm
+        if end > record.stamp:
+            words.append(
+                f'Calm from {max(begin - record.stamp, 0.0):.1f} to {end - record.stamp:.1f} s from now '
+                f'({100 * probability:.0f} %).')  # fmt: skip
+    return ' '.join(words) or 'No forecast of calm yet.'
+
+
+def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """The trials of a campaign that are there, as rows, and what is still missing, as sentences."""
+    try:
+        manifest = read_manifest(path)
+    except InputError as error:
+        return [], [str(error)]
+    rows = [
+        {
+            'file': entry.path.name, 'axis': entry.axis,
+            'loading': '' if entry.loading is None else f'{entry.loading[0]} {entry.loading[1]:g}',
+            'angle': '' if entry.initial_angle_deg is None else f'{entry.initial_angle_deg:g} deg',
+        }
+        for entry in manifest.trials
+    ]
+    repeats = Counter((row['axis'], row['loading'], row['angle']) for row in rows)
+    most = max(repeats.values())
+    missing = [
+        f'{" ".join(filter(None, condition))}: {count} of {most} repeats' for condition, count in repeats.items()
+        if count < most
+    ]
+    return rows, [*map(str, manifest.faults), *missing]
+
+
+def _points(*columns: np.ndarray) -> list[list[float]]:
+    """Rows of finite numbers, rounded for the way to a screen."""
+    table = np.column_stack(columns)
+    return np.round(table[np.isfinite(table).all(axis=1)], 4).tolist()

@@ -1,0 +1,162 @@
+"""The figures of a study of free decays, as the study orders them."""
+import matplotlib
+import numpy as np
+
+from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.simulation import simulate
+from swath_sysid.attitude.identification.motion_fit import InitialState
+from swath_sysid.campaign.papers.decay_study import DRAFT_FACTORS
+from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, Drawing, legend_below
+from swath_sysid.report.campaign_page import figures, inline, svg_of
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
+from swath_sysid.report.paper_decay_numbers import BY, GENETIC, HULL, OURS, TWO_STD, coefficient, coefficient_names
+
+
+def drawn(study, kind):
+    """The figures of one kind, as parts of a section."""
+    with matplotlib.rc_context(STYLE):
+        drawings = [
+            (spec['number'], drawing) for spec in study.publication.figures if spec['kind'] == kind
+            for drawing in FIGURES[kind](study, spec)
+        ]  # fmt: skip
+    shown = [
+        inline(svg_of(d.figure, d.name), d.name.replace('.', '_'), f'As figure {number}: {d.caption}')
+        for number, d in drawings
+    ]
+    return [figures(shown)] if shown else []
+
+
+def _axes(title=''):
+    figure = new_figure(WIDTH, HEIGHT)
+    axes = quiet(figure.subplots())
+    axes.set_title(title)
+    return figure, axes
+
+
+def _decays(study, spec):
+    figure, axes = _axes()
+    for factor in DRAFT_FACTORS:
+        motion = study.at(factor, spec['angle_deg']).problem.motions[0]
+        axes.plot(motion.time - motion.time[0], motion.rate, linewidth=0.9, label=f'{factor:g} T')
+    axes.set_xlabel('time since release [s]')
+    axes.set_ylabel(f'{study.publication.axis} rate [rad/s]')
+    axes.legend(frameon=False, ncols=3)
+    return [Drawing('decays', f'rates of the three drafts, released from {spec["angle_deg"]:g} deg', figure)]
+
+
+def _motion(study, spec):
+    record = study.at(spec['draft_factor'], spec['angle_deg'])
+    motion, state = record.problem.motions[0], record.ours.initial_states[0]
+    searched = record.hull.from_terms(
+        equation_named(study.publication.chosen), study.chosen(record).genetic.ratios, axis=motion.axis
+    )
+    models = [(searched, BY[GENETIC], MODEL, '--'), (record.ours.model, BY[OURS], RESIDUAL, '-')]
+    found = []
+    for quantity, unit in (('angle', '[deg]'), ('rate', 'rate [deg/s]')):
+        figure, axes = _axes()
+        time = motion.time - motion.time[0]
+        measured = np.degrees(getattr(motion, quantity))
+        axes.plot(time, measured, color=MEASURED, linewidth=0.7, alpha=0.7, label='measured')
+        for model, label, colour, style in models:
+            axes.plot(time, np.degrees(_simulated(model, state, motion)[quantity]), style, color=colour, label=label)
+        axes.set_xlabel('time since release [s]')
+        axes.set_ylabel(f'{motion.axis} {unit}')
+        axes.legend(frameon=False)
+        caption = f'{quantity}, measured and identified, {record.angle_deg:g} deg at {record.draft_factor:g} T'
+        found.append(Drawing(f'motion_{quantity}', caption, figure))
+    return found
+
+
+def _simulated(model, state: InitialState, motion):
+    angle, rate = simulate(model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
+    return {'angle': angle, 'rate': rate}
+
+
+def _objective_by_equation(study, spec):
+    p = study.publication
+    found = []
+    for angle in sorted({r.angle_deg for r in study.records}):
+        figure, axes = _axes(f'from {angle:g} deg')
+        places = np.arange(1, len(p.equations) + 1)
+        for k, factor in enumerate(DRAFT_FACTORS):
+            record, printed = study.at(factor, angle), p.printed_objective[factor, angle]
+            axes.plot(places, [printed[e] for e in p.equations], 'o--', color=SERIES[k], markersize=4, linewidth=0.9,
+                      markerfacecolor='none', label=f'{factor:g} T printed')  # fmt: skip
+            axes.plot(places, [record.searched[e].genetic.value for e in p.equations], 'o-', color=SERIES[k],
+                      markersize=4, linewidth=1.2, label=f'{factor:g} T here')  # fmt: skip
+        axes.set_xticks(places)
+        axes.set_xlabel('equation')
+        axes.set_ylabel('objective [rad/s]')
+        axes.set_ylim(bottom=0.0)
+        legend_below(axes)
+        found.append(Drawing(f'objective_{angle:g}', f'objective value by equation, {angle:g} deg', figure))
+    return found
+
+
+def _against_angle(study, spec):
+    found = []
+    for name in spec['coefficients']:
+        for by, words in BY.items():
+            if name == "I'" and by == OURS:
+                continue
+            figure, axes = _axes(f'{name} by {words}')
+            shown = [_one_curve(axes, study, name, by, k, factor) for k, factor in enumerate(DRAFT_FACTORS)]
+            _limit(axes, np.concatenate(shown))
+            axes.set_xlabel('initial angle [deg]')
+            axes.set_ylabel(name)
+            legend_below(axes)
+            caption = f'{name} against initial angle, a curve a draft, by {words}'
+            if name != "I'":
+                caption += f"; I' {study.inertia:g} given; dotted: the simulated hull"
+            if by == OURS:
+                caption += '; two standard deviations'
+            found.append(Drawing(f'{name}_{by}'.replace("'", ''), caption, figure))
+    return found
+
+
+def _one_curve(axes, study, name, by, k, factor):
+    """Draw a draft's curve with that of the hull; the values that the figure has to show."""
+    records = sorted((r for r in study.records if r.draft_factor == factor), key=lambda r: r.angle_deg)
+    angles = [r.angle_deg for r in records]
+    values, stds = np.array([coefficient(study, r, name, by) for r in records]).T
+    hull = np.array([coefficient(study, r, name, HULL)[0] for r in records])
+    if by == OURS:
+        axes.errorbar(angles, values, TWO_STD * stds, marker='o', markersize=4, capsize=3, color=SERIES[k],
+                      linewidth=1.2, label=f'{factor:g} T')  # fmt: skip
+    else:
+        axes.plot(angles, values, 'o-', markersize=4, color=SERIES[k], linewidth=1.2, label=f'{factor:g} T')
+    axes.plot(angles, hull, ':', color=SERIES[k], linewidth=1.2)
+    # what is not known at all must not hide the rest
+    known = ~(stds > 2.0 * np.nanmax(np.abs([*hull, 0.0])))
+    return np.concatenate([hull[np.isfinite(hull)], values[known], [0.0]])
+
+
+def _limit(axes, shown):
+    low, high = float(np.min(shown)), float(np.max(shown))
+    margin = 0.12 * (high - low) or 0.1
+    axes.set_ylim(low - margin, high + margin)
+
+
+def _all_coefficients(study, spec):
+    factor = spec['draft_factor']
+    records = sorted((r for r in study.records if r.draft_factor == factor), key=lambda r: r.angle_deg)
+    found = []
+    for by, words in BY.items():
+        figure, axes = _axes(f'{factor:g} T, by {words}')
+        for k, name in enumerate(["I'", *coefficient_names(study)]):
+            values = [coefficient(study, r, name, by)[0] for r in records]
+            if np.isfinite(values).any():
+                axes.plot([r.angle_deg for r in records], values, marker='o', markersize=4, linewidth=1.1, label=name,
+                          color=SERIES[k % len(SERIES)], linestyle=LINE_STYLES[k // len(SERIES)])  # fmt: skip
+        axes.set_yscale('symlog', linthresh=1e-3)
+        axes.set_xlabel('initial angle [deg]')
+        axes.legend(frameon=False, ncols=1, loc='center left', bbox_to_anchor=(1.0, 0.5))
+        caption = f"all coefficients at {factor:g} T against initial angle, by {words}; I' {study.inertia:g} given"
+        found.append(Drawing(f'coefficients_{factor:g}_{by}', caption, figure))
+    return found
+
+
+FIGURES = {
+    'decays': _decays, 'motion': _motion, 'objective': _objective_by_equation, 'against-angle': _against_angle,
+    'coefficients': _all_coefficients,
+}  # fmt: skip

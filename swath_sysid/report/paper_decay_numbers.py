@@ -1,0 +1,96 @@
+"""What is compared in a study of free decays: coefficients, trends, and rates one step ahead."""
+import numpy as np
+
+from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.identification.forecast_check import next_step
+from swath_sysid.campaign.papers.decay_study import COEFFICIENTS
+
+TWO_STD = 2.0
+STEADY = 0.2
+"""A curve that changes by less than this share of its largest value hardly changes."""
+
+GENETIC, OURS, HULL = 'genetic', 'ours', 'hull'
+BY = {GENETIC: "the study's method", OURS: 'the simulated motion'}
+
+
+def coefficient(study, record, name, by):
+    """A printed coefficient of one record, with the study's inertia given.
+
+    Parameters
+    ----------
+    study : DecayStudy
+    record : StudiedRecord
+    name : str
+        N, W, x, C1 to C3, or I', which only the search has.
+    by : str
+        ``genetic``, ``ours`` or ``hull``: what was simulated.
+
+    Returns
+    -------
+    value, std : float
+        NaN where the equation has none.
+    """
+    nothing = float('nan'), float('nan')
+    if name == "I'":
+        return (study.chosen(record).genetic.inertia, float('nan')) if by == GENETIC else nothing
+    if by == OURS:
+        terms = {t: record.ours.ratio(t) for t in record.ours.terms}
+    else:
+        ratios = record.hull.terms if by == HULL else study.chosen(record).genetic.ratios
+        terms = {t: (value, float('nan')) for t, value in ratios.items()}
+    for term, (value, std) in terms.items():
+        printed, factor = COEFFICIENTS[term]
+        if printed == name:
+            return value * study.inertia * factor, std * study.inertia * factor
+    return nothing
+
+
+def coefficient_names(study):
+    """Names of the coefficients of the chosen equation, as the study orders them."""
+    used = {COEFFICIENTS[t][0] for t in equation_named(study.publication.chosen).terms}
+    return [name for name in ('N', 'W', 'x', 'C1', 'C2', 'C3') if name in used]
+
+
+def trend_of(values):
+    """``falls``, ``rises``, ``steady`` or ``neither`` of values along a curve."""
+    values = np.asarray(values, dtype=float)
+    if np.ptp(values) <= STEADY * np.abs(values).max():
+        return 'steady'
+    steps = np.diff(values)
+    return 'falls' if (steps <= 0.0).all() else 'rises' if (steps >= 0.0).all() else 'neither'
+
+
+def next_step_errors(study, record, ratios):
+    """Relative errors of the rate one step ahead where the study looks, or where it turns fastest; shape (N,).
+
+    ``ratios`` None: of the rate that stays as it is.
+    """
+    checked = next_steps(study, record, ratios)
+    return np.abs(checked[2] - checked[1]) / np.abs(checked[1])
+
+
+def next_steps(study, record, ratios):
+    """Time since release, measured and predicted rate at the times that the study prints."""
+    motion = record.problem.motions[0]
+    model = record.hull.with_trim(record.problem.states[0].trim)
+    found = next_step(model.from_terms(equation_named(study.publication.chosen), ratios or {}, trim=model.trim), motion)
+    predicted = found.predicted if ratios else motion.rate[:-1]
+    since = found.time - motion.time[0]
+    times = [row[0] for row in study.publication.next_step.rows]
+    at = [int(np.argmin(np.abs(since - t))) for t in times]
+    return since[at], found.measured[at], predicted[at]
+
+
+def checked_models(study):
+    """The record on which the study checks one step ahead, and the ratios that are checked there.
+
+    Returns
+    -------
+    record : StudiedRecord
+    ratios : tuple
+        By the study's method and by the simulated motion, dict of str to float; None: the rate stays as it is.
+    """
+    printed = study.publication.next_step
+    record = study.at(printed.draft_factor, printed.angle_deg)
+    ours = dict(zip(record.ours.terms, record.ours.ratios, strict=True))
+    return record, (study.chosen(record).genetic.ratios, ours, None)

@@ -1,0 +1,235 @@
+"""The tables of a study of free decays, printed and obtained side by side."""
+from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.identification.search import PRESETS
+from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, SWARM
+from swath_sysid.report.campaign_tables import Column, Table, digits
+from swath_sysid.report.paper_decay_numbers import (
+    GENETIC,
+    HULL,
+    OURS,
+    TWO_STD,
+    checked_models,
+    coefficient,
+    next_step_errors,
+    next_steps,
+    trend_of,
+)
+
+ROUNDING = 1e-9
+"""Ratios to inertia below this are zero, to the rounding of a search."""
+
+NAMES = {
+    'length_m': 'length [m]', 'beam_m': 'breadth [m]', 'depth_m': 'depth [m]', 'draft_m': 'draft [m]',
+    'displacement_kg': 'displacement [kg]',
+}  # fmt: skip
+
+
+def particulars(study):
+    """The craft and its trials."""
+    p = study.publication
+    angles = sorted({r.angle_deg for r in study.records})
+    rows = [(NAMES[key], f'{value:g}') for key, value in p.craft.items() if key in NAMES]
+    rows += [
+        ('released from [deg]', ', '.join(f'{a:g}' for a in angles)),
+        ('at draft factors', ', '.join(f'{f:g}' for f in DRAFT_FACTORS)),
+        ('repeats, the best kept', str(p.repeats)),
+        ('recorded [s]', f'{p.duration_s:g}'),
+    ]
+    return Table('particulars', p.craft['name'], 'As printed.', (Column('what'), Column('value')), tuple(rows))
+
+
+def equations(study):
+    """The equations and their terms."""
+    rows = tuple((e, ' '.join(equation_named(e).terms)) for e in study.publication.equations)
+    note = 'b: damping over inertia, linear, quadratic, cubic; r: restoring over inertia; s: sine and sine squared.'
+    return Table('equations', 'Equations', note, (Column('equation'), Column('terms')), rows)
+
+
+def search_settings(study):
+    """The settings of both searches."""
+    preset = PRESETS[study.publication.name]
+    g = preset.genetic
+    rows = (
+        ('generations', g.generations, SWARM['generations']), ('population', g.population, SWARM['population']),
+        ('crossover', g.crossover, None), ('mutation', g.mutation, None), ('last mutation', g.final_mutation, None),
+        ('genetic factor', g.genetic_factor, None), ('evolution weight', g.evolution_weight, None),
+        ("range of I'", f'0 to {preset.inertia:g}', f'0 to {preset.inertia:g}'),
+        ('range of N and W', f'0 to {preset.damping:g}', f'0 to {preset.damping:g}'),
+        ('range of x, C1, C2, C3', f'0 to {preset.restoring:g}', f'0 to {preset.restoring:g}'),
+    )  # fmt: skip
+    shown = Column('genetic algorithm', _plain), Column('particle swarm', _plain)
+    note = 'Genetic algorithm: as printed. Particle swarm: the same ranges, stopped when it stagnates.'
+    return Table('search', 'Search', note, (Column('setting'), *shown), rows)
+
+
+def _plain(value):
+    return '-' if value is None else f'{value:g}' if isinstance(value, float) else str(value)
+
+
+def objective_values(study):
+    """The least objective values, printed and obtained."""
+    p = study.publication
+    rows: list[tuple] = []
+    marks: dict[tuple[int, int], str] = {}
+    for record in study.records:
+        printed = p.printed_objective[record.draft_factor, record.angle_deg]
+        kinds = {
+            'printed': [printed[e] for e in p.equations],
+            'genetic': [record.searched[e].genetic.value for e in p.equations],
+            'swarm': [record.searched[e].swarm.value for e in p.equations],
+            'least possible': [record.searched[e].exact.value for e in p.equations],
+        }
+        for kind, values in kinds.items():
+            marks |= {(len(rows), 3 + k): 'best' for k, v in enumerate(values) if v <= min(values) * (1.0 + 1e-7)}
+            rows.append((f'{record.angle_deg:g} deg', f'{record.draft_factor:g} T', kind, *values))
+    columns = (Column('from'), Column('at'), Column('value'), *(Column(e, digits(7)) for e in p.equations))
+    note = (
+        f'{p.objective.table[0].upper()}{p.objective.table[1:]}, rad/s; the least of a row is marked, with all that '
+        'equal it to 1e-7. Printed: with its own records; the others: with those simulated here.'
+    )
+    return Table('objective', 'Objective values by equation, angle and draft', note, columns, tuple(rows), marks)
+
+
+def coefficients(study):
+    """The coefficients of the chosen equation on one record, by each method."""
+    printed = study.publication.coefficients
+    record = study.at(printed.draft_factor, printed.angle_deg)
+    inertia = study.inertia
+    rows = []
+    chosen = study.chosen(record)
+    for term in equation_named(study.publication.chosen).terms:
+        name, factor = COEFFICIENTS[term]
+        given = printed.published_form.get(name)
+        if given is None:
+            given = printed.ratios.get(term)
+        elif name != "I'":
+            given = given / inertia / factor
+        if not printed.published_form and study.publication.name == 'swath-pitch':
+            given = given / inertia
+        value, std = record.ours.ratio(term)
+        rows.append((
+            f'{term} ({_in_words(name, factor)})', given, chosen.genetic.ratios[term], chosen.swarm.ratios[term],
+            chosen.exact.ratios[term], value, TWO_STD * std, record.hull.terms[term],
+        ))  # fmt: skip
+    names = 'printed', 'genetic', 'swarm', 'exact optimum of the objective', 'simulated motion'
+    columns = (
+        Column('ratio to inertia'), *(Column(name, _ratio_shown) for name in names), Column('+- 2 std', digits(2)),
+        Column('the simulated hull', _ratio_shown),
+    )  # fmt: skip
+    stopped = ', '.join(f'{i:.4f}' for i in (chosen.genetic.inertia, *study.inertias))
+    note = (
+        f"{study.publication.chosen}, {printed.angle_deg:g} deg, {printed.draft_factor:g} T ({printed.table}), over I' "
+        f"= {inertia:g}{' (assumed)' if _inertia_is_assumed(study) else ''}. Searches with four seeds stop at I' = "
+        f'{stopped}, with the same objective value: the motion determines only the ratios.'
+    )
+    return Table('coefficients', 'Coefficients of the chosen equation', note, columns, tuple(rows))
+
+
+def _ratio_shown(value):
+    return '0' if abs(value) < ROUNDING else digits(6)(value)
+
+
+def _inertia_is_assumed(study):
+    return "I'" not in study.publication.coefficients.published_form
+
+
+def _in_words(name, factor):
+    return f"{1.0 / factor:g} {name}/I'" if factor != 1.0 else f"{name}/I'"
+
+
+def next_step_table(study):
+    """The rate one step ahead at the times that the study prints."""
+    printed, (record, models) = study.publication.next_step, checked_models(study)
+    _, measured, by_search = next_steps(study, record, models[0])
+    by_ours, unchanged = (next_steps(study, record, ratios)[2] for ratios in models[1:])
+    rows = []
+    for k, (t, was, identified, error) in enumerate(printed.rows):
+        rows.append((
+            t, was, identified, error, float(measured[k]), float(by_search[k]),
+            *(100.0 * abs(float(v[k] - measured[k]) / float(measured[k])) for v in (by_search, by_ours, unchanged)),
+        ))  # fmt: skip
+    percent = digits(3)
+    columns = (
+        Column('time [s]', digits(3)), Column('printed measured [rad/s]', digits(6)),
+        Column('printed identified [rad/s]', digits(6)), Column('printed error [%]', percent),
+        Column('measured here [rad/s]', digits(6)), Column('identified here [rad/s]', digits(6)),
+        Column('error here [%]', percent), Column('simulated-motion model [%]', percent),
+        Column('no change at all [%]', percent),
+    )  # fmt: skip
+    note = (
+        f'{printed.table[0].upper()}{printed.table[1:]}: {printed.angle_deg:g} deg, {printed.draft_factor:g} T, '
+        f'{study.publication.chosen}. No change at all: the rate measured before stands for the next.'
+    )
+    return Table('next_step', 'Rate one step ahead', note, columns, tuple(rows))
+
+
+def claims(study):
+    """What the study concludes, and whether it holds here."""
+    rows: list[tuple] = []
+    marks: dict[tuple[int, int], str] = {}
+    for claim in study.publication.claims:
+        answers = CLAIMS[claim['kind']](study, claim)
+        marks[len(rows), len(answers)] = 'best' if answers[-1] == 'yes' else 'beyond'
+        rows.append((claim['text'], *answers))
+    columns = (
+        Column('the study concludes'), Column("by the study's method here"), Column('by the simulated motion'),
+        Column('the simulated hull'), Column('holds here'),
+    )  # fmt: skip
+    note = (
+        'Curves: an angle or a draft each. The simulated hull has the same coefficients at every angle: a trend with '
+        "the angle that the study's method shows here comes from the method. A conclusion holds here where the method "
+        'shows it and the hull has it.'
+    )
+    return Table('claims', 'Conclusions of the study, and whether they hold here', note, columns, tuple(rows), marks)
+
+
+def _claim_least(study, claim):
+    def share(tables):
+        least = [t[claim['equation']] <= min(t.values()) * (1.0 + 1e-7) for t in tables]
+        return sum(least), len(least)
+
+    printed, count = share(study.publication.printed_objective.values())
+    here, _ = share([{e: s.genetic.value for e, s in r.searched.items()} for r in study.records])
+    return f'in {here} of {count} records; in the printed table in {printed}', '-', '-', _verdict(here, count)
+
+
+def _claim_next_step(study, claim):
+    record, models = checked_models(study)
+    found = [100.0 * next_step_errors(study, record, ratios).max() for ratios in models]
+    return (
+        f'at most {found[0]:.3g} %; no change at all: {found[2]:.3g} %', f'at most {found[1]:.3g} %', '-',
+        'yes' if found[0] <= claim['percent'] else 'no',
+    )  # fmt: skip
+
+
+def _claim_trend(study, claim):
+    drafts = claim.get('draft_factors', DRAFT_FACTORS)
+    angles = claim.get('angles_deg', sorted({r.angle_deg for r in study.records}))
+    curves = [[(f, a) for a in angles] for f in drafts]
+    if claim['against'] == 'draft':
+        curves = [list(curve) for curve in zip(*curves, strict=True)]
+    found = {}
+    for by in (GENETIC, OURS, HULL):
+        trends = [
+            trend_of([coefficient(study, study.at(*place), claim['coefficient'], by)[0] for place in curve])
+            for curve in curves
+        ]
+        found[by] = (sum(t == claim['direction'] for t in trends), trends)
+    if claim['coefficient'] == "I'":
+        return _curves(found[GENETIC]), '-', '-', 'no: any value fits alike'
+    verdict = _verdict(min(found[GENETIC][0], found[HULL][0]), len(curves))
+    return *(_curves(found[by]) for by in (GENETIC, OURS, HULL)), verdict
+
+
+def _curves(found):
+    holds, trends = found
+    if len(trends) == 1:
+        return trends[0]
+    return f'{holds} of {len(trends)} curves ({", ".join(trends)})'
+
+
+def _verdict(holds, count):
+    return 'yes' if holds == count else 'no' if holds == 0 else f'in {holds} of {count}'
+
+
+CLAIMS = {'least': _claim_least, 'next-step': _claim_next_step, 'trend': _claim_trend}

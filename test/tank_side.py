@@ -1,0 +1,134 @@
+"""A craft in a tank for the tests of the page: what the nodes would report of it, by their own cores, without ROS."""
+import numpy as np
+from imu_stream import EPOCH_NS, reading, released
+
+from swath_sysid.attitude.identification.refit import Refitter, refit
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.intake import Intake
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.stamps import StampSettings
+from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
+from swath_sysid.nodes.reason_advice import ADVICE
+from swath_sysid.pipeline.bring_up import BringUp
+from swath_sysid.pipeline.forecast_health import installation_report
+from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, StreamHealth
+from swath_sysid.pipeline.live_record import LiveRecord
+
+REPORT_S = 0.5
+"""s between the diagnostics, and between looks at the guide."""
+
+
+class TankSide:
+    """Sensor, nodes and the record of the page.
+
+    Parameters
+    ----------
+    axis : str
+        That the guide is to identify.
+    installation : Installation
+        As the nodes were told.
+    rate : float
+        Hz.
+    auto_identify : bool
+    """
+
+    def __init__(self, axis='pitch', installation=None, rate=50.0, auto_identify=True):
+        self.rate = rate
+        installation = installation or Installation()
+        self.clock = 0.0
+        self.record, self.guide = LiveRecord(), BringUp(axis)
+        self.guidances = []
+        self.refitter, self.auto_identify = Refitter(), auto_identify
+        self._intake, self._check = Intake(installation, StampSettings()), InstallationCheck(installation)
+        self._window = MotionWindow(WindowSettings(installation=installation))
+        self._stream = StreamHealth(ADVICE, '/imu/data')
+        self._buffer, self._identifier = BufferHealth(ADVICE, '/imu/data', self._window), IdentifierHealth(ADVICE)
+        self._rng = np.random.default_rng(1)
+        self._next_report = 0.0
+        self.record.install(installation)
+
+    def send(self, duration, motion=lambda t: {}, wrong=lambda each: each):
+        """Let the sensor measure a motion for so long: angles and rates by name at times from now."""
+        for k in range(round(duration * self.rate)):
+            self.clock += 1.0 / self.rate
+            now = motion(k / self.rate)
+            noisy = {
+                name: now.get(name, 0.0) + size * self._rng.normal()
+                for name, size in (('roll', 5e-4), ('pitch', 5e-4), ('roll_rate', 3e-3), ('pitch_rate', 3e-3))
+            }
+            self._take(wrong(reading(self.stamp_ns, **noisy)))
+            self._report_when_due()
+
+    def silence(self, duration):
+        """Time passes without a sample."""
+        end = self.clock + duration
+        while self.clock < end:
+            self.clock += REPORT_S
+            self._report_when_due()
+
+    def release(self, amplitude_deg=5.0, axis='pitch', damping=0.08, hold=1.0, duration=25.0, **others):
+        """Push, hold and let go."""
+        def motion(t):
+            angle, rate = released(t, 2.0 + hold, np.radians(amplitude_deg), damping=damping, hold=hold)
+            return {axis: angle, f'{axis}_rate': rate}
+
+        self.send(duration, motion, **others)
+
+    @property
+    def stamp_ns(self):
+        return EPOCH_NS + round(self.clock * 1e9)
+
+    @property
+    def faults(self):
+        """Code to the guidances that named it."""
+        found = {}
+        for guidance in self.guidances:
+            if guidance.fault:
+                found.setdefault(guidance.fault, []).append(guidance)
+        return found
+
+    def _take(self, each):
+        sample = self._intake.take(each).sample
+        if sample is not None:
+            self._check.add(sample)
+        finished = self._window.add(each).finished
+        for stream in (self._stream, self._buffer):
+            stream.note_message(each.stamp_ns, self.clock, self.clock)
+        if self.record.wants(each.stamp_ns, self.clock):
+            self.record.add_reading(each)
+        if finished is not None and self.auto_identify:
+            self.identify(finished.table)
+
+    def identify(self, table=None):
+        """What the identifier does with a window."""
+        self._identifier.begin()
+        outcome = refit(self.refitter.request(table or self._window.table()))
+        is_published = self.refitter.take(outcome)
+        self._identifier.end(is_published, outcome.message)
+        if is_published:
+            self.record.set_models(self.refitter.models)
+
+    def reports(self):
+        """The diagnostics of now, by node."""
+        return {
+            'predictor': [
+                self._stream.report(self.clock, self.stamp_ns, self._window.counts, self._stream.received),
+                installation_report(self._check), Report('forecast', 0, 'forecasting'),
+            ],
+            'imu_buffer': self._buffer.reports(self.clock, self.stamp_ns),
+            'identifier': [self._identifier.report(self.refitter.described, 0, False)],
+        }
+
+    def _report_when_due(self):
+        if self.clock < self._next_report:
+            return
+        self._next_report = self.clock + REPORT_S
+        for node, reports in self.reports().items():
+            for report in reports:
+                level, name, message, values = report.status_of(node)
+                self.record.add_status(Report(name, level, message, values), self.clock)
+        self.guidances.append(self.look())
+
+    def look(self):
+        """Where the guide stands now."""
+        return self.guide.look(self.record.facts(self.guide.axis, self.clock))

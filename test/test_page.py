@@ -1,0 +1,202 @@
+"""The page in headless Chromium: every step of the bring-up, faults with their cures, the buttons, narrow and wide."""
+import shutil
+import threading
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+
+pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
+webdriver = pytest.importorskip('selenium.webdriver', reason='driving a browser needs selenium: pip install selenium')
+
+from tank_side import TankSide  # noqa: E402
+from test_pipeline_bring_up import REST_S, turned_over, waves  # noqa: E402
+
+from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
+from swath_sysid.page.desk import Desk  # noqa: E402
+from swath_sysid.page.server import is_allowed, served  # noqa: E402
+from swath_sysid.pipeline.live_record import horizon_of  # noqa: E402
+
+CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
+needs_chromium = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason='no chromium with its driver: apt install chromium chromium-driver')
+PATIENCE = 60.0
+TOKEN = 'a-token-of-the-test'
+WIDTHS = 400, 1600
+
+
+class SteppedDesk(Desk):
+    """The view is made when the test says so."""
+
+    def refresh(self):
+        pass
+
+
+class Tank(TankSide):
+    """A source of the page: makes the view as the diagnostics come, and remembers what is pressed."""
+
+    def __init__(self, folder, **made):
+        super().__init__(**made)
+        self.folder, self.lock, self.description, self.pressed = folder, threading.Lock(), '', []
+        self.desk = SteppedDesk(self, folder, 'pitch', clock=lambda: self.clock)
+
+    def press(self, button):
+        self.pressed.append(button)
+        with self.lock:
+            if button == 'accept':
+                self.record.is_kept = True
+        self.look()
+
+    def look(self):
+        leads = range(0, 5_000_000_000, 100_000_000)
+        self.record.add_horizon(horizon_of(
+            self.stamp_ns, list(leads), ['roll', 'roll_std', 'pitch', 'pitch_std'],
+            [0.0, 0.01, 0.01, 0.02] * len(leads)))
+        self.description = model_to_yaml(self.record.models) if self.record.models else ''
+        Desk.refresh(self.desk)
+        return self.desk.view.guidance
+
+    def start_again(self):
+        TankSide.__init__(self)
+
+
+class Screen:
+    """One browser."""
+
+    def __init__(self, driver, tank):
+        self.driver, self.tank = driver, tank
+
+    def text(self, name):
+        return self.driver.execute_script(
+            f"return document.querySelector('[data-name={name}]')?.innerText ?? ''")
+
+    def wait_for(self, words, name='sentence'):
+        end = time.monotonic() + PATIENCE
+        while words not in self.text(name):
+            assert time.monotonic() < end, f'{name} shows {self.text(name)!r}, not {words!r}'
+            time.sleep(0.05)
+
+    def press(self, name):
+        self.driver.execute_script(f"document.querySelector('[data-name={name}]').click()")
+
+    def resize(self, width, height=1400):
+        self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {
+            'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600})
+
+
+@pytest.fixture(scope='module')
+def address(tmp_path_factory):
+    """A served page; its tank."""
+    tank = Tank(tmp_path_factory.mktemp('page'))
+    with served(tank.desk, '127.0.0.1', 0, TOKEN) as url:
+        yield url, tank
+
+
+@pytest.fixture(scope='module')
+def screen(address):
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in ('--headless=new', '--no-sandbox', '--disable-dev-shm-usage', '--disable-gpu'):
+        options.add_argument(argument)
+    options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    try:
+        url, tank = address
+        driver.get(url)
+        yield Screen(driver, tank)
+    finally:
+        driver.quit()
+
+
+@needs_chromium
+def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
+    tank = screen.tank
+    tank.look()
+    screen.wait_for('nodes-missing: start the nodes', 'cure')
+    tank.send(3.0)
+    screen.wait_for('Lie still')
+    tank.send(REST_S)
+    screen.wait_for('Now push the hull down at the bow by 5 degrees and let go.')
+    tank.release(5.0, duration=3.0)
+    screen.wait_for('of 5 degrees: let go.')
+    tank.start_again()
+    tank.send(REST_S)
+    tank.release(5.0)
+    screen.wait_for('cycles: period 2.6')
+    screen.wait_for('pitch: odd-cubic, period 2.6', 'model')
+    screen.press('accept')
+    tank.send(7.0)
+    screen.wait_for('The model is kept')
+    assert tank.pressed == ['accept']
+
+
+@needs_chromium
+@pytest.mark.parametrize(('wrong', 'motion', 'cure'), [
+    (turned_over, None, 'sensor-turned: '), (lambda each: each, waves, 'waves: wait for calm water'),
+], ids=['upside down', 'waves'])
+def test_a_fault_is_shown_with_its_cure(screen, wrong, motion, cure):
+    screen.tank.start_again()
+    screen.tank.send(30.0, motion or (lambda t: {}), wrong=wrong)
+    screen.wait_for(cure, 'cure')
+
+
+@needs_chromium
+def test_buttons_reach_the_nodes_and_save_a_model(screen):
+    tank = screen.tank
+    tank.pressed.clear()
+    for button in ('identify', 'rollback', 'refine'):
+        screen.press(button)
+    screen.press('restart')
+    tank.start_again()
+    tank.send(REST_S)
+    tank.release(5.0)
+    screen.press('save')
+    end = time.monotonic() + PATIENCE
+    while not (saved := list(tank.folder.glob('model_*.yaml'))):
+        assert time.monotonic() < end, 'no model was saved'
+        time.sleep(0.05)
+    assert tank.pressed == ['identify', 'rollback', 'refine']
+    assert model_from_yaml(saved[0].read_text()).keys() == {'pitch'}
+    tank.look()
+    screen.wait_for('saved', 'answers')
+
+
+@needs_chromium
+@pytest.mark.parametrize('width', WIDTHS)
+def test_it_fits_phone_and_desk_with_charts_and_without_the_internet(screen, width):
+    screen.resize(width)
+    screen.driver.refresh()
+    screen.wait_for('receiving', 'health')
+    drawn, across, elsewhere = screen.driver.execute_script("""
+        return [document.querySelectorAll('canvas').length, document.documentElement.scrollWidth,
+                performance.getEntriesByType('resource').map(r => r.name).filter(n => !n.startsWith(location.origin))]
+        """)
+    assert drawn >= 2 and across <= width and elsewhere == []
+    assert [line['message'] for line in screen.driver.get_log('browser') if line['level'] == 'SEVERE'] == []
+
+
+def test_without_the_token_nothing_is_shown(address):
+    url, _ = address
+    for wrong in (url.partition('?')[0], url.replace(TOKEN, 'another')):
+        with pytest.raises(urllib.error.HTTPError, match='403'):
+            urllib.request.urlopen(wrong, timeout=PATIENCE)
+    with urllib.request.urlopen(url, timeout=PATIENCE) as answer:
+        assert answer.status == 200 and TOKEN in answer.headers['set-cookie']
+
+
+@pytest.mark.parametrize(('headers', 'token', 'given', 'allowed'), [
+    ({'host': 'localhost:8484'}, '', '', True),
+    ({'host': '127.0.0.1:8484', 'origin': 'http://127.0.0.1:8484'}, '', '', True),
+    ({'host': '[::1]:8484'}, '', '', True),
+    # another name for this machine, or a page of another origin in the same browser
+    ({'host': 'elsewhere.example:8484'}, '', '', False),
+    ({'host': 'localhost:8484', 'origin': 'http://elsewhere.example'}, '', '', False),
+    ({'host': 'craft:8484'}, 't', 't', True),
+    ({'host': 'craft:8484', 'cookie': 'swath_sysid_page=t'}, 't', '', True),
+    ({'host': 'craft:8484', 'cookie': 'swath_sysid_page=u'}, 't', '', False),
+    ({'host': 'craft:8484', 'origin': 'http://elsewhere.example'}, 't', 't', False),
+    ({'host': 'localhost:8484'}, 't', '', False),
+])
+def test_who_may_see_the_page(headers, token, given, allowed):
+    assert is_allowed(headers, token, given) is allowed

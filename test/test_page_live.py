@@ -1,0 +1,173 @@
+"""The page's node beside the real nodes and a sensor: what it hears, what it asks of them, and the faults it names."""
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from imu_stream import EPOCH_NS, decay_stream, reading  # noqa: E402
+from live_bench import PATIENCE, Bench, running, start_together, stop, wait_for  # noqa: E402
+from test_pipeline_bring_up import in_g, turned_over  # noqa: E402
+
+from swath_sysid.formats.bags import is_bag  # noqa: E402
+from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
+from swath_sysid.nodes.page_node import PageNode  # noqa: E402
+from swath_sysid.page.desk import Desk  # noqa: E402
+from swath_sysid.pipeline.bring_up import JUDGE, KEPT  # noqa: E402
+
+pytestmark = pytest.mark.dds
+
+RATE = 25.0
+
+SETTINGS = (
+    '-p', 'window_timeout_s:=60.0', '-p', 'axes:=[pitch]', '-p', 'generations:=20', '-p', 'population:=30',
+)
+"""A search that suffices for a linear hull, since it is not what is tested here."""
+
+
+class Page:
+    """A desk with its node, spun in a thread as the bench's is."""
+
+    def __init__(self, bench, folder):
+        import rclpy
+        from rclpy.signals import SignalHandlerOptions
+
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self.bench, self.folder, self.stamp, self.sent = bench, folder, EPOCH_NS, 0
+        self.node = PageNode(lambda line: self.desk.answer(line))
+        self.desk = Desk(self.node, folder, 'pitch')
+        self._executor = events_executor()
+        self._executor.add_node(self.node)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self):
+        while not self._stop.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def close(self):
+        import rclpy
+
+        self._stop.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown()
+        self.desk.close()
+
+    def look(self):
+        self.desk.refresh()
+        return self.desk.view.guidance
+
+    def connect(self):
+        wait_for(lambda: self.bench.imu.get_subscription_count() >= 3, 'the page at the sensor')
+        wait_for(lambda: self.node.record._window is not None, "the predictor's parameters at the page")
+
+    def send(self, readings):
+        """Publish; the guide looks on all the time, as often as the screens do."""
+        readings = list(readings)
+        for k in range(0, len(readings), 40):
+            self.sent += self.bench.send(readings[k : k + 40])
+            self.look()
+        self.stamp = readings[-1].stamp_ns
+        self.bench.settle('predictor', self.sent)
+
+    def rest(self, seconds=20.0, wrong=lambda each: each):
+        self.send(wrong(reading(self.stamp + (k + 1) * round(1e9 / RATE), noise(k), noise(k + 1)))
+                  for k in range(round(RATE * seconds)))
+
+
+    def lie_still_until(self, condition, what, wrong=lambda each: each):
+        """The sensor goes on at rest until the guidance is as it should be; that."""
+        def found():
+            self.rest(0.8, wrong)
+            guidance = self.look()
+            return condition(guidance) and guidance
+
+        try:
+            return wait_for(found, what)
+        except AssertionError:
+            print(self.desk.view)
+            raise
+
+
+def noise(k):
+    """A little, so that the sensor does not look frozen."""
+    return 5e-4 * ((k * 7919) % 13 - 6) / 6
+
+
+@pytest.fixture(scope='module')
+def page(tmp_path_factory):
+    bench = Bench()
+    shown = Page(bench, tmp_path_factory.mktemp('page'))
+    with running(bench, start_together(*SETTINGS)):
+        shown.connect()
+        yield shown
+    shown.close()
+    bench.close()
+
+
+def test_from_rest_to_a_kept_model_without_a_terminal(page):
+    page.rest()
+    page.lie_still_until(lambda guidance: 'Now push' in guidance.sentence, 'request to push')
+    page.desk.press('record')
+    # what is recorded is subscribed to first
+    wait_for(lambda: page.bench.imu.get_subscription_count() >= 4, 'the recorder')
+    page.send(decay_stream(RATE, 18.0, release=4.0, hold=1.0, first_ns=page.stamp + 20_000_000))
+    guidance = page.lie_still_until(lambda guidance: guidance.step == JUDGE, 'model')
+    assert 'period 2.6' in guidance.sentence
+    page.desk.press('save')
+    assert len(list(page.folder.glob('model_*.yaml'))) == 1
+    page.desk.press('record')
+    wait_for(lambda: page.look() and not page.desk.view.is_recording, 'the end of the recording')
+    (bag,) = page.folder.glob('*.mcap')
+    assert is_bag(bag)
+    page.desk.press('accept')
+    wait_for(lambda: page.node.record.is_kept, 'the acceptance')
+    page.lie_still_until(lambda guidance: guidance.step == KEPT, 'kept model')
+    page.desk.press('rollback')
+    wait_for(lambda: any('no model before' in line or 'back to' in line for line in page.desk.answers), 'an answer')
+
+
+@pytest.mark.parametrize(('wrong', 'code', 'cure'), [
+    (turned_over, 'sensor-turned', 'set mounting_deg to [180, 0, 0]'),
+    (in_g, 'accelerations-in-g', 'they are in g'),
+], ids=['upside down', 'g'])
+def test_a_wrong_sensor_is_named_through_the_nodes(page, wrong, code, cure):
+    page.rest(15.0, wrong)
+    assert cure in page.lie_still_until(lambda guidance: guidance.fault == code, f'fault {code}', wrong).cure
+
+
+def test_silence_and_missing_nodes_are_named(page):
+    page.rest(2.0)
+    guidance = wait_for(lambda: (found := page.look()).fault == 'silence' and found, 'fault silence')
+    assert 'check its driver and cable' in guidance.cure
+
+
+def test_a_page_that_stands_still_holds_nobody_up(page):
+    """Its thread is stopped while the sensor goes on: the nodes miss nothing."""
+    page._stop.set()
+    page._thread.join()
+    page.rest(10.0)
+    assert page.bench.counts('predictor')['received'] == page.sent
+
+
+def test_run_starts_the_page_and_ends_it():
+    pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
+    import subprocess
+    import sys
+
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'swath_sysid.cli.main', 'run', '--page', '--namespace', 'paged'],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ,
+    )
+    lines, deadline = [], time.monotonic() + PATIENCE
+    while not any('the page is at http://localhost:' in line for line in lines):
+        assert time.monotonic() < deadline and process.poll() is None, lines
+        lines.append(process.stdout.readline())
+    code, output = stop(process, signal.SIGINT)
+    assert code == 0, output

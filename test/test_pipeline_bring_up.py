@@ -1,0 +1,217 @@
+"""The guided bring-up, step by step, and every fault named with its cure; the nodes' part is done by their cores."""
+import numpy as np
+import pytest
+from tank_side import TankSide
+
+from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.pipeline.bring_up import (
+    CONNECT,
+    DECAY,
+    IDENTIFY,
+    JUDGE,
+    KEPT,
+    PUSH,
+    REST,
+    SENSOR,
+    BringUp,
+    Facts,
+    at_half_amplitude,
+)
+from swath_sysid.pipeline.health import Report
+
+REST_S = 20.0
+HALF_TURN = (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope='module')
+def identified():
+    """A craft that was at rest, released and identified."""
+    tank = TankSide()
+    tank.send(REST_S)
+    tank.release(5.0)
+    return tank
+
+
+def test_the_steps_come_in_their_order(identified):
+    steps = list(dict.fromkeys(guidance.step for guidance in identified.guidances))
+    assert steps == [SENSOR, REST, PUSH, DECAY, JUDGE] or steps == [SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE]
+    assert identified.faults == {}
+
+
+def test_the_sentences_say_what_to_do_and_what_was_found(identified):
+    sentences = ' '.join(guidance.sentence for guidance in identified.guidances)
+    for words in ('Lie still', 'Now push the hull down at the bow by 5 degrees', 'further, then let go', 'Hands off'):
+        assert words in sentences
+    assert 'cycles: period 2.6' in identified.guidances[-1].sentence
+
+
+def test_period_and_damping_hold_the_truth_in_their_bands(identified):
+    """The motion is that of a linear hull: of 2.6 s undamped period and damping ratio 0.08."""
+    _, (period, period_std), (damping, damping_std) = at_half_amplitude(identified.record.models['pitch'])
+    assert abs(period - 2.6) < 4.0 * period_std < 0.1
+    assert abs(damping - 0.08) < 4.0 * damping_std < 0.02
+
+
+def test_what_is_accepted_is_kept_until_the_next_push(identified):
+    identified.send(7.0)
+    identified.record.is_kept = True
+    identified.send(1.0)
+    assert identified.guidances[-1].step == KEPT
+    identified.record.is_kept = False
+    identified.send(1.0)
+    assert identified.guidances[-1].step == JUDGE
+
+
+def test_a_known_model_is_named_before_the_first_push(identified):
+    tank = TankSide()
+    tank.record.set_models(identified.record.models)
+    tank.send(REST_S)
+    assert tank.guidances[-1].step == PUSH and tank.guidances[-1].sentence.startswith('A model is known: period 2.6')
+
+
+def in_g(each):
+    return each._replace(force=tuple(value / 9.80665 for value in each.force))
+
+
+def turned_over(each):
+    """About its x axis, with everything it measures."""
+    x, y, z, w = each.orientation
+    p, q, r = each.rates
+    return each._replace(orientation=(w, z, -y, -x), rates=(p, -q, -r), force=(0.0, 0.0, -9.81))
+
+
+def rates_times(factor):
+    return lambda each: each._replace(rates=tuple(factor * value for value in each.rates))
+
+
+def repeating(first):
+    kept = []
+
+    def wrong(each):
+        kept.append(each)
+        return each if len(kept) < first else kept[first - 1]._replace(stamp_ns=each.stamp_ns)
+
+    return wrong
+
+
+def without_orientation(each):
+    return each._replace(orientation_covariance=(-1.0, *8 * (0.0,)))
+
+
+def waves(t):
+    angle = np.radians(2.0) * (np.sin(2.1 * t) + 0.7 * np.sin(2.6 * t + 1.0))
+    rate = np.radians(2.0) * (2.1 * np.cos(2.1 * t) + 1.82 * np.cos(2.6 * t + 1.0))
+    return {'pitch': angle, 'pitch_rate': rate}
+
+
+def wrongly(wrong):
+    """The whole bring-up with a sensor that is wrong in this way."""
+    def play(tank):
+        tank.send(REST_S, wrong=wrong)
+        tank.release(5.0, wrong=wrong)
+
+    return play
+
+
+def rest_then(play):
+    def both(tank):
+        tank.send(REST_S)
+        play(tank)
+
+    return both
+
+
+FAULTS = {
+    # what is wrong: (how the tank is made, what happens, code, step, what the cure must name)
+    'frame': ({'installation': Installation('frd')}, wrongly(lambda each: each), 'axes-of-sensor', SENSOR,
+              'set frame to flu'),
+    'upside down': ({}, wrongly(turned_over), 'sensor-turned', SENSOR, 'set mounting_deg to [180, 0, 0]'),
+    'g for m/s^2': ({}, wrongly(in_g), 'accelerations-in-g', SENSOR, 'they are in g'),
+    'deg/s for rad/s': ({}, wrongly(rates_times(57.29578)), 'rate-unit', SENSOR, 'deg/s where rad/s is expected'),
+    'rates reversed': ({}, wrongly(rates_times(-1.0)), 'rate-sign', SENSOR, 'with the opposite sign'),
+    'frozen': ({}, wrongly(repeating(300)), 'sensor-frozen', SENSOR, 'restart its driver'),
+    'never heard': ({}, lambda tank: tank.silence(8.0), 'no-sensor', SENSOR, 'check that the sensor publishes there'),
+    'silence': ({}, rest_then(lambda tank: tank.silence(4.0)), 'silence', SENSOR, 'check its driver and cable'),
+    'slow': ({'rate': 5.0}, lambda tank: tank.send(10.0), 'low-rate', SENSOR, 'publish at 20 Hz or more'),
+    'no orientation': ({}, wrongly(without_orientation), 'no-orientation', SENSOR, 'press Identify'),
+    'waves': ({}, lambda tank: tank.send(40.0, waves), 'waves', REST, 'wait for calm water'),
+    'waves after rest': ({}, rest_then(lambda tank: tank.send(70.0, waves)), 'waves', DECAY, 'wait for calm water'),
+    'too small': ({}, rest_then(lambda tank: tank.release(1.1)), 'too-small', PUSH, 'push further, to 5 degrees'),
+    'held': ({}, rest_then(lambda tank: tank.release(5.0, hold=30.0)), 'held', PUSH, 'let go at once'),
+    'lowered by hand': (
+        {}, rest_then(lambda tank: tank.release(5.0, damping=0.95)), 'few-cycles', PUSH, 'instead of lowering it'),
+    'other axis': (
+        {}, rest_then(lambda tank: tank.release(5.0, axis='roll')), 'other-axis', PUSH, 'or choose roll above'),
+    'not noticed': (
+        {'auto_identify': False}, rest_then(lambda tank: tank.release(5.0, duration=45.0)), 'not-noticed', IDENTIFY,
+        'press Identify'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('fault', FAULTS)
+def test_every_fault_is_named_with_its_cure(fault):
+    made, play, code, step, cure = FAULTS[fault]
+    tank = TankSide(**made)
+    play(tank)
+    assert code in tank.faults, [guidance.sentence for guidance in tank.guidances[-3:]]
+    guidance = tank.faults[code][0]
+    assert guidance.step == step
+    assert cure in guidance.cure
+    # nothing else is blamed before
+    assert list(tank.faults)[0] == code
+
+
+def test_after_a_fault_the_next_push_is_judged_by_itself():
+    tank = TankSide()
+    tank.send(REST_S)
+    tank.release(1.1)
+    assert tank.guidances[-1].fault == 'too-small' and 'once more' in tank.guidances[-1].sentence
+    tank.release(5.0)
+    assert tank.guidances[-1].step == JUDGE and not tank.guidances[-1].fault
+
+
+def test_missing_nodes_are_named():
+    guidance = BringUp('roll').look(Facts({'predictor: imu': Report('predictor: imu', 0, '')}))
+    assert guidance.step == CONNECT and guidance.fault == 'nodes-missing'
+    assert guidance.sentence == 'Waiting for imu_buffer, identifier.' and 'swath-sysid run' in guidance.cure
+
+
+def test_a_window_that_gives_no_model_is_reported_with_the_identifiers_verdict():
+    tank = TankSide(auto_identify=False)
+    tank.send(REST_S)
+    tank.release(5.0)
+    tank._identifier.begin()
+    tank._identifier.end(False, 'pitch: not fitted, the fit runs away')
+    tank.send(1.0)
+    assert 'the fit runs away; release again' in tank.faults['not-identified'][0].cure
+
+
+def test_a_clock_that_is_set_back_begins_anew():
+    tank = TankSide()
+    tank.send(REST_S)
+    assert tank.guidances[-1].step == PUSH
+    tank.clock -= 15.0
+    tank._next_report = 0.0
+    tank.send(1.0)
+    assert tank.guidances[-1].step in (REST, SENSOR)
+
+
+def test_a_model_that_stays_is_said_to_stay(identified):
+    tank = TankSide(auto_identify=False)
+    tank.record.set_models(identified.record.models)
+    tank.send(REST_S)
+    tank.release(5.0)
+    tank._identifier.begin()
+    tank._identifier.end(False, 'pitch: not published, the current model explains the window as well')
+    tank.send(1.0)
+    assert tank.guidances[-1].step == JUDGE
+    assert 'The model from before stays: pitch: not published' in tank.guidances[-1].sentence
+
+
+def test_a_release_of_which_samples_were_lost_is_not_blamed_on_the_hull():
+    tank = TankSide(auto_identify=False)
+    tank.send(REST_S)
+    tank.release(5.0, duration=4.0)
+    tank.silence(6.0)
+    tank.send(8.0)
+    assert tank.guidances[-1].fault == 'samples-lost' and 'press Identify' in tank.guidances[-1].cure

@@ -1,0 +1,107 @@
+"""What the page shows, as plain data."""
+import numpy as np
+import pytest
+from tank_side import TankSide
+
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.page.charts import motion_options, motion_series, reach_of
+from swath_sysid.pipeline.health import Report
+from swath_sysid.pipeline.live_record import KEPT_FORECASTS, MOST_STATUSES, LiveRecord, horizon_of
+from swath_sysid.report.live_view import calm_words, campaign_words, health, model_chart, motion_chart, noise_of
+
+LEADS = np.arange(51) * 100_000_000
+
+
+@pytest.fixture
+def tank():
+    rested = TankSide()
+    rested.send(3.0)
+    return rested
+
+
+def forecast(stamp_ns, angle=0.1, std=0.02):
+    positions = [value for _ in LEADS for value in (angle, std)]
+    return horizon_of(stamp_ns, LEADS.tolist(), ['pitch', 'pitch_std'], positions)
+
+
+def test_noise_is_that_of_the_sensor_whether_or_not_the_craft_moves():
+    time = np.arange(0.0, 10.0, 0.04)
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, time.size)
+    for amplitude in (0.0, 0.05):
+        motion = AxisMotion('roll', time, amplitude * np.sin(2.4 * time) + noise, None)
+        assert noise_of(motion) == pytest.approx(1e-3, rel=0.25)
+
+
+def test_health_has_a_line_for_every_status_and_names_the_silent(tank):
+    lines = {name: (level, sentence) for name, level, sentence in health(
+        tank.record.statuses(tank.clock), tank.record.motions())}
+    assert lines['Sensor'][0] == 0 and lines['Sensor'][1].endswith('Hz, receiving /imu/data')
+    assert 'roll 0.0' in lines['Noise of the angles'][1]
+    assert health({}, {})[0] == ('Sensor', 1, 'no word from predictor')
+
+
+def test_the_forecast_stands_behind_now_with_its_intervals(tank):
+    tank.record.add_horizon(forecast(tank.stamp_ns))
+    chart = motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
+    times = [time for time, _ in chart['measured']]
+    assert times == sorted(times) and -0.05 < times[-1] <= 0.0
+    assert [chart['forecast'][0][0], chart['forecast'][-1][0]] == pytest.approx([0.0, 5.0], abs=0.05)
+    for band, width in zip(chart['bands'], (0.674, 1.645, 2.576), strict=True):
+        _, low, high = band[0]
+        assert [low, high] == pytest.approx(np.degrees([0.1 - width * 0.02, 0.1 + width * 0.02]), abs=1e-3)
+    assert len(motion_series(chart)) == len(motion_options('deg')['series'])
+
+
+def test_what_was_forecast_two_seconds_before_is_kept_until_it_is_due(tank):
+    for second in range(4):
+        tank.record.add_horizon(forecast(tank.stamp_ns + second * 10**8, 0.01 * second))
+    chart = motion_chart(tank.record, 'pitch', tank.record.motions()['pitch'])
+    assert [value for _, value in chart['checked']] == pytest.approx(np.degrees([0.0, 0.01, 0.02, 0.03]), abs=1e-3)
+    assert chart['checked'][0][0] == pytest.approx(2.0, abs=0.05)
+
+
+def test_memory_does_not_grow():
+    record = LiveRecord()
+    for k in range(2 * KEPT_FORECASTS):
+        record.add_horizon(forecast(k * 10**8))
+        record.add_status(Report(f'node {k}: imu', 0, ''), 0.0)
+    assert len(record.checked['pitch']) == KEPT_FORECASTS
+    assert len(record.statuses(0.0)) == MOST_STATUSES
+
+
+@pytest.mark.parametrize(('largest', 'band', 'reach'), [
+    (0.01, 0.0, 1.0), (1.2, 0.5, 2.0), (4.0, 3.0, 5.0), (4.0, 90.0, 10.0),
+])
+def test_the_height_of_a_chart_is_round_and_holds_the_motion(largest, band, reach):
+    chart = {'measured': [[0.0, -largest]], 'forecast': [[1.0, 0.0]], 'bands': [[[1.0, -band, band]]]}
+    assert reach_of(chart, 1.0) == reach
+
+
+def test_the_curves_of_an_exact_model_have_no_width():
+    hull = hull_named('swath-pitch').model
+    chart = model_chart(IdentifiedModel(hull, np.zeros((len(hull.equation.terms),) * 2), amplitude_range=(0.01, 0.08)))
+    assert chart['period'][0][1] == pytest.approx(hull.natural_period, rel=0.02)
+    assert all(low == value == high for _, value, low, high in chart['damping'])
+
+
+def test_calm_is_counted_from_now(tank):
+    assert calm_words(tank.record) == 'No forecast of calm yet.'
+    tank.record.quiescence, tank.record.calm = 0.25, (tank.record.stamp + 1.0, tank.record.stamp + 4.0, 0.93)
+    assert calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
+
+
+def test_a_campaign_lists_its_trials_and_what_is_missing(tmp_path):
+    for name in ('a1.csv', 'a2.csv', 'b1.csv'):
+        (tmp_path / name).write_text(f'# {name}\ntime_s,roll_deg\n0,1\n')
+    path = tmp_path / 'campaign.yaml'
+    path.write_text(
+        'axis: roll\ntrials:\n'
+        '  - {file: a1.csv, initial_angle_deg: 5}\n  - {file: a2.csv, initial_angle_deg: 5}\n'
+        '  - {file: b1.csv, initial_angle_deg: 8}\n  - {file: later.csv, initial_angle_deg: 8}\n'
+    )
+    rows, missing = campaign_words(str(path))
+    assert [row['file'] for row in rows] == ['a1.csv', 'a2.csv', 'b1.csv']
+    assert any('later.csv' in line for line in missing) and 'roll 8 deg: 1 of 2 repeats' in missing
+    assert campaign_words(str(tmp_path / 'none.yaml'))[0] == []
