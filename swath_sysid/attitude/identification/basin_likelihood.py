@@ -24,8 +24,9 @@ RATIO_PRIOR = 4.0
 """Standard deviation, dimensionless, of what a ratio may be before the record is seen: beyond any craft's."""
 BIAS_PRIOR = float(np.radians(2.0))
 """rad/s: an uncalibrated gyro's."""
-STATE_PRIOR = 0.1
-"""Initial state and trim, as parts of the first amplitude, about what least squares found."""
+STATE_PRIOR = 1.0
+"""Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
+equation, so that likelihoods can be compared."""
 BASIN_PRIORS = (
     ('level', np.log(0.003), 3.0),  # of the restoring moment at the first amplitude
     ('frequency', 0.0, 0.4),  # of the hull's
