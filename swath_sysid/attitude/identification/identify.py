@@ -9,8 +9,8 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
-from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term
-from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood, interval
+from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term, fit_and_test
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
 from swath_sysid.attitude.identification.fit_quality import VANISHED, judge
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
 from swath_sysid.attitude.identification.one_step import OneStepObjective
@@ -45,6 +45,8 @@ BLOCKS_PER_PERIOD = 24
 CURVE_POINTS = 40
 MAX_PERIOD_CHANGE = 0.25
 """Of least squares' natural period: by more the basin's motion does not bend it, but a term that is lacking does."""
+CERTAIN_STDS = 2.0
+"""Standard deviations from zero from which least squares knows the stiffness that the likelihood is held against."""
 SEARCH_SHARE = 0.7
 
 
@@ -351,19 +353,24 @@ def refined_in_basin(found):
     if not suits_likelihood(problem, equation):
         return replace(found, absent_term=absent_term(found))
     states = [record.state for record in found.records]
-    likelihood = BasinLikelihood(problem.observed, states, equation, problem.scales, problem.friction_rate)
-    basin = likelihood.fit(found.model.ratios)
+    basin, lacking = fit_and_test(problem, equation, found.model.ratios, states)
     fit = motion_fit(problem, equation)
     parameters = fit.refine_states(fit.pack(basin.ratios, states))
     refined = conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
-    lacking = absent_term(refined)
-    moved = abs(refined.model.natural_period / found.model.natural_period - 1.0) > MAX_PERIOD_CHANGE
+    moved = _has_left(refined, found)
     if moved:
         lacking = lacking or absent_term(found)
     best = refined if lacking is None and not moved else found
     return replace(
         best, objective_value=found.objective_value, absent_term=lacking, log_likelihood=basin.log_likelihood
     )
+
+
+def _has_left(refined, found):
+    """Whether the likelihood's natural period is elsewhere than that of least squares, by more than its own chance."""
+    if any(found.model.terms[n] < CERTAIN_STDS * found.std[n] for n in ('r1', 's1') if n in found.std):
+        return False
+    return abs(refined.model.natural_period / found.model.natural_period - 1.0) > MAX_PERIOD_CHANGE
 
 
 def motion_fit(problem, equation, motions=None, **options):
@@ -497,7 +504,7 @@ def conclude(problem, settings, equation, fit, parameters, search, basin=None):
         problem=problem,
         settings=settings,
         basin=basin,
-        advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance)),
+        advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance, basin)),
     )
 
 
@@ -512,7 +519,7 @@ def _explained(records):
     return 1.0 - error / sum(float(np.sum((m - m.mean()) ** 2)) for m in measured)
 
 
-def _fit_advice(problem, settings, model, covariance):
+def _fit_advice(problem, settings, model, covariance, basin):
     found = list(inseparable_terms(model.equation.terms, covariance))
     dimensionless = model.ratios / problem.scales.ratio_units
     for name in model.equation.terms:
@@ -525,7 +532,9 @@ def _fit_advice(problem, settings, model, covariance):
                     'this record does not need the term, choose an equation without it',
                 )
             )
-        elif dimensionless[index] > 0.999 * UPPER[index] or dimensionless[index] < 0.999 * min(LOWER[index], -1e-6):
+        elif basin is None and not (
+            0.999 * min(LOWER[index], -1e-6) <= dimensionless[index] <= 0.999 * UPPER[index]
+        ):
             found.append(
                 Advice(
                     'range-limit',
