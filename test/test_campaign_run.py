@@ -308,7 +308,7 @@ def test_the_command_line_refuses_what_makes_no_sense(trials, tmp_path, capsys):
     for arguments, words in (
         ([manifest], 'give --output'),
         ([], 'give either a manifest, or --new'),
-        ([manifest, '--output', str(tmp_path), '--jobs', '0'], '--jobs must be at least 1'),
+        ([manifest, '--output', str(tmp_path), '--jobs', '0'], 'at least 1 process (--jobs)'),
         ([str(tmp_path / 'absent.yaml'), '--output', str(tmp_path)], 'cannot read the manifest'),
         (['--new', str(tmp_path / 'absent')], 'there is no folder'),
     ):

@@ -1,11 +1,13 @@
 """The command line: what it prints, what it writes, and how it answers bad input."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
+from swath_sysid.cli import replay
 from swath_sysid.cli.advice_words import FLAGS, worded
 from swath_sysid.cli.main import VERBS, main, module_of
 from swath_sysid.formats.model_file import read_model
@@ -212,14 +214,34 @@ def test_bad_options_are_answered_with_one_sentence(options, words, trial_file, 
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize('code', FLAGS)
-def test_flags_that_advice_is_given_are_those_of_identify(code, capsys):
-    with pytest.raises(SystemExit):
-        main(['identify', '--help'])
+def test_flags_that_advice_is_given_exist(capsys):
+    for words in (['identify'], ['manoeuvre', 'identify'], ['export'], ['campaign']):
+        with pytest.raises(SystemExit):
+            main([*words, '--help'])
     known = capsys.readouterr().out
-    assert worded(code, 'look again').startswith('look again (--')
-    assert all(flag in known for flag in FLAGS[code].split(' and '))
+    for code, flags in FLAGS.items():
+        assert worded(code, 'look again') == f'look again ({flags})'
+        assert all(flag in known for flag in re.findall('--[a-z-]+', flags)) and '--' in flags
     assert worded('spikes', 'look again') == 'look again'
+
+
+class StoppedReplay:
+    """A node that notes what is asked of it."""
+
+    advice, unknown_types, outlets, sent = (), (), {'/imu/data': None}, 0
+
+    def __init__(self):
+        self.asked = []
+
+    def __getattr__(self, name):
+        return lambda *_: self.asked.append(name) or 0
+
+
+@pytest.mark.parametrize('is_stopped', [False, True])
+def test_a_replay_that_is_stopped_does_not_wait_for_its_messages(is_stopped):
+    node = StoppedReplay()
+    replay._play(node, 1, lambda: is_stopped)
+    assert ('wait_until_received' in node.asked) is not is_stopped and node.asked[-1] == 'destroy_node'
 
 
 def test_numbers_must_be_finite(trial_file, capsys):

@@ -1,5 +1,6 @@
 """Tasks over processes: results in order, whoever did them."""
 import os
+import time
 
 import pytest
 
@@ -24,6 +25,21 @@ def test_an_error_comes_where_its_result_would():
     assert next(results)[0] == 9
     with pytest.raises(ValueError, match='negative'):
         next(results)
+
+
+def wait_for(path):
+    """The process that waited for the file, where one is named."""
+    while path is not None and not path.exists():
+        time.sleep(0.01)
+    return os.getpid()
+
+
+def test_no_process_has_a_second_task_while_another_has_none(tmp_path):
+    # the other process holds the last task until this one has done all the rest
+    results = results_in_order(wait_for, [None] * 5 + [tmp_path / 'go'], 2)
+    assert {next(results) for _ in range(5)} == {os.getpid()}
+    (tmp_path / 'go').touch()
+    assert next(results) != os.getpid()
 
 
 def test_one_process_is_this_one_and_several_are_others():

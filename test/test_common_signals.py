@@ -1,8 +1,11 @@
 """Sampled signals: noise and means against numbers of known make."""
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import find_peaks
 
-from swath_sysid.common.signals import bin_means, noise_level, quantum, white_noise
+from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, white_noise
 
 
 def test_white_noise_is_found_on_a_slow_motion():
@@ -31,3 +34,15 @@ def test_means_over_bins_are_those_of_a_loop():
     assert held.tolist() == sorted(set(bins.tolist()))
     for column, mean in zip((first, second), means, strict=True):
         np.testing.assert_allclose(mean, [column[bins == b].mean() for b in held], rtol=1e-12)
+
+
+@given(st.lists(st.integers(-4, 4), max_size=40), st.integers(1, 6))
+def test_maxima_that_stand_out_are_those_of_scipy(values, least):
+    values = np.array(values, dtype=float)
+    np.testing.assert_array_equal(prominent_maxima(values, least), find_peaks(values, prominence=least)[0])
+
+
+def test_maxima_of_noise_that_stand_out_are_those_of_scipy():
+    values = np.cumsum(np.random.default_rng(4).normal(size=20_000))
+    for least in (0.5, 2.0, 20.0):
+        np.testing.assert_array_equal(prominent_maxima(values, least), find_peaks(values, prominence=least)[0])

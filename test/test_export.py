@@ -408,7 +408,7 @@ def test_fossens_roll_and_pitch_are_those_of_the_hull_in_his_axes(axis, side, tm
 
 @pytest.mark.parametrize('words, sentence', [
     (['missing.yaml', '--to', 'vrx'], 'missing.yaml'),
-    (['roll.yaml', '--to', 'gazebo'], '--inertia roll='),
+    (['roll.yaml', '--to', 'gazebo'], 'give the inertia of roll in kg m^2, with added inertia (--inertia AXIS=KG_M2)'),
     (['roll.yaml', '--to', 'nav2'], 'takes no roll or pitch model'),
     (['roll.yaml', '--to', 'fossen', '--inertia', 'roll=-1'], 'greater than zero'),
     (['craft.yaml', '--to', 'vrx', '--inertia', 'roll=1'], 'leave it out'),

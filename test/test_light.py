@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-HEAVY = {'filterpy', 'matplotlib', 'rich', 'rosbags', 'scipy.signal', 'scipy.stats'}
+HEAVY = {'filterpy', 'matplotlib', 'numba', 'rich', 'rosbags', 'scipy.signal', 'scipy.stats'}
 
 
 def loaded_by(module):
@@ -41,5 +41,5 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
 def test_the_buffer_computes_without_the_large_libraries():
     pytest.importorskip('rclpy')
     # not scipy.linalg, which some versions of scipy.special load by themselves
-    heavy = HEAVY | {'numba', 'scipy.optimize'}
+    heavy = HEAVY | {'scipy.optimize'}
     assert loaded_by('swath_sysid.nodes.imu_buffer') & heavy == set()

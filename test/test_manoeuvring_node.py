@@ -14,13 +14,13 @@ from sensor_msgs.msg import Imu  # noqa: E402
 from std_msgs.msg import Float64, String  # noqa: E402
 
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_to_yaml  # noqa: E402
+from swath_sysid.formats.messages import stamp_ns  # noqa: E402
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel  # noqa: E402
 from swath_sysid.manoeuvring.hull.presets import preset  # noqa: E402
 from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
 from swath_sysid.manoeuvring.hull.stability import Region  # noqa: E402
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
 from swath_sysid.nodes.manoeuvring_predictor import odometry_message, odometry_reading  # noqa: E402
-from swath_sysid.nodes.messages import stamp_ns  # noqa: E402
 from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.dds

@@ -11,13 +11,13 @@ from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from std_msgs.msg import Float32, Float64, String  # noqa: E402
 
+from swath_sysid.formats.manoeuvring_messages import odometry_message  # noqa: E402
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model  # noqa: E402
+from swath_sysid.formats.messages import stamp_ns  # noqa: E402
 from swath_sysid.manoeuvring.hull.presets import preset  # noqa: E402
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise  # noqa: E402
 from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
-from swath_sysid.nodes.manoeuvring_messages import odometry_message  # noqa: E402
-from swath_sysid.nodes.messages import stamp_ns  # noqa: E402
 from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.dds

@@ -29,8 +29,9 @@ from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES  # noqa: E402
 from swath_sysid.attitude.motion.window import COLUMNS  # noqa: E402
+from swath_sysid.formats.messages import window_table  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, read_model  # noqa: E402
-from swath_sysid.nodes.messages import time_message, window_table  # noqa: E402
+from swath_sysid.nodes.messages import time_message  # noqa: E402
 from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, table_of  # noqa: E402
 
 pytestmark = pytest.mark.dds
@@ -382,7 +383,7 @@ def test_without_a_buffer_identify_says_what_to_start_and_a_signal_at_work_ends_
 def a_window():
     """A window with a decay, as imu_buffer publishes it."""
     from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
-    from swath_sysid.nodes.messages import window_message
+    from swath_sysid.formats.messages import window_message
     window = MotionWindow(WindowSettings(detect_decay=False))
     for one in decay_stream(50.0, 30.0):
         window.add(one)

@@ -15,16 +15,16 @@ from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
-from swath_sysid.nodes.messages import (  # noqa: E402
-    AttitudeMessage,
+from swath_sysid.formats.messages import (  # noqa: E402
+    ImuMessage,
     coefficients_message,
     horizon_message,
     imu_reading,
     stamp_ns,
-    time_message,
     window_message,
     window_table,
 )
+from swath_sysid.nodes.messages import time_message  # noqa: E402
 from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast  # noqa: E402
 
 
@@ -99,7 +99,7 @@ def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
 
 
 def test_the_attitude_message_is_filled_anew_each_time():
-    maker = AttitudeMessage('craft')
+    maker = ImuMessage('craft')
     for sign in (1.0, -1.0):
         forecast = AttitudeForecast(
             EPOCH_NS, (0.0, 0.0, 0.0, sign), (1e-4,) + (0.0,) * 8, (sign, 0.0, 0.0), (-1.0,) + (0.0,) * 8)

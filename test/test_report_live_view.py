@@ -8,7 +8,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.page.charts import motion_options, motion_series, reach_of
 from swath_sysid.pipeline.health import Report
-from swath_sysid.pipeline.live_record import KEPT_FORECASTS, MOST_STATUSES, LiveRecord, horizon_of
+from swath_sysid.pipeline.live_record import KEPT_FORECASTS, MAX_STATUSES, LiveRecord, horizon_of
 from swath_sysid.report.live_view import calm_words, campaign_words, health, model_chart, motion_chart, noise_of
 
 LEADS = np.arange(51) * 100_000_000
@@ -68,7 +68,7 @@ def test_memory_does_not_grow():
         record.add_horizon(forecast(k * 10**8))
         record.add_status(Report(f'node {k}: imu', 0, ''), 0.0)
     assert len(record.checked['pitch']) == KEPT_FORECASTS
-    assert len(record.statuses(0.0)) == MOST_STATUSES
+    assert len(record.statuses(0.0)) == MAX_STATUSES
 
 
 @pytest.mark.parametrize(('largest', 'band', 'reach'), [

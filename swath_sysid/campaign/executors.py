@@ -55,7 +55,7 @@ def executor_of(jobs, scheduler=None):
         ``jobs`` below one; distributed is not installed; the scheduler does not answer.
     """
     if jobs < 1:
-        raise InputError('--jobs must be at least 1')
+        raise InputError('the work needs at least 1 process', 'no-process')
     if scheduler is not None:
         with _cluster(scheduler) as executor:
             yield executor
@@ -68,7 +68,8 @@ def executor_of(jobs, scheduler=None):
 def _cluster(address):
     if distributed is None:
         raise InputError(
-            "--scheduler needs the package distributed: install it with pip install 'swath_sysid[cluster]'"
+            "a Dask scheduler needs the package distributed: install it with pip install 'swath_sysid[cluster]'",
+            'no-distributed',
         )
     try:
         client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)

@@ -18,7 +18,7 @@ from swath_sysid.attitude.identification.identify import OBJECTIVES
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.fields import FieldError, Place, anything, number, one_of, one_or_more, record, text, whole
 from swath_sysid.formats.untrusted_yaml import LocatedError, line_of, located, parsed, shown, text_of
 
@@ -263,7 +263,8 @@ def read_manifest(path):
     root = parsed(text_of(path, 'manifest'), str(path))
     if not isinstance(root, yaml.MappingNode):
         raise InputError(
-            f"{path} is not a manifest: it must hold 'trials:' (start one with swath-sysid campaign --new FOLDER)"
+            f"{path} is not a manifest: it must hold 'trials:'; begin with one that is made for a folder of trials",
+            'not-a-manifest',
         )
     try:
         return _manifest_of(root, path)
@@ -598,10 +599,8 @@ def write_new_manifest(folder, path, axis='pitch'):
     """
     path = Path(path)
     if path.exists():
-        raise InputError(f'{path} exists already: remove it first, or name another file with --output')
-    text = new_manifest(folder, axis, path.name, path.parent)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding='utf-8')
+        raise InputError(f'{path} exists already: remove it first, or name another file', 'manifest-exists')
+    write_text(path, new_manifest(folder, axis, path.name, path.parent))
 
 
 def pattern_of_name(name):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 
 LEFTOVERS = '.writing-*'
 LOCK = '.lock'
@@ -67,7 +67,8 @@ class ResultStore:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 raise InputError(
-                    f'another campaign is writing to {self._folder.parent}: wait for it, or choose another --output'
+                    f'another campaign is writing to {self._folder.parent}: wait for it, or choose another folder',
+                    'store-in-use',
                 ) from error
             for leftover in self._folder.rglob(LEFTOVERS):
                 shutil.rmtree(leftover, ignore_errors=True)
@@ -86,8 +87,7 @@ class ResultStore:
         """Keep a result: plain data, which comes back bit by bit the same."""
         path = self._path(key)
         path.parent.mkdir(exist_ok=True)
-        with replacing(path) as temporary:
-            temporary.write_text(json.dumps(result, allow_nan=True), encoding='utf-8')
+        write_text(path, json.dumps(result, allow_nan=True))
 
     def _path(self, key):
         return self._folder / key[:2] / f'{key}.json'

@@ -386,8 +386,8 @@ class _Work:
         except BrokenProcessPool as error:
             raise InputError(
                 'a worker process was killed, perhaps because memory ran out: give the same command again, with '
-                'fewer --jobs; '
-                'it goes on from the results that are kept'
+                'fewer processes; it goes on from the results that are kept',
+                'worker-killed',
             ) from error
         return found
 

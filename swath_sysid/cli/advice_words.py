@@ -8,6 +8,19 @@ FLAGS = {
     'no-decay': '--start and --end',
     'poor-fit': '--start and --end',
     'sea-not-fitted': '--start and --end',
+    'taken-as-commands': '--thrust-input force',
+    'thrust-input-differs': '--thrust-input',
+    'several-topics': '--odometry-topic, --imu-topic, --port-topic, --starboard-topic',
+    'no-inertia': '--inertia AXIS=KG_M2',
+    'no-function-name': '--output',
+    'added-mass-diverges': '--fix m=KG',
+    'output-over-input': '--output',
+    'no-process': '--jobs',
+    'no-distributed': '--scheduler',
+    'store-in-use': '--output',
+    'worker-killed': '--jobs',
+    'not-a-manifest': '--new FOLDER',
+    'manifest-exists': '--output',
 }
 
 

@@ -3,9 +3,11 @@
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.sources import assignment
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.export.expressible import Export
 from swath_sysid.formats.export.fossen import LANGUAGES, MATLAB, PYTHON, fossen, fossen_attitude
 from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
@@ -60,8 +62,7 @@ def run(arguments: Namespace) -> int:
     if arguments.output is None:
         print(found.text, end='')
         return 0
-    with replacing(arguments.output) as temporary:
-        temporary.write_text(found.text, encoding='utf-8')
+    write_text(arguments.output, found.text)
     print(f'{arguments.output} written')
     return 0
 
@@ -106,11 +107,7 @@ def _is_attitude(path: str) -> bool:
 
 
 def _inertia(text: str) -> tuple[str, float]:
-    axis, _, number = text.partition('=')
-    try:
-        value = float(number)
-    except ValueError:
-        value = float('nan')
-    if axis not in ('roll', 'pitch') or not 0.0 < value < float('inf'):
+    axis, value = assignment(text, '--inertia roll=0.08')
+    if axis not in AXES or value <= 0.0:
         raise InputError(f"--inertia '{text}' is not understood: give roll=KG_M2 or pitch=KG_M2, greater than zero")
     return axis, value

@@ -138,15 +138,15 @@ def _print_skill(skill: Any, name: str) -> None:
                 table.add_row(f'  {LABELS[method]}', *(_cell(v) for v in values))
         console.print(table)
     for point, kinds in skill.points.items():
-        _tell_point(console, skill, point, kinds)
-    _tell_quiescence(console, skill)
+        _print_point(console, skill, point, kinds)
+    _print_quiescence(console, skill)
     console.print(
         f'a sample {1e3 * skill.step_time["median"]:.2f} ms (median), '
         f'a refit {1e3 * skill.refit_time["median"]:.0f} ms (most {1e3 * skill.refit_time["most"]:.0f} ms)'
     )
 
 
-def _tell_point(console: Console, skill: Any, point: str, kinds: Any) -> None:
+def _print_point(console: Console, skill: Any, point: str, kinds: Any) -> None:
     table = Table(title=f'{point}: RMSE / standard deviation {_span(skill)}', title_justify='left')
     table.add_column('lead, s')
     for lead in skill.leads:
@@ -169,7 +169,7 @@ def _span(skill: Any):
     return f'from {skill.warmup:g} to {skill.until:.0f} s'
 
 
-def _tell_quiescence(console: Any, skill: Any) -> None:
+def _print_quiescence(console: Any, skill: Any) -> None:
     limits, found = skill.quiescence_limits, skill.quiescence
     if limits is None or found is None:
         return

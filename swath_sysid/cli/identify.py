@@ -29,12 +29,13 @@ from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, t
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import write_model
+from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
 from swath_sysid.report.extinction_tables import table_as_data, table_in_words, tank_tables
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
-from swath_sysid.report.fit_summary import finite_or_none, fit_as_data, fit_in_words, warnings_as_data
+from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, warnings_as_data
 
 
 def add_arguments(parser: ArgumentParser) -> None:

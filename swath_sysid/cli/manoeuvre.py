@@ -27,6 +27,7 @@ from swath_sysid.formats.manoeuvring_csv import FRAMES, read_manoeuvring_csv, wr
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
 from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import COMMAND, INPUTS
 from swath_sysid.manoeuvring.hull.presets import PRESETS, preset
@@ -44,7 +45,7 @@ from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
 from swath_sysid.report.figures import FORMATS, save_figure
-from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
+from swath_sysid.report.fit_summary import warnings_as_data
 from swath_sysid.report.manoeuvring_figures import forecast_figure, run_figures, summary_figures, test_figure
 from swath_sysid.report.manoeuvring_summary import (
     condensed,

@@ -10,7 +10,7 @@ from swath_sysid.campaign.papers.decay_study import run_decay_study
 from swath_sysid.campaign.papers.manoeuvring_study import run_manoeuvring_study
 from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, STUDIES
 from swath_sysid.cli.progress import progress_of
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.report.paper_decay import decay_page
 from swath_sysid.report.paper_manoeuvring import manoeuvring_page
@@ -34,8 +34,6 @@ def run(arguments: Namespace) -> int:
         with executor_of(arguments.jobs) as executor, progress_of('paper') as progress:
             study = run_decay_study(arguments.study, executor, lambda done, total: progress(done / total))
         page_of = decay_page
-    text = page_of(study, time.perf_counter() - began)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding='utf-8')
+    write_text(path, page_of(study, time.perf_counter() - began))
     print(path)
     return 0

@@ -46,7 +46,7 @@ def run(arguments: Namespace) -> int:
     previous = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        _play(Replay(arguments.bag, settings), max(settings.listeners, 1), stop.is_set)
+        _play(Replay(arguments.bag, settings, stop.is_set), max(settings.listeners, 1), stop.is_set)
     finally:
         rclpy.try_shutdown()
         for number, handler in previous.items():
@@ -62,12 +62,13 @@ def _play(node: 'Replay', expected: int, should_stop: Callable[[], bool]) -> Non
         show_advice(node.advice)
         if node.unknown_types:
             show(f'left out, their types are not installed: {", ".join(sorted(node.unknown_types))}')
-        show(f'publishing {", ".join(node.topics)}')
-        listening = node.wait_for_listeners(should_stop)
+        show(f'publishing {", ".join(sorted(node.outlets))}')
+        listening = node.wait_for_listeners()
         if listening < expected and not should_stop():
             show(f'{listening} of {expected} listen yet: publishing all the same')
-        node.play(should_stop)
-        node.wait_until_received()
+        node.play()
+        if not should_stop():
+            node.wait_until_received()
         show(f'{node.sent} messages published')
     finally:
         node.destroy_node()

@@ -1,23 +1,48 @@
 """The optional accelerator: numba where it is installed, plain Python where it is not."""
-
+import os
 from collections.abc import Callable
-from typing import Any, TypeVar
-
-numba: Any
-try:
-    import numba
-except ImportError:
-    numba = None
+from functools import cached_property, update_wrapper
+from importlib.util import find_spec
+from typing import Any, TypeVar, cast
 
 Function = TypeVar('Function', bound=Callable)
 
-HAS_NUMBA = numba is not None and not numba.config.DISABLE_JIT
+HAS_NUMBA = find_spec('numba') is not None and os.environ.get('NUMBA_DISABLE_JIT', '0') in ('', '0')
 """Whether `accelerated` compiles."""
 
 
+class _Compiled:
+    """A function that numba compiles at its first call: loading numba alone takes as long as loading numpy."""
+
+    def __init__(self, function: Callable) -> None:
+        self._function = function
+        update_wrapper(self, function)
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        try:
+            import numba
+        except ImportError:  # it is there, but not for this version of numpy
+            return self._function
+        return numba.njit(cache=True)(self._function)
+
+    @property
+    def _numba_type_(self) -> Any:
+        # by this name numba finds what a compiled function calls
+        return self._dispatcher._numba_type_
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._dispatcher(*arguments)
+
+
 def accelerated(function: Function) -> Function:
-    """Compile with numba (extra ``fast``) or, without it, return the function itself.
+    """Compile with numba (extra ``fast``) at the first call or, without it, return the function itself.
 
     The same source runs either way; ``test_hull_simulation`` holds both to the same numbers.
+
+    Parameters
+    ----------
+    function : callable
+        Of what numba compiles, called by position.
     """
-    return numba.njit(cache=True)(function) if HAS_NUMBA else function
+    return cast(Function, _Compiled(function)) if HAS_NUMBA else function

@@ -4,15 +4,21 @@ import multiprocessing
 import os
 import signal
 import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from typing import Any, TypeVar
+
+Task = TypeVar('Task')
+Result = TypeVar('Result')
 
 
 class SerialExecutor(Executor):
     """Does the work in this process, each task when it is submitted."""
 
-    def submit(self, function, /, *args, **kwargs):
+    def submit(self, function: Callable[..., Result], /, *args: Any, **kwargs: Any) -> Future[Result]:
         """Call the function; the future that is returned is done."""
-        future: Future = Future()
+        future: Future[Result] = Future()
         try:
             future.set_result(function(*args, **kwargs))
         except Exception as error:  # noqa: BLE001 - raised again by the result
@@ -20,10 +26,11 @@ class SerialExecutor(Executor):
         return future
 
 
-def results_in_order(function, tasks, count):
+def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], count: int) -> Iterator[Result]:
     """The result of each task, in order, by this many processes.
 
-    This process begins at the front, the others, which take seconds to start, at the end.
+    This process begins at the front, the others, which take seconds to start, at the end; each is given one task at a
+    time, so that none waits while another has more than one left.
 
     Parameters
     ----------
@@ -41,15 +48,32 @@ def results_in_order(function, tasks, count):
     if count <= 1 or len(tasks) == 1:
         yield from map(function, tasks)
         return
+    lock, waiting = threading.Lock(), deque(range(len(tasks)))
+    begun: dict[int, Future[Result]] = {}
     with _pool(min(count, len(tasks)) - 1) as executor:
-        futures = [executor.submit(function, task) for task in reversed(tasks)]
-        for task, future in zip(tasks, reversed(futures), strict=True):
-            # a task that has not begun can be cancelled
-            yield function(task) if future.cancel() else future.result()
+        def hand_out(_: Future | None = None) -> None:
+            with lock:
+                if not waiting:
+                    return
+                future = begun[waiting[-1]] = executor.submit(function, tasks[waiting[-1]])
+                waiting.pop()
+            future.add_done_callback(hand_out)
+
+        for _ in range(min(count, len(tasks)) - 1):
+            hand_out()
+        try:
+            for number, task in enumerate(tasks):
+                with lock:
+                    is_mine = bool(waiting) and waiting[0] == number
+                    if is_mine:
+                        waiting.popleft()
+                yield function(task) if is_mine else begun[number].result()
+        finally:
+            waiting.clear()
 
 
 @contextlib.contextmanager
-def processes(count):
+def processes(count: int) -> Iterator[Executor]:
     """An executor on this many processes; one is this process.
 
     Parameters
@@ -69,7 +93,7 @@ def processes(count):
 
 
 @contextlib.contextmanager
-def _pool(count):
+def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     # read when a worker imports numpy: more threads than cores would only get in each other's way
     os.environ.setdefault('OMP_NUM_THREADS', '1')
     executor = ProcessPoolExecutor(count, multiprocessing.get_context('spawn'), initializer=_begin_worker)
@@ -84,12 +108,12 @@ def _pool(count):
         executor.shutdown(wait=False, cancel_futures=True)
 
 
-def _begin_worker():
+def _begin_worker() -> None:
     """Leave Ctrl-C to the parent, and end when the parent does, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
 
 
-def _end_with(parent):
+def _end_with(parent: multiprocessing.process.BaseProcess) -> None:
     parent.join()
     os._exit(1)

@@ -61,6 +61,12 @@ def replacing(path):
         shutil.rmtree(workshop, ignore_errors=True)
 
 
+def write_text(path, text):
+    """Write a text file in UTF-8, whole or not at all; see `replacing`."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding='utf-8')
+
+
 def _flush_to_disk(path):
     """Wait until the content is on the disk: a rename may outlive a power cut that the content does not."""
     with open(path, 'rb+') as file:

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 from rosbags.interfaces import QosDurability
 
+from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import IMU_TYPE
 from swath_sysid.formats.topics import LATCHED_TOPICS
-
-NANOSECOND = 1e-9
 
 
 @dataclass(frozen=True)

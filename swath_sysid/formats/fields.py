@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.untrusted_yaml import dumped, plain_content, shown, text_of
 
 LONGEST_TEXT = 200
@@ -318,8 +318,7 @@ class ModelFormat:
     def write(self, path, text, read_text):
         """Write a file, whole or not at all, and not what its readers would refuse."""
         read_text(text, f'{path} is not written: what it would hold')
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding='utf-8')
+        write_text(path, text)
 
 
 def built(build, where):

@@ -76,15 +76,15 @@ class ForecastMessages:
     """
 
     def __init__(self, frame_id, frames_at=()):
-        self._frame_id = frame_id
+        self.frame_id = frame_id
         self._frames_at = frames_at
         self._level = f'{frame_id}_level'
-        self._imu = ImuMessage(frame_id)
+        self.imu = ImuMessage(frame_id)
         self._templates = {}
 
     def attitude(self, forecast):
         """The message of an `AttitudeForecast`."""
-        return self._imu.filled(forecast)
+        return self.imu.filled(forecast)
 
     def of(self, step):
         """What a step of the pipeline leads to, but for ``forecast/next``.
@@ -102,7 +102,7 @@ class ForecastMessages:
         for lead, forecast in step.attitudes():
             yield lead_topic(lead), self.attitude(forecast)
         if step.horizon is not None:
-            yield HORIZON_TOPIC, horizon_message(step.trajectory(), self._frame_id)
+            yield HORIZON_TOPIC, horizon_message(step.trajectory(), self.frame_id)
         if step.quiescence is not None:
             yield QUIESCENCE_TOPIC, number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC])
         yield from self._at_points(step)
@@ -115,7 +115,7 @@ class ForecastMessages:
         """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""
         forecast, yaw = step.forecast, step.heading[0]
         without_heading = multiply(quaternion(0.0, 0.0, -yaw), step.next.orientation)
-        yield self._transform(f'{self._frame_id}_now', step.stamp_ns, 0.0, without_heading)
+        yield self._transform(f'{self.frame_id}_now', step.stamp_ns, 0.0, without_heading)
         heaving = [motion for motion in forecast.points.values() if not any(motion.place)]
         for lead in self._frames_at:
             place = int(np.abs(forecast.leads - lead).argmin())
@@ -123,7 +123,7 @@ class ForecastMessages:
                 float(forecast.axes[axis].angle[place]) if axis in forecast.axes else 0.0 for axis in ('roll', 'pitch')
             )
             heave = float(heaving[0].mean[place, 0]) if heaving else 0.0
-            yield self._transform(frame_at(self._frame_id, lead), step.stamp_ns, heave, quaternion(roll, pitch, 0.0))
+            yield self._transform(frame_at(self.frame_id, lead), step.stamp_ns, heave, quaternion(roll, pitch, 0.0))
 
     def _transform(self, child, stamp_ns, heave, orientation):
         return make(

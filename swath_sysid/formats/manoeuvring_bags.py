@@ -89,7 +89,7 @@ def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=Non
         if thrust_input == COMMAND:
             advice.append(Advice('taken-as-commands', (
                 f'{path}: the thrusters stay within -1 and 1 and are taken as normalised commands; if they are N, say '
-                f'so (--thrust-input force)')))  # fmt: skip
+                f'so')))  # fmt: skip
     motion = _motion(pose['values'], shifted[chosen['odometry']], path, advice)
     series = {name: (shifted[chosen['odometry']], values) for name, values in motion.items()}
     if 'imu' in chosen and tables[chosen['imu']]['values'].size:
@@ -174,9 +174,9 @@ def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0
 
 def _choose(path, topics, odometry, imu, port, starboard):
     """Topic of each role."""
-    chosen = {'odometry': _only(path, topics.get(ODOMETRY, set()), odometry, ODOMETRY, '--odometry')}
+    chosen = {'odometry': _only(path, topics.get(ODOMETRY, set()), odometry, ODOMETRY)}
     if imu or topics.get(IMU):
-        chosen['imu'] = _only(path, topics.get(IMU, set()), imu, IMU, '--imu')
+        chosen['imu'] = _only(path, topics.get(IMU, set()), imu, IMU)
     numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
     for side, given in (('port', port), ('starboard', starboard)):
         if given is not None:
@@ -188,30 +188,30 @@ def _choose(path, topics, odometry, imu, port, starboard):
         # a thruster may have an angle topic (.../pos) beside its thrust
         found = [t for t in found if not re.search(r'(pos|angle|position)$', t)] or found
         if len(found) > 1:
-            raise InputError(f'{path} has several topics for the {side} thruster ({_listed(found)}): choose one with '
-                             f'--{side}-topic')  # fmt: skip
+            raise InputError(f'{path} has several topics for the {side} thruster ({_listed(found)}): choose one',
+                             'several-topics')  # fmt: skip
         if found:
             chosen[side] = found[0]
     if 'port' in chosen and 'starboard' in chosen:
         return chosen
     if topics.get(JOINTS):
         chosen = {k: v for k, v in chosen.items() if k in ('odometry', 'imu')}
-        chosen['joints'] = _only(path, topics[JOINTS], None, JOINTS, '--port-topic and --starboard-topic')
+        chosen['joints'] = _only(path, topics[JOINTS], None, JOINTS)
         return chosen
     raise InputError(f'{path} has no thrust of both sides: looked for two topics of {NUMBERS[0]} with left or port and '
-                     f'right or starboard in their names, or one of {JOINTS}; choose with --port-topic and '
-                     f'--starboard-topic')  # fmt: skip
+                     f'right or starboard in their names, or one of {JOINTS}; name the topics',
+                     'several-topics')  # fmt: skip
 
 
-def _only(path, topics, given, msgtype, option):
+def _only(path, topics, given, msgtype):
     if given is not None:
         if given not in topics:
             raise InputError(f'{path} has no topic {given} of {msgtype}: it has {_listed(topics)}')
         return given
-    if len(topics) != 1:
-        what = f'several topics ({_listed(topics)})' if topics else 'no topic'
-        raise InputError(f'{path} has {what} of {msgtype}: choose one with {option}' if topics else
-                         f'{path} has no topic of {msgtype}: record one')  # fmt: skip
+    if not topics:
+        raise InputError(f'{path} has no topic of {msgtype}: record one')
+    if len(topics) > 1:
+        raise InputError(f'{path} has several topics ({_listed(topics)}) of {msgtype}: choose one', 'several-topics')
     return next(iter(topics))
 
 

@@ -40,7 +40,7 @@ _FORECAST = record({
 })  # fmt: skip
 FORMAT = ModelFormat(
     'swath_sysid manoeuvring model', 'body x forward, y port, z up; world x east, y north (REP 103)',
-    'write one with manoeuvre identify --output', {
+    'identify the craft again', {
         'name': text(),
         'thrust_input': one_of(INPUTS),
         'length_m': number(0.01, 1000.0),

@@ -38,7 +38,8 @@ def play_manoeuvres(trial, settings, identified=None):
         raise InputError(f'{trial.source} lacks {", ".join(missing)}: play a bag with odometry through')
     if identified is not None and identified.model.thrust_input != trial.thrust_input:
         raise InputError(f'{trial.source} holds thrust as {trial.thrust_input}, the model takes '
-                         f'{identified.model.thrust_input}: give --thrust-input if that was mistaken')  # fmt: skip
+                         f'{identified.model.thrust_input}: state it if that was mistaken',
+                         'thrust-input-differs')  # fmt: skip
     outlook = ManoeuvreOutlook(settings, identified)
     rate = np.nan
     for k, stamp in enumerate(trial.time.tolist()):

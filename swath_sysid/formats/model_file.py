@@ -205,14 +205,19 @@ def read_model(path):
     return read_description(path)[0]
 
 
+def ratios_as_data(identified):
+    """Value, standard deviation and unit of each ratio, of whatever has a model and its deviations."""
+    return {
+        name: {'value': value, 'std': identified.std[name], 'unit': RATIO_UNITS[name]}
+        for name, value in identified.model.terms.items()
+    }
+
+
 def _axis_to_plain(identified):
     model = identified.model
     return {
         'equation': model.equation.name,
-        'ratios': {
-            name: {'value': value, 'std': identified.std[name], 'unit': RATIO_UNITS[name]}
-            for name, value in model.terms.items()
-        },
+        'ratios': ratios_as_data(identified),
         'covariance': identified.covariance.tolist(),
         'trim_rad': float(model.trim),
         'trim_std_rad': float(identified.trim_std),

@@ -11,7 +11,6 @@ from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.forecast_output import ForecastMessages
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.messages import (
-    ImuMessage,
     coefficients_message,
     diagnostics_message,
     text_message,
@@ -118,18 +117,21 @@ class OutputBag:
 
     def __init__(self, add, frame_id='base_link', namespace='', frames_at=()):
         self._add = add
-        self._frame_id = frame_id
         self._prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
-        self._imu = ImuMessage(frame_id)
         self._forecasts = ForecastMessages(frame_id, frames_at)
+        self._described = {}
         self.counts = {}
 
     def add(self, topic, time_ns, raw):
         """A serialised message on a topic of the nodes."""
-        name = topic if topic.startswith('/') else f'{self._prefix}/{topic}'
-        qos = offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)
-        self._add(name, type_of(topic), time_ns, raw, [qos])
-        self.counts[topic] = self.counts.get(topic, 0) + 1
+        if topic not in self.counts:
+            name = topic if topic.startswith('/') else f'{self._prefix}/{topic}'
+            qos = offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)
+            self._described[topic] = name, type_of(topic), [qos]
+            self.counts[topic] = 0
+        name, msgtype, qos = self._described[topic]
+        self._add(name, msgtype, time_ns, raw, qos)
+        self.counts[topic] += 1
 
     def add_played(self, played):
         """Everything that one step of a play-through published.
@@ -147,11 +149,11 @@ class OutputBag:
         for topic, raw in self._forecasts.of(step):
             self.add(topic, time_ns, raw)
         if played.window is not None:
-            self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._frame_id))
+            self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._forecasts.frame_id))
 
     def add_imu(self, time_ns, values):
         """The IMU message itself, of 37 numbers in the order of the message definition."""
-        self.add(IMU_TOPIC, time_ns, self._imu.of_values(time_ns, values))
+        self.add(IMU_TOPIC, time_ns, self._forecasts.imu.of_values(time_ns, values))
 
     def add_models(self, time_ns, models):
         """Models by axis, as ``model/description`` and ``model/coefficients``."""

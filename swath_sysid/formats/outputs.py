@@ -21,7 +21,7 @@ class Output:
     Attributes
     ----------
     option : str
-        Of the command line, for messages: ``--output``.
+        As the command line names it, for messages.
     path : str or Path
     is_folder : bool
         Whether it is a folder to write into, which may exist already.
@@ -93,7 +93,8 @@ def refuse_inputs_among(paths, inputs):
         for read in inputs:
             if _are_same(path, read) or Path(os.path.realpath(path)) in Path(os.path.realpath(read)).parents:
                 raise InputError(
-                    f'{read} is read and lies where {path} is to be written: choose another folder with --output')
+                    f'{read} is read and lies where {path} is to be written: choose another folder', 'output-over-input'
+                )
 
 
 def _name(path):

@@ -1,10 +1,8 @@
-"""A sea state as plain data: what ``sea --json`` prints and ``sea/state`` says."""
-import math
-
-import numpy as np
+"""A sea state as plain data: what the verb ``sea`` prints and the topic ``sea/state`` holds."""
 import yaml
 
 from swath_sysid.attitude.motion.vertical import BAND_HZ
+from swath_sysid.formats.plain_data import finite_or_none
 
 REMARKS = (
     f'this is the heave at the sensor, between {BAND_HZ[0]:g} and {BAND_HZ[1]:g} Hz',
@@ -30,20 +28,11 @@ def sea_as_data(state):
     state : SeaState
         Of a record, or of the rows so far.
     """
-    return {
-        f'{name}_{unit}': _known(np.asarray(getattr(state, name), dtype=float).tolist())
-        for name, unit in _UNITS.items()
-    }
-
-
-def _known(value):
-    if isinstance(value, list):
-        return [_known(element) for element in value]
-    return value if math.isfinite(value) else None
+    return finite_or_none({f'{name}_{unit}': getattr(state, name) for name, unit in _UNITS.items()})
 
 
 def sea_as_yaml(report, stamp_ns):
-    """The text on ``sea/state``: as ``sea --json``, but for the spectrum.
+    """The text on ``sea/state``: `sea_as_data` without the spectrum.
 
     Parameters
     ----------

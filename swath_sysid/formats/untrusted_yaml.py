@@ -15,6 +15,7 @@ import stat
 import yaml
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.plain_data import finite_or_none
 
 LARGEST_TEXT = 256 * 1024
 """Bytes. A model of both axes scheduled on five drafts has about 32,000."""
@@ -208,7 +209,7 @@ def dumped(content):
     Numbers that are not finite become null: not known.
     """
     return yaml.dump(
-        _finite_or_null(content), Dumper=_PlainDumper, sort_keys=False, default_flow_style=None, width=120,
+        finite_or_none(content), Dumper=_PlainDumper, sort_keys=False, default_flow_style=None, width=120,
     )  # fmt: skip
 
 
@@ -219,17 +220,6 @@ class _PlainDumper(yaml.SafeDumper):
 
 # texts that would be read back as numbers are quoted, also those that YAML 1.1 takes for texts, such as 1e5
 _PlainDumper.add_implicit_resolver('tag:yaml.org,2002:float', _LIKE_A_NUMBER, list('-+.0123456789'))
-
-
-def _finite_or_null(value):
-    if isinstance(value, dict):
-        return {key: _finite_or_null(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite_or_null(item) for item in value]
-    # not a number, or further than any
-    if isinstance(value, float) and not abs(value) < float('inf'):
-        return None
-    return value
 
 
 def _check_text(text, source):

@@ -14,9 +14,9 @@ from std_srvs.srv import Trigger
 from swath_sysid.attitude.motion.attitude import euler_angles
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import model_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, IMU_TOPIC, NEXT_TOPIC, lead_topic
-from swath_sysid.nodes.messages import imu_reading
 from swath_sysid.nodes.qos import LATCHED
 from swath_sysid.pipeline.demonstration import attitude_at
 

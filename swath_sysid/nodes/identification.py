@@ -15,7 +15,7 @@ from swath_sysid.nodes.parameters.parameter import Table, Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.turns import Turns
-from swath_sysid.nodes.worker import Worker
+from swath_sysid.nodes.worker import Worker, ending_of
 from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
 
 BUSY = 'an identification is running: wait for it or call ~/cancel'
@@ -95,18 +95,17 @@ class IdentificationNode(Node):
 
     def alone(self, work: Callable[[], Awaitable[Answer]]) -> Awaitable[Answer]:
         """What a work ends in, which runs once for all who ask meanwhile."""
-        if self._ended is not None:
-            return self._ended
-        # at once, not when the coroutine is first run
-        self._ended = Future()
-        return self._done(work, self._ended)
+        return self._begun(work) if self._ended is None else self._ended
 
     def begin(self, work: Callable[[], Awaitable[Answer]]) -> None:
         """Start work that no caller waits for; not while other work runs."""
-        executor = self.executor
-        if executor is not None:
-            self._ended = Future()
-            executor.create_task(self._done(work, self._ended))
+        if self.executor is not None:
+            self.executor.create_task(self._begun(work))
+
+    def _begun(self, work: Callable[[], Awaitable[Answer]]) -> Awaitable[Answer]:
+        # at once, not when the coroutine is first run
+        self._ended = Future()
+        return self._done(work, self._ended)
 
     async def _done(self, work: Callable[[], Awaitable[Answer]], ended: Future) -> Answer:
         answer = await work()
@@ -119,18 +118,8 @@ class IdentificationNode(Node):
 
     async def carried_out(self, function: Callable, request: Any) -> tuple[Any, str]:
         """Have the worker do something: its result and an empty sentence, or None and what went wrong."""
-        ended = Future()
-        executor = self.executor
-        assert executor is not None, 'a coroutine of this node runs in its executor'
-
-        def end(outcome: Any, error: Exception | None) -> None:
-            ended.set_result((outcome, error))
-            # without this an idle executor never comes to look
-            executor.wake()
-
         self.health.begin()
-        self.worker.submit(function, (request,), end, self._on_progress)
-        outcome, error = await ended
+        outcome, error = await ending_of(self.worker, self.executor, function, request, self._on_progress)
         if error is None:
             return outcome, ''
         return None, CANCELLED if isinstance(error, Cancelled) else str(error)

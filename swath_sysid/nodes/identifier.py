@@ -28,6 +28,7 @@ class Identifier(IdentificationNode):
         if self.refitter.models:
             self._models.publish(self.refitter.models)
         if self.parameters['identify_interval_s']:
+            # of ROS time, which is the bag's under replay: as often in it as on board, however fast it is replayed
             self.create_timer(self.parameters['identify_interval_s'], self._identify_unasked)
 
     def _identify_unasked(self) -> None:

@@ -8,6 +8,7 @@ from std_msgs.msg import Float64, String
 
 from swath_sysid import __version__
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_messages import odometry_reading
 from swath_sysid.formats.manoeuvring_model_file import (
     manoeuvring_to_yaml,
     read_manoeuvring_model,
@@ -23,7 +24,6 @@ from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.nodes.manoeuvring_messages import odometry_reading
 from swath_sysid.nodes.parameters.manoeuvring_identifier import TABLE, manoeuvring_settings
 from swath_sysid.nodes.qos import LATCHED, SENSOR, THRUSTERS, watched_publisher, watched_subscription
 from swath_sysid.pipeline.health import OK, Report

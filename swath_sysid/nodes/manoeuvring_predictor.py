@@ -10,14 +10,14 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64, Float64MultiArray, String
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.manoeuvring_messages import odometry_message, odometry_reading, path_message
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, read_manoeuvring_model
+from swath_sysid.formats.messages import SECOND_NS, stamp_ns
 from swath_sysid.formats.topics import PATH_TOPIC, manoeuvring_lead_topic
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.prediction.pipeline import NOT_FINITE, ManoeuvreOutlook
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
-from swath_sysid.nodes.manoeuvring_messages import odometry_message, odometry_reading, path_message
-from swath_sysid.nodes.messages import NANOSECONDS, stamp_ns
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.manoeuvring_predictor import TABLE, manoeuvring_pipeline_settings
@@ -77,7 +77,7 @@ class ManoeuvringPredictor(Node):
         variance = float(message.angular_velocity_covariance[8])
         if message.angular_velocity_covariance[0] != -1.0:
             std = variance**0.5 if 0.0 < variance < 1.0 else None
-            self.pipeline.add_yaw_rate(stamp_ns(message.header.stamp) / NANOSECONDS, message.angular_velocity.z, std)
+            self.pipeline.add_yaw_rate(stamp_ns(message.header.stamp) / SECOND_NS, message.angular_velocity.z, std)
 
     def _thrust_taker(self, side: str) -> Callable[[Float64], None]:
         return lambda message: self.pipeline.add_thrust(self._now(), side, message.data)
@@ -117,7 +117,7 @@ class ManoeuvringPredictor(Node):
 
     def _now(self) -> float:
         """Stamp for a message without one: the node's clock, unless that is not the clock of the odometry."""
-        now = self.get_clock().now().nanoseconds / NANOSECONDS
+        now = self.get_clock().now().nanoseconds / SECOND_NS
         if self._stamp is None or abs(now - self._stamp) < CLOCKS_APART:
             return now
         return self._stamp + min(perf_counter() - self._arrival, CLOCKS_APART)

@@ -1,21 +1,10 @@
-"""Between ROS messages and plain values: what the nodes use of `swath_sysid.formats.messages`."""
+"""Times of ROS messages."""
 from builtin_interfaces.msg import Time
 
-from swath_sysid.formats.messages import (  # noqa: F401 - handed on
-    SECOND_NS,
-    ImuMessage,
-    coefficients_message,
-    horizon_message,
-    imu_reading,
-    stamp_ns,
-    window_message,
-    window_table,
-)
-
-NANOSECONDS, AttitudeMessage = SECOND_NS, ImuMessage
+from swath_sysid.formats.messages import SECOND_NS
 
 
-def time_message(nanoseconds):
+def time_message(nanoseconds: int) -> Time:
     """A builtin_interfaces/Time of nanoseconds."""
-    seconds, rest = divmod(int(nanoseconds), NANOSECONDS)
+    seconds, rest = divmod(int(nanoseconds), SECOND_NS)
     return Time(sec=seconds, nanosec=rest)

@@ -5,10 +5,10 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray, String
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.formats.messages import coefficients_message
 from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
 from swath_sysid.formats.topics import COEFFICIENTS_TOPIC, DESCRIPTION_TOPIC
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.nodes.messages import coefficients_message
 from swath_sysid.nodes.qos import LATCHED, watched_publisher
 from swath_sysid.pipeline.health import IdentifierHealth
 
@@ -30,7 +30,7 @@ class ModelPublisher:
         self._coefficients = watched_publisher(node, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, health)
 
     def known(self) -> dict[str, IdentifiedModel]:
-        """The models in the file, by axis; none where there is no file yet, or one that cannot be used."""
+        """The models in the file, by axis; none where there is no file, or it cannot be used."""
         return self._file.read() or {}
 
     def publish(self, models: dict[str, IdentifiedModel]) -> str:

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import raw_stamp_ns, trajectory_values
+from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
 from swath_sysid.formats.topics import (
     CALM_TOPIC,
@@ -29,7 +29,6 @@ from swath_sysid.formats.topics import (
     QUIESCENCE_TOPIC,
     point_horizon_topic,
 )
-from swath_sysid.nodes.messages import imu_reading
 from swath_sysid.nodes.parameters.parameter import installation
 from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.pipeline.health import Report
@@ -45,7 +44,7 @@ ASK_PERIOD = 0.1
 INSTALLATION_PERIOD = 3.0
 """s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew."""
 
-MOST_REQUESTS = 10
+MAX_REQUESTS = 10
 
 
 class PageNode(Node):
@@ -63,7 +62,7 @@ class PageNode(Node):
         self.record = LiveRecord()
         self.description = ''
         self._report = report
-        self._requests: deque[Callable[[], None]] = deque(maxlen=MOST_REQUESTS)
+        self._requests: deque[Callable[[], None]] = deque(maxlen=MAX_REQUESTS)
         self._prefix = self.get_namespace().strip('/')
         self._points: set[str] = set()
         self._asked: dict[str, Any] = {}

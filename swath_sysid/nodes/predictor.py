@@ -9,12 +9,12 @@ from std_msgs.msg import Float64, String
 from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.forecast_publishers import ForecastPublishers
-from swath_sysid.nodes.messages import imu_reading
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.predictor import TABLE, frames_at, further, pipeline_settings

@@ -27,8 +27,6 @@ DELIVERY = 5.0
 DISCOVERY = 3.5
 """s in which a subscription that is there is found: mostly 0.2 s, now and then three."""
 
-LATCHED_DEPTH = 1
-
 
 class Replay(Node):
     """Publishes the topics of a bag whose types are installed.
@@ -37,6 +35,8 @@ class Replay(Node):
     ----------
     path : str or Path
     settings : ReplaySettings
+    should_stop : callable
+        Asked often.
 
     Raises
     ------
@@ -44,9 +44,10 @@ class Replay(Node):
         There is no such bag, or no topic of a known type in it.
     """
 
-    def __init__(self, path: str | Path, settings: ReplaySettings):
+    def __init__(self, path: str | Path, settings: ReplaySettings, should_stop: Callable[[], bool]):
         super().__init__('replay')
         self._replaying = settings
+        self._should_stop = should_stop
         self._open = ExitStack()
         self.sent = 0
         self._clock_published = -CLOCK_PERIOD
@@ -55,21 +56,14 @@ class Replay(Node):
             self._recorded = recorded_topics(self._readers)
             classes = {topic: message_class(recorded.kind) for topic, recorded in self._recorded.items()}
             self.unknown_types = {self._recorded[topic].kind for topic, found in classes.items() if found is None}
-            self._outlets = {
-                topic: self._outlet(topic, found) for topic, found in classes.items() if found is not None
-            }
-            if not self._outlets:
+            self.outlets = {topic: self._outlet(topic, found) for topic, found in classes.items() if found is not None}
+            if not self.outlets:
                 types = ', '.join(sorted(self.unknown_types)) or 'none'
                 raise InputError(f'{path} holds no topic of an installed type ({types}): install their packages')
         except BaseException:
             self.destroy_node()
             raise
         self._clock_outlet = self.create_publisher(Clock, '/clock', 10) if settings.clock else None
-
-    @property
-    def topics(self) -> tuple[str, ...]:
-        """Names of what is published."""
-        return tuple(sorted(self._outlets))
 
     def destroy_node(self) -> None:
         """Also close the bag."""
@@ -78,17 +72,12 @@ class Replay(Node):
 
     def _outlet(self, topic: str, kind: type) -> Publisher:
         is_latched = self._recorded[topic].is_latched
-        return self.create_publisher(kind, topic, bag_qos(is_latched, depth=LATCHED_DEPTH if is_latched else DEPTH))
+        return self.create_publisher(kind, topic, bag_qos(is_latched, depth=1 if is_latched else DEPTH))
 
-    def wait_for_listeners(self, should_stop: Callable[[], bool]) -> int:
+    def wait_for_listeners(self) -> int:
         """Wait until the subscribers are connected, at most as long as was set.
 
         These are as many as were set; else all that are found, once no more have come for as long as discovery takes.
-
-        Parameters
-        ----------
-        should_stop : callable
-            Asked often.
 
         Returns
         -------
@@ -98,7 +87,7 @@ class Replay(Node):
         deadline = time.monotonic() + self._replaying.wait
         settling = SETTLING if self._replaying.listeners else DISCOVERY
         before, changed = None, time.monotonic()
-        while not should_stop():
+        while not self._should_stop():
             now, connections = time.monotonic(), self._connected()
             if connections != before:
                 before, changed = connections, now
@@ -112,53 +101,42 @@ class Replay(Node):
     def _connected(self):
         """For every topic, the subscriptions that are connected, and those that are known of."""
         return [(outlet.get_subscription_count(), self.count_subscribers(topic))
-                for topic, outlet in self._outlets.items()]  # fmt: skip
+                for topic, outlet in self.outlets.items()]  # fmt: skip
 
     def _listening(self):
-        imus = [topic for topic in self._outlets if self._recorded[topic].is_imu]
-        return max(self._outlets[topic].get_subscription_count() for topic in imus or self._outlets)
+        imus = [topic for topic in self.outlets if self._recorded[topic].is_imu]
+        return max(self.outlets[topic].get_subscription_count() for topic in imus or self.outlets)
 
-    def play(self, should_stop: Callable[[], bool]) -> None:
-        """Publish everything at its time, once or over and over.
-
-        Parameters
-        ----------
-        should_stop : callable
-            Asked often.
-        """
-        while not should_stop():
-            self._play_once(should_stop)
+    def play(self) -> None:
+        """Publish everything at its time, once or over and over."""
+        while not self._should_stop():
+            self._play_once()
             if not self._replaying.loop:
                 return
 
     def wait_until_received(self) -> None:
         """Wait, at most `DELIVERY`, until reliable subscriptions have the last messages: these end with the node."""
         deadline = time.monotonic() + DELIVERY
-        for outlet in self._outlets.values():
+        for outlet in self.outlets.values():
             outlet.wait_for_all_acked(Duration(seconds=max(deadline - time.monotonic(), 0.0)))
 
-    def _play_once(self, should_stop: Callable[[], bool]) -> None:
+    def _play_once(self) -> None:
         timeline: Timeline | None = None
-        for time_ns, topic, raw in merged_messages(self._readers, self._outlets):
+        for time_ns, topic, raw in merged_messages(self._readers, self.outlets):
             timeline = timeline or Timeline(time.monotonic(), time_ns, self._replaying.rate)
-            if not self._wait_for(time_ns, timeline, should_stop):
+            if not self._wait_for(time_ns, timeline):
                 return
             self._publish_clock(time_ns)
-            self._outlets[topic].publish(raw)
+            self.outlets[topic].publish(raw)
             self.sent += 1
 
-    def _wait_for(self, time_ns: int, timeline: Timeline, should_stop: Callable[[], bool]) -> bool:
+    def _wait_for(self, time_ns: int, timeline: Timeline) -> bool:
         """Sleep until a message is due, publishing /clock meanwhile; False: stop."""
         due = timeline.wall_time(time_ns)
-        while not should_stop():
-            now = time.monotonic()
-            if now >= due:
-                return True
+        while not self._should_stop() and (now := time.monotonic()) < due:
+            self._publish_clock(timeline.bag_time(now))
             time.sleep(min(due - now, CLOCK_PERIOD))
-            now = time.monotonic()
-            if now < due:
-                self._publish_clock(timeline.bag_time(now))
-        return False
+        return not self._should_stop()
 
     def _publish_clock(self, time_ns: int) -> None:
         now = time.monotonic()

@@ -3,7 +3,7 @@ from collections import deque
 from typing import Any
 
 from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
-from swath_sysid.nodes.messages import NANOSECONDS
+from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.nodes.worker import Worker
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
@@ -49,7 +49,7 @@ class SeaFitting:
             self._health.note(LATE_FIT)
             return
         self._is_fitting = True
-        self._due_ns = stamp_ns + round(self._pipeline.settings.forecaster.refit_delay * NANOSECONDS)
+        self._due_ns = stamp_ns + round(self._pipeline.settings.forecaster.refit_delay * SECOND_NS)
         self.worker.submit(fit_sea, (request,), lambda *ending: self._ended.append(ending))
 
     def hand_over(self, stamp_ns: int) -> None:

@@ -14,9 +14,10 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.executor_loop import events_executor, run
-from swath_sysid.nodes.messages import NANOSECONDS, time_message
+from swath_sysid.nodes.messages import time_message
 
 MEMS_NOISE = SensorNoise(angle=0.0005, rate=0.003, acceleration=0.02)
 """What a small attitude sensor shows at rest at 100 Hz; the published trials were noisier, up to five times."""
@@ -36,7 +37,7 @@ class SimulatedCraftNode(Node):
     def __init__(self, settings: Any):
         super().__init__('simulated_craft')
         self._craft = SimulatedCraft(settings)
-        self._period_ns = round(NANOSECONDS / settings.rate_hz)
+        self._period_ns = round(SECOND_NS / settings.rate_hz)
         self._outlet = self.create_publisher(Imu, IMU_TOPIC, qos_profile_sensor_data)
         self._message = self._empty_message(settings.noise)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -44,7 +45,7 @@ class SimulatedCraftNode(Node):
         # stamps are even, from one reading of the clock: a sensor's own oscillator is that even
         self._offset_ns = self.get_clock().now().nanoseconds - self._next_ns
         self.create_service(Trigger, '~/release', self._on_release)
-        self.create_timer(self._period_ns / NANOSECONDS, self._publish_due, clock=self._steady)
+        self.create_timer(self._period_ns / SECOND_NS, self._publish_due, clock=self._steady)
 
     @staticmethod
     def _empty_message(noise: SensorNoise) -> Imu:
@@ -59,7 +60,7 @@ class SimulatedCraftNode(Node):
     def _publish_due(self) -> None:
         now_ns = self._steady.now().nanoseconds
         late = now_ns - self._next_ns
-        if late > LARGEST_LAG * NANOSECONDS:
+        if late > LARGEST_LAG * SECOND_NS:
             self._next_ns += late - late % self._period_ns
         while self._next_ns <= now_ns:
             self._publish(self._next_ns + self._offset_ns)
@@ -77,7 +78,7 @@ class SimulatedCraftNode(Node):
         self._outlet.publish(message)
 
     def _on_release(self, request: Any, response: Any):
-        lets_go = self._next_ns + self._offset_ns + round(self._craft.release() * NANOSECONDS)
+        lets_go = self._next_ns + self._offset_ns + round(self._craft.release() * SECOND_NS)
         response.success, response.message = True, str(lets_go)
         return response
 

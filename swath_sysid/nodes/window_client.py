@@ -10,7 +10,7 @@ from std_srvs.srv import Trigger
 
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.messages import window_table
+from swath_sysid.formats.messages import window_table
 from swath_sysid.nodes.qos import LATCHED, watched_subscription
 from swath_sysid.pipeline.health import BAD_WINDOW, IdentifierHealth
 

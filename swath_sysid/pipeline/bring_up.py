@@ -54,7 +54,7 @@ LONGEST_DECAY = 40.0
 STEADY = 0.5
 """Motion of which the last third is larger than this part of the first third is kept up by something."""
 
-FEWEST_CYCLES = 1.0
+MIN_CYCLES = 1.0
 PATIENCE_S = 10.0
 """s from the end of a decay within which the buffer has noticed it."""
 
@@ -321,7 +321,7 @@ class BringUp:
                 'too-small', f'That was {np.degrees(moved.peak):.1f} deg, too small beside what disturbs it.',
                 f'push further, to {np.degrees(self._push):.0f} degrees if the craft allows it',
             )
-        elif moved.cycles < FEWEST_CYCLES:
+        elif moved.cycles < MIN_CYCLES:
             self._complaint = (
                 'few-cycles', f'The hull came back after {moved.cycles:.1f} cycles.',
                 'let go at once instead of lowering it, and keep hands and lines off; a hull that does not swing by '

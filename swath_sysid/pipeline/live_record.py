@@ -25,7 +25,7 @@ CHECKED_LEAD = 2.0
 """s; the forecast so far ahead is kept until what it is for has been measured."""
 
 KEPT_FORECASTS = 600
-MOST_STATUSES = 100
+MAX_STATUSES = 100
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class LiveRecord:
 
     def add_status(self, report: Report, clock: float) -> None:
         """Take in a status, named ``NODE: NAME``."""
-        if report.name in self._statuses or len(self._statuses) < MOST_STATUSES:
+        if report.name in self._statuses or len(self._statuses) < MAX_STATUSES:
             self._statuses[report.name] = clock, report
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
+from swath_sysid.formats.model_file import ratios_as_data
+from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.report.fit_summary import ratio_lines, short_name, warnings_as_data
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
@@ -36,10 +37,7 @@ def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> d
         'identified_from': 'motion in waves',
         'equation': model.equation.name,
         'axis': model.axis,
-        'ratios': {
-            name: {'value': value, 'std': found.std[name], 'unit': RATIO_UNITS[name]}
-            for name, value in model.terms.items()
-        },
+        'ratios': ratios_as_data(found),
         'trim_rad': model.trim,
         'trim_std_rad': found.trim_std,
         'natural_period_s': found.natural_period,
@@ -76,21 +74,14 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
     list of str
     """
     model, motion = found.model, found.motion
-    name = motion.source.replace('\\', '/').rsplit('/', 1)[-1]
-    lines = [
+    return [
         f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
         f'+- {math.degrees(found.amplitude_std):.2g}',
-        f'  {name}: motion in waves from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s',
+        f'  {short_name(motion.source)}: motion in waves from {motion.time[0]:.1f} to {motion.time[-1]:.1f} s',
         f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
         f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
-    ]
-    lines += [
-        f'  {name:<3}{value:>14.6g}  +- {found.std[name]:<10.3g} {RATIO_UNITS[name]}'
-        for name, value in model.terms.items()
-    ]
-    lines.append(
+        *ratio_lines(found),
         f'  mean angle {math.degrees(model.trim):.2f} deg +- {math.degrees(found.trim_std):.2g}; '
         f'excitation: {SEAS[found.sea]}, peak period {found.peak_period:.3g} s, '
-        f'misfit {found.misfit:.2f} (1: all is explained)'
-    )
-    return lines
+        f'misfit {found.misfit:.2f} (1: all is explained)',
+    ]

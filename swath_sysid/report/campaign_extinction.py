@@ -14,7 +14,8 @@ from swath_sysid.attitude.identification.extinction import (
 )
 from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.common.errors import InputError
-from swath_sysid.report.campaign_figures import HEIGHT, STYLE, TWO_STD, WIDTH, Drawing, legend_below
+from swath_sysid.report.campaign_figures import HEIGHT, STYLE, WIDTH, legend_below
+from swath_sysid.report.campaign_page import Drawing
 from swath_sysid.report.campaign_tables import LOADING_NAMES, Column, Table, digits
 from swath_sysid.report.extinction_tables import (
     CURVE_COLUMNS,
@@ -24,7 +25,7 @@ from swath_sysid.report.extinction_tables import (
     peaks_table,
     quantity_row,
 )
-from swath_sysid.report.figures import MEASURED, SERIES, new_figure, quiet
+from swath_sysid.report.figures import MEASURED, SERIES, new_panel, two_std_band
 
 PARTICULARS = {
     'length_m': 'length [m]', 'beam_m': 'breadth [m]', 'depth_m': 'depth [m]', 'draft_m': 'draft [m]',
@@ -151,16 +152,11 @@ def extinction_drawings(outcome, axis):
     return found
 
 
-def _new_axes(title, axis):
-    figure = new_figure(WIDTH, HEIGHT)
-    axes = quiet(figure.subplots())
-    axes.set_title(title)
-    axes.set_xlabel(f'{axis.motion} mean amplitude [deg]')
-    return figure, axes
-
-
 def _extinction_figure(items, title, axis):
-    figure, axes = _new_axes(title, axis)
+    figure, axes = new_panel(
+        WIDTH, HEIGHT, title=title, xlabel=f'{axis.motion} mean amplitude [deg]',
+        ylabel='decrement of half a cycle [deg]',
+    )  # fmt: skip
     for k, (condition, _, peaks, curve, *_) in enumerate(items):
         colour = SERIES[k % len(SERIES)]
         for p in peaks:
@@ -169,7 +165,6 @@ def _extinction_figure(items, title, axis):
             amplitude = np.linspace(0.0, max(p.mean_amplitude.max() for p in curve.peaks), 60)
             axes.plot(np.degrees(amplitude), np.degrees(curve.curve(amplitude)), color=colour, linewidth=1.2,
                       label=f'from {condition.initial_angle_deg:g} deg')  # fmt: skip
-    axes.set_ylabel('decrement of half a cycle [deg]')
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     if axes.lines and any(not line.get_label().startswith('_') for line in axes.lines):
@@ -179,8 +174,12 @@ def _extinction_figure(items, title, axis):
 
 def _damping_figure(outcome, items, title, axis):
     """In N m s where the inertia is known in every condition of the loading, else as a ratio."""
-    figure, axes = _new_axes(title, axis)
     dimensional = all(inertia is not None for *_, inertia, _ in items)
+    symbol = {'roll': 'B44', 'pitch': 'B55'}[axis.motion]
+    figure, axes = new_panel(
+        WIDTH, HEIGHT, title=title, xlabel=f'{axis.motion} mean amplitude [deg]',
+        ylabel=f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio',
+    )  # fmt: skip
     highest = 0.0
     for k, (condition, _, peaks, _, fit, inertia, _) in enumerate(items):
         colour, bands = SERIES[k % len(SERIES)], bands_of(fit)
@@ -188,8 +187,7 @@ def _damping_figure(outcome, items, title, axis):
         factor = 2.0 * inertia * frequency if dimensional else np.ones_like(frequency)
         value, std = bands.curves.damping_ratio * factor, bands.damping_ratio_std * factor
         amplitude = np.degrees(bands.curves.amplitude)
-        low, high = value - TWO_STD * std, value + TWO_STD * std
-        axes.fill_between(amplitude, low, high, color=colour, alpha=0.12, linewidth=0)
+        two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
         axes.plot(amplitude, value, color=colour, linewidth=1.2, label=f'from {condition.initial_angle_deg:g} deg')
         for p in peaks:
             half = 0.5 * p.logarithmic_decrement
@@ -209,8 +207,6 @@ def _damping_figure(outcome, items, title, axis):
         at, value = zip(*sorted(points), strict=True)
         axes.plot(at, value, '--', marker='xP^s'[k % 4], color=MEASURED, linewidth=0.8, label=method)
         highest = max(highest, *(value for _, value in points))
-    symbol = {'roll': 'B44', 'pitch': 'B55'}[axis.motion]
-    axes.set_ylabel(f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio')
     axes.set_ylim(0.0, 1.4 * highest)
     legend_below(axes)
     return figure

@@ -1,7 +1,6 @@
 """The figures of a campaign; each small, so that a page can lay them out for its width."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -12,13 +11,24 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.campaign.evaluation import term_values
 from swath_sysid.common.covariance import correlation
+from swath_sysid.report.campaign_page import Drawing
 from swath_sysid.report.campaign_tables import LOADING_NAMES
-from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
+from swath_sysid.report.figures import (
+    MEASURED,
+    MODEL,
+    RESIDUAL,
+    SERIES,
+    TWO_STD,
+    measured_channel,
+    new_figure,
+    new_panel,
+    quiet,
+    two_std_band,
+)
 
 WIDTH, HEIGHT = 4.6, 3.1
 LINE_STYLES = ('-', '--', ':', '-.')
 MAX_POINTS = 500
-TWO_STD = 2.0
 STYLE: Any = {
     'text.color': MEASURED,
     'axes.labelcolor': MEASURED,
@@ -32,15 +42,6 @@ STYLE: Any = {
     'svg.fonttype': 'none',
     'axes.prop_cycle': rcsetup.cycler(color=SERIES),
 }
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure with its name and what it shows."""
-
-    name: str
-    caption: str
-    figure: object
 
 
 def campaign_drawings(outcome, axis):
@@ -66,18 +67,6 @@ def campaign_drawings(outcome, axis):
         }
 
 
-def _single():
-    figure = new_figure(WIDTH, HEIGHT)
-    return figure, quiet(figure.subplots())
-
-
-def _shown(motion):
-    """Measured channel and its name: the angle, or the rate where no angle was measured."""
-    if motion.angle is None:
-        return motion.rate, f'{motion.axis} rate [deg/s]'
-    return motion.angle, f'{motion.axis} [deg]'
-
-
 def _thinned(*arrays):
     step = max(1, arrays[0].size // MAX_POINTS)
     return [a[::step] for a in arrays]
@@ -96,20 +85,21 @@ def decay_drawings(outcome, axis):
             motions = [axis.records[index].problem.motions[0] for _, index in members]
             if any(getattr(m, what) is None for m in motions):
                 continue
-            figure, axes = _single()
+            title = f'from {angle:g} deg' if several else 'all angles'
+            figure, axes = new_panel(
+                WIDTH, HEIGHT, title=title, xlabel='time since release [s]',
+                ylabel=f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]',
+            )  # fmt: skip
             for condition, index in members:
                 motion = axis.records[index].problem.motions[0]
                 time, value = _thinned(motion.time - motion.time[0], getattr(motion, what))
                 label = _loading(outcome, condition) if several else f'{condition.initial_angle_deg:g} deg'
                 axes.plot(time, np.degrees(value), linewidth=1.1, label=label)
-            axes.set_xlabel('time since release [s]')
-            axes.set_ylabel(f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]')
             axes.legend(frameon=False)
-            title = f'from {angle:g} deg' if several else 'all angles'
-            axes.set_title(title)
             suffix = f'{angle:g}deg' if several else 'all'
-            caption = f'Measured decays {title}, best repeats'
-            found.append(Drawing(f'decays_{axis.axis}_{what}_{suffix}', caption, figure))
+            found.append(
+                Drawing(f'decays_{axis.axis}_{what}_{suffix}', f'Measured decays {title}, best repeats', figure)
+            )
     return found
 
 
@@ -122,7 +112,7 @@ def against_angle(outcome, axis):
     found = []
     loadings = sorted({c.loading for c in axis.together})
     for term in axis.schedule.equation.terms:
-        figure, axes = _single()
+        figure, axes = _ratio_panel(term, 'initial angle [deg]')
         for k, loading in enumerate(loadings):
             colour = SERIES[k % len(SERIES)]
             members = sorted(c for c in axis.together if c.loading == loading)
@@ -134,14 +124,10 @@ def against_angle(outcome, axis):
                 if r.condition.loading == loading
             ]
             axes.plot(*np.transpose(single), 'x', color=colour, alpha=0.6, markersize=4)
-        _finish_ratio(axes, term, 'initial angle [deg]')
-        found.append(
-            Drawing(
-                f'{term}_against_angle_{axis.axis}',
-                f'{term} against initial angle: repeats together with two standard deviations; crosses: single repeats',
-                figure,
-            )
-        )
+        _finish_ratio(axes)
+        what = 'repeats together with two standard deviations; crosses: single repeats'
+        caption = f'{term} against initial angle: {what}'
+        found.append(Drawing(f'{term}_against_angle_{axis.axis}', caption, figure))
     return found
 
 
@@ -157,9 +143,11 @@ def legend_below(axes):
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
 
 
-def _finish_ratio(axes, term, below):
-    axes.set_xlabel(below)
-    axes.set_ylabel(f'{term} [{RATIO_UNITS[term]}]')
+def _ratio_panel(term, below):
+    return new_panel(WIDTH, HEIGHT, xlabel=below, ylabel=f'{term} [{RATIO_UNITS[term]}]')
+
+
+def _finish_ratio(axes):
     low, high = axes.get_ylim()
     if low < 0 < high and low > -0.2 * high:
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
@@ -176,22 +164,17 @@ def against_draft(outcome, axis):
     fine = np.linspace(schedule.loadings[0], schedule.loadings[-1], 101)
     ratios, stds = schedule.curve(fine)
     for column, term in enumerate(schedule.equation.terms):
-        figure, axes = _single()
-        value, std = ratios[:, column], stds[:, column]
-        axes.fill_between(fine, value - TWO_STD * std, value + TWO_STD * std, color=MEASURED, alpha=0.15, linewidth=0)
+        figure, axes = _ratio_panel(term, LOADING_NAMES[outcome.quantity])
+        value = ratios[:, column]
+        two_std_band(axes, fine, value, stds[:, column], color=MEASURED, alpha=0.15)
         axes.plot(fine, value, color=MEASURED, linewidth=1.6, label='all angles: the schedule')
         for k, angle in enumerate(angles):
             members = sorted(c for c in axis.together if c.initial_angle_deg == angle)
             _ratios(axes, axis, term, members, 'loading', f'{angle:g} deg', color=SERIES[k % len(SERIES)],
                     linewidth=0.9, linestyle='--')  # fmt: skip
-        _finish_ratio(axes, term, LOADING_NAMES[outcome.quantity])
-        found.append(
-            Drawing(
-                f'{term}_against_draft_{axis.axis}',
-                f'{term} against {LOADING_NAMES[outcome.quantity]}, two standard deviations',
-                figure,
-            )
-        )
+        _finish_ratio(axes)
+        caption = f'{term} against {LOADING_NAMES[outcome.quantity]}, two standard deviations'
+        found.append(Drawing(f'{term}_against_draft_{axis.axis}', caption, figure))
     return found
 
 
@@ -201,8 +184,8 @@ def amplitude_drawings(axis):
     loadings = sorted({c.loading for c in axis.together})
     angles = sorted({c.initial_angle_deg for c in axis.together})
     for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio')):
-        figure = new_figure(WIDTH, HEIGHT + 0.22 * math.ceil(len(axis.together) / 2))
-        axes = quiet(figure.subplots())
+        height = HEIGHT + 0.22 * math.ceil(len(axis.together) / 2)
+        figure, axes = new_panel(WIDTH, height, xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
         for condition, fits in sorted(axis.together.items()):
             fit = fits[axis.choice]
             amplitude = np.degrees(fit.amplitude)
@@ -211,21 +194,16 @@ def amplitude_drawings(axis):
                 loadings.index(condition.loading) if len(loadings) > 1 else angles.index(condition.initial_angle_deg)
             )
             colour = SERIES[place % len(SERIES)]
-            axes.fill_between(
-                amplitude, value - TWO_STD * std, value + TWO_STD * std, color=colour, alpha=0.12, linewidth=0
-            )
+            two_std_band(axes, amplitude, value, std, color=colour, alpha=0.12)
             style = LINE_STYLES[angles.index(condition.initial_angle_deg) % len(LINE_STYLES)]
             name = f'{condition.initial_angle_deg:g} deg' + (f' at {condition.loading:g}' if len(loadings) > 1 else '')
             axes.plot(amplitude, value, style, color=colour, linewidth=1.2, label=name)
-        axes.set_xlabel(f'{axis.motion} amplitude [deg]')
-        axes.set_ylabel(label)
         _fit_to_curves(axes)
         if quantity == 'damping':
             axes.set_ylim(bottom=0.0)
         legend_below(axes)
-        caption = (
-            f'{label[0].upper()}{label.partition(" [")[0][1:]} against amplitude, bands of two standard deviations'
-        )
+        quantity_name = label.partition(' [')[0].capitalize()
+        caption = f'{quantity_name} against amplitude, bands of two standard deviations'
         found.append(Drawing(f'{quantity}_against_amplitude_{axis.axis}', caption, figure))
     return found
 
@@ -255,7 +233,7 @@ def record_drawings(outcome, axis):
         fit, motion = fits[axis.choice], record.problem.motions[0]
         state = fit.initial_states[0]
         angle, rate = simulate(fit.model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
-        measured, label = _shown(motion)
+        measured, label = measured_channel(motion)
         simulated = rate if motion.angle is None else angle
         figure = new_figure(WIDTH, HEIGHT)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
@@ -297,7 +275,6 @@ def correlation_drawings(outcome, axis):
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
         axes.set_title(f'{LOADING_NAMES[outcome.quantity]} {loading:g}')
-        found.append(
-            Drawing(f'correlation_{axis.axis}_{loading:g}', 'Correlations, all records of the draft together', figure)
-        )
+        caption = 'Correlations, all records of the draft together'
+        found.append(Drawing(f'correlation_{axis.axis}_{loading:g}', caption, figure))
     return found

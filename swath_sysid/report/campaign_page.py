@@ -3,8 +3,11 @@
 import html
 import io
 import re
+from dataclasses import dataclass
+from functools import cached_property
 
 import matplotlib
+from matplotlib.figure import Figure
 
 from swath_sysid.report.figures import MEASURED
 
@@ -78,18 +81,38 @@ def escaped(text):
     return html.escape(str(text)).replace(' %', '\u00a0%')
 
 
-def page(title, body, links):
+@dataclass(frozen=True)
+class Drawing:
+    """A figure with its name and what it shows."""
+
+    name: str
+    caption: str
+    figure: Figure
+
+    @cached_property
+    def svg(self):
+        """The same text every time."""
+        text = io.StringIO()
+        with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': self.name}):
+            self.figure.savefig(text, format='svg', metadata={'Date': None, 'Creator': None})
+        return text.getvalue()
+
+
+def page(title, sections):
     """A whole page.
 
     Parameters
     ----------
     title : str
-    body : sequence of str
-        HTML.
-    links : sequence of (str, str)
-        Anchor and name of each section.
+    sections : iterable of (str, str, sequence of str)
+        Anchor, name and parts, HTML, of each; one whose parts are all empty is left out.
     """
-    contents = ''.join(f'<li><a href="#{anchor}">{escaped(name)}</a></li>' for anchor, name in links)
+    kept = [(anchor, escaped(name), parts) for anchor, name, parts in sections if any(parts)]
+    contents = ''.join(f'<li><a href="#{anchor}">{name}</a></li>' for anchor, name, _ in kept)
+    body = [
+        f'<section id="{anchor}"><h2>{name}</h2>\n' + '\n'.join(filter(None, parts)) + '</section>'
+        for anchor, name, parts in kept
+    ]
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
@@ -97,12 +120,6 @@ def page(title, body, links):
         f'<title>{escaped(title)}</title><style>{style_sheet()}</style></head>\n<body><main>\n<h1>{escaped(title)}</h1>\n'
         f'<nav aria-label="Sections"><ul>{contents}</ul></nav>\n' + '\n'.join(body) + '\n</main></body></html>\n'
     )
-
-
-def section(anchor, name, parts):
-    """A section with its heading; nothing where there are no parts."""
-    parts = [part for part in parts if part]
-    return f'<section id="{anchor}"><h2>{escaped(name)}</h2>\n' + '\n'.join(parts) + '</section>' if parts else ''
 
 
 def paragraph(text, kind=''):
@@ -136,31 +153,24 @@ def table_as_html(table):
     )
 
 
-def svg_of(figure, name):
-    """SVG of a figure, the same every time."""
-    text = io.StringIO()
-    with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': name}):
-        figure.savefig(text, format='svg', metadata={'Date': None, 'Creator': None})
-    return text.getvalue()
-
-
-def inline(svg, name, caption):
-    """An SVG as a figure of the page: its ink takes the page's colour, its names are its own."""
-    body = svg[svg.index('<svg') :]
+def inline(drawing):
+    """A drawing as a figure of the page: its ink takes the page's colour, its names are its own."""
+    name, caption = drawing.name.replace('.', '_'), escaped(drawing.caption)
+    body = drawing.svg[drawing.svg.index('<svg') :]
     body = re.sub(r'<metadata>.*?</metadata>', '', body, flags=re.DOTALL)
     referenced = set(re.findall(r'(?:url\(#|xlink:href="#)([^)"]+)', body))
     body = re.sub(r' id="([^"]+)"', lambda m: f' id="{name}-{m.group(1)}"' if m.group(1) in referenced else '', body)
     body = re.sub(r'(url\(#|xlink:href="#)', rf'\g<1>{name}-', body)
     body = body.replace(MEASURED, 'currentColor').replace('fill: #ffffff', 'fill: none')
     body = re.sub(r'<svg ([^>]*?)>', lambda m: _responsive(m.group(1), caption), body, count=1)
-    return f'<figure>{body.strip()}<figcaption>{escaped(caption)}</figcaption></figure>'
+    return f'<figure>{body.strip()}<figcaption>{caption}</figcaption></figure>'
 
 
 def _responsive(attributes, caption):
     kept = re.sub(r'\b(?:width|height)="[^"]*"\s*', '', attributes)
-    return f'<svg {kept} role="img" aria-label="{escaped(caption)}">'
+    return f'<svg {kept} role="img" aria-label="{caption}">'
 
 
-def figures(parts):
-    """A grid of figures; nothing where there are none."""
-    return f'<div class="figures">{"".join(parts)}</div>' if parts else ''
+def figures(drawings):
+    """A grid of drawings; nothing where there are none."""
+    return f'<div class="figures">{"".join(map(inline, drawings))}</div>' if drawings else ''

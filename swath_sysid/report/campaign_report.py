@@ -10,20 +10,11 @@ import scipy
 from swath_sysid import __version__
 from swath_sysid.campaign.evaluation import out_of_order
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
+from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.model_file import write_scheduled
 from swath_sysid.report.campaign_extinction import conditions_table, extinction_drawings, extinction_tables
 from swath_sysid.report.campaign_figures import campaign_drawings
-from swath_sysid.report.campaign_page import (
-    bullets,
-    figures,
-    inline,
-    page,
-    paragraph,
-    section,
-    svg_of,
-    table_as_html,
-)
+from swath_sysid.report.campaign_page import bullets, figures, page, paragraph, table_as_html
 from swath_sysid.report.campaign_tables import (
     coefficient_table,
     coefficients_long_table,
@@ -70,33 +61,28 @@ def write_report(outcome, folder, wall_s):
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
-    body, links = [section('short', 'In short', _in_short(outcome))], [('short', 'In short')]
-    drawn = []
+    sections, drawn = [('short', 'In short', _in_short(outcome))], []
     for axis in outcome.axes:
-        sections, own_drawn = _axis_sections(outcome, axis)
-        drawn += own_drawn
-        for anchor, name, parts in sections:
-            name = name if len(outcome.axes) == 1 else f'{axis.axis.capitalize()}: {name[0].lower()}{name[1:]}'
-            written = section(f'{axis.axis}-{anchor}', name, parts)
-            if written:
-                body.append(written)
-                links.append((f'{axis.axis}-{anchor}', name))
-    for anchor, name, parts in (
+        drawings = campaign_drawings(outcome, axis) | {'extinction': extinction_drawings(outcome, axis)}
+        drawn += [drawing for items in drawings.values() for drawing in items]
+        of_axis = '' if len(outcome.axes) == 1 else f'{axis.axis.capitalize()}: '
+        for anchor, name, parts in _axis_sections(outcome, axis, drawings):
+            name = f'{of_axis}{name[0].lower()}{name[1:]}' if of_axis else name
+            sections.append((f'{axis.axis}-{anchor}', name, parts))
+    sections += [
         ('trials', 'Trials', [table_as_html(conditions_table(outcome)), table_as_html(trials_table(outcome))]),
         ('warnings', 'Warnings', _warnings(outcome)),
         ('made', 'How this was made', _how_made(outcome, wall_s)),
-    ):
-        body.append(section(anchor, name, parts))
-        links.append((anchor, name))
+    ]
     for table in campaign_tables(outcome):
-        _write(folder / TABLES / f'{table.name}.csv', table_as_csv(table))
-    for name, svg in drawn:
-        _write(folder / FIGURES / f'{name}.svg', svg)
+        write_text(folder / TABLES / f'{table.name}.csv', table_as_csv(table))
+    for drawing in drawn:
+        write_text(folder / FIGURES / f'{drawing.name}.svg', drawing.svg)
     speeds = sorted({axis.speed_m_s for axis in outcome.axes})
     for speed in speeds:
         models = {axis.motion: axis.schedule for axis in outcome.axes if axis.speed_m_s == speed}
         write_scheduled(folder / (MODEL if speed == speeds[0] else f'model_{speed:g}m_s.yaml'), models)
-    _write(folder / PAGE, page(f'Campaign: {outcome.manifest.title}', body, links))
+    write_text(folder / PAGE, page(f'Campaign: {outcome.manifest.title}', sections))
     return folder / PAGE
 
 
@@ -134,11 +120,6 @@ def _axis_tables(outcome, axis):
     return tables
 
 
-def _write(path, text):
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding='utf-8')
-
-
 def _in_short(outcome):
     used = sum(t.record is not None for t in outcome.trials)
     parts = [paragraph(f'{outcome.manifest.craft.name}: {used} of {len(outcome.trials)} trials used.')]
@@ -169,67 +150,25 @@ def _order_statement(axis):
     return f'No equation fits worse than one that it contains, in any of {len(groups)} rows: the searches converged.'
 
 
-def _axis_sections(outcome, axis):
-    drawings = campaign_drawings(outcome, axis) | {'extinction': extinction_drawings(outcome, axis)}
-    drawn = []
-    shown: dict[str, list[str]] = {}
-    for kind, items in drawings.items():
-        shown[kind] = []
-        for item in items:
-            svg = svg_of(item.figure, item.name)
-            drawn.append((item.name, svg))
-            shown[kind].append(inline(svg, item.name.replace('.', '_'), item.caption))
-    tables = _axis_tables(outcome, axis)
+def _axis_sections(outcome, axis, drawings):
+    """Anchor, name and parts of every section of an axis."""
+    tables = {name: table_as_html(table) for name, table in _axis_tables(outcome, axis).items()}
+    shown = {kind: figures(items) for kind, items in drawings.items()}
     marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
-    sections = (
-        (
-            'equations',
-            'Which equation',
-            [
-                table_as_html(tables['ranking']),
-                paragraph(marks, 'note'),
-                *(table_as_html(tables[objective]) for objective in axis.fits),
-            ],
-        ),
-        ('decays', 'Decays', [figures(shown['decays'])]),
-        (
-            'ratios',
-            'Coefficients',
-            [
-                figures(shown['against_angle']),
-                table_as_html(tables['ratios']),
-                table_as_html(tables['repeats']) if axis.spreads else '',
-            ],
-        ),
-        (
-            'draft',
-            'Against draft',
-            [figures(shown['against_draft']), table_as_html(tables['schedule']) if 'schedule' in tables else ''],
-        ),
-        ('amplitude', 'Period and damping', [figures(shown['amplitude'])]),
-        (
-            'extinction',
-            'Extinction and damping',
-            [figures(shown['extinction']), table_as_html(tables['damping']), table_as_html(tables['extinction'])],
-        ),
-        (
-            'errors',
-            'Next step, simulation, forecast',
-            [table_as_html(tables['errors']), table_as_html(tables['next_step'])],
-        ),
-        ('records', 'Every record', [figures(shown['records'])]),
-        (
-            'correlations',
-            'Correlations',
-            [
-                paragraph(
-                    'Ratios whose correlation is beyond 0.95 cannot be told apart: use them together only.', 'note'
-                ),
-                figures(shown['correlations']),
-            ],
-        ),
+    related = 'Ratios whose correlation is beyond 0.95 cannot be told apart: use them together only.'
+    repeats = tables['repeats'] if axis.spreads else ''
+    compared = [tables[objective] for objective in axis.fits]
+    return (
+        ('equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]),
+        ('decays', 'Decays', [shown['decays']]),
+        ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], repeats]),
+        ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
+        ('amplitude', 'Period and damping', [shown['amplitude']]),
+        ('extinction', 'Extinction and damping', [shown['extinction'], tables['damping'], tables['extinction']]),
+        ('errors', 'Next step, simulation, forecast', [tables['errors'], tables['next_step']]),
+        ('records', 'Every record', [shown['records']]),
+        ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),
     )
-    return sections, drawn
 
 
 def _warnings(outcome):

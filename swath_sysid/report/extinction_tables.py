@@ -6,6 +6,7 @@ import numpy as np
 from swath_sysid.attitude.identification.extinction import extinction_of, measured_peaks, tank_quantities
 from swath_sysid.common.errors import InputError
 from swath_sysid.report.campaign_tables import Column, Table, digits
+from swath_sysid.report.fit_summary import short_name
 
 DEGREE = math.pi / 180.0
 CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2))
@@ -135,7 +136,7 @@ def tank_tables(identification, particulars, type_b):
     """
     model, axis = identification.model, identification.model.axis
     labelled = [
-        (r.motion.source.replace('\\', '/').rpartition('/')[2], measured_peaks(r.motion, r.segment.period))
+        (short_name(r.motion.source), measured_peaks(r.motion, r.segment.period))
         for r in identification.records
     ]
     terms = {name: (value, identification.std[name]) for name, value in model.terms.items()}

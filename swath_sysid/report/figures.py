@@ -1,16 +1,20 @@
 """What all figures share: size, colours, and writing them whole or not at all."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from swath_sysid.attitude.motion.trial import AxisMotion
+
 MEASURED, MODEL, RESIDUAL, BAND = '#1f2933', '#d1495b', '#2e86ab', '#9ecae1'
+TWO_STD = 2.0
 SERIES = ('#2e86ab', '#d1495b', '#edae49', '#3b8b5a', '#7b4fa3', '#8c6d46')
 FORMATS = ('png', 'svg', 'pdf')
 
@@ -30,6 +34,26 @@ def quiet(axes: 'Axes') -> 'Axes':
     axes.spines[['top', 'right']].set_visible(False)
     axes.grid(alpha=0.25, linewidth=0.6)
     return axes
+
+
+def new_panel(width: float, height: float, **labels: str) -> tuple['Figure', 'Axes']:
+    """A figure with a single panel, with labels as `Axes.set` takes them."""
+    figure = new_figure(width, height)
+    axes = quiet(figure.subplots())
+    axes.set(**labels)
+    return figure, axes
+
+
+def two_std_band(axes: 'Axes', x: 'np.ndarray', value: 'np.ndarray', std: 'np.ndarray', **style: Any) -> None:
+    """Shade two standard deviations about a curve."""
+    axes.fill_between(x, value - TWO_STD * std, value + TWO_STD * std, linewidth=0, **style)
+
+
+def measured_channel(motion: 'AxisMotion') -> tuple['np.ndarray', str]:
+    """The angle and its label, or the rate where no angle was measured."""
+    if motion.angle is None:
+        return motion.rate, f'{motion.axis} rate [deg/s]'
+    return motion.angle, f'{motion.axis} [deg]'
 
 
 def save_figure(figure: 'Figure', path: str | Path) -> None:

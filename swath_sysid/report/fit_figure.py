@@ -6,7 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, new_figure, quiet
+from swath_sysid.report.figures import (
+    BAND,
+    MEASURED,
+    MODEL,
+    RESIDUAL,
+    measured_channel,
+    new_figure,
+    quiet,
+    two_std_band,
+)
+from swath_sysid.report.fit_summary import short_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,7 +50,7 @@ def fit_figure(identification: Identification) -> Figure:
         residual_axes = quiet(upper.add_subplot(grid[2 * row + 1, column], sharex=motion_axes))
         _draw_motion(motion_axes, residual_axes, record, legend=index == 0)
         if len(records) > 1:
-            motion_axes.set_title(_short(record.motion.source), fontsize='small')
+            motion_axes.set_title(short_name(record.motion.source), fontsize='small')
     left, right = lower.subplots(1, 2)
     _draw_curves(quiet(left), quiet(right), identification)
     figure.suptitle(_headline(identification), fontsize='medium')
@@ -49,11 +59,11 @@ def fit_figure(identification: Identification) -> Figure:
 
 def _draw_motion(motion_axes, residual_axes, record, legend):
     motion = record.motion
-    measured, simulated = (motion.rate, record.rate) if motion.angle is None else (motion.angle, record.angle)
-    quantity = 'rate [deg/s]' if motion.angle is None else '[deg]'
+    measured, label = measured_channel(motion)
+    simulated = record.rate if motion.angle is None else record.angle
     motion_axes.plot(motion.time, np.degrees(measured), color=MEASURED, linewidth=1.4, label='measured')
     motion_axes.plot(motion.time, np.degrees(simulated), color=MODEL, linewidth=1.0, linestyle='--', label='simulated')
-    motion_axes.set_ylabel(f'{motion.axis} {quantity}')
+    motion_axes.set_ylabel(label)
     motion_axes.tick_params(labelbottom=False)
     residual_axes.plot(motion.time, np.degrees(record.residual), color=RESIDUAL, linewidth=0.7)
     residual_axes.axhline(0.0, color=MEASURED, linewidth=0.5)
@@ -78,9 +88,7 @@ def _draw_curves(frequency_axes, damping_axes, identification):
 
 
 def _band(axes, amplitude, value, std):
-    axes.fill_between(
-        amplitude, value - 2 * std, value + 2 * std, color=BAND, alpha=0.6, linewidth=0, label='two standard deviations'
-    )
+    two_std_band(axes, amplitude, value, std, color=BAND, alpha=0.6, label='two standard deviations')
     axes.plot(amplitude, value, color=MODEL)
     axes.legend(frameon=False, fontsize='small')
 
@@ -90,7 +98,3 @@ def _headline(identification):
     terms = ',  '.join(f'{n} {v:.4g} ± {identification.std[n]:.2g}' for n, v in model.terms.items())
     headline = f'R² {identification.r2:.5f},  period {model.natural_period:.3f} s'
     return f'{model.axis}, {model.equation.name}:  {headline}\n{terms}'
-
-
-def _short(source):
-    return source.replace('\\', '/').rsplit('/', 1)[-1]

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 from swath_sysid.attitude.hull.published_form import to_published
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.common.covariance import correlation
+from swath_sysid.formats.model_file import ratios_as_data
+from swath_sysid.formats.plain_data import finite_or_none
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -33,11 +35,8 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
         'equation': model.equation.name,
         'axis': model.axis,
         'ratios': {
-            name: {
-                'value': value, 'std': identification.std[name], 'interval': list(identification.intervals[name]),
-                'unit': RATIO_UNITS[name],
-            }
-            for name, value in model.terms.items()
+            name: {**ratio, 'interval': list(identification.intervals[name])}
+            for name, ratio in ratios_as_data(identification).items()
         },
         'verdict': vars(identification.verdict),
         'choice': identification.choice,
@@ -77,17 +76,6 @@ def warnings_as_data(advice: Iterable[Advice]) -> dict[str, list[dict[str, str]]
     return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
 
 
-def finite_or_none(value: Any) -> Any:
-    """The same data with None for numbers that JSON does not know."""
-    if isinstance(value, dict):
-        return {key: finite_or_none(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite_or_none(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return float(value) if isinstance(value, float) else value
-
-
 def fit_in_words(identification: Identification, inertia: float | None = None) -> list[str]:
     """Lines for a reader.
 
@@ -102,14 +90,11 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
         *([f'  {identification.choice}'] if identification.choice else []),
     ]
     lines += [
-        f'  {_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '
+        f'  {short_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '
         f'{record.segment.cycles:.1f} cycles'
         for record in identification.records
     ]
-    lines += [
-        f'  {name:<3}{value:>14.6g}  {_spread(identification, name, value):<14} {RATIO_UNITS[name]}'
-        for name, value in model.terms.items()
-    ]
+    lines += ratio_lines(identification, identification.intervals)
     low, high = (math.degrees(a) for a in identification.amplitude_range)
     lines += [
         f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(identification.trim_std):.2g}',
@@ -126,11 +111,17 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
     return lines
 
 
-def _spread(identification, name, value):
-    """Standard deviation, or the upper end of an interval that begins at zero."""
-    low, high = identification.intervals[name]
-    std = identification.std[name]
-    return f'< {high:.3g} (95 %)' if low == 0.0 and value < std else f'+- {std:.3g}'
+def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | None = None) -> list[str]:
+    """A line for each ratio with its unit, of whatever has a model and its deviations.
+
+    Beside it stands its standard deviation, or the upper end of an interval that begins at zero.
+    """
+    lines = []
+    for name, value in identified.model.terms.items():
+        std, (low, high) = identified.std[name], (intervals or {}).get(name, (-math.inf, math.inf))
+        spread = f'< {high:.3g} (95 %)' if low == 0.0 and value < std else f'+- {std:.3g}'
+        lines.append(f'  {name:<3}{value:>14.6g}  {spread:<14} {RATIO_UNITS[name]}')
+    return lines
 
 
 def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:
@@ -153,5 +144,6 @@ def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> d
     )
 
 
-def _name(source):
-    return source.replace('\\', '/').rsplit('/', 1)[-1]
+def short_name(source: str) -> str:
+    """The last part of a path, of whichever system."""
+    return source.replace('\\', '/').rpartition('/')[2]

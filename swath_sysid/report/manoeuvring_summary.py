@@ -3,9 +3,10 @@
 from pathlib import PurePath
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
-from swath_sysid.report.fit_summary import finite_or_none
+from swath_sysid.report.fit_summary import warnings_as_data
 
 MAX_ALIKE = 2
 """So many warnings of one kind are shown before the others are only counted."""
@@ -84,7 +85,7 @@ def identification_as_data(found, wall_s=None):
         'refused_terms': found.rejected,
         'effective_samples': found.effective_samples,
         'wall_s': wall_s,
-        'warnings': [{'code': a.code, 'message': a.message} for a in condensed(found.advice)],
+        **warnings_as_data(condensed(found.advice)),
     })  # fmt: skip
 
 

@@ -5,9 +5,10 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_POWERS
-from swath_sysid.report.campaign_page import bullets, page, paragraph, section, table_as_html
+from swath_sysid.report.campaign_page import bullets, page, paragraph, table_as_html
+from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.paper_decay_figures import drawn
-from swath_sysid.report.paper_decay_numbers import TWO_STD, checked_models, next_step_errors
+from swath_sysid.report.paper_decay_numbers import checked_models, next_step_errors
 from swath_sysid.report.paper_decay_tables import (
     claims,
     coefficients,
@@ -36,18 +37,16 @@ def decay_page(study, wall_s):
         ('short', 'In short', [bullets(_in_short(study, wall_s))]),
         ('trials', 'Model and trials', [table_as_html(particulars(study)), paragraph(_how_simulated(study), 'note')]),
         ('method', 'Equations and search', [table_as_html(equations(study)), table_as_html(search_settings(study))]),
-        ('decays', 'Decays', drawn(study, 'decays')),
-        ('objective', 'Objective values', [table_as_html(objective_values(study)), *drawn(study, 'objective')]),
+        ('decays', 'Decays', [drawn(study, 'decays')]),
+        ('objective', 'Objective values', [table_as_html(objective_values(study)), drawn(study, 'objective')]),
         ('chosen', 'The chosen equation', [table_as_html(coefficients(study))]),
-        ('motion', 'Measured and identified motion', drawn(study, 'motion')),
+        ('motion', 'Measured and identified motion', [drawn(study, 'motion')]),
         ('next-step', 'One step ahead', [table_as_html(next_step_table(study))] if p.next_step else []),
-        ('angle', 'Coefficients', [*drawn(study, 'against-angle'), *drawn(study, 'coefficients')]),
+        ('angle', 'Coefficients', [drawn(study, 'against-angle'), drawn(study, 'coefficients')]),
         ('conclusions', 'Conclusions', [table_as_html(claims(study))]),
         ('limits', 'What cannot come out, and why', [bullets(_limits(study))]),
     ]
-    body = [section(*parts) for parts in sections]
-    links = [(anchor, name) for (anchor, name, _), text in zip(sections, body, strict=True) if text]
-    return page(f'{p.title}: the study and its repetition', [text for text in body if text], links)
+    return page(f'{p.title}: the study and its repetition', sections)
 
 
 def _in_short(study, wall_s):

@@ -1,4 +1,6 @@
 """The figures of a study of free decays, as the study orders them."""
+from dataclasses import replace
+
 import matplotlib
 import numpy as np
 
@@ -6,40 +8,31 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.campaign.papers.decay_study import DRAFT_FACTORS
-from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, Drawing, legend_below
-from swath_sysid.report.campaign_page import figures, inline, svg_of
-from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
-from swath_sysid.report.paper_decay_numbers import BY, GENETIC, HULL, OURS, TWO_STD, coefficient, coefficient_names
+from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, legend_below
+from swath_sysid.report.campaign_page import Drawing, figures
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, TWO_STD, new_panel
+from swath_sysid.report.paper_decay_numbers import BY, GENETIC, HULL, OURS, coefficient, coefficient_names
 
 
 def drawn(study, kind):
-    """The figures of one kind, as parts of a section."""
+    """The figures of one kind; nothing where the study has none."""
     with matplotlib.rc_context(STYLE):
         drawings = [
-            (spec['number'], drawing) for spec in study.publication.figures if spec['kind'] == kind
-            for drawing in FIGURES[kind](study, spec)
+            replace(drawing, caption=f'As figure {spec["number"]}: {drawing.caption}')
+            for spec in study.publication.figures if spec['kind'] == kind for drawing in FIGURES[kind](study, spec)
         ]  # fmt: skip
-    shown = [
-        inline(svg_of(d.figure, d.name), d.name.replace('.', '_'), f'As figure {number}: {d.caption}')
-        for number, d in drawings
-    ]
-    return [figures(shown)] if shown else []
+    return figures(drawings)
 
 
-def _axes(title=''):
-    figure = new_figure(WIDTH, HEIGHT)
-    axes = quiet(figure.subplots())
-    axes.set_title(title)
-    return figure, axes
+def _panel(**labels):
+    return new_panel(WIDTH, HEIGHT, **labels)
 
 
 def _decays(study, spec):
-    figure, axes = _axes()
+    figure, axes = _panel(xlabel='time since release [s]', ylabel=f'{study.publication.axis} rate [rad/s]')
     for factor in DRAFT_FACTORS:
         motion = study.at(factor, spec['angle_deg']).problem.motions[0]
         axes.plot(motion.time - motion.time[0], motion.rate, linewidth=0.9, label=f'{factor:g} T')
-    axes.set_xlabel('time since release [s]')
-    axes.set_ylabel(f'{study.publication.axis} rate [rad/s]')
     axes.legend(frameon=False, ncols=3)
     return [Drawing('decays', f'rates of the three drafts, released from {spec["angle_deg"]:g} deg', figure)]
 
@@ -53,14 +46,12 @@ def _motion(study, spec):
     models = [(searched, BY[GENETIC], MODEL, '--'), (record.ours.model, BY[OURS], RESIDUAL, '-')]
     found = []
     for quantity, unit in (('angle', '[deg]'), ('rate', 'rate [deg/s]')):
-        figure, axes = _axes()
+        figure, axes = _panel(xlabel='time since release [s]', ylabel=f'{motion.axis} {unit}')
         time = motion.time - motion.time[0]
         measured = np.degrees(getattr(motion, quantity))
         axes.plot(time, measured, color=MEASURED, linewidth=0.7, alpha=0.7, label='measured')
         for model, label, colour, style in models:
             axes.plot(time, np.degrees(_simulated(model, state, motion)[quantity]), style, color=colour, label=label)
-        axes.set_xlabel('time since release [s]')
-        axes.set_ylabel(f'{motion.axis} {unit}')
         axes.legend(frameon=False)
         caption = f'{quantity}, measured and identified, {record.angle_deg:g} deg at {record.draft_factor:g} T'
         found.append(Drawing(f'motion_{quantity}', caption, figure))
@@ -76,7 +67,7 @@ def _objective_by_equation(study, spec):
     p = study.publication
     found = []
     for angle in sorted({r.angle_deg for r in study.records}):
-        figure, axes = _axes(f'from {angle:g} deg')
+        figure, axes = _panel(title=f'from {angle:g} deg', xlabel='equation', ylabel='objective [rad/s]')
         places = np.arange(1, len(p.equations) + 1)
         for k, factor in enumerate(DRAFT_FACTORS):
             record, printed = study.at(factor, angle), p.printed_objective[factor, angle]
@@ -85,8 +76,6 @@ def _objective_by_equation(study, spec):
             axes.plot(places, [record.searched[e].genetic.value for e in p.equations], 'o-', color=SERIES[k],
                       markersize=4, linewidth=1.2, label=f'{factor:g} T here')  # fmt: skip
         axes.set_xticks(places)
-        axes.set_xlabel('equation')
-        axes.set_ylabel('objective [rad/s]')
         axes.set_ylim(bottom=0.0)
         legend_below(axes)
         found.append(Drawing(f'objective_{angle:g}', f'objective value by equation, {angle:g} deg', figure))
@@ -99,11 +88,9 @@ def _against_angle(study, spec):
         for by, words in BY.items():
             if name == "I'" and by == OURS:
                 continue
-            figure, axes = _axes(f'{name} by {words}')
+            figure, axes = _panel(title=f'{name} by {words}', xlabel='initial angle [deg]', ylabel=name)
             shown = [_one_curve(axes, study, name, by, k, factor) for k, factor in enumerate(DRAFT_FACTORS)]
             _limit(axes, np.concatenate(shown))
-            axes.set_xlabel('initial angle [deg]')
-            axes.set_ylabel(name)
             legend_below(axes)
             caption = f'{name} against initial angle, a curve a draft, by {words}'
             if name != "I'":
@@ -142,14 +129,13 @@ def _all_coefficients(study, spec):
     records = sorted((r for r in study.records if r.draft_factor == factor), key=lambda r: r.angle_deg)
     found = []
     for by, words in BY.items():
-        figure, axes = _axes(f'{factor:g} T, by {words}')
+        figure, axes = _panel(title=f'{factor:g} T, by {words}', xlabel='initial angle [deg]')
         for k, name in enumerate(["I'", *coefficient_names(study)]):
             values = [coefficient(study, r, name, by)[0] for r in records]
             if np.isfinite(values).any():
                 axes.plot([r.angle_deg for r in records], values, marker='o', markersize=4, linewidth=1.1, label=name,
                           color=SERIES[k % len(SERIES)], linestyle=LINE_STYLES[k // len(SERIES)])  # fmt: skip
         axes.set_yscale('symlog', linthresh=1e-3)
-        axes.set_xlabel('initial angle [deg]')
         axes.legend(frameon=False, ncols=1, loc='center left', bbox_to_anchor=(1.0, 0.5))
         caption = f"all coefficients at {factor:g} T against initial angle, by {words}; I' {study.inertia:g} given"
         found.append(Drawing(f'coefficients_{factor:g}_{by}', caption, figure))

@@ -5,7 +5,6 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS
 
-TWO_STD = 2.0
 STEADY = 0.2
 """A curve that changes by less than this share of its largest value hardly changes."""
 

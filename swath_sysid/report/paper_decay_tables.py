@@ -3,11 +3,11 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, SWARM
 from swath_sysid.report.campaign_tables import Column, Table, digits
+from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.paper_decay_numbers import (
     GENETIC,
     HULL,
     OURS,
-    TWO_STD,
     checked_models,
     coefficient,
     next_step_errors,

@@ -3,30 +3,29 @@ import matplotlib
 import numpy as np
 
 from swath_sysid.campaign.papers.manoeuvring_study import track_error
-from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, Drawing, legend_below
-from swath_sysid.report.campaign_page import bullets, figures, inline, page, paragraph, section, svg_of, table_as_html
+from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, legend_below
+from swath_sysid.report.campaign_page import Drawing, bullets, figures, page, paragraph, table_as_html
 from swath_sysid.report.campaign_tables import Column, Table, digits
-from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
 
+TALL = 1.2 * HEIGHT
 FIGURE_OF_RUN = {'identification': '4', 'validation': '5'}
 
 
 def manoeuvring_page(study, wall_s):
     """HTML of the study carried out again; see `ManoeuvringStudy`."""
     with matplotlib.rc_context(STYLE):
-        tracks, iterations = _inlined(_trajectories(study) + _turns(study)), _inlined(_iterations(study))
+        tracks, iterations = figures(_trajectories(study) + _turns(study)), figures(_iterations(study))
     sections = [
         ('short', 'In short', [bullets(_in_short(study, wall_s))]),
         ('trials', 'Craft and trials', [table_as_html(_craft(study)), paragraph(_how_simulated(study), 'note')]),
         ('derivatives', 'Derivatives', [table_as_html(_derivatives(study))]),
-        ('motion', 'Trajectories and turns', [figures(tracks)]),
-        ('iterations', 'Parameters against iteration', [figures(iterations)]),
+        ('motion', 'Trajectories and turns', [tracks]),
+        ('iterations', 'Parameters against iteration', [iterations]),
         ('conclusions', 'Conclusions', [table_as_html(_claims(study))]),
         ('limits', 'What cannot come out, and why', [bullets(_limits())]),
     ]
-    body = [section(*parts) for parts in sections]
-    links = [(anchor, name) for anchor, name, _ in sections]
-    return page(f'{study.content["title"]}: the study and its repetition', body, links)
+    return page(f'{study.content["title"]}: the study and its repetition', sections)
 
 
 def _errors(study, run):
@@ -126,12 +125,11 @@ def _models(study, run):
 def _trajectories(study):
     found = []
     for run, number in FIGURE_OF_RUN.items():
-        figure, axes = _axes(f'{run}, {study.content["runs"][run][1]:g} N starboard')
+        title = f'{run}, {study.content["runs"][run][1]:g} N starboard'
+        figure, axes = new_panel(WIDTH, TALL, title=title, xlabel='east [m]', ylabel='north [m]')
         for motion, label, style in _models(study, run):
             axes.plot(motion.x, motion.y, label=label, **style)
         axes.set_aspect('equal', 'datalim')
-        axes.set_xlabel('east [m]')
-        axes.set_ylabel('north [m]')
         legend_below(axes)
         found.append(Drawing(f'track_{run}', f'As figure {number}: measured and simulated trajectory, {run}', figure))
     return found
@@ -156,30 +154,18 @@ def _turns(study):
 def _iterations(study):
     found = []
     for row in ('Y', 'N'):
-        figure, axes = _axes(f'{row} derivatives')
+        title = f'{row} derivatives'
+        figure, axes = new_panel(WIDTH, TALL, title=title, xlabel='iteration', ylabel='over its true value')
         names = [name for name in study.free if name.startswith(row)]
         for k, name in enumerate(names):
             values = study.iterations[:, study.free.index(name)]
             axes.plot(values, color=SERIES[k % len(SERIES)], linestyle=LINE_STYLES[k // len(SERIES)], marker='o',
                       markersize=3, label=name)  # fmt: skip
         axes.axhline(1.0, color=MEASURED, linewidth=0.6)
-        axes.set_xlabel('iteration')
-        axes.set_ylabel('over its true value')
         legend_below(axes)
         caption = f'As figure 6: parameters of {row} against iteration, in shares of what was simulated'
         found.append(Drawing(f'iterations_{row}', caption, figure))
     return found
-
-
-def _axes(title):
-    figure = new_figure(WIDTH, HEIGHT * 1.2)
-    axes = quiet(figure.subplots())
-    axes.set_title(title)
-    return figure, axes
-
-
-def _inlined(drawings):
-    return [inline(svg_of(d.figure, d.name), d.name, d.caption) for d in drawings]
 
 
 def _claims(study):

@@ -7,7 +7,8 @@ import numpy as np
 
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
+from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, measured_channel, new_figure, quiet
+from swath_sysid.report.fit_summary import short_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,13 +44,13 @@ def record_figure(motions: Sequence[AxisMotion]) -> Figure:
         decays = find_decays(motion)
         _draw_motion(quiet(motion_axes), motion, decays)
         _draw_spectrum(quiet(spectrum_axes), motion, decays)
-    figure.suptitle(motions[0].source.replace('\\', '/').rsplit('/', 1)[-1], fontsize='medium')
+    figure.suptitle(short_name(motions[0].source), fontsize='medium')
     return figure
 
 
 def _draw_motion(axes, motion, decays):
-    values, unit = (motion.rate, 'rate [deg/s]') if motion.angle is None else (motion.angle, '[deg]')
-    time, values = _thinned(motion.time, np.degrees(values))
+    measured, label = measured_channel(motion)
+    time, values = _thinned(motion.time, np.degrees(measured))
     axes.plot(time, values, color=MEASURED, linewidth=0.9)
     for begin, end in find_gaps(motion, longer_than=3.0 * motion.sample_interval) if motion.size > 2 else ():
         axes.axvspan(begin, end, color=MODEL, alpha=0.5, linewidth=1)
@@ -63,8 +64,7 @@ def _draw_motion(axes, motion, decays):
     # Room for the words above the motion.
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.1 * (high - low) if decays else high)
-    axes.set_ylabel(f'{motion.axis} {unit}')
-    axes.set_xlabel('time [s]')
+    axes.set(xlabel='time [s]', ylabel=label)
 
 
 def _draw_turning_points(axes, motion, decay):
@@ -105,5 +105,4 @@ def _draw_spectrum(axes, motion, decays):
     for decay in decays[:1]:
         axes.axvline(1.0 / decay.period, color=MODEL, linewidth=0.9, linestyle='--', label=f'{decay.period:.2f} s')
         axes.legend(frameon=False, fontsize='small', loc='upper right')
-    axes.set_xlabel('frequency [Hz]')
-    axes.set_ylabel('relative density')
+    axes.set(xlabel='frequency [Hz]', ylabel='relative density')

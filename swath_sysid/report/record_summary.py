@@ -7,7 +7,9 @@ import numpy as np
 
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
 from swath_sysid.attitude.motion.segmentation import find_decays
-from swath_sysid.report.fit_summary import finite_or_none, warnings_as_data
+from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.report.figures import measured_channel
+from swath_sysid.report.fit_summary import warnings_as_data
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,7 +42,7 @@ def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
 
 def _axis_as_data(motion):
     decays = find_decays(motion)
-    values = motion.rate if motion.angle is None else motion.angle
+    values, _ = measured_channel(motion)
     advice = [*check_motion(motion, decays)]
     advice += [a for decay in decays for a in (*decay.advice, *check_decay(motion, decay))]
     return {

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, new_figure, quiet
+from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, new_panel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,8 +22,7 @@ def sea_figure(found: SeaState) -> Figure:
     -------
     Figure
     """
-    figure = new_figure(8.0, 4.2)
-    axes = quiet(figure.subplots())
+    figure, axes = new_panel(8.0, 4.2)
     axes.plot(found.frequency, found.spectrum, color=RESIDUAL, linewidth=1.4)
     low, high = found.peak_period_interval
     axes.axvspan(1.0 / high, 1.0 / low, color=BAND, alpha=0.4, lw=0, label='95 % interval of the peak')

@@ -197,12 +197,14 @@ class AtSeaIdentification:
     advice: tuple[Advice, ...]
 
     @property
+    def has_period(self):
+        """Whether the natural period is known well enough to be of use to anyone."""
+        return self.natural_period_std < PERIOD_USABLE * self.natural_period
+
+    @property
     def is_usable(self):
-        """Whether period and damping are known well enough to be of use to anyone."""
-        return (
-            self.natural_period_std < PERIOD_USABLE * self.natural_period
-            and self.damping_ratio_std < DAMPING_USABLE * self.damping_ratio
-        )
+        """Whether period and damping are."""
+        return self.has_period and self.damping_ratio_std < DAMPING_USABLE * self.damping_ratio
 
     @property
     def std(self):

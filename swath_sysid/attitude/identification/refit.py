@@ -250,8 +250,7 @@ def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
         found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
         raise InputError(f'{error} (the window holds what window_s says)') from error
-    is_known = found.natural_period_std < PERIOD_USABLE * found.natural_period
-    estimate = (found.natural_period, found.natural_period_std, found.amplitude) if is_known else None
+    estimate = (found.natural_period, found.natural_period_std, found.amplitude) if found.has_period else None
     return _judged_at_sea(axis, motion, heave, found, request, should_cancel), estimate
 
 

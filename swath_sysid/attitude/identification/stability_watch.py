@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-SHORTEST_PART = 2
+MIN_PART = 2
 """Estimates before and after a change: a single one may be a freak."""
 
 BEYOND_CHANCE = 4.5
@@ -125,7 +125,7 @@ class StabilityWatch:
         if self._rows and begin < self._rows[-1][0] - _OVERLAP * (end - begin):
             return
         self._rows.append((end, math.log(period), std / period, amplitude**2))
-        if len(self._rows) >= 2 * SHORTEST_PART:
+        if len(self._rows) >= 2 * MIN_PART:
             self.newest = self._judged()
 
     @property
@@ -135,13 +135,13 @@ class StabilityWatch:
 
     def _judged(self):
         stamp, level, std, effect = np.array(self._rows).T
-        places = range(SHORTEST_PART, stamp.size - SHORTEST_PART + 1)
+        places = range(MIN_PART, stamp.size - MIN_PART + 1)
         steps = [_step(level, std, effect, place) for place in places]
         largest = max(steps, key=lambda step: abs(step.change) / step.std)
         is_beyond_chance = abs(largest.change) > BEYOND_CHANCE * largest.std
         if not is_beyond_chance:
-            place = min(np.searchsorted(stamp, stamp[-1] - PRESENT, side='right'), stamp.size - SHORTEST_PART)
-            largest = _step(level, std, effect, max(place, SHORTEST_PART))
+            place = min(np.searchsorted(stamp, stamp[-1] - PRESENT, side='right'), stamp.size - MIN_PART)
+            largest = _step(level, std, effect, max(place, MIN_PART))
         relative, spread = math.exp(-2.0 * largest.change), 2.0 * _PERCENTILE * largest.std
         interval = relative * math.exp(-spread), relative * math.exp(spread)
         before, now = math.exp(largest.before), math.exp(largest.before + largest.change)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from swath_sysid.common.signals import bin_means, noise_level, quantum, without_spikes
+from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, without_spikes
 
 MAX_SAMPLES = 65536
 """Longer records are averaged down to this many samples: 20 a period for an hour of a 1 s period."""
@@ -337,9 +337,7 @@ def turning_points_of(signal):
     if value.size < 3 or least == 0.0:
         empty = np.empty(0)
         return TurningPoints(empty, empty, signal.quantity, signal.noise)
-    from scipy.signal import find_peaks
-
-    index = _alternating(*(find_peaks(sign * value, prominence=least)[0] for sign in (1.0, -1.0)))
+    index = _alternating(prominent_maxima(value, least), prominent_maxima(-value, least))
     before, at, after = value[index - 1], value[index], value[index + 1]
     bend = before - 2.0 * at + after
     bent = bend != 0.0

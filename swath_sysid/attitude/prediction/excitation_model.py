@@ -19,6 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment
+from swath_sysid.attitude.prediction.variate_analysis import spectral_radius
 
 TAPERS = 5
 SMOOTHING = 0.04
@@ -224,7 +225,7 @@ def reduced_moment(spectrum, request, hull):
     to = (weights.T @ left[:, :n] / np.sqrt(values[:n])).T
     back = spread @ right[:n].T / np.sqrt(values[:n])
     transition = to @ companion @ back
-    transition *= min(1.0, LARGEST_RADIUS / np.abs(np.linalg.eigvals(transition)).max())
+    transition *= min(1.0, LARGEST_RADIUS / spectral_radius(transition))
     stationary = solve_discrete_lyapunov(transition, noise * np.outer(to[:, 0], to[:, 0]))
     return ModalMoment.from_discrete(transition, back[0], 0.5 * (stationary + stationary.T), step)
 

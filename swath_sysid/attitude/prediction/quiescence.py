@@ -209,6 +209,7 @@ class Quiescence:
         self._quantities = tuple(quantities)
         self._spacing = spacing
         self._errors = np.full((len(self._quantities), members, leads.size), math.nan)
+        self._complete = np.zeros((len(self._quantities), members), dtype=bool)
         self._members = members
         self._seen = 0
         self.clear()
@@ -249,7 +250,9 @@ class Quiescence:
         while self._pending and self._pending[0].stamp + self._leads[-1] <= now + 1e-9:
             issued = self._pending.popleft()
             actual = motion_at(issued.stamp + self._leads)
-            self._errors[:, self._seen % self._members] = ((actual - issued.motion) / issued.size).T
+            place = self._seen % self._members
+            self._errors[:, place] = errors = ((actual - issued.motion) / issued.size).T
+            self._complete[:, place] = np.isfinite(errors).all(axis=1)
             self._seen += 1
             actual = (actual - issued.trim)[:self._within, self._bounded]
             if issued.probability == issued.probability and np.isfinite(actual).all():
@@ -305,36 +308,34 @@ class Quiescence:
         # forecasts grow better as the sea is learnt: while little is known, its older half is left out
         count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
         known = np.arange(self._seen - count, self._seen) % self._members
-        inside = np.ones((count, self._leads.size), dtype=bool)
-        complete = np.ones(count, dtype=bool)
+        known = known[self._complete[self._bounded][:, known].all(axis=0)]
+        if known.size < _ENOUGH:
+            return None
+        inside = np.ones((known.size, self._leads.size), dtype=bool)
         for quantity, bound in zip(np.flatnonzero(self._bounded), self._bound, strict=True):
-            members = self._errors[quantity, known] * size[quantity] + motion[:, quantity]
-            complete &= np.isfinite(members).all(axis=1)
-            inside &= np.abs(members) <= bound
-        return inside[complete] if complete.sum() >= _ENOUGH else None
+            inside &= np.abs(self._errors[quantity, known] * size[quantity] + motion[:, quantity]) <= bound
+        return inside
 
     def _calm_window(self, inside):
         """The first stretch as long as the duration that is quiet with the asked probability, to its end."""
         members, leads = inside.shape
-        # how many leads each member stays inside, from each lead on
-        lasting = np.zeros((members, leads + 1), dtype=int)
-        for lead in range(leads - 1, -1, -1):
-            lasting[:, lead] = inside[:, lead] * (1 + lasting[:, lead + 1])
         needed = math.ceil(self._asked * (members + 1.0) - 0.5)
         if needed > members:
             return None
-        longest = np.partition(lasting[:, :leads], members - needed, axis=0)[members - needed]
+        # how many leads each member stays inside, from each lead on
+        places = np.arange(leads)
+        first_outside = np.minimum.accumulate(np.where(inside, leads, places)[:, ::-1], axis=1)[:, ::-1]
+        lasting = first_outside - places
         # the quiet of now lasts up to the first lead; any later one begins at a lead, which is one more
-        lasting_enough = longest >= self._within + (np.arange(leads) > 0)
-        begins = np.flatnonzero(lasting_enough)
-        if not begins.size:
+        lasting_enough = (lasting >= self._within + (places > 0)).sum(axis=0) >= needed
+        if not lasting_enough.any():
             return None
-        begin = begins[0]
-        last = begin + longest[begin] - 1
+        begin = int(lasting_enough.argmax())
+        longest = np.partition(lasting[:, begin], members - needed)[members - needed]
         return CalmWindow(
             0.0 if begin == 0 else float(self._leads[begin]),
-            float(self._leads[last]),
-            _share(lasting[:, begin] >= longest[begin]),
+            float(self._leads[begin + longest - 1]),
+            _share(lasting[:, begin] >= longest),
         )
 
     def _by_marginals(self, motion, deviation):

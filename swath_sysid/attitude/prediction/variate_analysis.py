@@ -28,8 +28,8 @@ _FLAT = 1e-9
 # third differences as many times their median size are not a craft's motion: a spike, or one record joined to another
 _BREAK = 60.0
 _LARGEST_RADIUS = 0.9999
-# regular waves do not die out, and by chance a model of little data grows: by so much a step it is damped at most
-_MOST_DAMPED = 1.01
+# regular waves do not die out, and by chance a model of little data grows: at most so much a step is damped away
+_MAX_GROWTH = 1.01
 
 
 def identify(values, names, step):
@@ -302,7 +302,7 @@ def canonical_state_space(gram, width, states):
     a, k = ak[:, :states], ak[:, states:]
     growth = spectral_radius(a) / _LARGEST_RADIUS
     a = a / max(growth, 1.0)
-    if growth > _MOST_DAMPED or not spectral_radius(a - k @ c) < _LARGEST_RADIUS:
+    if growth > _MAX_GROWTH or not spectral_radius(a - k @ c) < _LARGEST_RADIUS:
         return None
     return a, k, c, 0.5 * (s + s.T), 0.5 * (prior + prior.T), from_lags
 

@@ -93,7 +93,7 @@ def added_mass_advice(model):
     if not added_mass_diverges(model):
         return ()
     return (Advice('added-mass-diverges', 'added mass exceeds mass: the plugin applies it by the acceleration of the '
-                   'step before and diverges; identify again with the mass as weighed, --fix m=KG'),)  # fmt: skip
+                   'step before and diverges; identify again with the mass as weighed'),)  # fmt: skip
 
 
 def force_lines(model):

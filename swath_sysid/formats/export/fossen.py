@@ -168,6 +168,6 @@ def _commented(lines, mark):
 
 def _matlab_name(name):
     if not (name.isascii() and name.isidentifier() and name[0] != '_'):
-        raise InputError(f"MATLAB takes no function name '{name}', which is that of the file: begin --output with a "
-                         'letter, then letters, digits and underscores')  # fmt: skip
+        raise InputError(f"MATLAB takes no function name '{name}', which is that of the file: begin its name with "
+                         'a letter, then letters, digits and underscores', 'no-function-name')  # fmt: skip
     return name

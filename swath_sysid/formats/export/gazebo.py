@@ -170,7 +170,8 @@ def gazebo_attitude(models, inertias):
 def inertia_of(axis, inertias):
     """Inertia of an axis, kg m^2; InputError where there is none."""
     if axis not in inertias:
-        raise InputError(f'a decay shows only ratios to the inertia: give --inertia {axis}=KG_M2, added inertia in it')
+        raise InputError(f'a decay shows only ratios to the inertia: give the inertia of {axis} in kg m^2, with '
+                         'added inertia', 'no-inertia')  # fmt: skip
     return inertias[axis]
 
 

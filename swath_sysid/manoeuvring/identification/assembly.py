@@ -166,7 +166,7 @@ def assemble(runs, settings):
     speeds = np.concatenate([run.smooth[0] for run in runs])
     rates = np.concatenate([run.smooth[2] for run in runs])
     sways = np.concatenate([run.smooth[1] for run in runs])
-    rows = _rows_told(runs, speeds, sways, rates, advice, flags)
+    rows = _excited_rows(runs, speeds, sways, rates, advice, flags)
     lever, length = _craft(runs, settings, advice)
     values, free, assumed = _anchors(runs, thrust_input, settings, lever, rows, advice)
     scales = Scales(max(_largest(speeds), 0.2), max(_largest(rates), 0.05), values['m'], values['Iz'])
@@ -222,7 +222,7 @@ def seen_region(runs):
     )  # fmt: skip
 
 
-def _rows_told(runs, speeds, sways, rates, advice, flags):
+def _excited_rows(runs, speeds, sways, rates, advice, flags):
     """Equations that the runs excite."""
     rows = []
     total = np.concatenate([run.port + run.starboard for run in runs])

@@ -191,7 +191,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     note(0.95)
     model = model_of(problem, found.names, found.values)
     stability = check_stability(model, problem.region)
-    currents = _worth_telling(model, currents_of(problem, model, runs, settings.window))
+    currents = _distinct_currents(model, currents_of(problem, model, runs, settings.window))
     scores = score(model, runs, settings.window, currents)
     # nothing is fitted to the runs held out, not even their current
     validated = score(model, held_out, settings.window) if held_out else None
@@ -311,7 +311,7 @@ def _derivatives(problem, found, units):
     return derivatives, tuple(advice)
 
 
-def _worth_telling(model, currents):
+def _distinct_currents(model, currents):
     """The currents of the runs, or the model's for all where they hardly differ."""
     if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > MIN_DIFFERENCE:
         return currents
