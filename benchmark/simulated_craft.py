@@ -55,32 +55,36 @@ def catamaran(**changes):
     return replace(craft, **changes)
 
 
-def otter(**changes):
+def otter(munk=0.0, **changes):
     """Otter of 2 m with 25 kg of payload: coefficients of otter.py in T. I. Fossen's Python Vehicle Simulator.
 
-    Surge, sway and yaw of it (https://github.com/cybergalactic/PythonVehicleSimulator; Fossen 2021): no Munk moment,
-    cross-flow drag by strips (drag coefficient 1.0, Hoerner at a beam of 0.64 of twice the draught).
+    Surge, sway and yaw of it (https://github.com/cybergalactic/PythonVehicleSimulator, commit c717e07 of 2025-05-13;
+    Fossen 2021): cross-flow drag by strips (Hoerner's coefficient at the pontoon's beam over twice its draught), time
+    constants of 1 s in sway and yaw and of 0.1 s of the propellers (1 s, and no linear sway damping, until commit
+    61a8f41 of 2024-03-11). ``munk`` is the share of the Munk moment: none, as that file offers for stability and as
+    it was until then; with all of it the craft does not keep its course beyond 1.2 m/s.
     """
     hull, payload, length, lever = 55.0, 25.0, 2.0, 0.395
     mass = hull + payload
-    centre = hull * 0.2 / mass
-    about_centre = hull * (0.25 * length) ** 2 + hull * (0.2 - centre) ** 2 + payload * centre**2
-    yaw_added = 1.7 * about_centre
-    surge, turn = 24.4 * G / (6.0 * 0.5144), about_centre + mass * centre**2 + yaw_added
+    centre = (hull * 0.2 + payload * 0.05) / mass
+    about_origin = hull * ((0.25 * length) ** 2 + centre**2) + payload * 0.05**2
+    inertia = about_origin + mass * centre**2
+    surge_added, sway_added, yaw_added = 0.1 * hull, 1.5 * hull, 1.7 * about_origin
+    surge, turn = 24.4 * G / (6.0 * 0.5144), inertia + yaw_added
     draught = mass / 1025.0 / (2.0 * 0.4 * 0.25 * length)
-    strips = (np.arange(20) + 0.5) / 20.0 * length - 0.5 * length
+    strips = np.linspace(-0.5 * length, 0.5 * length, 21)
 
     def drag(v, r, arm):
         local = np.asarray(v)[..., None] + strips * np.asarray(r)[..., None]
-        return -0.5 * 1026.0 * draught * 1.0 * (length / 20.0) * np.sum(np.abs(local) * local * strips**arm, axis=-1)
+        return -0.5 * 1026.0 * draught * 1.004 * (length / 20.0) * np.sum(np.abs(local) * local * strips**arm, axis=-1)
 
     craft = Craft(
-        mass=mass, inertia=about_centre + mass * centre**2, lever=lever, length=length,
-        added=(0.1 * hull, 1.5 * hull, yaw_added), centre=centre,
-        x=lambda u, v, r: -surge * u + 1.5 * hull * v * r,
-        y=lambda u, v, r: drag(v, r, 0) - 0.1 * hull * u * r,
-        n=lambda u, v, r: drag(v, r, 1) - turn * (1.0 + 10.0 * abs(r)) * r,
-        full_thrust=0.5 * 24.4 * G, exponent=1.0, lag=1.0, delay=0.0, gusts=(0.0, 0.0, 0.0), current=(0.2, 0.15),
+        mass=mass, inertia=inertia, lever=lever, length=length, added=(surge_added, sway_added, yaw_added),
+        centre=centre,
+        x=lambda u, v, r: -surge * u + sway_added * v * r,
+        y=lambda u, v, r: drag(v, r, 0) - (mass + sway_added) * v - surge_added * u * r,
+        n=lambda u, v, r: drag(v, r, 1) - turn * (1.0 + 10.0 * abs(r)) * r - munk * (sway_added - surge_added) * u * v,
+        full_thrust=0.5 * 24.4 * G, exponent=1.0, lag=0.1, delay=0.0, gusts=(0.0, 0.0, 0.0), current=(0.2, 0.15),
     )  # fmt: skip
     if changes.get('logs') == 'command':
         # shaft speed: thrust by its square, k_neg / k_pos astern
@@ -215,6 +219,7 @@ def drives(seed, spins=True):
                 mean = rng.uniform(0.15, 0.95) if kind < 0.85 else rng.uniform(-0.6, 0.2)
                 turn = rng.choice([0.0, 1.0, -1.0]) * rng.uniform(0.03, 0.2)
                 pair = (mean - turn, mean + turn)
-            rows += [np.clip(pair, -1.0, 1.0)] * round(hold / STEP)
+            # changed at recorded samples, as loggers have it that write every command
+            rows += [np.clip(pair, -1.0, 1.0)] * (EVERY * round(hold / STEP / EVERY))
         runs.append(np.array(rows[: round(duration / STEP)]))
     return runs

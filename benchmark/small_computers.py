@@ -42,7 +42,7 @@ def readings_of(rate, duration):
 
     from swath_sysid.attitude.motion.trial import Trial
     from swath_sysid.formats.bags import write_imu_bag
-    from swath_sysid.formats.imu_readings import read_readings
+    from swath_sysid.formats.reading import read_readings
 
     fine, when = np.arange(round(duration * FINE_RATE)) / FINE_RATE, np.arange(round(duration * rate)) / rate
     roll, pitch = (make_sea(seed, duration).seen for seed in (0, 1))

@@ -21,6 +21,8 @@ from swath_sysid.pipeline.vertical_record import vertical_record
 from swath_sysid.report.figures import FORMATS, save_figure
 
 STEP = 0.1
+SETTINGS = ForecasterSettings(leads=(0.1, 1.0, 3.0), horizon=3.0, points=(SENSOR,))
+NOTHING_FORECAST = 'no vertical motion was forecast in this record: give one that is longer than the warm-up'
 ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
 
 
@@ -79,6 +81,8 @@ class Voyage:
     covariance : ndarray, shape (N, H, 7, 7)
     truth : callable
         From times, shape (...), to what came, shape (..., 7); NaN where it is not known.
+    calm : ndarray, shape (N, 2)
+        Begin and end of the window of calm forecast then, s from the stamp; NaN where none was.
     """
 
     stamps: np.ndarray
@@ -86,6 +90,7 @@ class Voyage:
     mean: np.ndarray
     covariance: np.ndarray
     truth: object
+    calm: np.ndarray
 
     def at_lead(self, lead):
         """Mean, shape (N, 7), and covariance, shape (N, 7, 7), this many seconds ahead."""
@@ -93,30 +98,35 @@ class Voyage:
         return self.mean[:, place], self.covariance[:, place]
 
 
-def sail(trial, warmup, horizon=3.0, progress=None):
-    """The predictor run causally through a record; forecasts issued in the first `warmup` seconds are left out."""
-    settings = ForecasterSettings(leads=(0.1, 1.0, horizon), horizon=horizon, points=(SENSOR,))
+def truth_of(trial):
+    """What came, as a function of times: see `Voyage`."""
     vertical = vertical_record(trial, (SENSOR,))
-    run = run_through(trial, settings, progress=progress)
     places = [vertical.names.index(f'{SENSOR.name}.{kind}') for kind in POINT_MOTION]
 
     def truth(times):
         attitude = [np.interp(times, *_measured(trial, name)) for name in ATTITUDE]
         return np.concatenate([vertical.at(times, places), np.stack(attitude, axis=-1)], axis=-1)
 
+    return truth
+
+
+def sail(trial, warmup, settings=SETTINGS, progress=None):
+    """The predictor run causally through a record; forecasts issued in the first `warmup` seconds are left out."""
+    run, truth = run_through(trial, settings, progress=progress), truth_of(trial)
     known = [
         (step.stamp, step.horizon) for step in run.steps
         if step.stamp >= trial.time[0] + warmup and step.horizon.points
-        and np.isfinite(truth(step.stamp + np.array([0.0, horizon]))).all()
+        and np.isfinite(truth(step.stamp + np.array([0.0, settings.horizon]))).all()
     ]  # fmt: skip
     if not known:
-        raise InputError('no vertical motion was forecast in this record: give one that is longer than the warm-up')
+        raise InputError(NOTHING_FORECAST)
     ahead = [horizon for _, horizon in known]
     attitude = [[h.axes['roll'].angle, h.axes['pitch'].angle, h.axes['roll'].rate, h.axes['pitch'].rate] for h in ahead]
     return Voyage(
         np.array([stamp for stamp, _ in known]), ahead[0].leads,
         np.concatenate([[h.points[SENSOR.name].mean for h in ahead], np.moveaxis(attitude, 1, 2)], axis=2),
         np.array([h.points[SENSOR.name].covariance for h in ahead]), truth,
+        np.array([(math.nan, math.nan) if h.calm is None else (h.calm.begin, h.calm.end) for h in ahead]),
     )  # fmt: skip
 
 
@@ -125,7 +135,7 @@ def _measured(trial, name):
     return trial.time[known], trial.channels[name][known]
 
 
-def carry_out(description, demonstrate, argv=None):
+def carry_out(description, demonstrate, argv=None, settings=SETTINGS, live=None):
     """Run an example from its command line.
 
     Parameters
@@ -134,6 +144,9 @@ def carry_out(description, demonstrate, argv=None):
     demonstrate : callable
         Prints the table of a `Voyage` and returns its figure.
     argv : sequence of str, optional
+    settings : ForecasterSettings, optional
+    live : callable, optional
+        For ``--live``: the `Voyage` of a trial, a warm-up in s and a rate, through the running nodes.
 
     Returns
     -------
@@ -145,12 +158,18 @@ def carry_out(description, demonstrate, argv=None):
     parser.add_argument('--frame', choices=('flu', 'frd'), help="the sensor's axes")
     parser.add_argument('--warmup', type=float, default=600.0, metavar='S', help='not counted (default: %(default)s)')
     parser.add_argument('--figure', default='figure.png', metavar='FILE', help='default: %(default)s')
+    if live is not None:
+        parser.add_argument('--live', action='store_true', help='replay the record into the running node over DDS')
+        parser.add_argument('--rate', type=float, default=50.0, help='times real time at most (default: %(default)s)')
     arguments = parser.parse_args(argv)
     try:
         check_outputs([Output('--figure', arguments.figure, endings=FORMATS)], [arguments.record])
         trial = read_trial(arguments.record, frame=arguments.frame) if arguments.record else simulated_craft(1200.0)
-        with progress_of('forecasting') as progress:
-            voyage = sail(trial, arguments.warmup, progress=progress)
+        if live is not None and arguments.live:
+            voyage = live(trial, arguments.warmup, arguments.rate)
+        else:
+            with progress_of('forecasting') as progress:
+                voyage = sail(trial, arguments.warmup, settings, progress)
         save_figure(demonstrate(voyage), arguments.figure)
     except InputError as error:
         print(error, file=sys.stderr)

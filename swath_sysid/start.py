@@ -32,6 +32,11 @@ def command_line():
         _end_on_signals(EXIT_INTERRUPTED)
 
 
+def verb_command(verb, *options):
+    """The words that run a verb in a process of its own."""
+    return [sys.executable, '-m', 'swath_sysid.start', verb, *options]
+
+
 def _end_on_signals(code):
     def end(*_):
         os._exit(code)
@@ -39,3 +44,7 @@ def _end_on_signals(code):
     signal.signal(signal.SIGINT, end)
     if code == 0:
         signal.signal(signal.SIGTERM, end)
+
+
+if __name__ == '__main__':
+    sys.exit(command_line())

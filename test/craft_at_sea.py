@@ -71,18 +71,24 @@ def known_sea(model, seeds, peak_ratio, std, duration, *, by_slope=False, interv
     natural = model.natural_frequency
     peak = natural / peak_ratio
     moments = np.stack([_moment(halves, peak, gamma, by_slope, natural, seed) for seed in seeds], axis=1)
+    scale = scale_for(model, moments, std, interval)
+    angle, rate = driven(model, scale * moments, interval)
+    assert np.abs(angle).max() < 0.5, 'the hull capsized: choose a smaller std'
+    settled = round(SETTLING / interval)
+    return KnownSea(halves[::2][settled:steps], angle[settled:], rate[settled:], model)
+
+
+def scale_for(model, moments, std, interval):
+    """What moments at half steps, shape (2 N + 1, S), are to be multiplied with for an angle of this size, rad."""
     scale = 0.02
     for _ in range(6):
-        angle, _ = _driven(model, scale * moments[:2 * min(steps, 3000) + 1], interval)
+        angle, _ = driven(model, scale * moments[:6001], interval)
         found = angle[400:].std()
         if np.isfinite(found) and np.abs(angle).max() < 0.5:
             scale *= std / found
         else:
             scale *= 0.5
-    angle, rate = _driven(model, scale * moments, interval)
-    assert np.abs(angle).max() < 0.5, 'the hull capsized: choose a smaller std'
-    settled = round(SETTLING / interval)
-    return KnownSea(halves[::2][settled:steps], angle[settled:], rate[settled:], model)
+    return scale
 
 
 def _moment(time, peak, gamma, by_slope, natural, seed):
@@ -102,11 +108,11 @@ def _moment(time, peak, gamma, by_slope, natural, seed):
     return moment
 
 
-def _driven(model, moments, interval):
-    """Runge-Kutta from rest, moments at half steps."""
+def driven(model, moments, interval, start=(0.0, 0.0)):
+    """Runge-Kutta from a state at the start, moments at half steps: angles and rates, shapes (N, S)."""
     steps = moments.shape[0] // 2
     angles, rates = np.empty((2, steps, moments.shape[1]))
-    x, w = np.zeros((2, moments.shape[1]))
+    x, w = (np.broadcast_to(value, moments.shape[1]) for value in start)
     with np.errstate(all='ignore'):
         for k in range(steps):
             angles[k], rates[k] = x, w

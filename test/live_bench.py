@@ -96,6 +96,30 @@ def stop(process, number=signal.SIGINT, times=1):
     return process.returncode, output
 
 
+class Spinning:
+    """A node spun in a thread of its own until it is closed, or paused for good."""
+
+    def __init__(self, node, context=None):
+        self._node, self._executor = node, events_executor(context=context)
+        self._executor.add_node(node)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self):
+        while not self._stop.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def pause(self):
+        self._stop.set()
+        self._thread.join()
+
+    def close(self):
+        self.pause()
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+
 class Bench:
     """A node that publishes IMU messages and keeps what the nodes publish.
 
@@ -117,21 +141,10 @@ class Bench:
             self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, RELIABLE)
         self._clients = {}
-        self._executor = events_executor(context=self.context)
-        self._executor.add_node(self.node)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._thread.start()
-
-    def _spin(self):
-        while not self._stop.is_set():
-            self._executor.spin_once(timeout_sec=0.05)
+        self._spinning = Spinning(self.node, self.context)
 
     def close(self):
-        self._stop.set()
-        self._thread.join()
-        self._executor.shutdown()
-        self.node.destroy_node()
+        self._spinning.close()
         rclpy.shutdown(context=self.context)
 
     def publisher(self, kind, topic, qos=SENSOR):

@@ -9,10 +9,10 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
 from swath_sysid.nodes.reason_advice import ADVICE
-from swath_sysid.pipeline.bring_up import BringUp
+from swath_sysid.page.bring_up import BringUp
+from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.pipeline.forecast_health import installation_report
 from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, StreamHealth
-from swath_sysid.pipeline.live_record import LiveRecord
 
 REPORT_S = 0.5
 """s between the diagnostics, and between looks at the guide."""

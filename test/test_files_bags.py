@@ -185,6 +185,8 @@ def test_topic_is_chosen_or_asked_for(tmp_path):
     with pytest.raises(InputError, match='choose one of /bow/imu, /imu/data'):
         read_bag(two)
     assert read_bag(two, '/imu/data').time.size == COUNT
+    forecasts = [(name, 1, imu(0)) for name in ('/forecast/next', '/craft/forecast/lead_1_0s')]
+    assert read_bag(write_bag(tmp_path / 'ours', plain_messages() + forecasts)).time.size == COUNT
     none = write_bag(tmp_path / 'none', [], extra=[text])
     with pytest.raises(InputError, match=r'/chatter \(std_msgs/msg/String\)'):
         read_bag(none)

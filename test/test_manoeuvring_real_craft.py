@@ -1,21 +1,26 @@
 """Craft with the vices of real ones, by a simulator that shares nothing with the package."""
 import importlib
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import swath_sysid
+from swath_sysid.cli.advice_words import worded
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.manoeuvring_csv import read_manoeuvring_csv
 from swath_sysid.formats.manoeuvring_model_file import manoeuvring_from_yaml, manoeuvring_to_yaml
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.identification.assembly import assemble, seen_region
 from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.held_out import helps
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
+from swath_sysid.manoeuvring.identification.selection import model_of
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.motion.intake import prepare_all
@@ -27,10 +32,14 @@ SEED = 1
 
 
 @pytest.fixture(scope='module')
-def craft_and_trials():
+def simulated():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
-        simulated = importlib.import_module('simulated_craft')
+        return importlib.import_module('simulated_craft')
+
+
+@pytest.fixture(scope='module')
+def craft_and_trials(simulated):
     craft = simulated.catamaran()
     records = simulated.simulate(craft, simulated.drives(SEED), SEED)
     return craft, [ManoeuvringTrial(thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever,
@@ -96,6 +105,23 @@ def test_the_true_measurement_is_needed_to_validate(runs, truth):
     assert blind.r2['sway'] < found.r2['sway'] - 0.1
 
 
+def test_sway_knows_its_terms_to_a_common_factor_only(runs, truth):
+    """So Yur follows Xu_dot, unless Yv_dot is given: then it can be searched."""
+    factor, mass = 1.3, truth['m']
+    inertial = {name: mass - factor * (mass - truth[name]) for name in ('Yur', 'Yv_dot')}
+    scaled = truth.with_values(**inertial, **{name: factor * truth[name] for name in ('Yv', 'Yvv')})
+    port, starboard = np.repeat([20.0, 5.0, 15.0], 50), np.repeat([5.0, 20.0, -10.0], 50)
+    whole, other = (simulate(model, port, starboard, 0.1) for model in (truth, scaled))
+    assert np.abs(whole.v).max() > 0.1
+    assert np.allclose(other.v, whole.v, atol=1e-9) and np.allclose(other.yaw_rate, whole.yaw_rate, atol=1e-9)
+    settings = ManoeuvringSettings(mass=26.0)
+    problem = assemble(runs, settings)
+    assert ('Yur',) not in problem.candidates
+    assert ('Yur',) in assemble(runs, replace(settings, fixed={'Yv_dot': -22.0})).candidates
+    assert 'sway-scale-assumed' in {a.code for a in problem.advice}
+    assert model_of(problem, ('Xu_dot',), [-2.5])['Yur'] == -2.5
+
+
 @pytest.fixture(scope='module')
 def found(runs, craft_and_trials):
     return identify_manoeuvring(
@@ -112,6 +138,7 @@ def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
     for name in ('reverse_ratio', 'exponent', 'deviation_B', 'deviation_C', 'sensor_y'):
         assert abs(found.model[name] - truth[name]) < 3.5 * found.derivatives[name].std, name
     assert np.allclose(found.model.current, truth.current, atol=0.05)
+    assert found.fixed['Yur'] == found.model['Xu_dot']
 
 
 @pytest.mark.slow
@@ -192,6 +219,12 @@ def test_pulses_are_commands_about_their_neutral(tmp_path):
 
 def test_the_lever_is_asked_for_where_the_yaw_rate_depends_on_it(runs):
     bare = [replace(run, lever=None) for run in runs[:3]]
-    with pytest.raises(InputError, match='--lever'):
+    with pytest.raises(InputError, match='give it too') as refused:
         assemble(bare, ManoeuvringSettings(mass=26.0, inertia=4.0))
-    assert assemble(bare, ManoeuvringSettings(mass=26.0)).base is not None
+    assert worded(refused.value.code, 'give it') == 'give it (--lever)'
+    assert 'lever-assumed' in {a.code for a in assemble(bare, ManoeuvringSettings(mass=26.0)).advice}
+
+
+def test_no_sentence_of_the_core_names_a_flag():
+    sources = Path(swath_sysid.__file__).parent.glob('manoeuvring/**/*.py')
+    assert not [path.name for path in sources if re.search('[ (]--[a-z]', path.read_text())]

@@ -25,6 +25,7 @@ MODULES = sorted(PACKAGE.rglob('*.py'))
 
 ROSDEP_KEYS = {
     'filterpy': 'python3-filterpy-pip',
+    'markdown_it': 'python3-rich',  # which needs it, on PyPI and on Ubuntu
     'matplotlib': 'python3-matplotlib',
     'numpy': 'python3-numpy',
     'rich': 'python3-rich',
@@ -74,9 +75,9 @@ MAY_IMPORT = {
     'formats': CORE,
     'campaign': CORE | {'formats'},
     'report': CORE | {'formats', 'campaign'},
-    'page': CORE | {'formats', 'campaign', 'report'},
-    'nodes': CORE | {'formats'},
-    'cli': CORE | {'formats', 'campaign', 'report', 'page', 'nodes'},
+    'page': CORE | {'start', 'formats', 'campaign', 'report'},
+    'nodes': CORE | {'formats', 'page'},
+    'cli': CORE | {'start', 'formats', 'campaign', 'report', 'page', 'nodes'},
 }
 """Data flows down this list, imports go up it."""
 

@@ -11,12 +11,12 @@ pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath
 webdriver = pytest.importorskip('selenium.webdriver', reason='driving a browser needs selenium: pip install selenium')
 
 from tank_side import TankSide  # noqa: E402
-from test_pipeline_bring_up import REST_S, turned_over, waves  # noqa: E402
+from test_page_bring_up import FAULTS, REST_S  # noqa: E402
 
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
 from swath_sysid.page.desk import Desk  # noqa: E402
+from swath_sysid.page.live_record import horizon_of  # noqa: E402
 from swath_sysid.page.server import is_allowed, served  # noqa: E402
-from swath_sysid.pipeline.live_record import horizon_of  # noqa: E402
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 needs_chromium = pytest.mark.skipif(
@@ -33,11 +33,15 @@ class SteppedDesk(Desk):
         pass
 
 
+class Shown(Exception):
+    """The page shows the fault that is awaited: time stands still."""
+
+
 class Tank(TankSide):
     """A source of the page: makes the view as the diagnostics come, and remembers what is pressed."""
 
-    def __init__(self, folder, **made):
-        super().__init__(**made)
+    def __init__(self, folder):
+        self.start_again()
         self.folder, self.lock, self.description, self.pressed = folder, threading.Lock(), '', []
         self.desk = SteppedDesk(self, folder, 'pitch', clock=lambda: self.clock)
 
@@ -55,10 +59,14 @@ class Tank(TankSide):
             [0.0, 0.01, 0.01, 0.02] * len(leads)))
         self.description = model_to_yaml(self.record.models) if self.record.models else ''
         Desk.refresh(self.desk)
-        return self.desk.view.guidance
+        guidance = self.desk.view.guidance
+        if guidance.fault and guidance.fault == self.awaited:
+            raise Shown
+        return guidance
 
-    def start_again(self):
-        TankSide.__init__(self)
+    def start_again(self, awaited='', **made):
+        self.awaited = awaited
+        TankSide.__init__(self, **made)
 
 
 class Screen:
@@ -132,13 +140,16 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
 
 
 @needs_chromium
-@pytest.mark.parametrize(('wrong', 'motion', 'cure'), [
-    (turned_over, None, 'sensor-turned: '), (lambda each: each, waves, 'waves: wait for calm water'),
-], ids=['upside down', 'waves'])
-def test_a_fault_is_shown_with_its_cure(screen, wrong, motion, cure):
-    screen.tank.start_again()
-    screen.tank.send(30.0, motion or (lambda t: {}), wrong=wrong)
-    screen.wait_for(cure, 'cure')
+@pytest.mark.parametrize('fault', FAULTS)
+def test_every_fault_is_shown_with_its_cure(screen, fault):
+    made, play, code, _, cure = FAULTS[fault]
+    screen.tank.start_again(awaited=code, **made)
+    screen.tank.look()
+    screen.wait_for('nodes-missing: ', 'cure')
+    with pytest.raises(Shown):
+        play(screen.tank)
+    screen.wait_for(f'{code}: ', 'cure')
+    assert cure in screen.text('cure')
 
 
 @needs_chromium

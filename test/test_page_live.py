@@ -1,7 +1,6 @@
 """The page's node beside the real nodes and a sensor: what it hears, what it asks of them, and the faults it names."""
 import os
 import signal
-import threading
 import time
 
 import pytest
@@ -9,14 +8,16 @@ import pytest
 pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, decay_stream, reading  # noqa: E402
-from live_bench import PATIENCE, Bench, running, start_together, stop, wait_for  # noqa: E402
-from test_pipeline_bring_up import in_g, turned_over  # noqa: E402
+from live_bench import LATCHED, PATIENCE, Bench, Spinning, running, start_together, stop, wait_for  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+from test_page_bring_up import in_g, turned_over  # noqa: E402
 
+from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
 from swath_sysid.formats.bags import is_bag  # noqa: E402
-from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
+from swath_sysid.formats.sea_state import sea_as_yaml  # noqa: E402
 from swath_sysid.nodes.page_node import PageNode  # noqa: E402
+from swath_sysid.page.bring_up import JUDGE, KEPT  # noqa: E402
 from swath_sysid.page.desk import Desk  # noqa: E402
-from swath_sysid.pipeline.bring_up import JUDGE, KEPT  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -39,23 +40,12 @@ class Page:
         self.bench, self.folder, self.stamp, self.sent = bench, folder, EPOCH_NS, 0
         self.node = PageNode(lambda line: self.desk.answer(line))
         self.desk = Desk(self.node, folder, 'pitch')
-        self._executor = events_executor()
-        self._executor.add_node(self.node)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._thread.start()
-
-    def _spin(self):
-        while not self._stop.is_set():
-            self._executor.spin_once(timeout_sec=0.05)
+        self.spinning = Spinning(self.node)
 
     def close(self):
         import rclpy
 
-        self._stop.set()
-        self._thread.join()
-        self._executor.shutdown()
-        self.node.destroy_node()
+        self.spinning.close()
         rclpy.shutdown()
         self.desk.close()
 
@@ -79,7 +69,6 @@ class Page:
     def rest(self, seconds=20.0, wrong=lambda each: each):
         self.send(wrong(reading(self.stamp + (k + 1) * round(1e9 / RATE), noise(k), noise(k + 1)))
                   for k in range(round(RATE * seconds)))
-
 
     def lie_still_until(self, condition, what, wrong=lambda each: each):
         """The sensor goes on at rest until the guidance is as it should be; that."""
@@ -142,6 +131,15 @@ def test_a_wrong_sensor_is_named_through_the_nodes(page, wrong, code, cure):
     assert cure in page.lie_still_until(lambda guidance: guidance.fault == code, f'fault {code}', wrong).cure
 
 
+def test_the_sea_state_and_the_sensors_own_topic_reach_the_page(page):
+    said = page.bench.publisher(String, 'sea/state', LATCHED)
+    said.publish(String(data='is_known: maybe'))
+    wait_for(lambda: any('sea/state: ' in line for line in page.desk.answers), 'an answer to a wrong text')
+    said.publish(String(data=sea_as_yaml(SeaReport(None, 'only 20 s so far'), page.stamp)))
+    wait_for(lambda: page.look() and page.desk.view.sea == 'No sea state: only 20 s so far.', 'the sea state')
+    assert page.node.sensor == '/imu/data'
+
+
 def test_silence_and_missing_nodes_are_named(page):
     page.rest(2.0)
     guidance = wait_for(lambda: (found := page.look()).fault == 'silence' and found, 'fault silence')
@@ -150,8 +148,7 @@ def test_silence_and_missing_nodes_are_named(page):
 
 def test_a_page_that_stands_still_holds_nobody_up(page):
     """Its thread is stopped while the sensor goes on: the nodes miss nothing."""
-    page._stop.set()
-    page._thread.join()
+    page.spinning.pause()
     page.rest(10.0)
     assert page.bench.counts('predictor')['received'] == page.sent
 

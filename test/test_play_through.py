@@ -19,10 +19,10 @@ from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import opened_bag, read_bag, read_imu, write_imu_bag
 from swath_sysid.formats.csv_trials import write_csv
-from swath_sysid.formats.imu_readings import read_readings
 from swath_sysid.formats.messages import ImuMessage, diagnostics_message, horizon_message
 from swath_sysid.formats.model_file import model_from_yaml, read_model, write_model
 from swath_sysid.formats.output_bag import OutputBag, writing_output_bag
+from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
@@ -346,11 +346,11 @@ def test_templates_write_what_the_type_system_writes(frame_id, tmp_path):
         np.random.default_rng(5).normal(size=(3, 4)), np.random.default_rng(6).normal(size=(3, 4)),
     )  # fmt: skip
     path, imu = tmp_path / 'out.mcap', ImuMessage(frame_id)
-    with writing_output_bag(path, frame_id=frame_id, namespace='ship') as bag:
+    with writing_output_bag(path, frame_id=frame_id) as bag:
         for number in range(3):
             bag.add(NEXT_TOPIC, number, imu.filled(forecast(-5 + 10**9 * number, number)))
         bag.add(HORIZON_TOPIC, 3, horizon_message(horizon, frame_id))
-    for number, (_, message) in enumerate(decoded(path, '/ship/forecast/next')):
+    for number, (_, message) in enumerate(decoded(path, '/forecast/next')):
         expected = forecast(-5 + 10**9 * number, number)
         assert message.header.frame_id == frame_id
         assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == expected.stamp_ns
@@ -359,7 +359,7 @@ def test_templates_write_what_the_type_system_writes(frame_id, tmp_path):
         assert message.angular_velocity.z == expected.rates[2]
         assert tuple(message.angular_velocity_covariance) == expected.rates_covariance
         assert message.linear_acceleration.x == 0.0 and message.linear_acceleration_covariance[0] == -1.0
-    (_, message), = decoded(path, '/ship/forecast/horizon')
+    (_, message), = decoded(path, '/forecast/horizon')
     assert message.joint_names == list(horizon.columns)
     for row, point in enumerate(message.points):
         np.testing.assert_array_equal(point.positions, horizon.positions[row])

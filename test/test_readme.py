@@ -1,10 +1,10 @@
-"""README and site say what is true: every link leads somewhere, every command line is one, every name is explained."""
-import re
+"""README and site say what is true: every command line is one, every name is explained."""
 import runpy
 import shlex
 from pathlib import Path
 
 import pytest
+from site_pages import PAGES, command_lines
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
@@ -14,40 +14,17 @@ from swath_sysid.nodes.parameters.files import NODES, table_of
 from swath_sysid.nodes.reason_advice import reasons_table
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / 'README.md', *sorted(p for p in (ROOT / 'docs').rglob('*.md') if 'generated' not in p.parts)]
-SITE = '\n'.join(path.read_text(encoding='utf-8') for path in PAGES)
-EXAMPLE = re.compile(r'[A-Z]{3,}|\.\.\.')
-"""Names that stand for the user's own."""
-
-
-def command_lines():
-    """Every command in the pages, on a line of its own or in a sentence, as a shell would hand it over."""
-    lines = re.findall(r'^\s+(swath-sysid .*)$', SITE, flags=re.MULTILINE)
-    lines += [' '.join(found.split()) for found in re.findall(r'`(swath-sysid [a-z-]+\s[^`]+)`', SITE)]
-    return sorted({line.split(' #')[0].split('--ros-args')[0].strip() for line in lines if not EXAMPLE.search(line)})
-
-
-def is_generated(link):
-    """Whether a page is written when the site is built."""
-    return link.startswith(('generated/', '../generated/'))
-
+SITE = '\n'.join(PAGES.values())
 
 def test_the_readme_is_short_and_begins_with_a_picture():
-    lines = (ROOT / 'README.md').read_text(encoding='utf-8').splitlines()
+    lines = PAGES['README.md'].splitlines()
     assert len(lines) <= 150
     assert lines[2].startswith('![') and 'docs/forecast.png' in lines[2]
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_linked_files_exist(page):
-    links = re.findall(r'\]\(([^)#:]+)\)', page.read_text(encoding='utf-8'))
-    assert [link for link in links if not is_generated(link) and not (page.parent / link).exists()] == []
-
-
 def test_every_page_is_in_the_contents():
-    contents = (ROOT / 'docs' / 'index.md').read_text(encoding='utf-8')
-    names = [p.relative_to(ROOT / 'docs').with_suffix('').as_posix() for p in PAGES[1:]]
-    assert [name for name in names if f'\n{name}\n' not in contents and name != 'index'] == []
+    names = [page.removeprefix('docs/').removesuffix('.md') for page in PAGES if page != 'README.md']
+    assert [name for name in names if f'\n{name}\n' not in PAGES['docs/index.md'] and name != 'index'] == []
 
 
 @pytest.mark.parametrize('line', command_lines())

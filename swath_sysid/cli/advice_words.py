@@ -21,6 +21,16 @@ FLAGS = {
     'worker-killed': '--jobs',
     'not-a-manifest': '--new FOLDER',
     'manifest-exists': '--output',
+    'lever-assumed': '--lever',
+    'length-assumed': '--length',
+    'scale-not-given': '--mass or --thrust-per-command',
+    'surge-inertia-assumed': '--thrust-per-command',
+    'mass-not-given': '--mass',
+    'inertia-includes-added': '--inertia',
+    'sway-scale-assumed': '--fix Yv_dot=KG',
+    'lag-like-surge': '--fix lag=S',
+    'current-by-run': '--current shared',
+    'thrust-gaps': '--gap-means-zero',
 }
 
 
@@ -33,9 +43,5 @@ def worded(code: str, message: str) -> str:
         Of an `Advice` or `InputError`.
     message : str
         The neutral sentence.
-
-    Returns
-    -------
-    str
     """
     return f'{message} ({FLAGS[code]})' if code in FLAGS else message

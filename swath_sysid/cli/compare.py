@@ -10,7 +10,6 @@ from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axi
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.cli.identify import (
     add_force_argument,
     add_search_arguments,
@@ -19,16 +18,7 @@ from swath_sysid.cli.identify import (
     settings_of,
 )
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import (
-    add_source_arguments,
-    check_model_and_plot,
-    chosen_axis,
-    motions_of,
-    provenance_of,
-    read_trials,
-)
-from swath_sysid.formats.model_file import write_model
-from swath_sysid.report.figures import save_figure
+from swath_sysid.cli.sources import add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import comparison_as_data, warnings_as_data
 
@@ -56,11 +46,7 @@ def run(arguments: Namespace) -> int:
     """Compare, print the ranking, and write what was asked for."""
     began = time.perf_counter()
     settings = settings_of(arguments)
-    check_model_and_plot(arguments, arguments.trials)
-    trials, read_advice = read_trials(arguments.trials, arguments)
-    axis = chosen_axis(trials, arguments.axis)
-    for trial in trials:
-        refuse_contradictions(trial, axis)
+    trials, read_advice, axis = trials_of(arguments)
     equations = equations_asked(arguments.equations, axis)
     problem = prepare(motions_of(trials, axis), settings.start, settings.end)
     with progress_of('compare') as progress:
@@ -69,10 +55,7 @@ def run(arguments: Namespace) -> int:
             progress=lambda done, name: progress(done / len(equations), name),
         )  # fmt: skip
     choice = found.choice.identification
-    if arguments.output and is_to_be_written(arguments, choice.verdict):
-        write_model(arguments.output, {axis: choice.identified_model(provenance_of(arguments.trials))})
-    if arguments.plot:
-        save_figure(fit_figure(choice), arguments.plot)
+    write_fit(arguments, choice, fit_figure, is_to_be_written(arguments, choice.verdict))
     advice = (*choice.advice, *choice.verdict.warnings)
     show_advice(advice)
     if arguments.json:

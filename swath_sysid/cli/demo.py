@@ -293,15 +293,7 @@ def _shown():
 
 
 class _Stage:
-    """The demonstration as it goes on: spins the monitor, shows what it received, waits for conditions.
-
-    Parameters
-    ----------
-    listener : Listener
-    processes : dict of str to Popen
-    show : callable
-    spin_once : callable
-    """
+    """The demonstration as it goes on: spins the monitor, shows what it received, waits for conditions."""
 
     def __init__(self, listener: Any, processes: Any, show: Callable[[ViewState], None], spin_once: Callable):
         self.listener = listener

@@ -45,12 +45,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--language', choices=LANGUAGES, help='of fossen; without it matlab where the output ends in .m, else python'
     )
     parser.add_argument(
-        '--inertia',
-        action='append',
-        default=[],
-        metavar='AXIS=KG_M2',
+        '--inertia', action='append', default=[], metavar='AXIS=KG_M2',
         help='of roll and pitch models, with added inertia: roll=0.08',
-    )
+    )  # fmt: skip
     parser.add_argument('--output', metavar='FILE', help='write it there instead of printing it')
 
 

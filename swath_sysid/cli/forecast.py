@@ -118,24 +118,19 @@ def run(arguments: Namespace) -> int:
 def _print_skill(skill: Any, name: str) -> None:
     console = Console()
     for axis, scores in skill.axes.items():
-        table = Table(title=f'{name}, {axis}: RMSE / standard deviation {_span(skill)}', title_justify='left')
-        table.add_column('lead, s')
-        for lead in skill.leads:
-            table.add_column(f'{lead:g}', justify='right')
-        for method, values in scores.nrmse.items():
-            style = 'bold' if method == FORECAST else ''
-            table.add_row(LABELS[method], *(_cell(v) for v in values), style=style)
-        table.add_row('over best other', *(_cell(v) for v in scores.ratio), style='bold')
+        table = _table_of_leads(skill, f'{name}, {axis}')
+        _add_methods(table, scores.nrmse)
+        table.add_row('over best other', *map(_cell, scores.ratio), style='bold')
         for column, level in enumerate((50, 90, 99)):
-            table.add_row(f'{level} % held, %', *(_cell(100.0 * v, 1) for v in scores.coverage[:, column]), style='dim')
-        table.add_row('counted', *(f'{n}' for n in scores.counted), style='dim')
+            table.add_row(f'{level} % held, %', *_percentages(scores.coverage[:, column]), style='dim')
+        table.add_row('counted', *map(str, scores.counted), style='dim')
         if scores.unmeasured.any():
-            table.add_row('not measured then', *(f'{n}' for n in scores.unmeasured), style='dim')
+            table.add_row('not measured then', *map(str, scores.unmeasured), style='dim')
         if np.nan_to_num(scores.gap_share).any():
             table.add_section()
-            table.add_row(f'{AFTER_GAP:g} s after a gap, %', *(_cell(100.0 * v, 1) for v in scores.gap_share))
+            table.add_row(f'{AFTER_GAP:g} s after a gap, %', *_percentages(scores.gap_share))
             for method, values in scores.gap_nrmse.items():
-                table.add_row(f'  {LABELS[method]}', *(_cell(v) for v in values))
+                table.add_row(f'  {LABELS[method]}', *map(_cell, values))
         console.print(table)
     for point, kinds in skill.points.items():
         _print_point(console, skill, point, kinds)
@@ -147,26 +142,32 @@ def _print_skill(skill: Any, name: str) -> None:
 
 
 def _print_point(console: Console, skill: Any, point: str, kinds: Any) -> None:
-    table = Table(title=f'{point}: RMSE / standard deviation {_span(skill)}', title_justify='left')
-    table.add_column('lead, s')
-    for lead in skill.leads:
-        table.add_column(f'{lead:g}', justify='right')
+    table = _table_of_leads(skill, point)
     for kind, scores in kinds.items():
         table.add_section()
         words, unit = kind.replace('_', ' '), POINT_UNITS[kind].replace('_', '/').replace('s2', 's²')
         table.add_row(f'{words}, {scores.deviation:.3g} {unit}')
-        for method, values in scores.nrmse.items():
-            table.add_row(LABELS[method], *(_cell(v) for v in values), style='bold' if method == FORECAST else '')
-        table.add_row('90 % held, %', *(_cell(100.0 * v, 1) for v in scores.coverage[:, 1]), style='dim')
-        table.add_row('counted', *(f'{n}' for n in scores.counted), style='dim')
+        _add_methods(table, scores.nrmse)
+        table.add_row('90 % held, %', *_percentages(scores.coverage[:, 1]), style='dim')
+        table.add_row('counted', *map(str, scores.counted), style='dim')
         absent = scores.stood_in[FORECAST]
         if np.nan_to_num(absent).any():
-            table.add_row('not learnt yet, %', *(_cell(100.0 * v, 1) for v in absent), style='dim')
+            table.add_row('not learnt yet, %', *_percentages(absent), style='dim')
     console.print(table)
 
 
-def _span(skill: Any):
-    return f'from {skill.warmup:g} to {skill.until:.0f} s'
+def _table_of_leads(skill: Any, name: str) -> Table:
+    span = f'from {skill.warmup:g} to {skill.until:.0f} s'
+    table = Table(title=f'{name}: RMSE / standard deviation {span}', title_justify='left')
+    table.add_column('lead, s')
+    for lead in skill.leads:
+        table.add_column(f'{lead:g}', justify='right')
+    return table
+
+
+def _add_methods(table: Table, nrmse: dict[str, Any]) -> None:
+    for method, values in nrmse.items():
+        table.add_row(LABELS[method], *map(_cell, values), style='bold' if method == FORECAST else '')
 
 
 def _print_quiescence(console: Any, skill: Any) -> None:
@@ -179,12 +180,16 @@ def _print_quiescence(console: Any, skill: Any) -> None:
     )  # fmt: skip
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
-        f'(always telling its share: {found.brier_of_climate:.3f})'
+        f'(always stating its share: {found.brier_of_climate:.3f})'
     )
 
 
 def _cell(value: Any, digits: int = 3):
     return f'{value:.{digits}f}' if math.isfinite(value) else '-'
+
+
+def _percentages(shares: Any):
+    return (_cell(100.0 * share, 1) for share in shares)
 
 
 def _numbers(text: str):

@@ -13,27 +13,16 @@ from swath_sysid.attitude.identification.problem import Problem, decays_or_waves
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
 from swath_sysid.attitude.identification.selection import choose
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import (
-    EXIT_POOR_FIT,
-    add_source_arguments,
-    check_model_and_plot,
-    chosen_axis,
-    motions_of,
-    provenance_of,
-    read_trials,
-)
+from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.model_file import write_model
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
 from swath_sysid.report.extinction_tables import table_as_data, table_in_words, tank_tables
-from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, warnings_as_data
 
@@ -97,13 +86,8 @@ def run(arguments: Namespace) -> int:
     began = time.perf_counter()
     particulars, type_b = particulars_of(arguments), type_b_of(arguments)
     settings = settings_of(arguments, arguments.equation)
-    check_model_and_plot(arguments, arguments.trials)
-    trials, read_advice = read_trials(arguments.trials, arguments)
-    axis = chosen_axis(trials, arguments.axis)
-    for trial in trials:
-        refuse_contradictions(trial, axis)
-    motions = motions_of(trials, axis)
-    problem = _problem_of(arguments, motions)
+    trials, read_advice, axis = trials_of(arguments)
+    problem = _problem_of(arguments, motions_of(trials, axis))
     if problem is None:
         return _run_at_sea(arguments, trials, axis, read_advice, began)
     with progress_of('identify') as progress:
@@ -113,10 +97,7 @@ def run(arguments: Namespace) -> int:
             found = identify_problem(problem, settings, progress=progress)
     inertia = particulars.inertia_of(found.model)
     tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
-    if arguments.output and is_to_be_written(arguments, found.verdict):
-        write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
-    if arguments.plot:
-        save_figure(fit_figure(found), arguments.plot)
+    write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))
     show_advice((*found.advice, *found.verdict.warnings))
     if arguments.json:
         advice = (*read_advice, *found.advice, *found.verdict.warnings)
@@ -146,7 +127,7 @@ def _problem_of(arguments: Namespace, motions: Sequence[AxisMotion]) -> Problem 
     """The free decays of the records, or None where they are to be taken for motion in waves."""
     if arguments.at_sea:
         return None
-    # who gives bounds or an equation means a decay
+    # bounds or an equation imply a decay
     given = (arguments.start, arguments.end, arguments.equation)
     if arguments.decay or given != (None, None, None):
         return prepare(motions, arguments.start, arguments.end)
@@ -168,10 +149,7 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
             trials[0].axis(axis), heave_of(trials[0]), arguments.start, arguments.end,
             searched=not arguments.at_sea, progress=progress,
         )
-    if arguments.output and found.is_usable:
-        write_model(arguments.output, {axis: found.identified_model(provenance_of(arguments.trials))})
-    if arguments.plot:
-        save_figure(at_sea_figure(found), arguments.plot)
+    write_fit(arguments, found, at_sea_figure, found.is_usable)
     show_advice(found.advice)
     if arguments.json:
         advice = (*read_advice, *found.advice)

@@ -7,6 +7,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.cli.ros_needed import ros_needed
+from swath_sysid.cli.run import remappings
 from swath_sysid.common.errors import InputError
 from swath_sysid.page.server import LOCAL_NAMES, check_installed, served
 
@@ -33,24 +35,15 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Serve the page until a signal comes; returns the exit code."""
     check_installed()
-    try:
+    with ros_needed():
         from swath_sysid.nodes.executor_loop import events_executor
         from swath_sysid.nodes.executor_loop import run as run_nodes
         from swath_sysid.nodes.page_node import PageNode
-    except ImportError as error:
-        raise InputError(
-            f'rclpy is not installed ({error}): pip install swath_sysid[ros], or source a ROS 2 installation'
-        ) from error
     from swath_sysid.page.desk import Desk
 
     folder = Path(arguments.output)
     if not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise InputError(f'--output {folder} is no folder that may be written to: choose another')
-    remappings = []
-    if arguments.namespace:
-        remappings += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
-    if arguments.imu_topic:
-        remappings += ['-r', f'imu/data:={arguments.imu_topic}']
+        raise InputError(f'nothing can be saved in --output {folder}: choose a folder that exists and is writable')
     token = token_for(arguments.host, arguments.token or os.environ.get('SWATH_SYSID_TOKEN', ''))
     os.nice(NICENESS)
     address = '127.0.0.1' if arguments.host == 'localhost' else arguments.host
@@ -62,7 +55,7 @@ def run(arguments: Namespace) -> int:
             print(f'the page is at {url}', file=sys.stderr, flush=True)
             return node
 
-        return run_nodes([(events_executor, [make_node])], ['swath-sysid', '--ros-args', *remappings])
+        return run_nodes([(events_executor, [make_node])], ['swath-sysid', '--ros-args', *remappings(arguments)])
 
 
 def token_for(host: str, given: str) -> str:

@@ -12,13 +12,13 @@ from swath_sysid.cli.sources import finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
-from swath_sysid.formats.imu_readings import read_readings
 from swath_sysid.formats.manoeuvring_bags import holds_manoeuvres, read_manoeuvring_bag
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
 from swath_sysid.formats.manoeuvring_output import play_manoeuvres, write_forecasts
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.outputs import Output, check_outputs
+from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import IMU_TOPIC, WINDOW_TOPIC
 from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, values_from_file
 from swath_sysid.nodes.parameters.identifier import refit_settings

@@ -30,6 +30,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--wait', type=finite, default=15.0, metavar='S',
         help='the longest wait for them (default: %(default)s)',
     )  # fmt: skip
+    parser.add_argument(
+        '--in-step', action='store_true',
+        help='go no faster than predictor, started with `-p in_step:=true`, forecasts: with a large --rate as '
+        'fast as it can, and to the same numbers',
+    )  # fmt: skip
 
 
 def run(arguments: Namespace) -> int:
@@ -41,7 +46,9 @@ def run(arguments: Namespace) -> int:
         from swath_sysid.nodes.replay import Replay
     from swath_sysid.formats.bag_replay import ReplaySettings
 
-    settings = ReplaySettings(arguments.rate, arguments.loop, arguments.clock, arguments.wait, arguments.wait_for)
+    settings = ReplaySettings(
+        arguments.rate, arguments.loop, arguments.clock, arguments.wait, arguments.wait_for, arguments.in_step
+    )
     stop = threading.Event()
     previous = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     rclpy.init(args=['swath-sysid'], signal_handler_options=SignalHandlerOptions.NO)

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.topics import IMU_TOPIC
+from swath_sysid.start import verb_command
 
 NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
 
@@ -58,9 +60,7 @@ def page_command(arguments: Namespace) -> list[str]:
 
     check_installed()
     named = [('--namespace', arguments.namespace), ('--imu-topic', arguments.imu_topic)]
-    options = [word for option, value in named if value for word in (option, value)]
-    return [sys.executable, '-c', 'import sys; from swath_sysid.start import command_line; sys.exit(command_line())',
-            'page', *options]
+    return verb_command('page', *(word for option, value in named if value for word in (option, value)))
 
 
 @contextmanager
@@ -98,13 +98,20 @@ def ros_arguments(arguments: Namespace) -> list[str]:
             _read_model(node, path)
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
-    if arguments.namespace:
-        given += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
-    if arguments.imu_topic:
-        given += ['-r', f'imu/data:={arguments.imu_topic}']
+    given += remappings(arguments)
     if arguments.use_sim_time:
         given += ['-p', 'use_sim_time:=true']
     return [*given, *arguments.ros_args]
+
+
+def remappings(arguments: Namespace) -> list[str]:
+    """What `--namespace` and `--imu-topic` are to ROS."""
+    given = []
+    if arguments.namespace:
+        given += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
+    if arguments.imu_topic:
+        given += ['-r', f'{IMU_TOPIC}:={arguments.imu_topic}']
+    return given
 
 
 def _read_model(node: str, path: Path) -> None:

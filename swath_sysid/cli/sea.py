@@ -11,8 +11,7 @@ from swath_sysid.formats.sea_state import REMARKS, sea_as_data
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_summary import warnings_as_data
-from swath_sysid.report.sea_figure import sea_figure
-from swath_sysid.report.sea_summary import sea_in_words
+from swath_sysid.report.sea_report import sea_figure, sea_in_words
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -2,19 +2,25 @@
 
 import math
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swath_sysid import __version__
+from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.model_file import write_model
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash
-from swath_sysid.report.figures import FORMATS
+from swath_sysid.report.figures import FORMATS, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 EXIT_POOR_FIT = 1
 """The result was printed, but explains too little to be written as a model."""
@@ -115,6 +121,25 @@ def without_copies(paths: Sequence[str]) -> tuple[list[str], tuple[Advice, ...]]
                 f'is not'
             )))
     return list(first.values()), tuple(advice)
+
+
+def trials_of(arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...], str]:
+    """The records of a fit, the advice on them, and the axis; outputs are checked before, contradictions refused."""
+    check_model_and_plot(arguments, arguments.trials)
+    trials, advice = read_trials(arguments.trials, arguments)
+    axis = chosen_axis(trials, arguments.axis)
+    for trial in trials:
+        refuse_contradictions(trial, axis)
+    return trials, advice, axis
+
+
+def write_fit(arguments: Namespace, found: Any, draw: Callable[[Any], 'Figure'], is_usable: bool) -> None:
+    """Write the model file of a fit that is usable, and its picture, where they were asked for."""
+    if arguments.output and is_usable:
+        identified = found.identified_model(provenance_of(arguments.trials))
+        write_model(arguments.output, {found.model.axis: identified})
+    if arguments.plot:
+        save_figure(draw(found), arguments.plot)
 
 
 def chosen_axis(trials: Sequence[Trial], asked: str | None) -> str:

@@ -2,7 +2,7 @@
 import numpy as np
 
 
-def latin_hypercube(rng, count, dimensions):
+def latin_hypercube(rng: np.random.Generator, count: int, dimensions: int) -> np.ndarray:
     """Points in the unit cube of which every coordinate hits each of ``count`` equal slices once.
 
     Parameters

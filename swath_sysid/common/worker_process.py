@@ -8,8 +8,10 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import swath_sysid
 from swath_sysid.common.errors import InputError
@@ -22,6 +24,8 @@ CANCEL_PATIENCE = 0.3
 """s; a child that has not given up by then is killed and started again."""
 
 POLL_PERIOD = 0.02
+
+Work = tuple[Callable, tuple, bool]
 
 PROGRESS, DONE, REFUSED, CANCELLED, FAILED = 'progress', 'done', 'refused', 'cancelled', 'failed'
 
@@ -41,17 +45,17 @@ class WorkerProcess:
         Seconds that only go forward, for `CANCEL_PATIENCE`.
     """
 
-    def __init__(self, warm_up, clock):
+    def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float]) -> None:
         self._warm_up, self._clock = warm_up, clock
         self._ready = False
         self._start()
 
     @property
-    def pid(self):
+    def pid(self) -> int:
         """Process id of now."""
         return self._process.pid
 
-    def died_idle(self):
+    def died_idle(self) -> bool:
         """Whether it was ready and has died since, which is reported once.
 
         One that never got ready is started again with the next work only, not for ever.
@@ -65,7 +69,9 @@ class WorkerProcess:
         self._ready = self._ready and not died
         return died
 
-    def run(self, work, is_cancelled, on_progress=None):
+    def run(
+        self, work: Work, is_cancelled: Callable[[], bool], on_progress: Callable[[float], None] | None = None
+    ) -> Any:
         """Have a function run, and wait for its end.
 
         Parameters
@@ -114,7 +120,7 @@ class WorkerProcess:
                     self.restart()
                     raise Cancelled
 
-    def restart(self):
+    def restart(self) -> str:
         """Start another process in place of this one; how this one had ended, in words."""
         code = self._process.poll()
         self._process.kill()
@@ -122,7 +128,7 @@ class WorkerProcess:
         self._start()
         return f'with code {code}' if code is not None else 'unexpectedly'
 
-    def end(self):
+    def end(self) -> None:
         """End the process, which has `CANCEL_PATIENCE` to do so itself."""
         self._connection.close()
         try:
@@ -131,7 +137,7 @@ class WorkerProcess:
             self._process.kill()
             self._process.wait()
 
-    def _start(self):
+    def _start(self) -> None:
         self._ready = False
         ours, theirs = socket.socketpair()
         # held from here on, so that a start that fails leaves nothing open
@@ -149,7 +155,7 @@ class WorkerProcess:
             )
         self._connection.send((self._warm_up, (), False))
 
-    def _note_ready(self):
+    def _note_ready(self) -> None:
         """The answer of the warm-up, if it has come."""
         kind, content = self._connection.recv()
         if kind == FAILED:
@@ -157,7 +163,7 @@ class WorkerProcess:
         self._ready = True
 
 
-def _result(kind, content):
+def _result(kind: str, content: Any) -> Any:
     """What a function returned; else what it ended in is raised."""
     if kind == DONE:
         return content
@@ -168,7 +174,7 @@ def _result(kind, content):
     raise WorkerError(content)
 
 
-def serve(connection):
+def serve(connection: Connection) -> None:
     """What the process does: one function after the other, until the parent is gone."""
     while True:
         try:
@@ -179,16 +185,16 @@ def serve(connection):
             return
 
 
-def _carried_out(connection, function, arguments, reports):
+def _carried_out(connection: Connection, function: Callable, arguments: tuple, reports: bool) -> tuple[str, Any]:
     """Run a function and say how it ended."""
     reported = [0.0]
 
-    def progress(share):
+    def progress(share: float) -> None:
         if share - reported[0] >= 0.01 or share >= 1.0:
             reported[0] = share
             connection.send((PROGRESS, float(share)))
 
-    def should_cancel():
+    def should_cancel() -> bool:
         # a message amid work can only say: stop
         if connection.poll():
             connection.recv()

@@ -26,6 +26,8 @@ class ReplaySettings:
         s; the longest wait for subscriptions before the start.
     listeners : int
         Subscriptions to the IMU to wait for, or to any topic in a bag without one; 0: those that are found.
+    in_step : bool
+        Stay near the stamp of the newest ``forecast/next``.
     """
 
     rate: float = 1.0
@@ -33,6 +35,7 @@ class ReplaySettings:
     clock: bool = False
     wait: float = 15.0
     listeners: int = 0
+    in_step: bool = False
 
     def __post_init__(self):
         if not self.rate > 0.0:
@@ -64,17 +67,13 @@ class RecordedTopic:
         return self.kind == IMU_TYPE
 
 
-def recorded_topics(readers):
+def recorded_topics(readers) -> dict[str, RecordedTopic]:
     """The topics of a bag by name, but /clock.
 
     Parameters
     ----------
     readers : list
         Of `opened_bag`.
-
-    Returns
-    -------
-    dict of str to RecordedTopic
     """
     found: dict[str, RecordedTopic] = {}
     for connection in (connection for reader in readers for connection in reader.connections):

@@ -12,6 +12,7 @@ from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemb
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
@@ -27,7 +28,7 @@ from swath_sysid.formats.messages import (
     ImuMessage,
 )
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
-from swath_sysid.formats.topics import IMU
+from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC
 
 IMU_TYPE = IMU
 METADATA_FILE = 'metadata.yaml'
@@ -85,43 +86,23 @@ def is_bag(path):
     return _storage_kind(path) is not None
 
 
-def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
+def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     """Read a trial from an IMU topic of a rosbag2 bag.
 
     Time is that of the header stamps, from the first message. Angles come from the orientation
-    (none if its covariance begins with -1), Euler rates from it and the angular velocity.
-
-    Parameters
-    ----------
-    path : str or Path
-        A bag folder, or a single .mcap or .db3 file.
-    topic : str, optional
-        Which topic, needed only if the bag holds several of type sensor_msgs/msg/Imu.
-    frame : str, optional
-        ``flu`` (default) or ``frd``: what the sensor's axes mean.
-    mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad.
-
-    Returns
-    -------
-    Trial
-
-    Raises
-    ------
-    InputError
-        There is no such bag or topic, the choice of the topic is open, the bag is damaged beyond
-        reading, or holds too few usable messages.
+    (none if its covariance begins with -1), Euler rates from it and the angular velocity. Parameters and errors are
+    those of `swath_sysid.formats.reading.read_trial`.
     """
     installation = Installation(frame or 'flu', mounting)
     record = read_imu(path, topic)
     stamps, advice = record.stamps, list(record.advice)
-    if np.all(stamps == stamps[0]) and stamps.size > 1:
+    if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
         advice.append(Advice('no-header-stamps', (
             f'{record.topic} carries no header stamps, so the times of arrival are used: let the driver stamp its '
             f'messages'
         )))
-    readings = {}
+    readings: dict[str, np.ndarray] = {}
     for names, columns, covariance in (
         (QUATERNION, ORIENTATION, ORIENTATION_COVARIANCE),
         (GYRO, RATES, RATES_COVARIANCE),
@@ -135,7 +116,7 @@ def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
         (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice)
 
 
-def read_imu(path, topic=None):
+def read_imu(path, topic=None) -> ImuRecord:
     """Read the messages of an IMU topic of a rosbag2 bag, as they are.
 
     The whole part of a truncated bag is read, and advice says so.
@@ -146,10 +127,6 @@ def read_imu(path, topic=None):
         A bag folder, or a single .mcap or .db3 file.
     topic : str, optional
         Needed only if the bag holds several of type sensor_msgs/msg/Imu.
-
-    Returns
-    -------
-    ImuRecord
 
     Raises
     ------
@@ -243,10 +220,12 @@ def imu_values(trial):
     def known(channel):
         return np.zeros(count) if channel is None else channel
 
-    roll, pitch = known(trial.roll), known(trial.pitch)
+    roll, pitch, roll_rate, pitch_rate, yaw_rate = map(
+        known, (trial.roll, trial.pitch, trial.roll_rate, trial.pitch_rate, trial.yaw_rate)
+    )
     turns, angles = (trial.roll_rate, trial.pitch_rate), (trial.roll, trial.pitch)
     forces = trial.accel_x, trial.accel_y, trial.accel_z
-    rates = body_rates(roll, pitch, *map(known, turns), known(trial.yaw_rate))
+    rates = body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
     for columns, covariance, parts, channels in (
         (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, np.zeros(count)), angles),
         (RATES, RATES_COVARIANCE, rates, turns),
@@ -434,6 +413,8 @@ def _choose_topic(path, readers, topic):
     types = {c.topic: c.msgtype for reader in readers for c in reader.connections}
     filled = {c.topic for reader in readers for c in reader.connections if c.msgcount and c.msgtype == IMU_TYPE}
     imus = sorted(filled or (name for name, kind in types.items() if kind == IMU_TYPE))
+    # our own recordings hold the forecasts beside the sensor
+    imus = [name for name in imus if f'/{LEADS}' not in name and not name.endswith(f'/{NEXT_TOPIC}')] or imus
     listed = ', '.join(imus) or 'none'
     if topic:
         name = topic if topic.startswith('/') else f'/{topic}'

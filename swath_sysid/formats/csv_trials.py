@@ -10,9 +10,9 @@ from swath_sysid.attitude.motion.assembly import ACCEL, QUATERNION, assemble_tri
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, euler_angles
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.tables import (
     ANGLE_UNITS,
     EPOCH_SECONDS,
@@ -27,6 +27,7 @@ from swath_sysid.formats.tables import (
     read_head,
     remark_number,
     shown,
+    write_table,
 )
 
 SAMPLES = 'samples'
@@ -80,10 +81,8 @@ LOOKED_FOR = ('roll_rad', 'pitch_rad', 'roll_deg', 'pitch_deg', 'roll_rate_rad_s
 WRITTEN_UNITS = {'roll': 'rad', 'pitch': 'rad', 'roll_rate': 'rad_s', 'pitch_rate': 'rad_s',
                  'accel_x': 'm_s2', 'accel_y': 'm_s2', 'accel_z': 'm_s2', 'yaw_rate': 'rad_s', 'heave': 'm'}
 
-LINES_AT_ONCE = 100_000
 
-
-def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
+def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     """Read a trial from a CSV file.
 
     Columns are found by name, in any order; capitals, spaces, brackets and slashes do not matter:
@@ -107,27 +106,8 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     ``initial_angle_rad``, ``frame``, ``mounting_deg`` (roll, pitch, yaw of the sensor, as in ``180, 0, 0``), and
     ``sample_rate_hz``, which goes with ``time_samples``.
 
-    A quantity that stands in two columns is read where both agree.
-
-    Parameters
-    ----------
-    path : str or Path
-        Of the file.
-    frame : str, optional
-        ``flu`` or ``frd``; by default what the file says of itself, else ``flu``.
-    mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, what the file says of itself.
-
-    Returns
-    -------
-    Trial
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, lacks a time column or any roll or pitch motion, names a column
-        without its unit, holds columns that contradict each other or values that their unit cannot
-        have, or holds too few usable rows.
+    A quantity that stands in two columns is read where both agree. Frame and mounting, where they are not given, are
+    those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
     path = Path(path)
     try:
@@ -136,7 +116,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
         values, advice = read_columns(path, head, [column.index for column in columns])
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from error
-    check_units(path, columns, values)
+    _check_units(path, columns, values)
     readings = _agreeing(path, columns, values)
     if unitless:
         advice += (Advice('unit-missing', (
@@ -149,7 +129,7 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)):
     trial = assemble_trial(
         time, readings, _installation(path, head.remarks, frame, mounting), source=str(path),
         draft=remark_number(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks),
-        advice=(*advice, *small_angle_advice(columns, values)),
+        advice=(*advice, *_small_angle_advice(columns, values)),
     )
     swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
     start = _first_finite(values[columns.index(times[0])]) * times[0].scale
@@ -173,17 +153,9 @@ def write_csv(path, trial):
     InputError
         The file cannot be written.
     """
-    names = ['time_s', *(f'{name}_{WRITTEN_UNITS[name]}' for name in trial.channels)]
-    columns = [np.asarray(values, dtype=float) for values in (trial.time, *trial.channels.values())]
     remarks = {'frame': 'flu', 'draft_m': trial.draft, 'initial_angle_rad': trial.initial_angle}
-    with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
-        for key, value in remarks.items():
-            if value is not None:
-                file.write(f'# {key}: {value}\n')
-        file.write(','.join(names) + '\n')
-        for start in range(0, trial.time.size, LINES_AT_ONCE):
-            rows = zip(*(column[start:start + LINES_AT_ONCE].tolist() for column in columns), strict=True)
-            file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
+    channels = {f'{name}_{WRITTEN_UNITS[name]}': values for name, values in trial.channels.items()}
+    write_table(path, remarks, {'time_s': trial.time, **channels})
 
 
 @dataclass(frozen=True)
@@ -216,24 +188,12 @@ def _find_columns(path, names):
             raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}")
         raise InputError(f'{path} has no roll or pitch motion: looked for {", ".join(LOOKED_FOR)}, '
                          f'found {listed_names(names)}; name the columns so')
-    refuse_doubled(path, [column.name for column in columns])
+    _refuse_doubled(path, [column.name for column in columns])
     return columns, unitless
 
 
-def refuse_doubled(path, names):
-    """Refuse a table in which a column that is read stands twice.
-
-    Parameters
-    ----------
-    path : Path
-        Named in the error.
-    names : sequence of str
-        Of the columns that are read, as written.
-
-    Raises
-    ------
-    InputError
-    """
+def _refuse_doubled(path, names):
+    """Refuse a table in which a column that is read stands twice."""
     plain = [plain_name(name) for name in names]
     twice = next((name for place, name in enumerate(names) if plain[place] in plain[:place]), None)
     if twice is not None:
@@ -275,22 +235,8 @@ def _refuse_contradicting_orientation(path, readings):
                              f'wrong')
 
 
-def check_units(path, columns, values):
-    """Refuse angles that are called rad and can only be degrees.
-
-    Parameters
-    ----------
-    path : Path
-        Named in the error.
-    columns : sequence of Column
-        Those that are read.
-    values : sequence of ndarray, shape (N,)
-        As written.
-
-    Raises
-    ------
-    InputError
-    """
+def _check_units(path, columns, values):
+    """Refuse angles that are called rad and can only be degrees."""
     for column, row in zip(columns, values, strict=True):
         limit = LARGEST_ANGLES.get(column.reading)
         known = row[np.isfinite(row)]
@@ -303,21 +249,8 @@ def check_units(path, columns, values):
                              f"than an angle in rad can be: if it is in degrees, call it '{shown(name)}'")
 
 
-def small_angle_advice(columns, values):
-    """Advice where all angles are declared in degrees but move as little as angles in rad do.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-        Those that are read.
-    values : sequence of ndarray, shape (N,)
-        As written.
-
-    Returns
-    -------
-    tuple of Advice
-        Code ``hardly-moves``.
-    """
+def _small_angle_advice(columns, values):
+    """Advice (``hardly-moves``) where all angles are declared in degrees but move as little as angles in rad do."""
     angles = {column.name: row[np.isfinite(row)] for column, row in zip(columns, values, strict=True)
               if column.reading in LARGEST_ANGLES and column.unit == 'deg'}
     swings = {name: float(np.subtract(*np.percentile(row, [99, 1]))) / 2 for name, row in angles.items() if row.size}

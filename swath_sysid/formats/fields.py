@@ -41,7 +41,7 @@ class Place(str):
     line = written = faults = None
 
     def within(self, container, key, name):
-        """The place of an item of a mapping or list that may know its lines."""
+        """The place of an item of a mapping or list that may carry its lines."""
         place = Place(f'{self}, {name}' if self else name)
         lines = getattr(container, 'lines', None)
         place.line = self.line if lines is None else lines[key]
@@ -322,7 +322,7 @@ class ModelFormat:
 
 
 def built(build, where):
-    """What the core makes of it; its errors do not know where it stands."""
+    """What the core makes of it, with the place added to its errors."""
     try:
         return build()
     except InputError as error:

@@ -12,6 +12,7 @@ from swath_sysid.formats.messages import (
     number_message,
     serialised,
     text_message,
+    trajectory_point,
 )
 from swath_sysid.formats.sea_state import sea_as_yaml
 from swath_sysid.formats.topics import (
@@ -36,7 +37,7 @@ from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE, UNKNO
 _NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [UNKNOWN_RATE_VARIANCE] * 3)
 
 
-def forecast_topics(leads, points, frames_at=()):
+def forecast_topics(leads, points, frames_at=()) -> list[str]:
     """Every topic that is published.
 
     Parameters
@@ -47,10 +48,6 @@ def forecast_topics(leads, points, frames_at=()):
         Names.
     frames_at : sequence of float
         See `ForecastMessages`.
-
-    Returns
-    -------
-    list of str
     """
     of_points = [
         topic for point in points for topic in (
@@ -154,7 +151,7 @@ class ForecastMessages:
         if step.quiescence is not None:
             calm = horizon.calm
             times = () if calm is None else (round(calm.begin * SECOND_NS), round(calm.end * SECOND_NS))
-            points = [_trajectory_point(time, [calm.probability]) for time in times]
+            points = [trajectory_point(time, [calm.probability]) for time in times]
             yield CALM_TOPIC, serialised(make(
                 TRAJECTORY, header(step.stamp_ns, self._level), ['probability'], points
             ))  # fmt: skip
@@ -183,11 +180,5 @@ def _acceleration(v, level, _):
 
 
 def _point_horizon(v, level, leads_ns):
-    points = [_trajectory_point(lead, *row) for lead, row in zip(leads_ns, v.reshape(-1, 3, 2), strict=True)]
+    points = [trajectory_point(lead, *row) for lead, row in zip(leads_ns, v.reshape(-1, 3, 2), strict=True)]
     return make(TRAJECTORY, header(0, level), ['heave', 'heave_std'], points)
-
-
-def _trajectory_point(time_ns, position, velocity=(), acceleration=()):
-    arrays = [np.asarray(part, dtype=float) for part in (position, velocity, acceleration, ())]
-    duration = make('builtin_interfaces/msg/Duration', *divmod(time_ns, SECOND_NS))
-    return make('trajectory_msgs/msg/JointTrajectoryPoint', *arrays, duration)

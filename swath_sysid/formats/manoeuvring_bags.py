@@ -30,6 +30,8 @@ NUMBERS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
 SIDES = {'port': re.compile(r'left|port', re.I), 'starboard': re.compile(r'right|starboard|stbd', re.I)}
 THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
 
+MOTION = ('x', 'y', 'heading', 'surge', 'sway', 'yaw_rate')
+
 LARGEST_COMMAND = 1.0 + 1e-6
 CLOCKS_APART = 1.0
 """s by which header stamps and times of arrival may wander against each other."""
@@ -44,7 +46,9 @@ LONGEST_HOLD = 1.0
 """s for which one thruster's last message still counts beside the other's."""
 
 
-def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=None, thrust_input=None):
+def read_manoeuvring_bag(
+    path, odometry=None, imu=None, port=None, starboard=None, thrust_input=None
+) -> ManoeuvringTrial:
     """Read a record of a manoeuvre from a bag.
 
     Pose and twist come from nav_msgs/Odometry (pose in ENU, twist in body axes x forward, y to port), yaw rate from
@@ -60,10 +64,6 @@ def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=Non
     thrust_input : str, optional
         ``force`` or ``command``; by default commands if all values are within -1 and 1.
 
-    Returns
-    -------
-    ManoeuvringTrial
-
     Raises
     ------
     InputError
@@ -72,11 +72,7 @@ def read_manoeuvring_bag(path, odometry=None, imu=None, port=None, starboard=Non
     path = Path(path)
     with opened_bag(path) as (readers, advice):
         advice = list(advice)
-        connections = [(reader, c) for reader in readers for c in reader.connections]
-        topics = {}
-        for _, connection in connections:
-            topics.setdefault(connection.msgtype, set()).add(connection.topic)
-        chosen = _choose(path, topics, odometry, imu, port, starboard)
+        chosen = _choose(path, _topics_by_type(readers), odometry, imu, port, starboard)
         tables = _read(path, readers, set(chosen.values()), advice)
     pose = tables[chosen['odometry']]
     offset = _clock_offset(pose, path, advice)
@@ -125,51 +121,46 @@ def holds_manoeuvres(path):
     """
     path = Path(path)
     with opened_bag(path) as (readers, _):
-        topics = {}
-        for reader in readers:
-            for connection in reader.connections:
-                topics.setdefault(connection.msgtype, set()).add(connection.topic)
+        topics = _topics_by_type(readers)
     numbers = set().union(*(topics.get(kind, set()) for kind in NUMBERS))
     sides = all(any(p.search(t) and THRUSTER.search(t) for t in numbers) for p in SIDES.values())
     return bool(topics.get(ODOMETRY) and (sides or topics.get(JOINTS))), bool(topics.get(IMU))
 
 
-def write_manoeuvring_bag(path, manoeuvre, *, namespace='wamv', start_stamp_ns=0):
+def write_manoeuvring_bag(path, manoeuvre, *, start_stamp_ns=0):
     """Write a simulated manoeuvre as VRX would have recorded it.
 
-    Topics ``/NAMESPACE/thrusters/left/thrust`` and ``right/thrust`` (std_msgs/Float64), ``/NAMESPACE/odometry``
-    (nav_msgs/Odometry) and ``/NAMESPACE/sensors/imu/imu/data`` (sensor_msgs/Imu).
+    Topics ``/wamv/thrusters/left/thrust`` and ``right/thrust`` (std_msgs/Float64), ``/wamv/odometry``
+    (nav_msgs/Odometry) and ``/wamv/sensors/imu/imu/data`` (sensor_msgs/Imu).
 
-    Parameters
-    ----------
-    path : str or Path
-        ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
-    manoeuvre : Manoeuvre
-        Its inputs become the thrust commands.
-    namespace : str
-        Before all topics.
-    start_stamp_ns : int
-        Stamp of the first sample.
+    Its inputs become the thrust commands. Path and stamp are as for `swath_sysid.formats.bags.write_imu_bag`.
     """
     m = manoeuvre
-    imu = ImuMessage(f'{namespace}/imu_link')
+    imu = ImuMessage('wamv/imu_link')
     unknown = np.zeros((3, 3))
-    sides = [(f'/{namespace}/thrusters/{side}/thrust', thrust) for side, thrust in
+    sides = [(f'/wamv/thrusters/{side}/thrust', thrust) for side, thrust in
              (('left', m.port), ('right', m.starboard))]  # fmt: skip
     with writing_bag(path) as add:
-        rows = np.stack([m.x, m.y, m.heading, m.surge, m.sway, m.yaw_rate], axis=1).tolist()
-        for k, (t, motion) in enumerate(zip((m.time - m.time[0]).tolist(), rows, strict=True)):
+        for k, t in enumerate((m.time - m.time[0]).tolist()):
             stamp = int(start_stamp_ns) + round(t * 1e9)
-            state = ManoeuvreState(t, *motion, unknown, unknown)
+            motion = {name: float(getattr(m, name)[k]) for name in MOTION}
+            state = ManoeuvreState(t, **motion, pose_covariance=unknown, twist_covariance=unknown)
             for topic, thrust in sides:
                 add(topic, NUMBERS[0], stamp, number_message(thrust[k]))
-            odometry = odometry_message(state, 'odom', f'{namespace}/base_link', stamp)
-            add(f'/{namespace}/odometry', ODOMETRY, stamp, odometry)
+            odometry = odometry_message(state, 'odom', 'wamv/base_link', stamp)
+            add('/wamv/odometry', ODOMETRY, stamp, odometry)
             values = np.zeros(IMU_VALUES)
             values[ORIENTATION] = quaternion(0.0, 0.0, state.heading)
             values[RATES] = 0.0, 0.0, state.yaw_rate
             values[FORCE_COVARIANCE.start] = NOT_MEASURED
-            add(f'/{namespace}/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
+            add('/wamv/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
+
+
+def _topics_by_type(readers):
+    topics: dict[str, set[str]] = {}
+    for connection in (connection for reader in readers for connection in reader.connections):
+        topics.setdefault(connection.msgtype, set()).add(connection.topic)
+    return topics
 
 
 def _choose(path, topics, odometry, imu, port, starboard):
@@ -222,8 +213,8 @@ def _listed(topics):
 def _read(path, readers, topics, advice):
     """Stamps (NaN without a header), times of arrival, s, and numbers of the messages of some topics."""
     store = typestore()
-    rows = {topic: [] for topic in topics}
-    names = {}
+    rows: dict[str, list[tuple]] = {topic: [] for topic in topics}
+    names: dict[str, list[int]] = {}
     damaged = 0
     for reader in readers:
         connections = [c for c in reader.connections if c.topic in topics]
@@ -256,7 +247,7 @@ def _read(path, readers, topics, advice):
 def _numbers(message, msgtype, names):
     if msgtype == ODOMETRY:
         reading = odometry_reading(message)
-        return reading.x, reading.y, reading.heading, reading.surge, reading.sway, reading.yaw_rate
+        return tuple(getattr(reading, name) for name in MOTION)
     if msgtype == IMU:
         return (message.angular_velocity.z,)
     if msgtype == JOINTS:

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.atomic import replacing
 from swath_sysid.formats.tables import (
     ANGLE_UNITS,
     EPOCH_SECONDS,
@@ -20,6 +19,7 @@ from swath_sysid.formats.tables import (
     read_head,
     remark_number,
     shown,
+    write_table,
 )
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
 
@@ -49,7 +49,7 @@ LARGEST_COMMAND = 1.5
 """A command beyond is not normalised."""
 
 
-def read_manoeuvring_csv(path, frame=None):
+def read_manoeuvring_csv(path, frame=None) -> ManoeuvringTrial:
     """Read a record of a manoeuvre.
 
     Columns, in any order: ``time_s``; ``port_thrust_n`` and ``starboard_thrust_n``, or ``port_command`` and
@@ -65,10 +65,6 @@ def read_manoeuvring_csv(path, frame=None):
         Of the file.
     frame : str, optional
         ``enu`` or ``ned``; by default what the file states, else not stated.
-
-    Returns
-    -------
-    ManoeuvringTrial
 
     Raises
     ------
@@ -94,14 +90,15 @@ def read_manoeuvring_csv(path, frame=None):
     finite = time[np.isfinite(time)]
     if not finite.size:
         raise InputError(f'{path} has no readable time: check its time column')
+    motion = {name: found.get(name) for name in ('surge', 'sway', 'yaw_rate', 'heading')}
     return ManoeuvringTrial(
-        time - finite[0] if abs(finite[0]) > EPOCH_SECONDS else time, port, starboard, thrust_input,
-        *(found.get(name) for name in ('surge', 'sway', 'yaw_rate', 'heading')), x, y, frame,
-        *(remark_number(path, head.remarks, key) for key in ('lever_m', 'length_m')), str(path), tuple(advice),
+        time - finite[0] if abs(finite[0]) > EPOCH_SECONDS else time, port, starboard, thrust_input, **motion, x=x, y=y,
+        frame=frame, lever=remark_number(path, head.remarks, 'lever_m'),
+        length=remark_number(path, head.remarks, 'length_m'), source=str(path), advice=advice,
     )  # fmt: skip
 
 
-def write_manoeuvring_csv(path, manoeuvre, model, water_track=False):
+def write_manoeuvring_csv(path, manoeuvre, model):
     """Write a simulated manoeuvre as `read_manoeuvring_csv` reads it, in ENU.
 
     Parameters
@@ -112,25 +109,19 @@ def write_manoeuvring_csv(path, manoeuvre, model, water_track=False):
         What is written.
     model : ManoeuvringModel
         Says whether the inputs are forces or commands.
-    water_track : bool
-        Write u and v through the water for surge and sway instead of those over ground.
     """
     kind = 'thrust_n' if model.thrust_input == FORCE else 'command'
-    surge, sway = (manoeuvre.u, manoeuvre.v) if water_track else (manoeuvre.surge, manoeuvre.sway)
     columns = {
         'time_s': manoeuvre.time, f'port_{kind}': manoeuvre.port, f'starboard_{kind}': manoeuvre.starboard,
-        'surge_m_s': surge, 'sway_m_s': sway, 'yaw_rate_rad_s': manoeuvre.yaw_rate, 'heading_rad': manoeuvre.heading,
-        'x_m': manoeuvre.x, 'y_m': manoeuvre.y,
+        'surge_m_s': manoeuvre.surge, 'sway_m_s': manoeuvre.sway, 'yaw_rate_rad_s': manoeuvre.yaw_rate,
+        'heading_rad': manoeuvre.heading, 'x_m': manoeuvre.x, 'y_m': manoeuvre.y,
     }  # fmt: skip
-    with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
-        file.write(f'# frame: enu\n# lever_m: {model["lever"]!r}\n# length_m: {model.length!r}\n')
-        file.write(','.join(columns) + '\n')
-        rows = zip(*(np.round(values, 9).tolist() for values in columns.values()), strict=True)
-        file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
+    remarks = {'frame': 'enu', 'lever_m': model['lever'], 'length_m': model.length}
+    write_table(path, remarks, {name: np.round(values, 9) for name, values in columns.items()})
 
 
 def _find_columns(path, names):
-    known, columns = known_columns(QUANTITIES), {}
+    known, columns = known_columns(QUANTITIES), dict[str, tuple[int, float]]()
     for index, name in enumerate(map(plain_name, names)):
         if name in known:
             reading, _, scale = known[name]

@@ -9,7 +9,7 @@ PLANAR = (0, 1, 5)
 """Rows of x, y, yaw (and of their rates) in a covariance of six."""
 
 LARGEST_VARIANCE = 1e4
-"""Odometry that states a larger one does not know the quantity."""
+"""A larger one in odometry stands for a quantity that is not measured."""
 
 
 def odometry_message(state, frame_id, child_frame_id, stamp=None):

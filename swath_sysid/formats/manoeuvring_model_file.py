@@ -58,18 +58,8 @@ FORMAT = ModelFormat(
 """What a model file holds; null stands for what is not known."""
 
 
-def manoeuvring_to_yaml(identified):
-    """Text of a model file.
-
-    Parameters
-    ----------
-    identified : IdentifiedManoeuvringModel
-        Written whole, with uncertainty and provenance.
-
-    Returns
-    -------
-    str
-    """
+def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:
+    """Text of a model file, with uncertainty and provenance."""
     model = identified.model
     std = dict(zip(identified.names, np.sqrt(np.diag(identified.covariance)).tolist(), strict=True))
     parameters = {
@@ -90,25 +80,8 @@ def manoeuvring_to_yaml(identified):
     )  # fmt: skip
 
 
-def manoeuvring_from_yaml(text, source='the model'):
-    """The model of a model file's text.
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-    source : str
-        Named in the errors.
-
-    Returns
-    -------
-    IdentifiedManoeuvringModel
-
-    Raises
-    ------
-    InputError
-        Not such a file, of another version, or with unknown, missing or wrong fields.
-    """
+def manoeuvring_from_yaml(text, source='the model') -> IdentifiedManoeuvringModel:
+    """The model of a model file's text; see `swath_sysid.formats.model_file.description_from_yaml`."""
     content = FORMAT.content(text, source)
     names = tuple(content['identified'])
     if len(set(names)) < len(names):
@@ -148,13 +121,7 @@ def _model_of(content):
 
 
 def write_manoeuvring_model(path, identified):
-    """Write a model file whole or not at all.
-
-    Raises
-    ------
-    InputError
-        It cannot be written, or would be refused by its readers.
-    """
+    """Write a model file; see `swath_sysid.formats.model_file.write_model`."""
     FORMAT.write(path, manoeuvring_to_yaml(identified), manoeuvring_from_yaml)
 
 

@@ -50,14 +50,14 @@ def play_manoeuvres(trial, settings, identified=None):
         if np.isfinite(trial.yaw_rate[k]):
             rate = float(trial.yaw_rate[k])
             outlook.add_yaw_rate(stamp, rate)
-        values = [float(getattr(trial, name)[k]) for name in names]
-        if np.all(np.isfinite(values)) and np.isfinite(rate):
-            step = outlook.add_odometry(OdometryReading(stamp, *values, rate, {}))
+        motion = {name: float(getattr(trial, name)[k]) for name in names}
+        if np.all(np.isfinite([*motion.values(), rate])):
+            step = outlook.add_odometry(OdometryReading(stamp, **motion, yaw_rate=rate, std={}))
             if step.path:
                 yield stamp, step
 
 
-def write_forecasts(path, forecasts, leads, namespace=''):
+def write_forecasts(path, forecasts, leads):
     """Write forecasts as mcap on the topics of manoeuvring_predictor.
 
     Parameters
@@ -68,8 +68,6 @@ def write_forecasts(path, forecasts, leads, namespace=''):
         Stamp, s, and what was forecast then.
     leads : sequence of float
         s.
-    namespace : str
-        Before all topics.
 
     Returns
     -------
@@ -82,7 +80,7 @@ def write_forecasts(path, forecasts, leads, namespace=''):
         The name does not end in .mcap, or the file cannot be written.
     """
     count = 0
-    with writing_output_bag(path, namespace=namespace) as bag:
+    with writing_output_bag(path) as bag:
         for stamp, step in forecasts:
             count += 1
             time_ns = round(stamp * SECOND_NS)

@@ -12,7 +12,7 @@ from swath_sysid.attitude.hull.coefficients import COEFFICIENT_NAMES, coefficien
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.topics import IMU, STRING, TYPES, WINDOW_TOPIC
+from swath_sysid.formats.topics import IMU, STRING, TRAJECTORY, TYPES, WINDOW_TOPIC
 
 SECOND_NS = 1_000_000_000
 FLOAT64 = 8
@@ -142,17 +142,19 @@ def horizon_message(horizon, frame_id):
 
 @lru_cache(maxsize=4)
 def _horizon_template(columns, leads_ns, frame_id):
-    nothing = np.empty(0)
-
     def message_of(values):
-        points = []
-        for lead, (angles, rates) in zip(leads_ns, values.reshape(len(leads_ns), 2, len(columns)), strict=True):
-            duration = make('builtin_interfaces/msg/Duration', *divmod(lead, SECOND_NS))
-            points.append(
-                make('trajectory_msgs/msg/JointTrajectoryPoint', angles, rates, nothing, nothing, duration))
-        return make('trajectory_msgs/msg/JointTrajectory', header(0, frame_id), list(columns), points)
+        rows = values.reshape(len(leads_ns), 2, len(columns))
+        points = [trajectory_point(lead, *row) for lead, row in zip(leads_ns, rows, strict=True)]
+        return make(TRAJECTORY, header(0, frame_id), list(columns), points)
 
     return Template(message_of, 2 * len(columns) * len(leads_ns))
+
+
+def trajectory_point(time_ns, positions, velocities=(), accelerations=()):
+    """A trajectory_msgs/JointTrajectoryPoint without efforts."""
+    arrays = [np.asarray(part, dtype=float) for part in (positions, velocities, accelerations, ())]
+    duration = make('builtin_interfaces/msg/Duration', *divmod(time_ns, SECOND_NS))
+    return make('trajectory_msgs/msg/JointTrajectoryPoint', *arrays, duration)
 
 
 def trajectory_values(message):

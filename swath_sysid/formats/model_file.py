@@ -2,7 +2,7 @@
 
 It is what `identify` writes, what the identifier publishes on ``model/description``, and what
 the predictor and `forecast` read. A file may also hold a schedule on draft (`scheduled_to_yaml`):
-its ``axes`` are then the models of the middle draft, for readers that know of no schedule.
+its ``axes`` are then the models of the middle draft, for readers without schedules.
 """
 
 import math
@@ -55,33 +55,13 @@ FORMAT = ModelFormat(
 """What a model file holds; null stands for what is not known."""
 
 
-def model_to_yaml(models):
-    """Text of a model file.
-
-    Parameters
-    ----------
-    models : mapping of str to IdentifiedModel
-        Axis to model.
-
-    Returns
-    -------
-    str
-    """
+def model_to_yaml(models) -> str:
+    """Text of a model file that holds models by axis."""
     return _dumped(models)
 
 
-def scheduled_to_yaml(schedules):
-    """Text of a model file with a schedule.
-
-    Parameters
-    ----------
-    schedules : mapping of str to ScheduledModel
-        Axis to schedule.
-
-    Returns
-    -------
-    str
-    """
+def scheduled_to_yaml(schedules) -> str:
+    """Text of a model file that holds schedules by axis, and their middle models for readers without schedules."""
     plain = {
         axis: {
             'quantity': schedule.quantity,

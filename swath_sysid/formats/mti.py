@@ -7,6 +7,7 @@ import numpy as np
 from swath_sysid.attitude.motion.assembly import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.attitude import tilt_angles
 from swath_sysid.attitude.motion.sensor_mount import Installation
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.tables import listed_names, read_columns, read_head
 
@@ -38,30 +39,13 @@ def is_mti(names):
     return 'Counter' in names and any(name in names for name in (*READINGS, *MATRIX_LAST_ROW))
 
 
-def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)):
+def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     """Read a trial from an Xsens MTi text export.
 
     Time comes from SampleTimeFine (0.1 ms), or else from PacketCounter and the update rate that
     the comment lines give; both are unwrapped, and lost packets show as gaps. It counts from the
-    first sample.
-
-    Parameters
-    ----------
-    path : str or Path
-        Of the file.
-    frame : str, optional
-        ``flu`` (default: what an MTi sends as delivered, in ENU) or ``frd``.
-    mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad.
-
-    Returns
-    -------
-    Trial
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, holds no time or no roll or pitch motion, or too few usable rows.
+    first sample. Without a frame it is taken as delivered, in ENU. Parameters and errors are those of
+    `swath_sysid.formats.reading.read_trial`.
     """
     path = Path(path)
     try:

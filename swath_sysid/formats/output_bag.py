@@ -73,7 +73,7 @@ def writing_bag(path):
 
 
 @contextmanager
-def writing_output_bag(path, *, frame_id='base_link', namespace='', frames_at=()):
+def writing_output_bag(path, *, frame_id='base_link', frames_at=()):
     """An `OutputBag` that takes its final name at the end; see `writing_bag`.
 
     Parameters
@@ -82,8 +82,6 @@ def writing_output_bag(path, *, frame_id='base_link', namespace='', frames_at=()
         ``NAME.mcap``.
     frame_id : str
         Of all messages of attitude with a header.
-    namespace : str
-        Of the topics.
     frames_at : sequence of float
         See `ForecastMessages`.
 
@@ -99,35 +97,23 @@ def writing_output_bag(path, *, frame_id='base_link', namespace='', frames_at=()
     if not str(path).endswith('.mcap'):
         raise InputError(f"the messages are written as mcap: give an output name that ends in .mcap, not '{path}'")
     with writing_bag(path) as add:
-        yield OutputBag(add, frame_id, namespace, frames_at)
+        yield OutputBag(add, ForecastMessages(frame_id, frames_at))
 
 
 class OutputBag:
-    """What the nodes publish, as messages of a bag being written.
+    """What the nodes publish, as messages of a bag being written; see `writing_output_bag`."""
 
-    Parameters
-    ----------
-    add : callable
-        See `writing_bag`.
-    frame_id : str
-    namespace : str
-    frames_at : sequence of float
-        See `ForecastMessages`.
-    """
-
-    def __init__(self, add, frame_id='base_link', namespace='', frames_at=()):
+    def __init__(self, add, forecasts):
         self._add = add
-        self._prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
-        self._forecasts = ForecastMessages(frame_id, frames_at)
+        self._forecasts = forecasts
         self._described = {}
-        self.counts = {}
+        self.counts: dict[str, int] = {}
 
     def add(self, topic, time_ns, raw):
         """A serialised message on a topic of the nodes."""
         if topic not in self.counts:
-            name = topic if topic.startswith('/') else f'{self._prefix}/{topic}'
             qos = offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)
-            self._described[topic] = name, type_of(topic), [qos]
+            self._described[topic] = f'/{topic.lstrip("/")}', type_of(topic), [qos]
             self.counts[topic] = 0
         name, msgtype, qos = self._described[topic]
         self._add(name, msgtype, time_ns, raw, qos)
@@ -165,20 +151,8 @@ class OutputBag:
         self.add(DIAGNOSTICS_TOPIC, time_ns, diagnostics_message(time_ns, statuses))
 
 
-def offered_qos(latched, reliable):
-    """What a bag says of the publisher of a topic.
-
-    Parameters
-    ----------
-    latched : bool
-        Transient local.
-    reliable : bool
-        Else best effort.
-
-    Returns
-    -------
-    rosbags.interfaces.Qos
-    """
+def offered_qos(latched, reliable) -> Qos:
+    """What a bag says of the publisher of a topic: transient local if latched, best effort if not reliable."""
     return Qos(
         QosHistory.KEEP_LAST, 1 if latched else 10,
         QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,

@@ -1,7 +1,11 @@
 """Reading trials, whatever file they are in."""
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.mti import is_mti, read_mti
@@ -20,7 +24,7 @@ FOREIGN = {
 HASH_BYTES = 1 << 20
 
 
-def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
+def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
 
     What it is shows from its content, not from its name.
@@ -32,19 +36,16 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
     topic : str, optional
         The IMU topic, for bags that hold several.
     frame : str, optional
-        ``flu`` or ``frd``: the sensor's axes; by default what a CSV file says of itself, else
-        ``flu``.
+        ``flu`` or ``frd``: the sensor's axes; by default that stated in a CSV file, else ``flu``.
     mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad.
-
-    Returns
-    -------
-    Trial
+        Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
 
     Raises
     ------
     InputError
-        There is no such file, it is none of these, or holds no usable motion.
+        There is no such file, it cannot be read or is none of these, the choice of the topic is open, a column lacks
+        its unit or contradicts another, a value is one that its unit cannot have, or there is no time, no roll or
+        pitch motion, or too little of it.
     """
     from swath_sysid.formats.bags import is_bag, read_bag
 
@@ -67,7 +68,25 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)):
     return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
 
 
-def source_hash(path):
+def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
+    """The messages of an IMU: those of a bag as they are, of other trials as an IMU would have sent them.
+
+    Parameters and errors are those of `read_trial`; frame and mounting are not applied to bags.
+    """
+    from swath_sysid.formats.bags import ImuRecord, imu_values, is_bag, read_imu
+
+    try:
+        bag = is_bag(path)
+    except OSError:
+        bag = False  # read_trial says what is wrong
+    if bag:
+        return read_imu(path, topic)
+    trial = read_trial(path, topic=topic, frame=None if frame == 'flu' else frame, mounting=mounting)
+    stamps = np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
+    return ImuRecord(stamps, imu_values(replace(trial, yaw_rate=None)), in_craft_axes=True, advice=trial.advice)
+
+
+def source_hash(path) -> str:
     """The SHA-256 of a file, or of the names and contents of the files in a bag folder.
 
     Parameters

@@ -1,8 +1,15 @@
 """A sea state as plain data: what the verb ``sea`` prints and the topic ``sea/state`` holds."""
+import math
+
+import numpy as np
 import yaml
 
 from swath_sysid.attitude.motion.vertical import BAND_HZ
+from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
+from swath_sysid.common.errors import InputError
 from swath_sysid.formats.plain_data import finite_or_none
+from swath_sysid.formats.topics import SEA_TOPIC
+from swath_sysid.formats.untrusted_yaml import plain_content
 
 REMARKS = (
     f'this is the heave at the sensor, between {BAND_HZ[0]:g} and {BAND_HZ[1]:g} Hz',
@@ -31,7 +38,7 @@ def sea_as_data(state):
     return finite_or_none({f'{name}_{unit}': getattr(state, name) for name, unit in _UNITS.items()})
 
 
-def sea_as_yaml(report, stamp_ns):
+def sea_as_yaml(report, stamp_ns) -> str:
     """The text on ``sea/state``: `sea_as_data` without the spectrum.
 
     Parameters
@@ -40,10 +47,6 @@ def sea_as_yaml(report, stamp_ns):
         With a sea state, or why there is none.
     stamp_ns : int
         Of the newest sample.
-
-    Returns
-    -------
-    str
     """
     data = {} if report.state is None else sea_as_data(report.state)
     numbers = {name: _rounded(value) for name, value in data.items() if not name.startswith(_OF_THE_SPECTRUM)}
@@ -52,6 +55,30 @@ def sea_as_yaml(report, stamp_ns):
          'remarks': list(REMARKS)},
         sort_keys=False, allow_unicode=True, width=1000,
     )  # fmt: skip
+
+
+def sea_from_yaml(text):
+    """The `SeaReport` that `sea_as_yaml` wrote; of a spectrum nothing is known.
+
+    Raises
+    ------
+    InputError
+        The text is another one.
+    """
+    data = plain_content(text, SEA_TOPIC)
+    try:
+        if not data['is_known']:
+            return SeaReport(None, str(data['reason']))
+        numbers = {name: _number(data[f'{name}_{unit}']) for name, unit in _UNITS.items()
+                   if name not in _OF_THE_SPECTRUM}
+        return SeaReport(SeaState(**numbers, frequency=np.empty(0), spectrum=np.empty(0)))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f'{SEA_TOPIC}: this was not written by this software ({error!r})') from error
+
+
+def _number(value):
+    """Of plain data: what is not known is NaN."""
+    return tuple(map(_number, value)) if isinstance(value, list) else math.nan if value is None else float(value)
 
 
 def _rounded(value):

@@ -7,6 +7,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import replacing
 
 TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
@@ -39,6 +40,9 @@ TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))
 """Bytes that a text may hold."""
 
 QUOTED = re.compile(r'"([^"\n]*)"')
+
+LINES_AT_ONCE = 100_000
+"""Rows written at once."""
 
 EXTRA_ROWS = 20
 """Rows looked at to find whether they hold more cells than there are names."""
@@ -75,7 +79,7 @@ class TableHead:
     offset: int
 
 
-def read_head(path):
+def read_head(path) -> TableHead:
     """What stands above the numbers of a table.
 
     The names are on the first line that is not a comment; if that line is numbers already, on the
@@ -85,10 +89,6 @@ def read_head(path):
     ----------
     path : Path
         Of the table.
-
-    Returns
-    -------
-    TableHead
 
     Raises
     ------
@@ -161,6 +161,27 @@ def read_columns(path, head, indices):
     return parser.columns(), parser.advice()
 
 
+def write_table(path, remarks, columns):
+    """Write a table that `read_columns` reads back exactly, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the CSV file.
+    remarks : dict of str to object
+        Comment lines above; those of which the value is None are left out.
+    columns : dict of str to ndarray, shape (N,)
+        By name.
+    """
+    values = [np.asarray(column, dtype=float) for column in columns.values()]
+    with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
+        file.writelines(f'# {key}: {value}\n' for key, value in remarks.items() if value is not None)
+        file.write(','.join(columns) + '\n')
+        for start in range(0, values[0].size, LINES_AT_ONCE):
+            rows = zip(*(column[start:start + LINES_AT_ONCE].tolist() for column in values), strict=True)
+            file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
+
+
 def plain_name(name):
     """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
     plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
@@ -212,9 +233,9 @@ class _BlockParser:
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
         self.text_cells = 0
-        self.first_text = None
+        self.first_text: tuple[int, str, str] | None = None
         self.short_rows = 0
-        self.first_short = None
+        self.first_short: int | None = None
 
     def parse(self, block):
         text = self._plain(block)
@@ -235,7 +256,7 @@ class _BlockParser:
 
     def advice(self):
         advice = []
-        if self.text_cells:
+        if self.first_text is not None:
             line, column, cell = self.first_text
             advice.append(Advice('text-in-numbers', (
                 f"{self.text_cells} cells that are not numbers taken as missing, the first '{shown(cell)}' in line "
@@ -312,7 +333,7 @@ def _opened(path):
         raise InputError(f'{path} is a long text in UTF-16: save it in UTF-8')
     try:
         return io.BytesIO(raw.decode(encoding).removeprefix('\ufeff').encode('utf-8'))
-    except UnicodeError as error:
+    except (UnicodeDecodeError, UnicodeEncodeError) as error:
         raise InputError(f'{path} looks like a text in UTF-16 and is damaged ({error.reason}): save it again, in '
                          f'UTF-8') from error
 

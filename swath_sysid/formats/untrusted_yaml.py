@@ -50,7 +50,7 @@ def shown(value):
     return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
 
 
-def text_of(path, what='model file'):
+def text_of(path, what='model file') -> str:
     """Text of a file.
 
     Parameters
@@ -59,10 +59,6 @@ def text_of(path, what='model file'):
         Of the file.
     what : str
         What it should be, for the errors.
-
-    Returns
-    -------
-    str
 
     Raises
     ------
@@ -92,7 +88,7 @@ def text_of(path, what='model file'):
 
 
 def plain_content(text, source):
-    """Plain data of a YAML text.
+    """Plain data of a YAML text; names are texts, numbers finite.
 
     Parameters
     ----------
@@ -100,11 +96,6 @@ def plain_content(text, source):
         Any text.
     source : str
         Named in the errors.
-
-    Returns
-    -------
-    dict, list, str, int, float, bool or None
-        Names are texts, numbers finite.
 
     Raises
     ------
@@ -116,27 +107,13 @@ def plain_content(text, source):
 
 
 def parsed(text, source):
-    """The nodes of a YAML text, each with its line, for messages that name lines.
+    """The nodes of a YAML text, each with its line, for messages that name lines; None for a text without content.
 
-    Parameters
-    ----------
-    text : str
-        Any text.
-    source : str
-        Named in the errors.
-
-    Returns
-    -------
-    yaml.Node or None
-        None for a text without content. Tags are not set: `scalar_value` says what a scalar is.
-
-    Raises
-    ------
-    InputError
-        As `plain_content`, but for what concerns names and numbers.
+    Tags are not set: `_scalar_value` says what a scalar is. Parameters and errors are those of `plain_content`, but for
+    what concerns names and numbers.
     """
     _check_text(text, source)
-    root, open_nodes, values = None, [], 0
+    root, open_nodes, values = None, list[yaml.Node](), 0
     try:
         for event in yaml.parse(text, Loader=_PARSER):
             if isinstance(event, yaml.NodeEvent):
@@ -166,19 +143,8 @@ def parsed(text, source):
     return root
 
 
-def scalar_value(node):
-    """The value of a scalar node: text, finite number, bool, or None.
-
-    Parameters
-    ----------
-    node : yaml.ScalarNode
-        Of `parsed`.
-
-    Raises
-    ------
-    InputError
-        A number that is not finite, or too long; the sentence does not say where.
-    """
+def _scalar_value(node):
+    """The value of a scalar node: text, finite number, bool, or None; the error does not say where it stands."""
     text = node.value
     if node.style not in (None, ''):
         return text
@@ -259,7 +225,7 @@ def _node_of(event):
 
 
 def located(node, source, name=None):
-    """Plain data of a node, whose mappings and lists know the lines of what they hold.
+    """Plain data of a node, whose mappings and lists carry the lines of what they hold.
 
     Parameters
     ----------
@@ -282,13 +248,13 @@ def located(node, source, name=None):
     # recursion is safe here: the depth is limited
     if isinstance(node, yaml.ScalarNode):
         try:
-            return scalar_value(node)
+            return _scalar_value(node)
         except InputError as error:
             raise LocatedError(source, name, line_of(node), str(error)) from error
     if isinstance(node, yaml.SequenceNode):
-        found = LocatedList(located(item, source, name) for item in node.value)
-        found.lines = [line_of(item) for item in node.value]
-        return found
+        items = LocatedList(located(item, source, name) for item in node.value)
+        items.lines = [line_of(item) for item in node.value]
+        return items
     found = LocatedDict()
     for name_node, value_node in node.value:
         inner = located(name_node, source, name) if isinstance(name_node, yaml.ScalarNode) else None
@@ -311,6 +277,8 @@ class LocatedDict(dict):
 
 class LocatedList(list):
     """A list with the line of each item."""
+
+    lines: list[int]
 
 
 class LocatedError(InputError):

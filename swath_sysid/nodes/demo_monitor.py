@@ -58,13 +58,7 @@ class Heard:
 
 
 class Listener(Node):
-    """Subscribes to everything that the demonstration shows.
-
-    Parameters
-    ----------
-    axis : str
-    leads : sequence of float
-    """
+    """Subscribes to everything that the demonstration shows."""
 
     def __init__(self, axis: str, leads: Sequence[float]):
         super().__init__('demo')

@@ -3,7 +3,6 @@ from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from swath_sysid.formats.messages import diagnostics_message
@@ -51,13 +50,3 @@ class DiagnosticsPublisher:
             logger.warning(f'{report.name}: {report.message}')
         else:
             logger.error(f'{report.name}: {report.message}')
-
-
-def subscription_events(on_mismatch: Callable[[], None]) -> SubscriptionEventCallbacks:
-    """Event callbacks that report publishers with incompatible QoS."""
-    return SubscriptionEventCallbacks(incompatible_qos=lambda event: on_mismatch())
-
-
-def publisher_events(on_mismatch: Callable[[], None]) -> PublisherEventCallbacks:
-    """Event callbacks that report subscriptions with incompatible QoS."""
-    return PublisherEventCallbacks(incompatible_qos=lambda event: on_mismatch())

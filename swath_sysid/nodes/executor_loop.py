@@ -18,7 +18,7 @@ Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
 """Makers of executors, each with the makers of the nodes that it runs."""
 
 WAKE_PERIOD = 0.1
-"""s; so often a spinning thread looks whether it is to stop. Costs 0.1 % of a core."""
+"""s; between checks of a spinning thread whether it is to stop. Costs 0.1 % of a core."""
 
 
 def events_executor(context: rclpy.Context | None = None) -> Executor:

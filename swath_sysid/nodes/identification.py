@@ -1,5 +1,5 @@
 """What the identifiers of both wings have in common: one identification at a time, in a worker process."""
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -94,7 +94,7 @@ class IdentificationNode(Node):
         return self._ended is not None
 
     def alone(self, work: Callable[[], Awaitable[Answer]]) -> Awaitable[Answer]:
-        """What a work ends in, which runs once for all who ask meanwhile."""
+        """The answer of some work, which runs once for all callers meanwhile."""
         return self._begun(work) if self._ended is None else self._ended
 
     def begin(self, work: Callable[[], Awaitable[Answer]]) -> None:
@@ -102,7 +102,7 @@ class IdentificationNode(Node):
         if self.executor is not None:
             self.executor.create_task(self._begun(work))
 
-    def _begun(self, work: Callable[[], Awaitable[Answer]]) -> Awaitable[Answer]:
+    def _begun(self, work: Callable[[], Awaitable[Answer]]) -> Coroutine[Any, Any, Answer]:
         # at once, not when the coroutine is first run
         self._ended = Future()
         return self._done(work, self._ended)

@@ -16,7 +16,7 @@ class ModelFile:
     path : str
         Empty: none.
     name : str
-        Of the parameter that says so.
+        Of the parameter that holds it.
     read : callable
         Of a path; the model, or `InputError`.
     write : callable

@@ -1,38 +1,37 @@
-"""The node of the page: hears what the nodes publish, and asks of them what is pressed."""
-from collections import deque
+"""The node of the page: hears what the nodes publish."""
 from collections.abc import Callable
 from functools import partial
 from threading import Lock
 from time import monotonic
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, String
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
+from swath_sysid.formats.sea_state import sea_from_yaml
 from swath_sysid.formats.topics import (
     CALM_TOPIC,
     DESCRIPTION_TOPIC,
     HORIZON_TOPIC,
     IMU_TOPIC,
     QUIESCENCE_TOPIC,
+    SEA_TOPIC,
     point_horizon_topic,
 )
+from swath_sysid.nodes.page_requests import PageRequests
 from swath_sysid.nodes.parameters.parameter import installation
 from swath_sysid.nodes.qos import LATCHED, NEWEST
+from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.pipeline.health import Report
-from swath_sysid.pipeline.live_record import LiveRecord, horizon_of
 
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 """What this node is too slow for is lost to it alone."""
@@ -43,8 +42,6 @@ NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 ASK_PERIOD = 0.1
 INSTALLATION_PERIOD = 3.0
 """s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew."""
-
-MAX_REQUESTS = 10
 
 
 class PageNode(Node):
@@ -61,63 +58,31 @@ class PageNode(Node):
         self.lock = Lock()
         self.record = LiveRecord()
         self.description = ''
+        self.sensor = self.resolve_topic_name(IMU_TOPIC)
         self._report = report
-        self._requests: deque[Callable[[], None]] = deque(maxlen=MAX_REQUESTS)
+        self._requests = PageRequests(self, report, self._note_kept)
+        self.press = self._requests.press
         self._prefix = self.get_namespace().strip('/')
         self._points: set[str] = set()
-        self._asked: dict[str, Any] = {}
         self.create_subscription(Imu, IMU_TOPIC, self._on_imu, SENSOR, raw=True)
         self.create_subscription(JointTrajectory, HORIZON_TOPIC, self._on_horizon, NEWEST_LOSSY)
         self.create_subscription(String, DESCRIPTION_TOPIC, self._on_description, LATCHED)
+        self.create_subscription(String, SEA_TOPIC, self._on_sea, LATCHED)
         self.create_subscription(JointTrajectory, CALM_TOPIC, self._on_calm, LATCHED)
         self.create_subscription(Float32, QUIESCENCE_TOPIC, self._on_quiescence, NEWEST)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(ASK_PERIOD, self._carry_out, clock=steady)
+        self.create_timer(ASK_PERIOD, self._requests.carry_out, clock=steady)
         self.create_timer(INSTALLATION_PERIOD, self._ask_predictor, clock=steady)
 
-    def press(self, button: str) -> None:
-        """A button was pressed, in any thread: ``identify``, ``rollback``, ``cancel``, ``accept`` or ``refine``."""
-        if button in ('accept', 'refine'):
-            self._requests.append(partial(self._keep, button == 'accept'))
-        else:
-            self._requests.append(partial(self._ask, f'identifier/{button}', Trigger, Trigger.Request(), self._tell))
-
-    def _carry_out(self) -> None:
-        while self._requests:
-            self._requests.popleft()()
-
-    def _ask(self, service: str, kind: Any, request: Any, take: Callable[[Any], None], quietly: bool = False) -> None:
-        if service not in self._asked:
-            self._asked[service] = self.create_client(kind, service)
-        client = self._asked[service]
-        if client.service_is_ready():
-            client.call_async(request).add_done_callback(lambda future: take(future.result()))
-        elif not quietly:
-            self._report(f'{client.service_name} does not answer: start the nodes with swath-sysid run')
-
-    def _tell(self, answer: Trigger.Response) -> None:
-        self._report(answer.message)
-
-    def _keep(self, is_kept: bool) -> None:
-        """An accepted model stays until Identify is pressed: windows are not refitted by themselves."""
-        parameter = Parameter('auto_identify', value=not is_kept).to_parameter_msg()
-
-        def take(answer: SetParameters.Response) -> None:
-            (result,) = answer.results
-            if result.successful:
-                with self.lock:
-                    self.record.is_kept = is_kept
-            self._report(result.reason or ('the model is kept' if is_kept else 'further releases refine the model'))
-
-        self._ask('identifier/set_parameters', SetParameters, SetParameters.Request(parameters=[parameter]), take)
+    def _note_kept(self, is_kept: bool) -> None:
+        with self.lock:
+            self.record.is_kept = is_kept
 
     def _ask_predictor(self) -> None:
-        request = GetParameters.Request(names=['frame', 'mounting_deg', 'points'])
-        self._ask('predictor/get_parameters', GetParameters, request, self._take_parameters, quietly=True)
+        self._requests.get_parameters('predictor', ['frame', 'mounting_deg', 'points'], self._take_parameters)
 
-    def _take_parameters(self, answer: GetParameters.Response) -> None:
-        frame, mounting, points = map(parameter_value_to_python, answer.values)
+    def _take_parameters(self, frame: str, mounting: list[float], points: list[str]) -> None:
         with self.lock:
             self.record.install(installation({'frame': frame, 'mounting_deg': list(mounting)}))
         for point in {point for point in points if point} - self._points:
@@ -145,9 +110,18 @@ class PageNode(Node):
             self.description = message.data
             self.record.set_models(models)
 
+    def _on_sea(self, message: String) -> None:
+        try:
+            sea = sea_from_yaml(message.data)
+        except InputError as error:
+            self._report(str(error))
+            return
+        with self.lock:
+            self.record.sea = sea
+
     def _on_calm(self, message: JointTrajectory) -> None:
         stamp, times, _, probabilities = trajectory_values(message)
-        calm = [1e-9 * (stamp + time) for time in times]
+        calm = [NANOSECOND * (stamp + time) for time in times]
         with self.lock:
             self.record.calm = (calm[0], calm[-1], probabilities[0]) if calm else None
 

@@ -37,7 +37,7 @@ class Predictor(Node):
         self.parameters = NodeParameters(self, TABLE, pipeline_settings, self._on_parameters, further)
         self.pipeline = ForecastPipeline(self.parameters.settings)
         self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
-        self.sea = SeaFitting(self.pipeline, self.health, self.get_logger())
+        self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
         self._forecasts = ForecastPublishers(
             self, self.parameters.settings.forecaster, self.parameters['frame_id'], self.health,
             frames_at(self.parameters['frames_at_s']),
@@ -63,7 +63,7 @@ class Predictor(Node):
         self._take_models()
         messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]
         readings = [imu_reading(each) for each in messages]
-        forecast_from = readings[-1].stamp_ns - PASSED_OVER_NS
+        forecast_from = readings[0 if self.parameters['in_step'] else -1].stamp_ns - PASSED_OVER_NS
         for each, reading in zip(messages, readings, strict=True):
             begun = perf_counter()
             self._add(reading, reading.stamp_ns < forecast_from)

@@ -1,20 +1,20 @@
 """Publishers and subscriptions of the contract: their QoS, and the count of those that do not fit."""
 from collections.abc import Callable
 
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from swath_sysid.formats.topics import IMU_TOPIC
-from swath_sysid.nodes.diagnostics import publisher_events, subscription_events
 from swath_sysid.pipeline.health import QOS_MISMATCH, Reasons
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Reliable, transient local, depth 1: who comes late gets the last one."""
+"""Reliable, transient local, depth 1: a late subscriber gets the last one."""
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-"""Reliable, depth 1: who is slow gets the newest forecast only."""
+"""Reliable, depth 1: a slow subscriber gets the newest forecast only."""
 
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty."""
@@ -35,9 +35,7 @@ def imu_subscription(
     paused for 5 ms.
     """
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-    return node.create_subscription(
-        kind, IMU_TOPIC, callback, qos, event_callbacks=subscription_events(lambda: health.note(QOS_MISMATCH))
-    )
+    return watched_subscription(node, kind, IMU_TOPIC, callback, qos, health)
 
 
 def waiting(subscription: Subscription, most: int) -> list:
@@ -57,13 +55,13 @@ def watched_publisher(
     node: Node, kind: type, topic: str, qos: QoSProfile | int, health: Reasons
 ) -> Publisher:
     """A publisher whose refused subscriptions are counted."""
-    return node.create_publisher(kind, topic, qos, event_callbacks=publisher_events(lambda: health.note(QOS_MISMATCH)))
+    events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
+    return node.create_publisher(kind, topic, qos, event_callbacks=events)
 
 
 def watched_subscription(
     node: Node, kind: type, topic: str, callback: Callable, qos: QoSProfile, health: Reasons
 ) -> Subscription:
     """A subscription whose refused publishers are counted."""
-    return node.create_subscription(
-        kind, topic, callback, qos, event_callbacks=subscription_events(lambda: health.note(QOS_MISMATCH))
-    )
+    events = SubscriptionEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
+    return node.create_subscription(kind, topic, callback, qos, event_callbacks=events)

@@ -13,7 +13,7 @@ from swath_sysid.nodes.bag_topics import bag_qos, message_class
 from swath_sysid.nodes.executor_loop import events_executor, run
 
 LOOK_PERIOD = 0.1
-"""s between looks for new topics."""
+"""s between searches for new topics."""
 
 SAVE_PERIOD = 1.0
 """s of messages that a loss of power costs at most."""

@@ -14,6 +14,7 @@ from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, merged_mess
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.nodes.bag_topics import DEPTH, bag_qos, message_class
 from swath_sysid.nodes.messages import time_message
+from swath_sysid.nodes.step_keeping import StepKeeping
 
 CLOCK_PERIOD = 0.01
 """s of wall clock between /clock messages."""
@@ -63,6 +64,7 @@ class Replay(Node):
         except BaseException:
             self.destroy_node()
             raise
+        self._step = StepKeeping(self, should_stop) if settings.in_step else None
         self._clock_outlet = self.create_publisher(Clock, '/clock', 10) if settings.clock else None
 
     def destroy_node(self) -> None:
@@ -129,6 +131,8 @@ class Replay(Node):
             self._publish_clock(time_ns)
             self.outlets[topic].publish(raw)
             self.sent += 1
+            if self._step is not None and self._recorded[topic].is_imu:
+                self._step.wait(raw)
 
     def _wait_for(self, time_ns: int, timeline: Timeline) -> bool:
         """Sleep until a message is due, publishing /clock meanwhile; False: stop."""

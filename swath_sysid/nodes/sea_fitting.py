@@ -1,5 +1,5 @@
 """The sea learnt in a process of its own, and handed back to the pipeline between two samples."""
-from collections import deque
+from queue import SimpleQueue
 from typing import Any
 
 from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
@@ -19,14 +19,17 @@ class SeaFitting:
     health : PredictorHealth
     logger
         With ``error(sentence)``.
+    waits : bool
+        Wait for a fit that is due, instead of using it when it has ended.
     """
 
-    def __init__(self, pipeline: ForecastPipeline, health: PredictorHealth, logger: Any):
+    def __init__(self, pipeline: ForecastPipeline, health: PredictorHealth, logger: Any, waits: bool = False):
         self._pipeline = pipeline
         self._health = health
         self._logger = logger
-        # a fit ends in the worker's thread: a deque hands it over to that of the samples
-        self._ended: deque[tuple[Any, Exception | None]] = deque()
+        self._waits = waits
+        # a fit ends in the worker's thread: a queue hands it over to that of the samples
+        self._ended: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
         self._is_fitting = False
         self._due_ns = self._newest_ns = 0
         self.worker = Worker(warm_up, lambda: health.note(WAVE_WORKER_DIED))
@@ -50,12 +53,12 @@ class SeaFitting:
             return
         self._is_fitting = True
         self._due_ns = stamp_ns + round(self._pipeline.settings.forecaster.refit_delay * SECOND_NS)
-        self.worker.submit(fit_sea, (request,), lambda *ending: self._ended.append(ending))
+        self.worker.submit(fit_sea, (request,), lambda *ending: self._ended.put(ending))
 
     def hand_over(self, stamp_ns: int) -> None:
         """Install the fits that have ended by the sample of this stamp."""
-        while self._ended:
-            fit, error = self._ended.popleft()
+        while self._is_fitting and (not self._ended.empty() or (self._waits and stamp_ns >= self._due_ns)):
+            fit, error = self._ended.get()
             self._is_fitting = False
             if error is not None:
                 self._health.note(NOT_FITTED, 'waves')

@@ -27,14 +27,9 @@ LARGEST_LAG = 0.5
 
 
 class SimulatedCraftNode(Node):
-    """Publishes imu/data at an even rate; ~/release lifts the craft and lets it go.
+    """Publishes imu/data at an even rate; ~/release lifts the craft and lets it go."""
 
-    Parameters
-    ----------
-    settings : CraftSettings
-    """
-
-    def __init__(self, settings: Any):
+    def __init__(self, settings: CraftSettings):
         super().__init__('simulated_craft')
         self._craft = SimulatedCraft(settings)
         self._period_ns = round(SECOND_NS / settings.rate_hz)

@@ -10,12 +10,7 @@ PERIOD = 0.1
 
 
 class Turns:
-    """Lets coroutines of a node go on one at a time.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    """
+    """Lets coroutines of a node go on one at a time."""
 
     def __init__(self, node: Node):
         self._waiting: deque[Future] = deque()

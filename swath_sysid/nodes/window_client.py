@@ -16,7 +16,7 @@ from swath_sysid.pipeline.health import BAD_WINDOW, IdentifierHealth
 
 
 class WindowClient:
-    """Receives windows, and asks the buffer for one.
+    """Receives windows, and requests one from the buffer.
 
     Parameters
     ----------

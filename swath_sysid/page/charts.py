@@ -2,7 +2,7 @@
 import math
 from typing import Any
 
-from swath_sysid.report.live_view import INTERVALS, SHOWN_S
+from swath_sysid.page.live_view import INTERVALS, SHOWN_S
 
 MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'
 BAND_OPACITY = 0.16

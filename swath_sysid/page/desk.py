@@ -1,7 +1,6 @@
 """What all browsers share: the guide, the view of now, and what the buttons do."""
 import signal
 import subprocess
-import sys
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,16 +12,18 @@ from typing import Any, Protocol
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
-from swath_sysid.pipeline.bring_up import STEPS, BringUp, Guidance
-from swath_sysid.pipeline.live_record import LiveRecord
-from swath_sysid.report.live_view import (
+from swath_sysid.page.bring_up import STEPS, BringUp, Guidance
+from swath_sysid.page.live_record import LiveRecord
+from swath_sysid.page.live_view import (
     calm_words,
     campaign_words,
     health,
     model_chart,
     model_words,
     motion_chart,
+    sea_words,
 )
+from swath_sysid.start import verb_command
 
 CAMPAIGN_PERIOD = 5.0
 """s between looks at the folder of the trials."""
@@ -36,6 +37,8 @@ class Source(Protocol):
     lock: Any
     record: LiveRecord
     description: str
+    sensor: str
+    """Full name of its topic."""
 
     def press(self, button: str) -> None:
         """``identify``, ``rollback``, ``cancel``, ``accept`` or ``refine``."""
@@ -52,6 +55,7 @@ class View:
     model: dict[str, list] = field(default_factory=dict)
     model_words: list[str] = field(default_factory=list)
     calm: str = ''
+    sea: str = ''
     trials: list[dict[str, Any]] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     is_recording: bool = False
@@ -105,13 +109,13 @@ class Desk:
             }
             verdict = facts.statuses.get('identifier: identification')
             words = model_words(record, str(verdict.values.get('last_verdict', '')) if verdict else '')
-            calm = calm_words(record)
+            waters = calm_words(record), sea_words(record)
         if self.manifest and now - self._campaign_read > CAMPAIGN_PERIOD:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
         self._look_after_recorder()
         self.view = View(
             self._axis, self._guides[self._axis].look(facts), health(facts.statuses, facts.motions), charts,
-            model_chart(facts.model) if facts.model is not None else {}, words, calm, *self._campaign,
+            model_chart(facts.model) if facts.model is not None else {}, words, *waters, *self._campaign,
             self._recorder is not None, tuple(self.answers),
         )
 
@@ -161,7 +165,7 @@ class Desk:
             return
         path = self._folder / f'swath_sysid_{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap'
         self._recorder = subprocess.Popen(
-            [sys.executable, '-m', 'swath_sysid.cli.main', 'record', '--output', str(path)],
+            verb_command('record', '--output', str(path), '--topic', self._source.sensor),
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True,
         )
         self.answer(f'recording to {path}')

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.page.bring_up import STEPS
 from swath_sysid.page.charts import curve_options, curve_series, motion_options, motion_series, reach_of
 from swath_sysid.page.desk import Desk, View
-from swath_sysid.pipeline.bring_up import STEPS
 from swath_sysid.pipeline.health import OK, WARN
 
 try:
@@ -152,11 +152,12 @@ def _model() -> Update:
 
 
 def _calm() -> Update:
-    with _card('Calm'):
-        words = _text('text-body2', 'calm')
+    with _card('Sea and calm'):
+        calm = _text('text-body1', 'calm')
+        sea = _text('text-body2 whitespace-pre-line', 'sea')
 
     def update(view: View) -> None:
-        words.text = view.calm
+        calm.text, sea.text = view.calm, view.sea
 
     return update
 

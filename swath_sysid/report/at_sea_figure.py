@@ -18,16 +18,7 @@ _TICKS = np.array([1.0, 2.0, 5.0])
 
 
 def at_sea_figure(found: AtSeaIdentification) -> Figure:
-    """Draw an `AtSeaIdentification`.
-
-    Parameters
-    ----------
-    found : AtSeaIdentification
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """Draw an `AtSeaIdentification`."""
     figure = new_figure(12.0, 7.4)
     spectrum, response, excitation, decrement = (quiet(axes) for axes in figure.subplots(2, 2).ravel())
     _spectrum(spectrum, found)

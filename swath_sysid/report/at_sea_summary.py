@@ -17,20 +17,9 @@ SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a 
 def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> dict:
     """What ``identify --json`` prints of a record in waves: plain numbers, strings, lists and dicts.
 
-    Parameters
-    ----------
-    found : AtSeaIdentification
-    wall_s : float, optional
-        How long it took.
-
-    Returns
-    -------
-    dict
-        As for a free decay: equation, axis, ratios, trim_rad, natural_period_s, damping_ratio,
-        reference_amplitude_rad, valid_amplitude_rad, segment_s, sources, wall_s, warnings. Beside them
-        ``identified_from``, the standard deviations ``natural_period_std_s``, ``damping_ratio_std`` and
-        ``reference_amplitude_std_rad``, ``misfit`` (1: hull and sea explain the motion), ``sea`` and
-        ``peak_period_s``.
+    Beside what a free decay gives: ``identified_from``, the standard deviations ``natural_period_std_s``,
+    ``damping_ratio_std`` and ``reference_amplitude_std_rad``, ``misfit`` (1: hull and sea explain the motion), ``sea``
+    and ``peak_period_s``. ``wall_s`` is how long it took.
     """
     model = found.model
     return finite_or_none({
@@ -63,16 +52,7 @@ def _correlation(covariance):
 
 
 def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
-    """Lines for a reader.
-
-    Parameters
-    ----------
-    found : AtSeaIdentification
-
-    Returns
-    -------
-    list of str
-    """
+    """Lines for a reader."""
     model, motion = found.model, found.motion
     return [
         f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '

@@ -167,7 +167,7 @@ def _extinction_figure(items, title, axis):
                       label=f'from {condition.initial_angle_deg:g} deg')  # fmt: skip
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    if axes.lines and any(not line.get_label().startswith('_') for line in axes.lines):
+    if axes.lines and any(not str(line.get_label()).startswith('_') for line in axes.lines):
         legend_below(axes)
     return figure
 

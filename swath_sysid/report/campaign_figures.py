@@ -45,17 +45,7 @@ STYLE: Any = {
 
 
 def campaign_drawings(outcome, axis):
-    """Section name to drawings of one axis.
-
-    Parameters
-    ----------
-    outcome : CampaignOutcome
-    axis : AxisOutcome
-
-    Returns
-    -------
-    dict of str to list of Drawing
-    """
+    """Section name to the list of `Drawing` of one axis of a `CampaignOutcome`."""
     with matplotlib.rc_context(STYLE):
         return {
             'decays': decay_drawings(outcome, axis),

@@ -104,6 +104,7 @@ def page(title, sections):
     Parameters
     ----------
     title : str
+        Plain text.
     sections : iterable of (str, str, sequence of str)
         Anchor, name and parts, HTML, of each; one whose parts are all empty is left out.
     """

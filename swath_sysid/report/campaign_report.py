@@ -46,7 +46,9 @@ def write_report(outcome, folder, wall_s):
     Parameters
     ----------
     outcome : CampaignOutcome
+        Of all trials.
     folder : str or Path
+        Made where it does not exist.
     wall_s : float
         How long this run took.
 
@@ -87,16 +89,7 @@ def write_report(outcome, folder, wall_s):
 
 
 def campaign_tables(outcome):
-    """Every table of a campaign, as `write_report` writes them.
-
-    Parameters
-    ----------
-    outcome : CampaignOutcome
-
-    Returns
-    -------
-    list of Table
-    """
+    """Every `Table` of a `CampaignOutcome`, as `write_report` writes them."""
     tables = [conditions_table(outcome), trials_table(outcome), fits_table(outcome), coefficients_long_table(outcome)]
     for axis in outcome.axes:
         tables += _axis_tables(outcome, axis).values()

@@ -128,12 +128,12 @@ def trials_table(outcome):
     return table
 
 
-def _condition_columns(outcome, condition=lambda item: item[0].condition, repeat=lambda item: item[0].repeat):
+def _condition_columns(outcome, condition=lambda item: item[0].condition):
     """Angle, loading and repeat; by default of items that begin with a record."""
     return (
         ('initial angle [deg]', lambda item: condition(item).initial_angle_deg, digits(4)),
         (LOADING_NAMES[outcome.quantity], lambda item: condition(item).loading, digits(4)),
-        ('repeat', repeat),
+        ('repeat', lambda item: item[0].repeat),
     )
 
 

@@ -19,17 +19,7 @@ MAX_LEADS = 4
 
 
 def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
-    """The whole run above, each lead below.
-
-    Parameters
-    ----------
-    demonstration : Demonstration
-    verdict : Verdict
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """The whole run above, each lead below."""
     figure = new_figure(12.0, 7.4)
     halves: Any = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
     upper, lower = halves

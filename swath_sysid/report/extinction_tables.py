@@ -23,17 +23,18 @@ def peaks_table(name, labelled):
     Parameters
     ----------
     name : str
+        Of the file, without ending.
     labelled : sequence of (str, Peaks)
         A record's name and its turning points.
     """
     rows = []
     for label, peaks in labelled:
-        columns = (
+        measured = (
             np.degrees(peaks.mean_amplitude), np.degrees(peaks.decrement), peaks.logarithmic_decrement, peaks.period,
             peaks.bertin * DEGREE,
         )  # fmt: skip
         # a decrement belongs to the turning point between its two half cycles
-        between = np.pad(np.array(columns), ((0, 0), (1, 1)), constant_values=np.nan)
+        between = np.pad(np.array(measured), ((0, 0), (1, 1)), constant_values=np.nan)
         rows += [
             (label, k + 1, float(t), math.degrees(a), *map(float, values))
             for k, (t, a, values) in enumerate(zip(peaks.time, peaks.angle, between.T, strict=True))
@@ -54,9 +55,11 @@ def curve_rows(extinction, model_terms, inertia):
     Parameters
     ----------
     extinction : Extinction
+        With its standard deviations.
     model_terms : dict of str to (float, float)
         Name to value and standard deviation of the fitted ratios.
     inertia : float or None
+        With added inertia, kg m^2; None: not known.
     """
     rows = [
         (name, unit, float(value * scale), float(std * scale), None, None, None, '')
@@ -117,23 +120,7 @@ def quantities_table(name, amplitude, quantities):
 
 
 def tank_tables(identification, particulars, type_b):
-    """The tables of one fit.
-
-    Parameters
-    ----------
-    identification : Identification
-    particulars : Particulars
-    type_b : TypeB
-
-    Returns
-    -------
-    list of Table
-
-    Raises
-    ------
-    InputError
-        The records hold no extinction curve.
-    """
+    """The tables of one `Identification`: peaks, extinction curve where the records hold one, damping."""
     model, axis = identification.model, identification.model.axis
     labelled = [
         (short_name(r.motion.source), measured_peaks(r.motion, r.segment.period))

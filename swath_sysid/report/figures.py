@@ -49,7 +49,7 @@ def two_std_band(axes: 'Axes', x: 'np.ndarray', value: 'np.ndarray', std: 'np.nd
     axes.fill_between(x, value - TWO_STD * std, value + TWO_STD * std, linewidth=0, **style)
 
 
-def measured_channel(motion: 'AxisMotion') -> tuple['np.ndarray', str]:
+def measured_channel(motion: 'AxisMotion') -> tuple[Any, str]:
     """The angle and its label, or the rate where no angle was measured."""
     if motion.angle is None:
         return motion.rate, f'{motion.axis} rate [deg/s]'

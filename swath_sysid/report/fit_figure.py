@@ -27,16 +27,7 @@ MAX_PANELS = 12
 
 
 def fit_figure(identification: Identification) -> Figure:
-    """Measured and simulated motion with residual of each record, and the curves with bands.
-
-    Parameters
-    ----------
-    identification : Identification
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """Measured and simulated motion with residual of each record, and the curves with bands."""
     records = identification.records[:MAX_PANELS]
     columns = min(3, len(records))
     rows = math.ceil(len(records) / columns)

@@ -24,6 +24,7 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
     Parameters
     ----------
     identification : Identification
+        Of one or several records.
     wall_s : float, optional
         How long it took.
     inertia : float, optional
@@ -67,22 +68,12 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
 
 
 def warnings_as_data(advice: Iterable[Advice]) -> dict[str, list[dict[str, str]]]:
-    """The field ``warnings`` of what ``--json`` prints, each warning once.
-
-    Parameters
-    ----------
-    advice : iterable of Advice
-    """
+    """The field ``warnings`` of what ``--json`` prints, each warning once."""
     return {'warnings': [{'code': a.code, 'message': a.message} for a in dict.fromkeys(advice)]}
 
 
 def fit_in_words(identification: Identification, inertia: float | None = None) -> list[str]:
-    """Lines for a reader.
-
-    Returns
-    -------
-    list of str
-    """
+    """Lines for a reader."""
     model = identification.model
     lines = [
         f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)',
@@ -126,21 +117,12 @@ def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | Non
 
 def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:
     """What ``compare --json`` prints."""
+    ranked = [
+        {**fit_as_data(r.identification), 'terms': r.term_count, 'criterion': r.criterion, 'held_out_nrmse': r.held_out}
+        for r in comparison.ranked
+    ]
     return finite_or_none(
-        {
-            'ranked': [
-                {
-                    **fit_as_data(ranked.identification),
-                    'terms': ranked.term_count,
-                    'criterion': ranked.criterion,
-                    'held_out_nrmse': ranked.held_out,
-                }
-                for ranked in comparison.ranked
-            ],
-            'choice': comparison.choice.name,
-            'reason': comparison.reason,
-            'wall_s': wall_s,
-        }
+        {'ranked': ranked, 'choice': comparison.choice.name, 'reason': comparison.reason, 'wall_s': wall_s}
     )
 
 

@@ -26,18 +26,7 @@ _STRETCH = 40.0
 
 
 def forecast_figure(trial: Trial, run: Run, skill: Skill) -> Figure:
-    """Draw a `Skill` and some of the forecasts it scores.
-
-    Parameters
-    ----------
-    trial : Trial
-    run : Run
-    skill : Skill
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw a `Skill` and some of the forecasts it scores."""
     count = len(skill.axes)
     figure = new_figure(12.0, 3.9 * count)
     grid = figure.add_gridspec(count, 3, width_ratios=(1.0, 1.6, 0.8))

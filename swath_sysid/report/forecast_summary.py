@@ -17,16 +17,7 @@ POINT_UNITS = {'heave': 'm', 'vertical_velocity': 'm_s', 'vertical_acceleration'
 
 
 def skill_as_data(skill: Skill) -> dict:
-    """The scores as plain data for JSON; what is not known is None.
-
-    Parameters
-    ----------
-    skill : Skill
-
-    Returns
-    -------
-    dict
-    """
+    """The scores as plain data for JSON; what is not known is None."""
     data = {
         'leads_s': skill.leads,
         'warmup_s': skill.warmup,

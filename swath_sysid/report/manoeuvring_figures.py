@@ -6,7 +6,7 @@ from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
 from swath_sysid.manoeuvring.identification.validation import simulate_windows
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS
-from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
+from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
 from swath_sysid.report.manoeuvring_summary import short
 
 LABELS = ('surge (m/s)', 'sway (m/s)', 'yaw rate (deg/s)')
@@ -15,13 +15,7 @@ MAX_PARAMETERS = 30
 
 
 def run_figures(found, window=20.0):
-    """Trajectory and time histories, measured and freely simulated, of every run.
-
-    Parameters
-    ----------
-    found : ManoeuvringIdentification
-    window : float
-        s.
+    """Trajectory and time histories, measured and freely simulated in windows, s, of every run.
 
     Returns
     -------
@@ -79,11 +73,7 @@ def test_figure(report, model):
     if report.name == 'zigzag':
         for sign in (-1, 1):
             others[1].axhline(sign * report.numbers['angle_deg'], color=MEASURED, linewidth=0.7, linestyle=':')
-    others[-1].step(m.time, m.port, where='post', color=SERIES[0], label='port')
-    others[-1].step(m.time, m.starboard, where='post', color=SERIES[2], label='starboard')
-    others[-1].set_ylabel('thrust (N)' if model.thrust_input == 'force' else 'command')
-    others[-1].legend(frameon=False, ncols=2, fontsize='small')
-    others[-1].set_xlabel('time (s)')
+    _draw_thrust(others[-1], m.time, m, model.thrust_input)
     figure.suptitle(model.name or 'manoeuvring model')
     return figure
 
@@ -141,12 +131,16 @@ def _run_figure(run, simulated, label):
             track_axes.plot(simulated.x[: steps + 1, w] + shift[0], simulated.y[: steps + 1, w] + shift[1],
                             color=MODEL, linewidth=1.4)  # fmt: skip
     histories[0].legend(frameon=False, ncols=2, fontsize='small', loc='upper right')
-    histories[3].step(time, run.port, where='post', color=SERIES[0], label='port')
-    histories[3].step(time, run.starboard, where='post', color=SERIES[2], label='starboard')
-    histories[3].set(ylabel='thrust (N)' if run.thrust_input == 'force' else 'command', xlabel='time (s)')
-    histories[3].legend(frameon=False, ncols=2, fontsize='small')
+    _draw_thrust(histories[3], time, run, run.thrust_input)
     figure.suptitle(f'{short(run.source)} ({label}): free simulation, each window from its own start')
     return figure
+
+
+def _draw_thrust(axes, time, inputs, thrust_input):
+    axes.step(time, inputs.port, where='post', color=SERIES[0], label='port')
+    axes.step(time, inputs.starboard, where='post', color=SERIES[2], label='starboard')
+    axes.set(ylabel='thrust (N)' if thrust_input == 'force' else 'command', xlabel='time (s)')
+    axes.legend(frameon=False, ncols=2, fontsize='small')
 
 
 def _draw_track(axes, run):
@@ -163,8 +157,7 @@ def _draw_track(axes, run):
 
 def _derivatives_figure(found):
     items = [(n, d) for n, d in found.derivatives.items()][:MAX_PARAMETERS]
-    figure = new_figure(8, 1.6 + 0.32 * len(items))
-    axes = quiet(figure.subplots())
+    figure, axes = new_panel(8, 1.6 + 0.32 * len(items), title='identified parameters')
     for row, (_, derivative) in enumerate(items):
         spread = 3.0 * derivative.std / max(abs(derivative.value), 1e-12)
         color = RESIDUAL if not derivative.flags else MODEL
@@ -176,7 +169,6 @@ def _derivatives_figure(found):
     reach = max([3.0 * d.std / max(abs(d.value), 1e-12) for _, d in items if not d.flags] + [0.1])
     axes.set_xlim(1.0 - min(1.3 * reach, 1.3), 1.0 + min(1.3 * reach, 1.3))
     axes.set_xlabel('share of the value; bars: 3 standard deviations (may pass the edge); red: see the warnings')
-    axes.set_title('identified parameters')
     return figure
 
 

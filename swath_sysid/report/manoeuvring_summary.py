@@ -13,16 +13,7 @@ MAX_ALIKE = 2
 
 
 def condensed(advice):
-    """Warnings without repetitions; of many runs with the same, the first few and how many more.
-
-    Parameters
-    ----------
-    advice : sequence of Advice
-
-    Returns
-    -------
-    tuple of Advice
-    """
+    """Warnings without repetitions, as a tuple; of many runs with the same, the first few and how many more."""
     advice = tuple(dict.fromkeys(advice))
     shown: list[Advice] = []
     counts: dict[str, int] = {}
@@ -39,17 +30,7 @@ def condensed(advice):
 
 
 def identification_as_data(found, wall_s=None):
-    """What ``manoeuvre identify --json`` prints.
-
-    Parameters
-    ----------
-    found : ManoeuvringIdentification
-    wall_s : float, optional
-
-    Returns
-    -------
-    dict
-    """
+    """What ``manoeuvre identify --json`` prints of a `ManoeuvringIdentification`; ``wall_s`` is how long it took."""
     model = found.model
     std = dict(zip(found.names, found.covariance.diagonal() ** 0.5, strict=True))
 

@@ -21,17 +21,7 @@ from swath_sysid.report.paper_decay_tables import (
 
 
 def decay_page(study, wall_s):
-    """HTML of a study carried out again.
-
-    Parameters
-    ----------
-    study : DecayStudy
-    wall_s : float
-
-    Returns
-    -------
-    str
-    """
+    """HTML of a `DecayStudy`; ``wall_s`` is how long carrying it out again took."""
     p = study.publication
     sections = [
         ('short', 'In short', [bullets(_in_short(study, wall_s))]),

@@ -18,7 +18,9 @@ def coefficient(study, record, name, by):
     Parameters
     ----------
     study : DecayStudy
+        With the inertia.
     record : StudiedRecord
+        Of the study.
     name : str
         N, W, x, C1 to C3, or I', which only the search has.
     by : str

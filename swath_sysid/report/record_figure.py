@@ -28,16 +28,7 @@ SPECTRUM_REACH = 4.0
 
 
 def record_figure(motions: Sequence[AxisMotion]) -> Figure:
-    """Motion and spectrum of each axis; decays shaded with their turning points, gaps marked.
-
-    Parameters
-    ----------
-    motions : sequence of AxisMotion
-
-    Returns
-    -------
-    matplotlib Figure
-    """
+    """Motion and spectrum of each axis; decays shaded with their turning points, gaps marked."""
     figure = new_figure(11.0, 3.4 * len(motions))
     grid = figure.subplots(len(motions), 2, width_ratios=(3, 1), squeeze=False)
     for (motion_axes, spectrum_axes), motion in zip(grid, motions, strict=True):

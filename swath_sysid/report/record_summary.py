@@ -23,6 +23,7 @@ def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     Parameters
     ----------
     trial : Trial
+        The whole record.
     motions : sequence of AxisMotion
         The axes to describe.
     """
@@ -75,14 +76,10 @@ def record_in_words(
 
     Parameters
     ----------
-    trial : Trial
-    motions : sequence of AxisMotion
+    trial, motions : Trial and sequence of AxisMotion
+        What is described.
     worded : callable
         Of the code and the message of an advice; returns the message as the reader is to see it.
-
-    Returns
-    -------
-    list of str
     """
     data = record_as_data(trial, motions)
     lines = [

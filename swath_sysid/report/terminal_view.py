@@ -56,16 +56,7 @@ class ViewState:
 
 
 def render(state: ViewState) -> Group:
-    """The view as something that rich can draw.
-
-    Parameters
-    ----------
-    state : ViewState
-
-    Returns
-    -------
-    rich.console.Group
-    """
+    """The view as something that rich can draw."""
     lower = Table.grid(expand=True, padding=(0, 1))
     lower.add_column(ratio=2)
     lower.add_column(ratio=3)
@@ -84,16 +75,7 @@ def render(state: ViewState) -> Group:
 
 
 def chart(state: ViewState) -> Text:
-    """Measured angle and the forecasts made for each moment, as text.
-
-    Parameters
-    ----------
-    state : ViewState
-
-    Returns
-    -------
-    rich.text.Text
-    """
+    """Measured angle and the forecasts made for each moment, as text."""
     cells = [[' '] * CHART_COLUMNS for _ in range(CHART_ROWS)]
     cells[CHART_ROWS // 2] = ['─'] * CHART_COLUMNS
     begin = state.now - CHART_SPAN

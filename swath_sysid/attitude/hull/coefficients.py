@@ -1,6 +1,9 @@
 """The numbers of identified models in one table."""
+from collections.abc import Mapping
+
 import numpy as np
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.trial import AXES
 
@@ -8,12 +11,13 @@ COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')
 """The ratios to inertia, and the trim, rad."""
 
 
-def coefficients(models):
+def coefficients(models: Mapping[str, IdentifiedModel]) -> tuple[tuple[str, ...], np.ndarray]:
     """The ratios and the trim of models, a row an axis.
 
     Parameters
     ----------
     models : dict of str to IdentifiedModel
+        By axis.
 
     Returns
     -------

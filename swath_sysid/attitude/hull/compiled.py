@@ -25,6 +25,7 @@ def step_of_arrays(
     step : float
         s.
     ratios : sequence of 9 floats or ndarrays
+        Coefficients over inertia, in the order of `terms.TERM_NAMES`.
     active : tuple of 9 bools
         The terms in use.
     friction_rate : float

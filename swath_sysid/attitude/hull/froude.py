@@ -69,6 +69,7 @@ def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
     Parameters
     ----------
     model : DecayModel
+        Of the craft as it was tested.
     ratio : float or Fraction
         Length of the result over length of the model given.
 
@@ -89,6 +90,7 @@ def scaled(identified: IdentifiedModel, ratio: Fraction) -> IdentifiedModel:
     Parameters
     ----------
     identified : IdentifiedModel
+        Of the craft as it was tested.
     ratio : Fraction
         Of `length_ratio`.
 
@@ -133,6 +135,7 @@ def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
     Parameters
     ----------
     model : DecayModel
+        Of the craft as it was tested.
     ratio : Fraction
         Length of the result over that of the model given.
 

@@ -45,6 +45,7 @@ def check_physical(model: DecayModel) -> None:
     Parameters
     ----------
     model : DecayModel
+        As it was fitted.
 
     Raises
     ------

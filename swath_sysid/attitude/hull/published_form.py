@@ -66,7 +66,9 @@ def from_published(equation: Equation, form: PublishedForm, axis: str, trim: flo
     equation : Equation
         Its terms say which coefficients are read.
     form : PublishedForm
+        Coefficients by the names that the publication gives them.
     axis : str
+        ``roll`` or ``pitch``.
     trim : float
         rad.
 

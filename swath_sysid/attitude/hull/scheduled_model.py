@@ -158,6 +158,7 @@ class ScheduledModel:
         Parameters
         ----------
         loadings : ndarray, shape (K,)
+            Where the curve is wanted.
 
         Returns
         -------

@@ -143,6 +143,7 @@ def returns(model: DecayModel, angle: float) -> bool:
     Parameters
     ----------
     model : DecayModel
+        Of the hull.
     angle : float
         From trim, rad.
 

@@ -46,6 +46,7 @@ def simulated_trial(
     Parameters
     ----------
     model : DecayModel
+        Of the hull.
     initial_angle : float
         From trim, rad.
     duration : float
@@ -53,7 +54,9 @@ def simulated_trial(
     rate_hz : float
         Samples a second.
     noise : SensorNoise
+        Of the sensor.
     seed : int
+        Of the noise.
     hold : float
         Seconds for which the craft is held at the initial angle first.
 

@@ -13,8 +13,12 @@ STEPS_PER_PERIOD = 60
 
 _SWING = np.linspace(-1.0, 1.0, 33)
 
+
 @accelerated
-def _one_by_one(x, rate, ratios, active, friction_rate, step, angles, rates, accelerations):
+def _one_by_one(
+    x: np.ndarray, rate: np.ndarray, ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, step: float,
+    angles: np.ndarray, rates: np.ndarray, accelerations: np.ndarray,
+) -> None:
     """All candidates step by step, each in registers: without temporary arrays twice as fast, compiled."""
     x, rate = x.copy(), rate.copy()
     for k in range(angles.shape[0]):
@@ -29,7 +33,10 @@ def _one_by_one(x, rate, ratios, active, friction_rate, step, angles, rates, acc
             )
 
 
-def _side_by_side(x, rate, ratios, active, friction_rate, step, angles, rates, accelerations):
+def _side_by_side(
+    x: np.ndarray, rate: np.ndarray, ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, step: float,
+    angles: np.ndarray, rates: np.ndarray, accelerations: np.ndarray,
+) -> None:
     """All candidates at once: what plain Python is fast at."""
     for k in range(angles.shape[0]):
         angles[k], rates[k] = x, rate
@@ -55,6 +62,7 @@ def runge_kutta_population(
     step : float
         s.
     steps : int
+        How many.
 
     Returns
     -------
@@ -98,6 +106,7 @@ def interpolate(values: np.ndarray, slopes: np.ndarray, before: np.ndarray, weig
     Parameters
     ----------
     values, slopes : ndarray, shape (K, P)
+        At the steps: of the columns, and of their derivatives.
     before : ndarray of int, shape (N,)
         The step before each place.
     weights : ndarray, shape (4, N)
@@ -143,6 +152,7 @@ def simulate(model: DecayModel, angle: float, rate: float, time: np.ndarray) -> 
     Parameters
     ----------
     model : DecayModel
+        Of the hull.
     angle, rate : float
         Initial state at ``time[0]``, rad and rad/s.
     time : ndarray, shape (N,)

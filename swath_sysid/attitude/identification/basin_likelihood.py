@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX, TERM_NAMES
 from swath_sysid.attitude.identification.innovations import innovations
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
@@ -29,7 +29,7 @@ STATE_PRIOR = 1.0
 equation, so that likelihoods can be compared."""
 BASIN_PRIORS = (
     ('level', np.log(0.003), 3.0),  # of the restoring moment at the first amplitude
-    ('frequency', 0.0, 0.4),  # of the hull's
+    ('frequency', 0.0, 0.8),  # of the hull's, which a strongly damped decay hardly shows at first
     ('damping', np.log(0.3), 0.7),
     ('angle_white', 0.0, 1.0),  # of what third differences show
     ('rate_white', 0.0, 1.0),
@@ -186,10 +186,16 @@ class BasinLikelihood:
         """Parameters (n + 10 + 3 M,) of given ratios (9,), the rest at its prior mean.
 
         ``level`` is that of the disturbance over its unit; ``states`` are those at the first sample of each record.
+        The disturbance begins at the frequency of those ratios, where it does most: from elsewhere its motion is taken
+        for coloured noise of the sensors.
         """
+        n = self.term_count
         z = self._prior_mean.copy()
-        z[: self.term_count] = ratios[self._terms] / self._ratio_units
-        z[self.term_count] = np.log(level)
+        z[:n] = ratios[self._terms] / self._ratio_units
+        z[n] = np.log(level)
+        stiffness = ratios[TERM_INDEX['r1']] + ratios[TERM_INDEX['s1']]
+        if stiffness > 0.0:
+            z[n + 1] = np.log(np.sqrt(stiffness) / self._basin_units[1])
         if states is not None:
             z[self._shared :] = self._first_states(states)
         return z

@@ -125,12 +125,6 @@ def _doubts(found):
             f'where {found.model.equation.name} has {found.model.natural_period:.4g} s, and either choice bends the '
             'other coefficients: release from a larger angle, or repeat the trial, until one of them is ruled out'
         )
-    if found.model.terms.get('b1', np.inf) < VANISHED * found.problem.scales.frequency:
-        yield 'no-linear-damping', (
-            'the linear damping b1 ended at zero, its bound, as it does where the disturbance or a lacking term bends '
-            'the other coefficients: compare with an equation without b1, and release from another angle or in stiller '
-            'water to see whether they stay'
-        )
     for advice in found.advice:
         if advice.code == 'range-limit':
             yield advice.code, advice.message

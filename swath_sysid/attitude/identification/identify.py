@@ -345,7 +345,8 @@ def refined_in_basin(found):
 
     Where the equation lacks a term that the motion shows, the likelihood takes for the basin's motion what the
     equation cannot make: its optimum then simulates far worse than that of least squares, which stays. So it does
-    where the natural period leaves that of least squares, although no single term stands out.
+    where the natural period leaves that of least squares, although no single term stands out, and where the
+    likelihood's motion, unlike the filter's, runs away.
     """
     problem, equation = found.problem, found.model.equation
     if found.objective == 'one-step':
@@ -355,7 +356,10 @@ def refined_in_basin(found):
     states = [record.state for record in found.records]
     basin, lacking = fit_and_test(problem, equation, found.model.ratios, states)
     fit = motion_fit(problem, equation)
-    parameters = fit.refine_states(fit.pack(basin.ratios, states))
+    parameters = fit.pack(basin.ratios, states)
+    if not all(np.isfinite(channel).all() for pair in fit.simulated(parameters) for channel in pair):
+        return replace(found, absent_term=lacking, log_likelihood=basin.log_likelihood)
+    parameters = fit.refine_states(parameters)
     refined = conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
     moved = _has_left(refined, found)
     if moved:

@@ -40,8 +40,8 @@ class _Arrays:
     sin, cos, arctan2, hypot = np.sin, np.cos, np.arctan2, np.hypot
 
     @staticmethod
-    def where(condition, here, elsewhere):
-        return np.where(condition, here, elsewhere)[()]
+    def where(condition: Value, here: Value, elsewhere: Value) -> Value:
+        return np.asarray(np.where(condition, here, elsewhere))[()]
 
 
 class _Floats:
@@ -50,11 +50,11 @@ class _Floats:
     sin, cos, arctan2, hypot = math.sin, math.cos, math.atan2, math.hypot
 
     @staticmethod
-    def where(condition, here, elsewhere):
+    def where(condition: bool, here: float, elsewhere: float) -> float:
         return here if condition else elsewhere
 
 
-def _for_angles(first, second, third=0.0):
+def _for_angles(first: Value, second: Value, third: Value = 0.0) -> type[_Arrays] | type[_Floats]:
     # the functions of math raise where those of numpy return NaN
     if type(first) is type(second) is type(third) is float and isfinite(first + second + third):
         return _Floats
@@ -70,6 +70,7 @@ def is_orientation(x: Value, y: Value, z: Value, w: Value) -> Value:
     Parameters
     ----------
     x, y, z, w : float or ndarray
+        Of the quaternion.
 
     Returns
     -------
@@ -81,7 +82,7 @@ def is_orientation(x: Value, y: Value, z: Value, w: Value) -> Value:
         return _is_unit(x, y, z, w)
 
 
-def _is_unit(x, y, z, w):
+def _is_unit(x: Value, y: Value, z: Value, w: Value) -> Value:
     return abs(x * x + y * y + z * z + w * w - 1) <= UNIT_TOLERANCE
 
 
@@ -93,6 +94,7 @@ def euler_angles(x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, 
     Parameters
     ----------
     x, y, z, w : float or ndarray
+        Of the quaternion.
 
     Returns
     -------
@@ -111,7 +113,9 @@ def euler_angles(x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, 
         return _euler_angles(_Arrays, x, y, z, np.where(_is_unit(x, y, z, w), w, np.nan)[()])
 
 
-def _euler_angles(f, x, y, z, w):
+def _euler_angles(
+    f: type[_Arrays] | type[_Floats], x: Value, y: Value, z: Value, w: Value
+) -> tuple[Value, Value, Value]:
     xx, yy, zz, ww = x * x, y * y, z * z, w * w
     forward_east, forward_north = ww + xx - yy - zz, 2 * (x * y + z * w)
     left_east, left_north = 2 * (x * y - z * w), ww - xx + yy - zz
@@ -141,7 +145,7 @@ def tilt_angles(up_x: Value, up_y: Value, up_z: Value) -> tuple[Value, Value]:
     return _tilt_angles(_Arrays, up_x, up_y, up_z)
 
 
-def _tilt_angles(f, up_x, up_y, up_z):
+def _tilt_angles(f: type[_Arrays] | type[_Floats], up_x: Value, up_y: Value, up_z: Value) -> tuple[Value, Value]:
     return f.arctan2(up_y, up_z), f.arctan2(-up_x, f.hypot(up_y, up_z))
 
 
@@ -257,6 +261,7 @@ def swap_body_axes(x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
     Parameters
     ----------
     x, y, z : float or ndarray
+        Of the vector.
 
     Returns
     -------
@@ -271,6 +276,7 @@ def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
     Parameters
     ----------
     x, y, z, w : float or ndarray
+        Of the quaternion.
 
     Returns
     -------
@@ -318,6 +324,7 @@ def conjugate(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
     Parameters
     ----------
     x, y, z, w : float or ndarray
+        Of the quaternion.
 
     Returns
     -------
@@ -334,6 +341,7 @@ def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, V
     rotation : tuple of 4 floats or ndarrays
         x, y, z, w.
     x, y, z : float or ndarray
+        Of the vector.
 
     Returns
     -------

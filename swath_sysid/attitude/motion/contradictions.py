@@ -50,6 +50,7 @@ def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
     Parameters
     ----------
     trial : Trial
+        Its advice holds what contradicts itself.
     axis : str, optional
         Contradictions that concern only the other axis are ignored; by default both axes count.
 

@@ -113,7 +113,9 @@ def direction_of_gravity(
     up : ndarray, shape (3,), or None
         That of the attitude; None: there is no attitude.
     comparison : RateComparison or None
+        Of the rates with the angles, to choose among turns; None: there is none.
     installation : Installation
+        What frame and mounting were taken to be.
 
     Returns
     -------

@@ -169,6 +169,7 @@ def contradictions_in(
         Any of ``roll``, ``pitch``, ``yaw``, ``roll_rate``, ``pitch_rate``, ``yaw_rate``, ``accel_x``, ``accel_y``,
         ``accel_z``, as the installation makes them.
     installation : Installation
+        What frame and mounting were taken to be.
 
     Returns
     -------

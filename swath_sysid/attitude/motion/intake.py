@@ -134,7 +134,9 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
     Parameters
     ----------
     reading : ImuReading
+        The message.
     installation : Installation
+        Of the sensor.
 
     Returns
     -------
@@ -229,6 +231,7 @@ class Intake:
     Parameters
     ----------
     installation : Installation
+        Of the sensor.
     stamps : StampSettings
     """
 

@@ -53,6 +53,7 @@ def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = Non
     Parameters
     ----------
     motion : AxisMotion
+        The record.
     decays : sequence of DecaySegment, optional
         Those that `find_decays` found in it; looked for where not given.
 
@@ -187,6 +188,7 @@ def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
     Parameters
     ----------
     value : ndarray, shape (N,)
+        Angle or rate.
     longest : float
         Samples: more at the extreme than these were held there.
 

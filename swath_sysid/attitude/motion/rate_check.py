@@ -62,6 +62,7 @@ def rates_against_angles(
     Parameters
     ----------
     comparison : RateComparison
+        Of the rates with the derivatives of the angles.
     interval : float
         s between the samples of the sensor.
     accelerations : int

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath_sysid.attitude.motion.turning_points import even_signal
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.turning_points import EvenSignal, even_signal
 from swath_sysid.common.signals import noise_level
 
 HOLD_BAND = 0.6
@@ -55,7 +56,7 @@ class Release:
     period: float
 
 
-def find_releases(motion, smallest):
+def find_releases(motion: AxisMotion, smallest: float) -> tuple[Release, ...]:
     """Every release of a motion, in order of time.
 
     Parameters
@@ -81,7 +82,7 @@ def find_releases(motion, smallest):
     return tuple(release for release in found if release is not None)
 
 
-def _holds(away, level):
+def _holds(away: np.ndarray, level: float) -> list[tuple[int, int]]:
     """First and last index of each stay beyond a level on one side."""
     beyond = np.where(np.abs(away) >= level, np.sign(away), 0.0)
     edges = np.flatnonzero(np.diff(beyond) != 0.0)
@@ -89,7 +90,9 @@ def _holds(away, level):
     return [(a, b) for a, b in zip(starts, ends, strict=True) if beyond[a] != 0.0]
 
 
-def _release_of(motion, signal, away, trim, run):
+def _release_of(
+    motion: AxisMotion, signal: EvenSignal, away: np.ndarray, trim: float, run: tuple[int, int]
+) -> Release | None:
     """The release that ends a hold, or None where it was no hold or ended otherwise."""
     first, last = run
     if last - first < 8 or last >= away.size - 8:
@@ -113,7 +116,9 @@ def _release_of(motion, signal, away, trim, run):
     return Release(time, signal.start + first * signal.interval, trim + side * level, trim, period)
 
 
-def kink_time(motion, earliest, latest, period, towards, level):
+def kink_time(
+    motion: AxisMotion, earliest: float, latest: float, period: float, towards: float, level: float
+) -> float | None:
     """When the acceleration jumps, or None where it does not.
 
     A parabola before and a quartic after, of one angle and rate where they meet, are fitted to angle and rate: first
@@ -122,6 +127,7 @@ def kink_time(motion, earliest, latest, period, towards, level):
     Parameters
     ----------
     motion : AxisMotion
+        With an angle, a rate or both.
     earliest, latest : float
         Record time between which it is sought, s.
     period : float
@@ -142,7 +148,7 @@ def kink_time(motion, earliest, latest, period, towards, level):
     before, after = BEFORE * period, AFTER * period
     least_fall = MIN_FALL * (2.0 * np.pi / period) ** 2 * level
 
-    def fitted(time, begin, end):
+    def fitted(time: float, begin: float, end: float) -> tuple[float, float] | None:
         inside = (motion.time >= begin) & (motion.time <= end)
         elapsed = motion.time[inside] - time
         if (elapsed < 0.0).sum() < 3 or (elapsed > 0.0).sum() < 5:
@@ -178,9 +184,10 @@ def kink_time(motion, earliest, latest, period, towards, level):
         fine = about + np.linspace(-width, width, FINEST_STEPS)
         fits = [fitted(t, about - before, about + after) for t in fine]
         residuals = [np.inf if fit is None else fit[1] for fit in fits]
-        if not np.isfinite(residuals).any():
-            return float(about)
         at = int(np.argmin(residuals))
-        about, width, jump = fine[at], 0.5 * width, fits[at][0]
+        closest = fits[at]
+        if closest is None or not np.isfinite(residuals[at]):
+            return float(about)
+        about, width, jump = fine[at], 0.5 * width, closest[0]
         if not plain or not jump > PLAIN_JUMP:
             return float(about)

@@ -94,6 +94,7 @@ def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CY
     Parameters
     ----------
     time, motion : ndarray, shape (N,)
+        s, and the unit of the motion, NaN where missing.
     min_cycles : int
         Fewer whole cycles show no period.
 

@@ -4,11 +4,13 @@ A motion is looked at on a pyramid of ever coarser even time grids, each the pai
 the one before. On the grid that holds a few tens of samples a period the noise is small, the
 turning points are still sharp, and a turning point is one that stands out of the noise.
 """
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, without_spikes
 
 MAX_SAMPLES = 65536
@@ -76,16 +78,16 @@ class EvenSignal:
     record_end: float = np.inf
 
     @property
-    def end(self):
+    def end(self) -> float:
         """Time of the last sample, s."""
         return self.start + self.interval * (self.value.size - 1)
 
     @property
-    def time(self):
+    def time(self) -> np.ndarray:
         """Times of the samples, s."""
         return self.start + self.interval * np.arange(self.value.size)
 
-    def index(self, time):
+    def index(self, time: float) -> int:
         """Index of the sample nearest to a time, within the grid."""
         return min(max(round((time - self.start) / self.interval), 0), self.value.size - 1)
 
@@ -112,17 +114,17 @@ class TurningPoints:
     noise: float
 
     @property
-    def swings(self):
+    def swings(self) -> np.ndarray:
         """Double amplitude from each turning point to the next, shape (M - 1,)."""
         return np.abs(np.diff(self.value))
 
     @property
-    def half_periods(self):
+    def half_periods(self) -> np.ndarray:
         """Time from each turning point to the next, s, shape (M - 1,)."""
         return np.diff(self.time)
 
 
-def find_turning_points(motion, period=None):
+def find_turning_points(motion: AxisMotion, period: float | None = None) -> TurningPoints:
     """Find the maxima and minima of a motion that stand out of its noise.
 
     Parameters
@@ -137,21 +139,17 @@ def find_turning_points(motion, period=None):
     TurningPoints
         Empty where nothing turns.
     """
-    best = None
-    for signal in pyramid(even_signal(motion)):
+    levels = pyramid(even_signal(motion))
+    best = turning_points_of(next(levels))
+    for signal in levels:
         points = turning_points_of(signal)
-        half_periods, swings = points.half_periods, points.swings
-        if swings.size == 0:
-            found = 0.0
-        else:
-            found = 2.0 * float(np.average(half_periods, weights=swings))
-        wanted = found if period is None else period
-        if best is None or wanted >= MIN_PER_PERIOD * signal.interval:
+        found = 2.0 * float(np.average(points.half_periods, weights=points.swings)) if points.swings.size else 0.0
+        if (found if period is None else period) >= MIN_PER_PERIOD * signal.interval:
             best = points
     return best
 
 
-def mean_period(points):
+def mean_period(points: TurningPoints) -> float:
     """Period over the turning points, weighted by their swings, s.
 
     Raises
@@ -167,7 +165,7 @@ def mean_period(points):
     return float(np.average(points.time[2:] - points.time[:-2], weights=swings[:-1] + swings[1:]))
 
 
-def centre_of_decay(value):
+def centre_of_decay(value: np.ndarray) -> float:
     """Value about which a decay swings, from its turning points.
 
     The limit of a geometric sequence from three successive terms (Aitken's delta-squared
@@ -195,19 +193,20 @@ def centre_of_decay(value):
     return weighted_median(centre, np.abs(bend[bent]))
 
 
-def weighted_median(value, weight):
+def weighted_median(value: np.ndarray, weight: np.ndarray) -> float:
     """Value below and above which half of the weight lies."""
     order = np.argsort(value)
     cumulated = np.cumsum(weight[order])
     return float(value[order][np.searchsorted(cumulated, 0.5 * cumulated[-1])])
 
 
-def find_gaps(motion, longer_than=None):
+def find_gaps(motion: AxisMotion, longer_than: float | None = None) -> np.ndarray:
     """Find the stretches without samples.
 
     Parameters
     ----------
     motion : AxisMotion
+        Of which the times are looked at.
     longer_than : float, optional
         s; by default one and a half times the median sample interval.
 
@@ -223,7 +222,7 @@ def find_gaps(motion, longer_than=None):
     return np.stack([motion.time[where], motion.time[where + 1]], axis=1)
 
 
-def split_at_pauses(motion):
+def split_at_pauses(motion: AxisMotion) -> list[AxisMotion]:
     """Split a motion where the recording paused for long.
 
     Returns
@@ -240,12 +239,13 @@ def split_at_pauses(motion):
     return [motion.only(slice(a, b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
 
 
-def even_signal(motion):
+def even_signal(motion: AxisMotion) -> EvenSignal:
     """The angle of a motion (or its rate, without an angle) on an even grid, without lone spikes.
 
     Parameters
     ----------
     motion : AxisMotion
+        Gaps in it are bridged by straight lines.
 
     Returns
     -------
@@ -272,7 +272,7 @@ def even_signal(motion):
     return EvenSignal(quantity, start, interval, even, noise_level(even), resolution, gaps, record_end=record_end)
 
 
-def pyramid(signal):
+def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
     """The signal as it is, then smoothed, on ever coarser grids.
 
     Parameters
@@ -299,7 +299,7 @@ def pyramid(signal):
         )
 
 
-def suits(signal, period):
+def suits(signal: EvenSignal, period: float) -> bool:
     """Whether a grid is the one on which to look at a period.
 
     Neighbouring grids overlap by a little, so that a period is never missed between them.
@@ -310,7 +310,7 @@ def suits(signal, period):
     return MIN_PER_PERIOD_UNSMOOTHED <= samples <= 1.1 * MIN_PER_PERIOD
 
 
-def prominence_of(signal):
+def prominence_of(signal: EvenSignal) -> float:
     """How far a turning point of this signal must stand out, in its unit."""
     if signal.value.size < 2:
         return 0.0
@@ -321,12 +321,13 @@ def prominence_of(signal):
     )
 
 
-def turning_points_of(signal):
+def turning_points_of(signal: EvenSignal) -> TurningPoints:
     """Maxima and minima of one grid, placed between samples by the parabola through three.
 
     Parameters
     ----------
     signal : EvenSignal
+        On one grid.
 
     Returns
     -------
@@ -351,7 +352,7 @@ def turning_points_of(signal):
     )
 
 
-def _alternating(maxima, minima):
+def _alternating(maxima: np.ndarray, minima: np.ndarray) -> np.ndarray:
     """Indices of maxima and minima in order; of equal ones with no other kind between, the first."""
     index = np.concatenate([maxima, minima])
     order = np.argsort(index)

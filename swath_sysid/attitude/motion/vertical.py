@@ -6,7 +6,7 @@ are about their mean: the level about which the craft heaves.
 import numpy as np
 from scipy import fft
 
-from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, up_in_body
+from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
 
 BAND_HZ = (0.04, 1.5)
 """Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise."""
@@ -21,7 +21,7 @@ _LEAKS = ((4.0,), (12.0,), (4.0, 6.0))
 """s; time constants of the leaky integrals, one after another."""
 
 
-def vertical_acceleration(roll, pitch, specific_force):
+def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray) -> Value:
     """Acceleration along the world's vertical, upwards, without gravity.
 
     Parameters
@@ -40,7 +40,7 @@ def vertical_acceleration(roll, pitch, specific_force):
     return upwards - STANDARD_GRAVITY
 
 
-def zero_phase_integral(signal, step, times, delay=0.0):
+def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: float = 0.0) -> np.ndarray:
     """Integrated this many times over `BAND_HZ`, with no phase error: it looks both ways, so it is for the past only.
 
     Parameters
@@ -79,16 +79,16 @@ class LeakyIntegrals:
 
     COUNT = len(_LEAKS)
 
-    def __init__(self, step):
+    def __init__(self, step: float) -> None:
         self._step = step
         self._kept = [[np.exp(-step / constant) for constant in chain] for chain in _LEAKS]
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """From rest."""
         self._states = [[0.0] * len(chain) for chain in _LEAKS]
 
-    def take(self, acceleration):
+    def take(self, acceleration: float) -> None:
         """One row more.
 
         Parameters
@@ -103,16 +103,17 @@ class LeakyIntegrals:
                 value = states[place] = factor * states[place] + self._step * value
 
     @property
-    def values(self):
+    def values(self) -> np.ndarray:
         """Shape (3,): m/s, m/s and m."""
         return np.array([states[-1] for states in self._states])
 
-    def of(self, acceleration):
+    def of(self, acceleration: np.ndarray) -> np.ndarray:
         """The integrals of a whole stretch from rest, shape (N, 3).
 
         Parameters
         ----------
         acceleration : ndarray, shape (N,)
+            m/s^2, finite.
         """
         from scipy.signal import lfilter
 

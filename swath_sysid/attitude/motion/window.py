@@ -354,6 +354,7 @@ def averaged(table: MotionTable, rate: float) -> MotionTable:
     Parameters
     ----------
     table : MotionTable
+        Of any rate.
     rate : float
         Hz.
 

@@ -49,13 +49,8 @@ def expressed(model, expressible, **implied):
     return reduced, tuple(name for name in NAMES if reduced[name] != model[name])
 
 
-def losses(model, expressible, target, **implied):
-    """Advice on the terms that a target changes, with the standard tests of the craft with and without them.
-
-    Returns
-    -------
-    tuple of Advice
-    """
+def losses(model, expressible, target, **implied) -> tuple[Advice, ...]:
+    """Advice on the terms that a target changes, with the standard tests of the craft with and without them."""
     reduced, changed = expressed(model, expressible, **implied)
     if not changed:
         return ()

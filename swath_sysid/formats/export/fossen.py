@@ -98,7 +98,7 @@ def _matlab_matrix(rows):
     return '[\n' + '\n'.join('    ' + ', '.join(f'({entry})' for entry in row) for row in rows) + '\n]'
 
 
-def fossen(model, language=PYTHON, function='craft'):
+def fossen(model, language=PYTHON, function='craft') -> Export:
     """Text of a manoeuvring model.
 
     Parameters
@@ -109,10 +109,6 @@ def fossen(model, language=PYTHON, function='craft'):
         Of `LANGUAGES`.
     function : str
         Name of the MATLAB function, which its file is to bear.
-
-    Returns
-    -------
-    Export
     """
     advice = losses(model, EXPRESSIBLE, "Fossen's form")
     east, north = model.current

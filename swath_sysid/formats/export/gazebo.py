@@ -49,17 +49,13 @@ CRESTS = 3
 """After the release, up to which a decay is compared."""
 
 
-def gazebo(model):
+def gazebo(model) -> Export:
     """SDF of a manoeuvring model.
 
     Parameters
     ----------
     model : ManoeuvringModel
         As identified.
-
-    Returns
-    -------
-    Export
     """
     within_link = added_mass_diverges(model) and model['Yr_dot'] == model['Nv_dot']
     advice = (*losses(model, ELEMENTS, "gz-sim's Hydrodynamics"), *(() if within_link else added_mass_advice(model)))
@@ -130,7 +126,7 @@ def _sdf(name, notes, inertial, moments, plugins):
             '  </model>\n</sdf>\n')  # fmt: skip
 
 
-def gazebo_attitude(models, inertias):
+def gazebo_attitude(models, inertias) -> Export:
     """SDF of the roll and pitch damping of decay models.
 
     Parameters
@@ -139,10 +135,6 @@ def gazebo_attitude(models, inertias):
         By axis.
     inertias : mapping of str to float
         Axis to inertia with added inertia, kg m^2.
-
-    Returns
-    -------
-    Export
 
     Raises
     ------

@@ -78,6 +78,8 @@ class Problem:
     drift_spread : float
         m/s, by how much the currents of the runs differ, beside their noise; 0: one current, or none.
     advice : tuple of Advice
+    ties : dict of str to str
+        Parameters that are equal to another one, and to which.
     """
 
     runs: tuple
@@ -95,11 +97,12 @@ class Problem:
     noise: np.ndarray
     drift_spread: float
     advice: tuple[Advice, ...]
+    ties: dict[str, str]
 
     def unknowns(self, names):
         """Units, bounds and regularisation of some unknowns."""
         rows = [self._unknown(name) for name in names]
-        return Unknowns(tuple(names), *np.array(rows).reshape(-1, 5).T)
+        return Unknowns(tuple(names), *np.array(rows).reshape(-1, 5).T, self.ties)
 
     def start(self, names):
         """First guesses of some unknowns, shape (n,)."""
@@ -200,12 +203,16 @@ def assemble(runs, settings):
     free = [n for n in dict.fromkeys(free) if n not in settings.fixed]
     candidates = [c for c in candidates if not set(c) & set(settings.fixed)]
     values.update(settings.fixed)
+    ties = _ties(settings, free, advice)
+    candidates = [c for c in candidates if not set(c) & set(ties)]
+    assumed += ties
+    values.update({name: values.get(leader, 0.0) for name, leader in ties.items()})
     region = seen_region(runs)
     noise = np.array([max(0.05 * scale, _white(runs, c)) for c, scale in enumerate(
         (scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))])  # fmt: skip
     return Problem(
         tuple(runs), thrust_input, parameter_values(values), tuple(free), tuple(tentative), tuple(candidates), scales,
-        length, dict(settings.towards), tuple(assumed), flags, region, noise, drift_spread, tuple(advice),
+        length, dict(settings.towards), tuple(assumed), flags, region, noise, drift_spread, tuple(advice), ties,
     )  # fmt: skip
 
 
@@ -271,14 +278,15 @@ def _craft(runs, settings, advice):
     length = settings.length or (lengths[0] if lengths else None)
     if lever is None and settings.inertia is not None:
         raise InputError('with a given yaw inertia the yaw rate depends on the lever, half the distance between the '
-                         'thrusters: give it too (--lever)')  # fmt: skip
-    missing = [text for value, text in (
-        (lever, f'half the distance between the thrusters ({DEFAULT_LEVER:.2f} m; --lever), to which all yaw '
-                f'derivatives are proportional'),
-        (length, f'the length ({DEFAULT_LENGTH:.2f} m; --length), which only the prime system needs'),
-    ) if value is None]  # fmt: skip
-    if missing:
-        advice.append(Advice('craft-assumed', 'those of a WAM-V 16 are taken for ' + ' and '.join(missing)))
+                         'thrusters: give it too', 'lever-assumed')  # fmt: skip
+    if lever is None:
+        advice.append(Advice('lever-assumed', (
+            f'half the distance between the thrusters is taken as that of a WAM-V 16, {DEFAULT_LEVER:.2f} m: give it, '
+            f'all yaw derivatives are proportional to it')))  # fmt: skip
+    if length is None:
+        advice.append(Advice('length-assumed', (
+            f'the length is taken as that of a WAM-V 16, {DEFAULT_LENGTH:.2f} m: give it if the prime system is of '
+            f'use')))  # fmt: skip
     return lever or DEFAULT_LEVER, length or DEFAULT_LENGTH
 
 
@@ -303,13 +311,13 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
     if thrust_input == COMMAND and settings.thrust_per_command is None:
         if settings.mass is None:
             advice.append(Advice('scale-not-given', (
-                'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass (--mass) '
-                'or the thrust of one thruster at full command (--thrust-per-command)')))  # fmt: skip
+                'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass or the '
+                'thrust of one thruster at full command')))  # fmt: skip
         else:
             advice.append(Advice('surge-inertia-assumed', (
                 'thrust scale and added mass in surge cannot be told apart with commands: Xu_dot is taken as '
-                f'{settings.fixed.get("Xu_dot", 0.0):g} kg; give the thrust of one thruster at full command '
-                '(--thrust-per-command) to identify it')))  # fmt: skip
+                f'{settings.fixed.get("Xu_dot", 0.0):g} kg; give the thrust of one thruster at full command to '
+                'identify it')))  # fmt: skip
         mass = settings.mass or 1.0
         values.update(m=mass, gain=gain_ratio * mass)
         thrust_scale = values['gain']
@@ -323,8 +331,7 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
             values['m'] = heavy
             free.append('m')
             advice.append(Advice('mass-not-given', (
-                'm is mass and added mass in surge together, which free running cannot tell apart: give the mass '
-                '(--mass)')))  # fmt: skip
+                'm is mass and added mass in surge together, which free running cannot tell apart: give the mass')))
         else:
             values['m'] = settings.mass
             values['Xu_dot'] = float(np.clip(settings.mass - heavy, -2.0 * settings.mass, 0.4 * settings.mass))
@@ -342,7 +349,7 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
         if 'N' in rows:
             advice.append(Advice('inertia-includes-added', (
                 'Iz is yaw inertia and added inertia together, which free running cannot tell apart: give the inertia '
-                '(--inertia) to see Nr_dot')))  # fmt: skip
+                'to see Nr_dot')))  # fmt: skip
     else:
         values['Iz'] = settings.inertia
         values['Nr_dot'] = float(np.clip(settings.inertia - inertia, -2 * settings.inertia, 0.4 * settings.inertia))
@@ -356,6 +363,22 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
     values['Yv_dot'] = mass - sway_mass
     values['Yv'] = sway_mass * (sway_damping if sway_damping < 0.0 else -1.0 / USUAL_RESPONSE['sway'])
     return values, free, assumed
+
+
+def _ties(settings, free, advice):
+    """What one parameter is taken equal to another for.
+
+    Nothing drives a craft sideways: its sway stays the same when m - Yur, m - Yv_dot and all else in Y are multiplied
+    by one number, so that one of them must be given for the others. Where none is, Yur is Xu_dot, as the Coriolis
+    forces of added mass have it (Fossen 2021, 6.3).
+    """
+    if settings.terms is not None or 'Yv_dot' not in free or {'Yur', 'Yv_dot'} & {*settings.fixed, *settings.towards}:
+        return {}
+    advice.append(Advice('sway-scale-assumed', (
+        'nothing drives a craft sideways, so that its masses and damping in sway are known to a common factor only, '
+        'which their standard deviations leave out: Yur is taken equal to Xu_dot, as in potential flow; give Yv_dot or '
+        'Yur where it is known')))  # fmt: skip
+    return {'Yur': 'Xu_dot'}
 
 
 def _candidates(runs, thrust_input, rows, settings):
@@ -395,9 +418,4 @@ def _largest(values):
 def _white(runs, channel):
     found = [white_noise(c[np.isfinite(c)]) for c in (run.channels[channel] for run in runs)]
     return max(float(np.median(found)), 1e-6)
-
-
-def model_values(problem, names, values):
-    """Full parameter vector from unknowns by name."""
-    return parameter_values({n: v for n, v in zip(names, values, strict=True) if n in INDEX}, problem.base)
 

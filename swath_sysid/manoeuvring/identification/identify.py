@@ -34,6 +34,9 @@ from swath_sysid.manoeuvring.identification.shooting import CURRENT
 from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.trial import CHANNELS
 
+ALIKE = 0.5
+"""Share of the longer of two time constants from which the shorter one can be taken for it."""
+
 UNCERTAIN = 0.5
 """A standard deviation beyond this share of a value makes it uncertain."""
 
@@ -199,7 +202,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
         [np.abs(run.smooth[0]) for run in runs])), 0.05, None)) if 'Xu' in found.names else 1.0)  # fmt: skip
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
-    advice += more + stability_advice + _drifts(model, currents)
+    advice += more + stability_advice + _drifts(model, currents) + _exchangeable(model, found, problem.region)
     advice += _verdicts(stability, scores, validated, _white(runs))
     fixed = {n: model[n] for n in ('m', 'Iz', 'lever', 'gain') if n not in found.names}
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
@@ -311,6 +314,21 @@ def _derivatives(problem, found, units):
     return derivatives, tuple(advice)
 
 
+def _exchangeable(model, found, region):
+    """Advice that the thrusters' lag and the hull's time constant of surge stand in for each other.
+
+    Speed answers to thrust through both alike, so that their sum and product are found, not which is which; near each
+    other, small errors of the product move them far, which is beyond a linear standard deviation.
+    """
+    damping = -model.jacobian(0.5 * region.fastest, 0.0, 0.0)[0, 0]
+    if 'lag' not in found.names or damping <= 0.0 or not ALIKE < model['lag'] * damping < 1.0 / ALIKE:
+        return ()
+    return (Advice('lag-like-surge', (
+        f'lag and mass can be exchanged: the lag of the thrusters ({model["lag"]:.2f} s) is near the time constant of '
+        f'surge ({1.0 / damping:.2f} s), and their standard deviations leave that out; excite with {_separating("lag")}'
+        f', or measure the lag and give it')),)  # fmt: skip
+
+
 def _distinct_currents(model, currents):
     """The currents of the runs, or the model's for all where they hardly differ."""
     if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > MIN_DIFFERENCE:
@@ -325,8 +343,8 @@ def _drifts(model, currents):
     strength = np.hypot(*currents.T)
     return (Advice('current-by-run', (
         f'the drift of each run ({strength.min():.2f} to {strength.max():.2f} m/s: current, and what wind does like '
-        f'it) was found from its own motion; the model holds the mean, which validation uses: for one current for all '
-        f'say --current shared')),)  # fmt: skip
+        f'it) was found from its own motion; the model holds the mean, which validation uses; ask for one current for '
+        f'all runs if it was the same')),)  # fmt: skip
 
 
 def _white(runs):
@@ -362,7 +380,7 @@ def _verdicts(stability, scores, validated, white):
         low = [f'{name} {found.r2[name]:.2f}' for name, good in GOOD_R2.items()
                if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white[name]]  # fmt: skip
         if low:
-            advice.append(Advice('poor-fit', (
+            advice.append(Advice('poor-simulation', (
                 f'free simulation explains little of the {label} runs ({", ".join(low)}; r2): wind, waves, a wrong '
                 f'thrust or a reversed channel; look at the pictures')))  # fmt: skip
     return tuple(advice)

@@ -9,7 +9,6 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
-from swath_sysid.manoeuvring.identification.assembly import model_values
 from swath_sysid.manoeuvring.identification.held_out import covariance_over_runs, held_out_costs, helps
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
 from swath_sysid.manoeuvring.identification.windows import cut
@@ -79,8 +78,9 @@ def model_of(problem, names, values, name=''):
     """The model that some values of the unknowns make."""
     found = dict(zip(names, values, strict=True))
     return ManoeuvringModel(
-        model_values(problem, names, values), thrust_input=problem.thrust_input, name=name, length=problem.length,
-        largest_input=float(problem.region.most_input), current=tuple(float(found.get(c, 0.0)) for c in CURRENT),
+        problem.unknowns(names).placed_in(problem.base, values), thrust_input=problem.thrust_input, name=name,
+        length=problem.length, largest_input=float(problem.region.most_input),
+        current=tuple(float(found.get(c, 0.0)) for c in CURRENT),
     )  # fmt: skip
 
 

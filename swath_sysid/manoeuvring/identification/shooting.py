@@ -5,7 +5,8 @@ Golub and Pereyra 1973, with Kaufman's Jacobian), so that the least-squares prob
 only.
 """
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -16,9 +17,9 @@ from swath_sysid.manoeuvring.hull.stability import growth_rates
 from swath_sysid.manoeuvring.hull.terms import (
     BALANCE,
     DELAY,
-    INDEX,
     IZ,
     LAG,
+    NAMES,
     NR,
     NR_DOT,
     NRR,
@@ -70,6 +71,8 @@ class Unknowns:
         Parameters, and ``current_east`` and ``current_north``.
     units, lower, upper, target, spread : ndarray, shape (n,)
         Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
+    ties : dict of str to str
+        Parameters that are equal to an unknown, and to which.
     """
 
     names: tuple[str, ...]
@@ -78,6 +81,17 @@ class Unknowns:
     upper: np.ndarray
     target: np.ndarray
     spread: np.ndarray
+    ties: dict[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def shares(self):
+        """What each parameter has of each unknown, shape (P, n): one where it is the unknown, or tied to it."""
+        standing_for = np.array([self.ties.get(name, name) for name in NAMES])
+        return (standing_for[:, None] == np.array(self.names, dtype=str)).astype(float)
+
+    def placed_in(self, base, values):
+        """Full parameter vector, shape (P,): ``base`` with the values of the unknowns."""
+        return np.where(self.shares.any(axis=1), self.shares @ values, base)
 
 
 @dataclass(frozen=True)
@@ -125,7 +139,6 @@ class MultipleShooting:
         self.windows, self.unknowns = windows, unknowns
         self._base = np.array(base, dtype=float)
         self._noise = np.asarray(noise, dtype=float)
-        self._index = np.array([INDEX.get(name, -1) for name in unknowns.names], dtype=int)
         self._known = np.isfinite(windows.measured)
         self._measured = np.where(self._known, windows.measured, 0.0)
         self._robust = np.ones_like(windows.measured)
@@ -147,16 +160,12 @@ class MultipleShooting:
         """The same windows, weights and states with other unknowns."""
         other = copy(self)
         other.unknowns, other._base = unknowns, np.array(base, dtype=float)
-        other._index = np.array([INDEX.get(name, -1) for name in unknowns.names], dtype=int)
         return other
 
     def parameters(self, values):
         """Full parameter vector, shape (n,), and current, shape (2,)."""
-        p = self._base.copy()
-        inside = self._index >= 0
-        p[self._index[inside]] = values[inside]
         found = dict(zip(self.unknowns.names, values, strict=True))
-        return p, np.array([found.get(name, 0.0) for name in CURRENT])
+        return self.unknowns.placed_in(self._base, values), np.array([found.get(name, 0.0) for name in CURRENT])
 
     def simulate(self, p_columns, states, active=None):
         """Simulate copies of all windows.
@@ -474,13 +483,13 @@ class MultipleShooting:
     def instability_slopes(self, values):
         """Derivatives of `_instability` by the unknowns, shape (speeds, n)."""
         p, _ = self.parameters(values)
-        searched = np.flatnonzero(self._index >= 0)
+        searched = np.flatnonzero(self.unknowns.shares.any(axis=0))
         slopes = np.zeros((self._speeds.size, values.size))
         if not self._speeds.size or not searched.size:
             return slopes
         steps = PERTURBATION * self.unknowns.units[searched]
         columns = np.repeat(p[:, None], 1 + searched.size, axis=1)
-        columns[self._index[searched], 1 + np.arange(searched.size)] += steps
+        columns[:, 1:] += steps * self.unknowns.shares[:, searched]
         found = self._instability(columns)
         slopes[:, searched] = (found[:, 1:] - found[:, :1]) / steps
         return slopes
@@ -488,7 +497,7 @@ class MultipleShooting:
     def _slopes(self, values):
         """Derivatives of the weighted residuals by the unknowns (n, 3, S+1, W) and by the states (3, 3, S+1, W)."""
         p, current = self.parameters(values)
-        searched = np.flatnonzero(self._index >= 0)
+        searched = np.flatnonzero(self.unknowns.shares.any(axis=0))
         columns = np.repeat(p[:, None], 4 + searched.size, axis=1)
         states = np.repeat(self.states[:, None, :], columns.shape[1], axis=1)
         state_steps = PERTURBATION * np.maximum(self._state_units, 1e-2)
@@ -499,7 +508,7 @@ class MultipleShooting:
             # from the side of the range that is open
             if values[j] + steps[j] > self.unknowns.upper[j]:
                 steps[j] = -steps[j]
-            columns[self._index[j], 4 + place] += steps[j]
+            columns[:, 4 + place] += steps[j] * self.unknowns.shares[:, j]
         found = self.simulate(columns, states)
         residual = self._weighted(found[:, :, 0], p, current)
         state_slopes = np.stack(

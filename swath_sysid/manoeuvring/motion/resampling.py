@@ -76,7 +76,7 @@ def thrust_on(grid, trial, gap_means_zero, advice):
     if lost > 0.001:
         advice.append(Advice('thrust-gaps', (
             f'{trial.source}: the thrust is missing for {lost * (grid[-1] - grid[0]):.0f} s, which are left out: if '
-            f'commands are published only while driving, say that a gap means zero (--gap-means-zero)')))  # fmt: skip
+            f'commands are published only while driving, say that a gap means zero')))  # fmt: skip
     return np.where(driven, port, 0.0), np.where(driven, starboard, 0.0), driven
 
 

@@ -112,7 +112,7 @@ def fit_arx(runs, until=1.0):
     return Arx(np.linalg.solve(normal, scaled.T @ target) / size[:, None])
 
 
-def score_forecasts(identified, runs, training=(), supplied=False, settings=None, leads=LEADS):
+def score_forecasts(identified, runs, training=(), supplied=False, settings=None, leads=LEADS, truth=None):
     """Forecast runs as a live filter would have, once a second, and compare.
 
     Parameters
@@ -126,6 +126,8 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
     settings : ManoeuvreFilterSettings, optional
     leads : sequence of float
         s.
+    truth : sequence of Run, optional
+        What really happened in the runs, where that is known: the errors are against it, not against the sensors.
 
     Returns
     -------
@@ -145,7 +147,8 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
                              f'{identified.model.thrust_input}: give runs of the same kind')  # fmt: skip
         others = training or [other for k, other in enumerate(runs) if k != index]
         arx = fit_arx(others) if others else fit_arx([run], until=0.5)
-        count += _score_run(identified, run, arx, supplied, settings, leads, errors, inside)
+        true = run if truth is None else truth[index]
+        count += _score_run(identified, run, true, arx, supplied, settings, leads, errors, inside)
     if not count:
         raise InputError(f'no run is longer than {SETTLING + leads[0]:.0f} s with known thrust: give longer runs')
     rmse = {
@@ -177,11 +180,12 @@ def filtered(identified, run, settings=None):
         yield k, filter_
 
 
-def _score_run(identified, run, arx, supplied, settings, leads, errors, inside):
+def _score_run(identified, run, true, arx, supplied, settings, leads, errors, inside):
     every, first = max(1, round(EVERY / run.step)), round(SETTLING / run.step)
     motion, inputs, known = _arx_series(run)
     places = [round(lead / run.step) for lead in leads]
-    truth = {'surge_m_s': run.surge, 'sway_m_s': run.sway, 'yaw_rate_rad_s': run.yaw_rate, 'heading_rad': run.heading}
+    truth = {'surge_m_s': true.surge, 'sway_m_s': true.sway, 'yaw_rate_rad_s': true.yaw_rate,
+             'heading_rad': true.heading}  # fmt: skip
     count = 0
     for k, filter_ in filtered(identified, run, settings):
         if k < first or (k - first) % every or not run.driven[k]:
@@ -201,8 +205,8 @@ def _score_run(identified, run, arx, supplied, settings, leads, errors, inside):
                         errors[method][q][i].append(table[q][place] - values[at])
                         if method == 'model':
                             inside[q][i].append(abs(table[q][place] - values[at]) < INTERVAL * table[f'{q} std'][place])
-                if run.x is not None and run.y is not None:
-                    miss = np.hypot(table['x'][place] - run.x[at], table['y'][place] - run.y[at])
+                if true.x is not None and true.y is not None:
+                    miss = np.hypot(table['x'][place] - true.x[at], table['y'][place] - true.y[at])
                     errors[method]['position_m'][i].append(miss)
     return count
 

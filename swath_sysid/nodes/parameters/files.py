@@ -38,18 +38,10 @@ def _has_moved(node_name: str, name: str) -> bool:
     return node_name == 'identifier' and name.startswith(MOVED_PREFIX)
 
 
-def moved_parameters(path: str | Path | None, node_name: str) -> dict[str, Values]:
-    """What a parameter file says of a node under the names of an earlier version.
+def _moved_parameters(path: str | Path | None, node_name: str) -> dict[str, Values]:
+    """What a parameter file sets of a node under the names of an earlier version.
 
-    Returns
-    -------
-    dict of str to dict
-        Section of the node as it is called now, to names and values as they are called now.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or is not a parameter file.
+    Section of the node as it is called now, to names and values as they are called now.
     """
     former = FORMER_NODES.get(node_name, 'identifier' if node_name == 'manoeuvring_identifier' else None)
     if path is None or former is None:
@@ -67,7 +59,7 @@ def moved_parameters(path: str | Path | None, node_name: str) -> dict[str, Value
 
 
 def with_moved_parameters(arguments: Sequence[str], node_name: str) -> tuple[list[str], list[str]]:
-    """Arguments of a node, with what its parameter files say of it under earlier names put before all else.
+    """Arguments of a node, with what its parameter files set under earlier names put before all else.
 
     Parameters
     ----------
@@ -87,7 +79,7 @@ def with_moved_parameters(arguments: Sequence[str], node_name: str) -> tuple[lis
         if option != '--params-file':
             continue
         try:
-            moved = moved_parameters(path, node_name)
+            moved = _moved_parameters(path, node_name)
         except InputError:
             # ROS, which takes more forms of the file, says what it makes of it
             continue
@@ -125,7 +117,7 @@ def values_from_file(path: str | Path | None, node_name: str) -> Values:
     values = defaults(table_of(node_name))
     if path is None:
         return values
-    for section, content in [*moved_parameters(path, node_name).items(), *_sections(path).items()]:
+    for section, content in [*_moved_parameters(path, node_name).items(), *_sections(path).items()]:
         if section in _applying(node_name):
             content = {**content}
             for name in [name for name in values if name in content]:
@@ -180,10 +172,6 @@ def markdown_table(node_name: str) -> str:
     ----------
     node_name : str
         As in the parameter file.
-
-    Returns
-    -------
-    str
     """
     lines = ['| Parameter | Default | Range | Unit | Meaning |', '|---|---|---|---|---|']
     for p in table_of(node_name):

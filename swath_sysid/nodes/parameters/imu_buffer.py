@@ -30,21 +30,7 @@ TABLE = (
 
 
 def window_settings(values: Values) -> WindowSettings:
-    """Settings of imu_buffer's core.
-
-    Parameters
-    ----------
-    values : dict
-        Value of every parameter in `TABLE`.
-
-    Returns
-    -------
-    WindowSettings
-
-    Raises
-    ------
-    InputError
-    """
+    """Settings of imu_buffer's core; raises `InputError` where a value is not allowed."""
     check(TABLE, values)
     return WindowSettings(
         window=values['window_s'],

@@ -83,6 +83,11 @@ TABLE = (
         'base_link_in_1_0s, beside base_link_now; [0.0]: none', 's', 0.0, 120.0, read_only=True,
     ),
     NodeParameter(
+        'in_step', False, 'For records that are replayed faster than they were measured: forecast from every sample '
+        'and wait for each fit of the waves, as play-through does, instead of staying with the newest sample',
+        read_only=True,
+    ),
+    NodeParameter(
         'loading', 0.0, 'Draft or displacement the craft floats at, in the unit its model is scheduled on; '
         '0: as published on craft/loading, or not known', '', 0.0, 1e9,
     ),

@@ -8,15 +8,18 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.uncertainty import amplitude_bands
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
 from swath_sysid.campaign.manifest import read_manifest
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.bring_up import described
+from swath_sysid.common.signals import noise_level
+from swath_sysid.page.bring_up import described
+from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.pipeline.health import OK, WARN, Report
-from swath_sysid.pipeline.live_record import LiveRecord
+from swath_sysid.report.sea_report import sea_in_words
 
 SHOWN_S = 30.0
 SHOWN_POINTS = 300
-INTERVALS = {'50 %': 0.674, '90 %': 1.645, '99 %': 2.576}
+INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NORMAL_QUANTILES, strict=True)}
 """Half widths in standard deviations."""
 
 AMPLITUDES = 25
@@ -39,19 +42,12 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
             continue
         rate = f'{float(str(report.values["rate_hz"])):.1f} Hz, ' if 'rate_hz' in report.values else ''
         lines.append((name, report.level, rate + report.message))
-    noises = [f'{axis} {np.degrees(noise_of(motion)):.2g} deg' for axis, motion in motions.items()]
+    noises = [
+        f'{axis} {np.degrees(noise_level(motion.angle[motion.time > motion.time[-1] - NOISE_S])):.2g} deg'
+        for axis, motion in motions.items() if motion.angle is not None
+    ]
     lines.insert(2, ('Noise of the angles', OK, ', '.join(noises) or 'not known yet'))
     return lines
-
-
-def noise_of(motion: AxisMotion) -> float:
-    """Standard deviation of white noise on an angle, rad, from second differences, in which slow motion cancels.
-
-    Those of white noise have a variance of 1 + 4 + 1 times its own.
-    """
-    late = motion.time > motion.time[-1] - NOISE_S
-    second = np.diff(motion.angle[late], 2)  # type: ignore[index]
-    return float(np.std(second) / np.sqrt(6.0)) if second.size else float('nan')
 
 
 def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -> dict[str, list]:
@@ -127,6 +123,15 @@ def calm_words(record: LiveRecord) -> str:
                 f'Calm from {max(begin - record.stamp, 0.0):.1f} to {end - record.stamp:.1f} s from now '
                 f'({100 * probability:.0f} %).')  # fmt: skip
     return ' '.join(words) or 'No forecast of calm yet.'
+
+
+def sea_words(record: LiveRecord) -> str:
+    """The waves, as the craft's own motion shows them."""
+    if record.sea is None:
+        return 'No sea state yet.'
+    if record.sea.state is None:
+        return f'No sea state: {record.sea.reason}.'
+    return '\n'.join(sea_in_words(record.sea.state, 'Sea'))
 
 
 def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:

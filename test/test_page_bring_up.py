@@ -4,7 +4,7 @@ import pytest
 from tank_side import TankSide
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.pipeline.bring_up import (
+from swath_sysid.page.bring_up import (
     CONNECT,
     DECAY,
     IDENTIFY,

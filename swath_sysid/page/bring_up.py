@@ -11,7 +11,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.uncertainty import amplitude_bands
 from swath_sysid.attitude.motion.segmentation import explain_absence, find_decays
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
-from swath_sysid.common.signals import bin_means
+from swath_sysid.common.signals import bin_means, noise_level
 from swath_sysid.pipeline.health import ERROR, OK, Report
 
 CONNECT, SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE, KEPT = STEPS = (
@@ -455,6 +455,6 @@ def _is_still(motion: AxisMotion, since: float, largest: float, level: float | N
 
 
 def _level_and_noise(motion: AxisMotion, since: float) -> tuple[float, float]:
-    """Mean and noise of an angle at rest, rad; the noise from differences, which a slow drift leaves alone."""
+    """Mean and noise of an angle at rest, rad."""
     angle = motion.angle[motion.time > since]  # type: ignore[index]
-    return float(angle.mean()), float(np.std(np.diff(angle)) / np.sqrt(2.0))
+    return float(angle.mean()), noise_level(angle)

@@ -10,8 +10,9 @@ from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
+from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.bring_up import Facts
+from swath_sysid.page.bring_up import Facts
 from swath_sysid.pipeline.health import Report
 
 WINDOW_S = 60.0
@@ -54,7 +55,9 @@ def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], p
     Parameters
     ----------
     stamp_ns : int
+        When issued.
     leads_ns : sequence of int
+        Times from then.
     columns : sequence of str
         ``roll``, ``roll_std``, ...
     positions : sequence of float
@@ -85,6 +88,7 @@ class LiveRecord:
         self.checked: dict[str, deque[tuple[float, float, float]]] = {}
         self.models: dict[str, IdentifiedModel] = {}
         self.models_received = 0
+        self.sea: SeaReport | None = None
         self.quiescence: float | None = None
         self.calm: tuple[float, float, float] | None = None
         self.is_kept = False
@@ -99,7 +103,7 @@ class LiveRecord:
     def wants(self, stamp_ns: int, clock: float) -> bool:
         """Whether a sample of this stamp is due; a sample is heard of in any case."""
         self._arrival = clock
-        due = not 0 <= stamp_ns - self._newest_ns < 1e9 / RATE
+        due = not 0 <= (stamp_ns - self._newest_ns) * NANOSECOND < 1.0 / RATE
         return due and self._window is not None
 
     def add_reading(self, reading: ImuReading) -> None:

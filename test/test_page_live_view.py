@@ -1,15 +1,19 @@
 """What the page shows, as plain data."""
 import numpy as np
 import pytest
+from scipy.stats import norm
 from tank_side import TankSide
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.sea_state import sea_as_yaml, sea_from_yaml
 from swath_sysid.page.charts import motion_options, motion_series, reach_of
+from swath_sysid.page.live_record import KEPT_FORECASTS, MAX_STATUSES, LiveRecord, horizon_of
+from swath_sysid.page.live_view import calm_words, campaign_words, health, model_chart, motion_chart, sea_words
 from swath_sysid.pipeline.health import Report
-from swath_sysid.pipeline.live_record import KEPT_FORECASTS, MAX_STATUSES, LiveRecord, horizon_of
-from swath_sysid.report.live_view import calm_words, campaign_words, health, model_chart, motion_chart, noise_of
 
 LEADS = np.arange(51) * 100_000_000
 
@@ -31,7 +35,8 @@ def test_noise_is_that_of_the_sensor_whether_or_not_the_craft_moves():
     noise = np.random.default_rng(1).normal(0.0, 1e-3, time.size)
     for amplitude in (0.0, 0.05):
         motion = AxisMotion('roll', time, amplitude * np.sin(2.4 * time) + noise, None)
-        assert noise_of(motion) == pytest.approx(1e-3, rel=0.25)
+        _, _, said = health({}, {'roll': motion})[2]
+        assert np.radians(float(said.removeprefix('roll ').removesuffix(' deg'))) == pytest.approx(1e-3, rel=0.25)
 
 
 def test_health_has_a_line_for_every_status_and_names_the_silent(tank):
@@ -48,7 +53,7 @@ def test_the_forecast_stands_behind_now_with_its_intervals(tank):
     times = [time for time, _ in chart['measured']]
     assert times == sorted(times) and -0.05 < times[-1] <= 0.0
     assert [chart['forecast'][0][0], chart['forecast'][-1][0]] == pytest.approx([0.0, 5.0], abs=0.05)
-    for band, width in zip(chart['bands'], (0.674, 1.645, 2.576), strict=True):
+    for band, width in zip(chart['bands'], norm.ppf((0.75, 0.95, 0.995)), strict=True):
         _, low, high = band[0]
         assert [low, high] == pytest.approx(np.degrees([0.1 - width * 0.02, 0.1 + width * 0.02]), abs=1e-3)
     assert len(motion_series(chart)) == len(motion_options('deg')['series'])
@@ -90,6 +95,24 @@ def test_calm_is_counted_from_now(tank):
     assert calm_words(tank.record) == 'No forecast of calm yet.'
     tank.record.quiescence, tank.record.calm = 0.25, (tank.record.stamp + 1.0, tank.record.stamp + 4.0, 0.93)
     assert calm_words(tank.record).endswith('probability of 25 %. Calm from 1.0 to 4.0 s from now (93 %).')
+
+
+def test_the_sea_is_said_in_words_or_why_it_is_not_known(tank):
+    assert sea_words(tank.record) == 'No sea state yet.'
+    tank.record.sea = sea_from_yaml(sea_as_yaml(SeaReport(None, 'two minutes are too few'), 5))
+    assert sea_words(tank.record) == 'No sea state: two minutes are too few.'
+    nothing = np.empty(0)
+    state = SeaState(1200.0, 2.51, 0.09, 10.2, 0.1, 19.5, (12.1, 20.9), float('nan'), 0.1, 0.15, nothing, nothing)
+    tank.record.sea = sea_from_yaml(sea_as_yaml(SeaReport(state), 5))
+    words = sea_words(tank.record)
+    assert 'Sea: 20 min' in words and '2.51 ± 0.09 m' in words and '19.5 s, 95 % within 12.1 and 20.9 s' in words
+    assert 'not known: heave and slope' in words
+
+
+@pytest.mark.parametrize('text', ['', 'is_known: true', 'nothing', '[1, 2]', 'is_known: true\nduration_s: [a]'])
+def test_another_text_is_not_a_sea_state(text):
+    with pytest.raises(InputError, match='sea/state'):
+        sea_from_yaml(text)
 
 
 def test_a_campaign_lists_its_trials_and_what_is_missing(tmp_path):

@@ -1,23 +1,20 @@
-"""A sea state in words."""
+"""A sea state in words, and the picture of its spectrum."""
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
 from swath_sysid.formats.sea_state import REMARKS
+from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, new_panel
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from swath_sysid.attitude.prediction.sea_state import SeaState
 
-def sea_in_words(found: SeaState, name: str) -> list[str]:
-    """Lines for a reader.
 
-    Parameters
-    ----------
-    found : SeaState
-    name : str
-        Of the record.
-    """
+def sea_in_words(found: SeaState, name: str) -> list[str]:
+    """Lines for a reader, with the name of the record."""
     low, high = found.peak_period_interval
     if math.isfinite(found.axis):
         side = 'to port' if found.axis > 0.0 else 'to starboard'
@@ -36,3 +33,20 @@ def sea_in_words(found: SeaState, name: str) -> list[str]:
         f'  least height         {found.least_height:.2g} m: the noise of this sensor may show as much',
         *REMARKS,
     ]
+
+
+def sea_figure(found: SeaState) -> Figure:
+    """Draw a `SeaState`."""
+    figure, axes = new_panel(8.0, 4.2)
+    axes.plot(found.frequency, found.spectrum, color=RESIDUAL, linewidth=1.4)
+    low, high = found.peak_period_interval
+    axes.axvspan(1.0 / high, 1.0 / low, color=BAND, alpha=0.4, lw=0, label='95 % interval of the peak')
+    axes.axvline(1.0 / found.peak_period, color=MODEL, linewidth=1.2, label=f'peak, {found.peak_period:.1f} s')
+    axes.set(
+        xlabel='frequency of encounter, Hz', ylabel='heave at the sensor, m²/Hz', ylim=(0.0, None),
+        xlim=(0.0, min(5.0 / found.mean_period, float(found.frequency[-1]))),
+        title=f'significant height {found.significant_height:.3g} ± {found.significant_height_std:.2g} m, '
+        f'mean period {found.mean_period:.2f} ± {found.mean_period_std:.2f} s',
+    )  # fmt: skip
+    axes.legend(fontsize=8, frameon=False)
+    return figure

@@ -1,0 +1,84 @@
+"""What the page asks of the nodes: their services, called in the thread that spins the page's node."""
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from std_srvs.srv import Trigger
+
+MAX_REQUESTS = 10
+
+
+class PageRequests:
+    """Calls services and hands on what they answer.
+
+    Parameters
+    ----------
+    node : Node
+        That calls.
+    report : callable
+        Called with one line for people about each answer.
+    on_kept : callable
+        Called with whether the present model is kept, once the identifier has agreed.
+    """
+
+    def __init__(self, node: Node, report: Callable[[str], None], on_kept: Callable[[bool], None]):
+        self._node = node
+        self._report = report
+        self._on_kept = on_kept
+        self._waiting: deque[Callable[[], None]] = deque(maxlen=MAX_REQUESTS)
+        self._clients: dict[str, Any] = {}
+
+    def press(self, button: str) -> None:
+        """A button was pressed, in any thread: ``identify``, ``rollback``, ``cancel``, ``accept`` or ``refine``."""
+        if button in ('accept', 'refine'):
+            self._waiting.append(partial(self._keep, button == 'accept'))
+        else:
+            self._waiting.append(partial(
+                self._call, f'identifier/{button}', Trigger, Trigger.Request(),
+                lambda answer: self._report(answer.message)))  # fmt: skip
+
+    def carry_out(self) -> None:
+        """Call what was asked for since the last time."""
+        while self._waiting:
+            self._waiting.popleft()()
+
+    def get_parameters(self, node: str, names: list[str], take: Callable[..., None]) -> None:
+        """Hand on the values of parameters, where the node is there.
+
+        Parameters
+        ----------
+        node : str
+            Its name.
+        names : list of str
+            Of the parameters.
+        take : callable
+            Called with the values.
+        """
+        self._call(
+            f'{node}/get_parameters', GetParameters, GetParameters.Request(names=names),
+            lambda answer: take(*map(parameter_value_to_python, answer.values)), quietly=True)  # fmt: skip
+
+    def _call(self, service: str, kind: Any, request: Any, take: Callable[[Any], None], quietly: bool = False) -> None:
+        if service not in self._clients:
+            self._clients[service] = self._node.create_client(kind, service)
+        client = self._clients[service]
+        if client.service_is_ready():
+            client.call_async(request).add_done_callback(lambda future: take(future.result()))
+        elif not quietly:
+            self._report(f'{client.service_name} does not answer: start the nodes with swath-sysid run')
+
+    def _keep(self, is_kept: bool) -> None:
+        """An accepted model stays until Identify is pressed: windows are not refitted by themselves."""
+        parameter = Parameter('auto_identify', value=not is_kept).to_parameter_msg()
+
+        def take(answer: SetParameters.Response) -> None:
+            (result,) = answer.results
+            if result.successful:
+                self._on_kept(is_kept)
+            self._report(result.reason or ('the model is kept' if is_kept else 'further releases refine the model'))
+
+        self._call('identifier/set_parameters', SetParameters, SetParameters.Request(parameters=[parameter]), take)

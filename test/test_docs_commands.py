@@ -1,0 +1,214 @@
+"""Every block of the pages is carried out as a reader would: page by page, from the top, with the records in the box.
+
+The commands of a page run in a folder that holds what a checkout has at its top. Numbers that a page prints must be
+among those that its commands print; YAML is read by what reads it. What cannot run here is listed with its reason.
+"""
+import contextlib
+import functools
+import io
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+import yaml
+from site_pages import PAGES, ROOT, blocks_of
+
+from swath_sysid.campaign.manifest import read_manifest
+from swath_sysid.cli.main import main
+
+PATIENCE = 600.0
+"""s; only a failure waits for it."""
+
+IN_THE_BOX = ('config', 'examples', 'records')
+NEEDS = {
+    'docs/howto/bags.md': 'docs/tutorials/first_record.md',
+    'docs/howto/export.md': 'docs/tutorials/manoeuvring.md',
+    'docs/howto/nav2.md': 'docs/tutorials/manoeuvring.md',
+    'docs/howto/reading_the_report.md': 'docs/tutorials/tank_trial.md',
+    'docs/howto/score.md': 'docs/tutorials/first_record.md',
+}
+"""Pages that begin with a file from another page, and say so."""
+
+INSTALLS = 'installs; the stages of .ci/run install by pip and by colcon'
+ROS_APT = 'needs what comes with ROS 2 from apt only'
+NOT_RUN = {
+    'README.md': {
+        'make demo': 'test_demo.py runs the demonstration, .ci/run runs make test',
+        'pip install': INSTALLS,
+    },
+    'docs/howto/manoeuvring.md': {'ros2 service call': ROS_APT},
+    'docs/howto/network.md': {'ros2 security': ROS_APT},
+    'docs/howto/on_board.md': {'pip install': INSTALLS, 'ros2 launch': ROS_APT},
+    'docs/howto/page.md': {
+        'pip install': 'installs, and needs a browser: test_page_live.py drives the page where both are',
+        'swath-sysid page --host': 'opens the machine to its network',
+    },
+    'docs/howto/papers.md': {'swath-sysid paper': 'takes a minute: test_papers.py runs its parts'},
+    'docs/howto/reading_the_report.md': {
+        'python examples/simulate_trials.py': 'takes minutes: the tutorial of a tank trial runs a smaller one',
+        'pip install': 'needs other machines',
+    },
+    'docs/releasing.md': {'docker build': 'needs a Docker daemon'},
+    'docs/tutorials/manoeuvring.md': {'bash examples/': 'takes a minute; the page runs what it calls, one by one'},
+}
+"""By page and by how the block begins, with the reason; nothing else is left out."""
+
+LANGUAGES = {'bash', 'text', 'yaml', 'python'}
+NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
+
+
+def is_run(page, block):
+    return block.language in ('bash', 'python') and not block.text.startswith(tuple(NOT_RUN.get(page, ())))
+
+
+def blocks_run(page):
+    return [block for block in blocks_of(page) if is_run(page, block)]
+
+
+PAGES_RUN = [page for page in PAGES if blocks_run(page) and page != 'README.md']
+
+
+@functools.cache
+def environment():
+    """That of a reader in whose path are the package's commands and its Python, confined to this machine."""
+    return {
+        **os.environ, 'PATH': os.pathsep.join([str(Path(sys.executable).parent), os.environ['PATH']]),
+        'PYTHONPATH': os.pathsep.join(path for path in sys.path if Path(path, 'swath_sysid', 'share.py').is_file()),
+        'COLUMNS': '120', 'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'test' / 'fast_discovery.xml'),
+    }  # fmt: skip
+
+
+def command_of(block):
+    return [*([sys.executable] if block.language == 'python' else ['bash', '-euo', 'pipefail']), '-c', block.text]
+
+
+@contextlib.contextmanager
+def beside(block, folder):
+    """What a block starts, until Ctrl-C ends it, from when it has said its first word."""
+    process = subprocess.Popen(
+        command_of(block), cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    try:
+        said = process.stdout.readline()
+        assert process.poll() is None, f'{block.text}{said}{process.stdout.read()}'
+        yield
+        os.killpg(process.pid, signal.SIGINT)
+        rest, _ = process.communicate(timeout=PATIENCE)
+        assert process.returncode in (0, 130), f'{block.text}{said}{rest}'
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+
+
+@functools.cache
+def carried_out(page):
+    """The folder in which the commands of a page have run, after those of the page that it needs."""
+    folder = Path(tempfile.mkdtemp(prefix='site', dir=os.environ['PYTEST_CURRENT_FOLDER']))
+    if page in NEEDS:
+        shutil.copytree(carried_out(NEEDS[page]), folder, dirs_exist_ok=True, symlinks=True)
+    else:
+        for name in IN_THE_BOX:
+            shutil.copytree(ROOT / name, folder / name)
+    printed = ''
+    with contextlib.ExitStack() as running:
+        for block in blocks_of(page):
+            if block.language == 'text':
+                assert_printed(block.text, printed)
+            elif not is_run(page, block):
+                continue
+            elif block.manner == 'stays':
+                running.enter_context(beside(block, folder))
+            else:
+                if block.manner == 'alone':
+                    running.close()
+                done = subprocess.run(
+                    command_of(block), cwd=folder, env=environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT, text=True, timeout=PATIENCE,
+                )  # fmt: skip
+                assert done.returncode == 0, f'{block.text}{done.stdout}'
+                printed += done.stdout
+    return folder
+
+
+def assert_printed(text, printed):
+    """Each line of a text is among those printed, its numbers to a hundredth."""
+    words = {}
+    for line in printed.splitlines():
+        words.setdefault(NUMBER.sub('0', ' '.join(line.split())), []).append(line)
+    for line in text.splitlines():
+        alike = words.get(NUMBER.sub('0', ' '.join(line.split())), [])
+        numbers = [[float(number) for number in NUMBER.findall(each)] for each in (line, *alike)]
+        assert any(numbers[0] == pytest.approx(found, rel=0.01) for found in numbers[1:]), f'not printed: {line}'
+
+
+@pytest.fixture(autouse=True)
+def folders_are_removed(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv('PYTEST_CURRENT_FOLDER', str(tmp_path_factory.getbasetemp()))
+
+
+@pytest.mark.dds
+@pytest.mark.slow
+@pytest.mark.parametrize('page', PAGES_RUN)
+def test_the_commands_of_a_page_run(page):
+    if any(block.manner == 'stays' for block in blocks_run(page)):
+        pytest.importorskip('rclpy')
+    carried_out(page)
+
+
+def test_the_commands_of_the_readme_are_run_by_other_pages():
+    elsewhere = {line for page in PAGES_RUN for block in blocks_run(page) for line in block.text.splitlines()}
+    lines = [line for block in blocks_run('README.md') for line in block.text.splitlines()]
+    assert lines and [line for line in lines if line not in elsewhere] == []
+
+
+def test_every_block_says_what_it_is_and_the_list_of_those_left_out_is_true():
+    blocks = [(page, block) for page in PAGES for block in blocks_of(page)]
+    assert [(page, block.text) for page, block in blocks if block.language not in LANGUAGES] == []
+    assert {block.manner for _, block in blocks} <= {'', 'stays', 'alone'}
+    for page, begins in NOT_RUN.items():
+        assert all(any(block.text.startswith(begin) for block in blocks_of(page)) for begin in begins), page
+    assert {page for page in PAGES for block in blocks_of(page) if block.language == 'yaml'} == set(READERS)
+
+
+def is_a_manifest(text, folder):
+    for name in ('pitch_8deg_1.0T_repeat1.csv', 'roll_8deg_1.5ms_repeat1.csv'):
+        (folder / name).write_text('time_s,roll_deg\n0,0\n')
+    (folder / 'campaign.yaml').write_text(text)
+    manifest = read_manifest(folder / 'campaign.yaml')
+    assert len(manifest.trials) == 1 and not manifest.faults
+
+
+def is_a_sea_state(text, folder):
+    """By the names of ``sea --json``."""
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        main(['sea', str(ROOT / 'records' / 'morro_buoy.csv'), '--json'])
+    sea = json.loads(printed.getvalue())
+    beside = {'stamp_ns', 'is_known', 'reason', 'remarks'}
+    assert beside < set(yaml.safe_load(text)) <= beside | set(sea)
+
+
+def is_a_parameter_file(text, folder):
+    """As every ROS node reads it."""
+    assert all(set(values) == {'ros__parameters'} for values in yaml.safe_load(text).values())
+
+
+READERS = {
+    'docs/howto/nav2.md': is_a_parameter_file, 'docs/howto/reading_the_report.md': is_a_manifest,
+    'docs/howto/waves.md': is_a_sea_state,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('page', READERS)
+def test_yaml_is_read_by_what_reads_it(page, tmp_path):
+    for block in blocks_of(page):
+        if block.language == 'yaml':
+            READERS[page](block.text, tmp_path)
