@@ -2,7 +2,8 @@
 
 Roll and pitch each swing as the hull of `benchmark/sea_forecasts.py` in a JONSWAP sea of their own. A plain sample is
 one with ``forecast/next``; one with forecasts gives the leads and the horizon as well, ten times a second. The first
-half only fills the filters and is not measured. Run it with one thread for linear algebra, as the nodes' background
+half only fills the filters and is not measured. Last come two points away from the sensor and a window of calm of both;
+they are to cost half as much again at most. Run it with one thread for linear algebra, as the nodes' background
 does:
 
     OMP_NUM_THREADS=1 python benchmark/prediction_cost.py
@@ -11,6 +12,7 @@ does:
 import argparse
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 from sea_forecasts import ANGLE_NOISE, FINE_RATE, HULL, RATE_NOISE, make_sea
@@ -18,11 +20,21 @@ from sea_forecasts import ANGLE_NOISE, FINE_RATE, HULL, RATE_NOISE, make_sea
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.point import Point
+from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
-from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 NOISE = (ANGLE_NOISE**2,) * 2 + (RATE_NOISE**2,) * 2
 GRAVITY = 9.81
+POINTS = Point('bow', (2.5, 0.0, 0.0)), Point('crane_tip', (-1.0, 1.5, 4.0))
+QUIET = QuiescenceLimits(roll=math.radians(3.0), pitch=math.radians(3.0))
+AT_NONE = ForecasterSettings(quiescence=QUIET)
+AT_POINTS = ForecasterSettings(
+    points=POINTS,
+    quiescence=replace(QUIET, points=tuple(PointLimits(p.name, vertical_velocity=0.5) for p in POINTS)),
+)
 
 
 def samples_at_sea(duration, seed=0):
@@ -35,9 +47,9 @@ def samples_at_sea(duration, seed=0):
     return [CraftSample(round(k / FINE_RATE * 1e9), *row, *NOISE) for k, row in enumerate(motion.tolist())]
 
 
-def measure(samples, models):
+def measure(samples, models, forecaster):
     """Processor seconds after the first half: of plain samples, of samples with forecasts, of refits."""
-    pipeline, plain, issued, refits = ForecastPipeline(), [], [], []
+    pipeline, plain, issued, refits = ForecastPipeline(PipelineSettings(forecaster=forecaster)), [], [], []
     pipeline.set_models(models)
     for number, sample in enumerate(samples):
         is_measured = number >= len(samples) // 2
@@ -57,20 +69,27 @@ def measure(samples, models):
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=240.0, help='of simulated sea')
+    parser.add_argument('--seconds', type=float, default=480.0, help='of simulated sea')
     samples = samples_at_sea(parser.parse_args().seconds)
     identified = {axis: IdentifiedModel.exactly(HULL) for axis in AXES}
-    measure(samples[:30 * FINE_RATE], identified)
-    print('medians       with next, us   and leads, us   all: median, us   mean, us   refit: median, ms   at most, ms')
-    for name, models in (('no hull', {}), ('both hulls', identified)):
-        plain, issued, refits = measure(samples, models)
+    measure(samples[:30 * FINE_RATE], identified, AT_NONE)
+    print('medians, us            with next  and leads        all: median       mean  refit: median, ms  at most, ms')
+    cost = {}
+    for name, models, settings in (
+        ('no hull', {}, AT_NONE), ('both hulls', identified, AT_NONE),
+        ('no hull, two points', {}, AT_POINTS), ('both, two points', identified, AT_POINTS),
+    ):
+        plain, issued, refits = measure(samples, models, settings)
         both = plain + issued
+        cost[name] = np.mean(both)
         print(
-            f'{name:12s} {1e6 * np.median(plain):14.0f} {1e6 * np.median(issued):15.0f} {1e6 * np.median(both):17.0f} '
-            f'{1e6 * np.mean(both):10.0f} {1e3 * np.median(refits or math.nan):20.0f} '
-            f'{1e3 * max(refits, default=math.nan):13.0f}',
+            f'{name:20s} {1e6 * np.median(plain):12.0f} {1e6 * np.median(issued):10.0f} {1e6 * np.median(both):18.0f} '
+            f'{1e6 * np.mean(both):10.0f} {1e3 * np.median(refits or math.nan):18.0f} '
+            f'{1e3 * max(refits, default=math.nan):12.0f}',
             flush=True,
         )
+    no_points, points = list(cost.values())[:2], list(cost.values())[2:]
+    print('two points over none: ' + ', '.join(f'{b / a:.2f}' for a, b in zip(no_points, points, strict=True)))
 
 
 if __name__ == '__main__':

@@ -7,8 +7,8 @@ now (raw); as it will be when the command acts, by its rate now (constant rate) 
 the inverse of the lag.  Printed: the variance of what is left, over that of the motion.
 
 Heave as measured is that of an ideal reference unit: right at low frequencies, which an IMU alone is not.  All three
-start from its heave, velocity and acceleration; the forecast adds the accelerations to come.  The last row is the
-forecast without such a unit.
+start from its heave, velocity and acceleration; the forecast adds the accelerations to come.  The last three rows do
+without such a unit: heave and velocity of now are what the IMU makes of them, forecast a step before.
 """
 import sys
 
@@ -51,6 +51,14 @@ def integrated_twice(value, rate, acceleration):
     return np.stack(positions, axis=1)
 
 
+def commands_from(motion, rate, to_come):
+    """Commands by method, from motion and rate now and the motion when a command acts and when its hold ends (N, 2)."""
+    steady = [motion + rate * STEP * k for k in (DELAY, DELAY + 1)]
+    return {
+        'raw': motion, 'constant rate': through_inverse_lag(*steady), 'forecast': through_inverse_lag(*to_come.T),
+    }
+
+
 def hold(voyage):
     """Motion of each axis, and what is left of it by method: {axis: (motion, {method: shape (N,)})}."""
     time = np.arange(voyage.stamps[0], voyage.stamps[-1] + 0.5 * STEP, STEP)
@@ -59,18 +67,18 @@ def hold(voyage):
     ahead, now = voyage.mean[newest], voyage.truth(time)
     if not np.allclose(voyage.leads[:DELAY + 1], STEP * np.arange(1, DELAY + 2)):
         raise InputError('the gangway steps with the horizon: forecast at every 0.1 s')
-    left = {}
+    left, before = {}, voyage.mean[np.maximum(newest - 1, 0), 0]
     for axis, (place, of_rate, of_acceleration) in AXES.items():
         motion, rate = now[:, place], now[:, of_rate]
-        steady = [motion + rate * STEP * k for k in (DELAY, DELAY + 1)]
-        alone = [ahead[:, k, place] for k in (DELAY - 1, DELAY)]
-        commands = {'raw': motion, 'constant rate': through_inverse_lag(*steady)}
-        if of_acceleration is None:
-            commands['forecast'] = through_inverse_lag(*alone)
-        else:
-            to_come = np.column_stack([now[:, of_acceleration], ahead[:, :DELAY + 1, of_acceleration]])
-            commands['forecast'] = through_inverse_lag(*integrated_twice(motion, rate, to_come)[:, DELAY:].T)
-        commands['forecast, IMU alone'] = through_inverse_lag(*alone)
+        alone = to_come = ahead[:, DELAY - 1:DELAY + 1, place]
+        of_imu = motion, rate
+        if of_acceleration is not None:
+            accelerations = np.column_stack([now[:, of_acceleration], ahead[:, :DELAY + 1, of_acceleration]])
+            to_come = integrated_twice(motion, rate, accelerations)[:, DELAY:]
+            of_imu = before[:, place], before[:, of_rate]
+        commands = commands_from(motion, rate, to_come) | {
+            f'{method}, IMU alone': command for method, command in commands_from(*of_imu, alone).items()
+        }
         left[axis] = motion, {method: motion - follow(command) for method, command in commands.items()}
     return left
 
@@ -103,11 +111,11 @@ def demonstrate(voyage):
     """Print the table; returns the figure."""
     left = hold(voyage)
     found = residual_variances(left)
-    print(f'{"variance left":22}' + ''.join(f'{axis:>12}' for axis in found))
+    print(f'{"variance left":26}' + ''.join(f'{axis:>12}' for axis in found))
     for method in found['heave']:
-        print(f'{method:22}' + ''.join(f'{of[method]:12.2g}' for of in found.values()))
+        print(f'{method:26}' + ''.join(f'{of[method]:12.2g}' for of in found.values()))
     for method in ('raw', 'constant rate'):
-        print(f'{method + " / forecast":22}' + ''.join(f'{of[method] / of["forecast"]:12.0f}' for of in found.values()))
+        print(f'{method + " / forecast":26}' + ''.join(f'{of[method] / of["forecast"]:12.0f}' for of in found.values()))
     return draw(left)
 
 

@@ -28,7 +28,7 @@ from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_description, read_model
 from swath_sysid.report.campaign_report import campaign_tables, write_report
-from swath_sysid.report.campaign_tables import table_as_csv
+from swath_sysid.report.tables import table_as_csv
 
 ROOT = Path(__file__).resolve().parents[1]
 HULL = hull_named('swath-pitch').model

@@ -43,6 +43,10 @@ NOT_RUN = {
         'make demo': 'test_demo.py runs the demonstration, .ci/run runs make test',
         'pip install': INSTALLS,
     },
+    'docs/howto/controllers.md': {
+        'python examples/landing.py morro_buoy.csv --frame frd --figure landing.png --live':
+            'takes minutes: test_examples_landing_live.py decides landings by what the node publishes',
+    },
     'docs/howto/manoeuvring.md': {'ros2 service call': ROS_APT},
     'docs/howto/network.md': {'ros2 security': ROS_APT},
     'docs/howto/on_board.md': {'pip install': INSTALLS, 'ros2 launch': ROS_APT},

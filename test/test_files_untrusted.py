@@ -134,6 +134,7 @@ WRITERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', READERS)
 @EVERY_TEXT
 @given(data=st.data())
@@ -150,6 +151,7 @@ def test_a_text_is_a_model_or_one_sentence(kind, data):
             assert WRITERS[kind](READERS[kind](again, 'the model')) == again
 
 
+@pytest.mark.slow
 @settings(max_examples=500, deadline=None)
 @given(data=st.data())
 def test_a_manifest_is_one_or_one_sentence(data, tmp_path_factory):

@@ -19,6 +19,10 @@ def test_a_verb_begins_without_what_it_may_not_need(verb):
     assert loaded_by(f'swath_sysid.cli.{verb}') & HEAVY == set()
 
 
+def test_a_fit_loads_nothing_of_a_campaign():
+    assert {name for name in loaded_by('swath_sysid.cli.identify') if name.startswith('swath_sysid.campaign')} == set()
+
+
 def test_the_help_loads_no_library():
     assert loaded_by('swath_sysid.cli.main') & (HEAVY | {'numpy', 'scipy', 'yaml'}) == set()
 
@@ -36,6 +40,12 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
     loaded = loaded_by(f'swath_sysid.nodes.{node}')
     strange = {name for name in loaded for room in foreign if f'{name}.'.startswith(f'swath_sysid.{room}.')}
     assert strange == set()
+
+
+def test_the_nodes_load_only_what_small_computers_have_memory_for():
+    """scipy.stats, which filterpy imports, takes 30 MB in every process."""
+    pytest.importorskip('rclpy')
+    assert loaded_by('swath_sysid.nodes.all_in_one') & HEAVY <= {'numba'}
 
 
 def test_the_buffer_computes_without_the_large_libraries():

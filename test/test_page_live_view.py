@@ -1,11 +1,13 @@
 """What the page shows, as plain data."""
 import numpy as np
 import pytest
+from imu_stream import reading
 from scipy.stats import norm
 from tank_side import TankSide
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.prediction.sea_state import SeaReport, SeaState
 from swath_sysid.common.errors import InputError
@@ -74,6 +76,17 @@ def test_memory_does_not_grow():
         record.add_status(Report(f'node {k}: imu', 0, ''), 0.0)
     assert len(record.checked['pitch']) == KEPT_FORECASTS
     assert len(record.statuses(0.0)) == MAX_STATUSES
+
+
+def test_of_a_fast_sensor_25_samples_a_second_are_kept():
+    record, step = LiveRecord(), 5_000_000
+    record.install(Installation())
+    begun = 1_700_000_000 * 10**9
+    for k in range(400):
+        if record.wants(begun + k * step, 0.005 * k):
+            record.add_reading(reading(begun + k * step))
+    time = record.motions()['roll'].time
+    assert np.diff(time) == pytest.approx(0.04, abs=1e-6) and time.size == 50
 
 
 @pytest.mark.parametrize(('largest', 'band', 'reach'), [

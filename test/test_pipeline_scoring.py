@@ -232,6 +232,7 @@ def test_what_cannot_be_scored_is_refused():
         score(trial, Run(()), LEADS, 10.0, 60.0)
 
 
+@pytest.mark.slow
 def test_a_ship_that_tells_angles_once_a_second_is_forecast_and_its_intervals_hold(data_folder):
     found = scored(read_trial(data_folder / 'waves' / 'nbp1406_ship.csv'), (2.0, 5.0), warmup=240.0, window=240.0)
     for axis in ('roll', 'pitch'):

@@ -98,6 +98,24 @@ def test_a_refitted_candidate_is_not_held_to_what_its_last_model_did():
     assert blend.mean_square[1] == pytest.approx(before[1])
 
 
+def test_a_candidate_that_is_surprised_all_the_time_is_held_to_its_errors():
+    blend = _blend((10.0, 1.0))
+    for _ in range(1200):
+        mean = np.array([3.0, 1.0])[:, None, None] * np.ones((2, 3, 1))
+        blend.take(np.zeros(1), mean, np.ones((2, 3, 1)), foreseeable=np.zeros(1, dtype=int))
+    assert (blend.weights[1] > 0.9).all()
+
+
+def test_what_acts_now_and_then_is_not_held_against_anybody():
+    """Every 20 s something acts, and all that was forecast before errs a hundred times as much as the rest."""
+    blend = _blend((10.0, 1.0))
+    for row in range(1200):
+        before, since = 200 - row % 200, np.array([row % 200])
+        errors = np.where(blend.steps[:, None] >= before, [[100.0]], [[1.0]])
+        blend.take(np.zeros(1), np.stack([errors, np.ones_like(errors)]), np.ones((2, 3, 1)), foreseeable=since)
+    assert blend.mean_square == pytest.approx(1.0) and (blend.weights[0] > 0.9).all()
+
+
 @pytest.mark.parametrize('told', [0.25, 1.0, 4.0])
 def test_intervals_hold_what_they_say_whatever_the_candidates_say(told):
     errors = np.ones((1, 3, 1))

@@ -24,7 +24,7 @@ from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.report.campaign_report import campaign_tables
-from swath_sysid.report.campaign_tables import table_as_csv
+from swath_sysid.report.tables import table_as_csv
 
 STORED = Path(__file__).parent / 'data' / 'stored_results.json'
 EVERY = 150

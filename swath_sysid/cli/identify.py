@@ -22,9 +22,10 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.at_sea_figure import at_sea_figure
 from swath_sysid.report.at_sea_summary import at_sea_as_data, at_sea_in_words
-from swath_sysid.report.extinction_tables import table_as_data, table_in_words, tank_tables
+from swath_sysid.report.extinction_tables import tank_tables
 from swath_sysid.report.fit_figure import fit_figure
 from swath_sysid.report.fit_summary import fit_as_data, fit_in_words, warnings_as_data
+from swath_sysid.report.tables import table_as_data, table_in_words
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -14,8 +14,8 @@ from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.parameter import Table, Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
 from swath_sysid.nodes.reason_advice import ADVICE
-from swath_sysid.nodes.turns import Turns
-from swath_sysid.nodes.worker import Worker, ending_of
+from swath_sysid.nodes.turns import Turns, ending_of
+from swath_sysid.nodes.worker import Worker
 from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
 
 BUSY = 'an identification is running: wait for it or call ~/cancel'

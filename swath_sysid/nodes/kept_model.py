@@ -7,6 +7,9 @@ from typing import Any
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.health import BAD_MODEL_FILE, NOT_SAVED, IdentifierHealth
 
+PARAMETER = 'model_path'
+"""The parameter of both identifiers that names the file."""
+
 
 class ModelFile:
     """A model on the disk; one that cannot be read is left alone, whatever comes later.
@@ -15,8 +18,6 @@ class ModelFile:
     ----------
     path : str
         Empty: none.
-    name : str
-        Of the parameter that holds it.
     read : callable
         Of a path; the model, or `InputError`.
     write : callable
@@ -24,8 +25,7 @@ class ModelFile:
     health : IdentifierHealth
     """
 
-    def __init__(self, path: str | Path, name: str, read: Callable, write: Callable, health: IdentifierHealth):
-        self._name = name
+    def __init__(self, path: str | Path, read: Callable, write: Callable, health: IdentifierHealth):
         # not Path.expanduser, which raises an error for a user that does not exist
         self._path = Path(os.path.expanduser(path)) if path else None
         self._read, self._write, self._health = read, write, health
@@ -40,7 +40,7 @@ class ModelFile:
             return self._read(self._path)
         except InputError as error:
             self._refusal = str(error)
-            self._health.note(BAD_MODEL_FILE, self._name, self._refusal)
+            self._health.note(BAD_MODEL_FILE, PARAMETER, self._refusal)
             return None
 
     def keep(self, model: Any) -> str:
@@ -62,7 +62,7 @@ class ModelFile:
             else:
                 self._path.unlink(missing_ok=True)
         except (InputError, OSError) as error:
-            self._health.note(NOT_SAVED, self._name)
+            self._health.note(NOT_SAVED, PARAMETER)
             return f'; not saved: {error}'
-        self._health.settle(self._name)
+        self._health.settle(PARAMETER)
         return ''

@@ -34,9 +34,8 @@ class ManoeuvringIdentifier(IdentificationNode):
 
     def __init__(self) -> None:
         super().__init__('manoeuvring_identifier', TABLE, manoeuvring_settings)
-        self._file = ModelFile(
-            self.parameters['model_path'], 'model_path', read_manoeuvring_model, write_manoeuvring_model, self.health
-        )
+        path = self.parameters['model_path']
+        self._file = ModelFile(path, read_manoeuvring_model, write_manoeuvring_model, self.health)
         self.refitter = ManoeuvreRefitter(self._file.read())
         self.window = ManoeuvringWindow(self.parameters['window_s'], self.parameters['stop_after_s'])
         self._publisher = watched_publisher(self, String, 'manoeuvring/model', LATCHED, self.health)

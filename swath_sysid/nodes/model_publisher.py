@@ -25,7 +25,7 @@ class ModelPublisher:
     """
 
     def __init__(self, node: Node, path: str | Path, health: IdentifierHealth):
-        self._file = ModelFile(path, 'model_path', read_model, write_model, health)
+        self._file = ModelFile(path, read_model, write_model, health)
         self._description = watched_publisher(node, String, DESCRIPTION_TOPIC, LATCHED, health)
         self._coefficients = watched_publisher(node, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, health)
 

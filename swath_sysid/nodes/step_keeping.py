@@ -6,11 +6,11 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
-from swath_sysid.formats.messages import raw_stamp_ns, stamp_ns
+from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
 from swath_sysid.formats.topics import NEXT_TOPIC
 from swath_sysid.nodes.qos import NEWEST
 
-AHEAD_NS = 2 * 10**9
+AHEAD_NS = 2 * SECOND_NS
 """Of the record, by which samples may be ahead of the forecasts: few enough to wait at the node."""
 
 PATIENCE = 5.0

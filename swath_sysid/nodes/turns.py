@@ -1,12 +1,31 @@
-"""One after the other: answers to many callers that a client can follow."""
+"""Waiting in coroutines of a node: for the end of a worker, and for a turn to answer."""
 from collections import deque
+from collections.abc import Callable
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
+from swath_sysid.nodes.worker import OnProgress, Worker
+
 PERIOD = 0.1
 """s. A client receives the replies to all clients of its service and keeps ten: a burst of fifty pushes its own out."""
+
+
+async def ending_of(
+    worker: Worker, executor: Any, function: Callable, request: Any, on_progress: OnProgress
+) -> tuple[Any, Exception | None]:
+    """Have a worker do something, and wait for its end in a coroutine of an executor of rclpy; see `Worker.submit`."""
+    ended = Future()
+
+    def end(outcome: Any, error: Exception | None) -> None:
+        ended.set_result((outcome, error))
+        # without this an idle executor never comes to look
+        executor.wake()
+
+    worker.submit(function, (request,), end, on_progress)
+    return await ended
 
 
 class Turns:

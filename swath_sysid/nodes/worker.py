@@ -5,8 +5,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.task import Future
-
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.common.worker_process import WorkerError, WorkerProcess
@@ -15,21 +13,6 @@ IDLE_PERIOD = 0.5
 
 OnEnd = Callable[[Any, Exception | None], None]
 OnProgress = Callable[[float], None]
-
-
-async def ending_of(
-    worker: 'Worker', executor: Any, function: Callable, request: Any, on_progress: OnProgress
-) -> tuple[Any, Exception | None]:
-    """Have a worker do something, and wait for its end in a coroutine of an executor of rclpy; see `Worker.submit`."""
-    ended = Future()
-
-    def end(outcome: Any, error: Exception | None) -> None:
-        ended.set_result((outcome, error))
-        # without this an idle executor never comes to look
-        executor.wake()
-
-    worker.submit(function, (request,), end, on_progress)
-    return await ended
 
 
 class _Job:

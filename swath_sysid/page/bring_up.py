@@ -410,7 +410,8 @@ def described(model: IdentifiedModel) -> str:
     """Period and damping in words, with two standard deviations, at half the largest amplitude seen."""
     _, (period, period_std), (damping, damping_std) = at_half_amplitude(model)
     return (
-        f'period {period:.3f} +- {2.0 * period_std:.2g} s, damping ratio {damping:.4f} +- {2.0 * damping_std:.2g}'
+        f'period {period:.3f}\u00a0±\u00a0{2.0 * period_std:.2g}\u00a0s, '
+        f'damping ratio {damping:.4f}\u00a0±\u00a0{2.0 * damping_std:.2g}'
     )
 
 

@@ -58,14 +58,15 @@ def reach_of(chart: dict[str, list], smallest: float) -> float:
 
 
 def _frame(name: str, below: str) -> dict[str, Any]:
-    left = {'onZero': False}
+    # readable on light and on dark
+    shared = {'type': 'value', 'scale': True, 'axisLine': {'onZero': False, 'lineStyle': {'color': MEASURED}},
+              'axisLabel': {'color': MEASURED}}
     return {
         'animation': False,
-        'grid': {'left': 48, 'right': 16, 'top': 32, 'bottom': 40},
-        'xAxis': {'type': 'value', 'scale': True, 'name': below, 'nameLocation': 'middle', 'nameGap': 24,
-                  'splitLine': {'show': False}, 'axisLine': left},
-        'yAxis': {'type': 'value', 'scale': True, 'name': name, 'nameTextStyle': {'align': 'left'}, 'axisLine': left,
-                  'splitLine': {'lineStyle': {'opacity': 0.25}}},
+        'grid': {'left': 48, 'right': 16, 'top': 40, 'bottom': 40},
+        'xAxis': {**shared, 'name': below, 'nameLocation': 'middle', 'nameGap': 24, 'splitLine': {'show': False}},
+        'yAxis': {**shared, 'name': name, 'nameTextStyle': {'align': 'left'},
+                  'splitLine': {'lineStyle': {'color': MEASURED, 'opacity': 0.2}}},
     }  # fmt: skip
 
 
@@ -76,4 +77,4 @@ def _band(name: str) -> list[dict[str, Any]]:
 
 
 def _stacked(rows: list) -> list[list]:
-    return [[[x, low] for x, low, _ in rows], [[x, round(high - low, 4)] for x, low, high in rows]]
+    return [[[x, low] for x, low, _ in rows], [[x, round(high - low, 6)] for x, low, high in rows]]

@@ -62,7 +62,7 @@ def build(desk: Desk) -> None:
 def _card(title: str) -> Any:
     card = ui.card().classes(CARD).props('flat bordered')
     with card:
-        ui.label(title).classes('text-subtitle1 text-grey-7')
+        ui.label(title).classes('text-subtitle1 opacity-70')
     return card
 
 
@@ -70,13 +70,13 @@ def _guide(desk: Desk) -> Update:
     with _card('Bring-up'):
         progress = ui.linear_progress(0.0, show_value=False).props('rounded')
         sentence = _text('text-h6', 'sentence')
-        cure = _text('text-body1 text-negative', 'cure')
+        cure = _text('text-body1 text-weight-medium text-red-6', 'cure')
         with ui.row().classes('gap-2'):
             for name, (label, meaning) in BUTTONS.items():
                 ui.button(label, on_click=lambda name=name: desk.press(name)).props(
                     f'no-caps {"" if name == "accept" else "outline"} data-name={name}').tooltip(meaning)
             record = ui.button(on_click=lambda: desk.press('record')).props('no-caps outline data-name=record')
-        answers = _text('text-caption text-grey-7', 'answers').classes('whitespace-pre-line')
+        answers = _text('text-caption opacity-70', 'answers').classes('whitespace-pre-line')
 
     def update(view: View) -> None:
         guidance = view.guidance

@@ -96,8 +96,8 @@ def model_chart(model: IdentifiedModel) -> dict[str, list]:
     damping, wide = bands.curves.damping_ratio, 2.0 * bands.damping_ratio_std
     degrees = np.degrees(amplitude)
     return {
-        'period': _points(degrees, period, period - spread, period + spread),
-        'damping': _points(degrees, damping, damping - wide, damping + wide),
+        'period': _points(degrees, period, period - spread, period + spread, decimals=6),
+        'damping': _points(degrees, damping, damping - wide, damping + wide, decimals=6),
     }
 
 
@@ -157,7 +157,7 @@ def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
     return rows, [*map(str, manifest.faults), *missing]
 
 
-def _points(*columns: np.ndarray) -> list[list[float]]:
+def _points(*columns: np.ndarray, decimals: int = 4) -> list[list[float]]:
     """Rows of finite numbers, rounded for the way to a screen."""
     table = np.column_stack(columns)
-    return np.round(table[np.isfinite(table).all(axis=1)], 4).tolist()
+    return np.round(table[np.isfinite(table).all(axis=1)], decimals).tolist()

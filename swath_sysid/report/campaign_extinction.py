@@ -16,7 +16,7 @@ from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
 from swath_sysid.common.errors import InputError
 from swath_sysid.report.campaign_figures import HEIGHT, STYLE, WIDTH, legend_below
 from swath_sysid.report.campaign_page import Drawing
-from swath_sysid.report.campaign_tables import LOADING_NAMES, Column, Table, digits
+from swath_sysid.report.campaign_tables import LOADING_NAMES
 from swath_sysid.report.extinction_tables import (
     CURVE_COLUMNS,
     CURVE_NOTE,
@@ -26,6 +26,7 @@ from swath_sysid.report.extinction_tables import (
     quantity_row,
 )
 from swath_sysid.report.figures import MEASURED, SERIES, new_panel, two_std_band
+from swath_sysid.report.tables import Column, Table, digits
 
 PARTICULARS = {
     'length_m': 'length [m]', 'beam_m': 'breadth [m]', 'depth_m': 'depth [m]', 'draft_m': 'draft [m]',

@@ -27,9 +27,9 @@ from swath_sysid.report.campaign_tables import (
     schedule_table,
     spread_statement,
     spread_table,
-    table_as_csv,
     trials_table,
 )
+from swath_sysid.report.tables import table_as_csv
 
 PAGE, MODEL = 'report.html', 'model.yaml'
 TABLES, FIGURES = 'tables', 'figures'

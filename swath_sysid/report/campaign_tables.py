@@ -1,75 +1,16 @@
-"""The tables of a campaign, each for the eye (HTML) and for other programs (CSV)."""
-
-import csv
-import io
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+"""The tables of a campaign."""
 
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
 from swath_sysid.campaign.evaluation import beyond_noise, noise_statement, term_values, tied_best
+from swath_sysid.report.tables import Column, Table, digits, percent
 
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
 LEAD_NAMES = {0.25: 'a quarter period', 0.5: 'half a period', 1.0: 'one period'}
 CHECKED_SAMPLES = 10
 SCHEDULE_POINTS = 9
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column: its heading, and how a value is shown to the eye."""
-
-    name: str
-    show: Callable = str
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table.
-
-    Attributes
-    ----------
-    name : str
-        File name without ending.
-    title, note : str
-    columns : tuple of Column
-    rows : tuple of tuple
-        Raw values, as the CSV file holds them.
-    marks : dict of (int, int) to str
-        Row and column to ``best`` or ``beyond``.
-    """
-
-    name: str
-    title: str
-    note: str
-    columns: tuple[Column, ...]
-    rows: tuple[tuple, ...]
-    marks: dict = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, name, title, note, items, *columns):
-        """A table of like items: each column is a heading, the value of an item, and how it is shown."""
-        rows = tuple(tuple(value(item) for _, value, *_ in columns) for item in items)
-        return cls(name, title, note, tuple(Column(heading, *show) for heading, _, *show in columns), rows)
-
-
-def digits(count):
-    """A function that shows numbers with this many significant digits."""
-
-    def show(value):
-        if value is None or (isinstance(value, float) and math.isnan(value)):
-            return '-'
-        return f'{float(f"{value:.{count}g}"):.12g}'
-
-    return show
-
-
-def percent(value):
-    """A share, shown in percent."""
-    return '-' if value is None or math.isnan(value) else f'{100.0 * value:.3g} %'
 
 
 def _or_dash(value):
@@ -78,15 +19,6 @@ def _or_dash(value):
 
 def _text_or_number(value):
     return value if isinstance(value, str) else f'{value:.4g}'
-
-
-def table_as_csv(table):
-    """Text of a CSV file, its numbers with all their digits."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(c.name for c in table.columns)
-    writer.writerows(table.rows)
-    return text.getvalue()
 
 
 def trials_table(outcome):

@@ -5,8 +5,8 @@ import numpy as np
 
 from swath_sysid.attitude.identification.extinction import extinction_of, measured_peaks, tank_quantities
 from swath_sysid.common.errors import InputError
-from swath_sysid.report.campaign_tables import Column, Table, digits
 from swath_sysid.report.fit_summary import short_name
+from swath_sysid.report.tables import Column, Table, digits
 
 DEGREE = math.pi / 180.0
 CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2))
@@ -136,21 +136,3 @@ def tank_tables(identification, particulars, type_b):
     except InputError as error:
         found[0] = Table(found[0].name, found[0].title, f'{error}.', found[0].columns, found[0].rows)
     return [*found, quantities_table('damping', at, quantities)]
-
-
-def table_in_words(table):
-    """Aligned lines of text; columns without any value are left out."""
-    shown = [
-        ['-' if value is None else column.show(value) for column, value in zip(table.columns, row, strict=True)]
-        for row in table.rows
-    ]
-    kept = [k for k, _ in enumerate(table.columns) if any(row[k] not in ('-', '') for row in shown)]
-    lines = [[table.columns[k].name for k in kept], *([row[k] for k in kept] for row in shown)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(kept))]
-    return [table.title, *('  ' + '  '.join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)]
-
-
-def table_as_data(table):
-    """Rows as dicts by column name."""
-    return [dict(zip((c.name for c in table.columns), row, strict=True)) for row in table.rows]
-

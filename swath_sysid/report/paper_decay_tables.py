@@ -2,7 +2,6 @@
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, SWARM
-from swath_sysid.report.campaign_tables import Column, Table, digits
 from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.paper_decay_numbers import (
     GENETIC,
@@ -14,6 +13,7 @@ from swath_sysid.report.paper_decay_numbers import (
     next_steps,
     trend_of,
 )
+from swath_sysid.report.tables import Column, Table, digits
 
 ROUNDING = 1e-9
 """Ratios to inertia below this are zero, to the rounding of a search."""

@@ -5,8 +5,8 @@ import numpy as np
 from swath_sysid.campaign.papers.manoeuvring_study import track_error
 from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, legend_below
 from swath_sysid.report.campaign_page import Drawing, bullets, figures, page, paragraph, table_as_html
-from swath_sysid.report.campaign_tables import Column, Table, digits
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
+from swath_sysid.report.tables import Column, Table, digits
 
 TALL = 1.2 * HEIGHT
 FIGURE_OF_RUN = {'identification': '4', 'validation': '5'}

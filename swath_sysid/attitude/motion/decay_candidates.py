@@ -5,6 +5,7 @@ damping made of friction, linear, quadratic and cubic terms, none of them negati
 per half cycle never grows while the amplitude falls, so a free decay is a fall. Waves make
 falls too; `segmentation` tells them apart.
 """
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import median
@@ -12,6 +13,7 @@ from statistics import median
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
     EvenSignal,
     centre_of_decay,
@@ -23,45 +25,34 @@ from swath_sysid.attitude.motion.turning_points import (
     weighted_median,
 )
 
+FAINTEST_SWING = 0.015
+"""Part of the first swing below which a fall has ended: 1.5 % carries no information."""
 
-@dataclass(frozen=True)
-class FallSettings:
-    """What counts as a steady fall.
+GROWTH = 0.02
+"""Part by which a swing may exceed the one before: light damping loses 1 % a half cycle."""
 
-    Attributes
-    ----------
-    faintest_swing : float
-        Part of the first swing below which a fall has ended: 1.5 % carries no information.
-    growth : float
-        Part by which a swing may exceed the one before: light damping loses 1 % a half cycle.
-    loss_growth : float
-        How many times the recent loss a swing may lose. Friction keeps the loss, linear
-        damping lowers it with the swings, braking multiplies it.
-    loss_drop : float
-        Least part of the loss to be expected from quadratic damping, which lowers it with the
-        square of the swings. Waves that feed the motion leave less.
-    recent : int
-        This many losses or periods are recent.
-    period_change : float
-        Ratio by which a period may differ from the recent ones: restoring bends it slowly.
-    asymmetry : float
-        Largest ratio of two successive half cycles: an asymmetric restoring makes them differ.
-    background : float
-        What breaks a fall below this part of its first swing is the background it fades into.
-    bridged_gap : float
-        Part of a half cycle that a gap must cover to hide a turning point.
-    """
+LOSS_GROWTH = 1.5
+"""How many times the recent loss a swing may lose. Friction keeps the loss, linear damping lowers it with the swings,
+braking multiplies it."""
 
-    faintest_swing: float = 0.015
-    growth: float = 0.02
-    loss_growth: float = 1.5
-    loss_drop: float = 0.5
-    recent: int = 5
-    period_change: float = 1.25
-    asymmetry: float = 2.2
-    background: float = 0.06
-    bridged_gap: float = 0.15
+LOSS_DROP = 0.5
+"""Least part of the loss to be expected from quadratic damping, which lowers it with the square of the swings. Waves
+that feed the motion leave less."""
 
+RECENT = 5
+"""This many losses or periods are recent."""
+
+PERIOD_CHANGE = 1.25
+"""Ratio by which a period may differ from the recent ones: restoring bends it slowly."""
+
+ASYMMETRY = 2.2
+"""Largest ratio of two successive half cycles: an asymmetric restoring makes them differ."""
+
+BACKGROUND = 0.06
+"""What breaks a fall below this part of its first swing is the background it fades into."""
+
+BRIDGED_GAP = 0.15
+"""Part of a half cycle that a gap must cover to hide a turning point."""
 
 RELEASE_BAND = 0.05
 """The motion has left a turning point once it is this part of the swing away from it."""
@@ -124,17 +115,17 @@ class Fall:
     bridged: np.ndarray
 
     @cached_property
-    def swings(self):
+    def swings(self) -> np.ndarray:
         """Its double amplitudes, shape (last - first,)."""
         return np.abs(np.diff(self.value[self.first:self.last + 1]))
 
     @property
-    def weight(self):
+    def weight(self) -> float:
         """Sum of its squared swings: how much it shows of the decay, above all of its beginning."""
         return float(np.sum(self.swings**2))
 
     @property
-    def decrement(self):
+    def decrement(self) -> float:
         """Mean logarithmic decrement a half cycle over its whole half cycles."""
         whole = self.swings[:-1] if self.at_record_end else self.swings
         if whole.size < 2 or whole[-1] == 0.0:
@@ -142,22 +133,22 @@ class Fall:
         return float(np.log(whole[0] / whole[-1]) / (whole.size - 1))
 
     @cached_property
-    def end(self):
+    def end(self) -> float:
         """Time of its last turning point, s; of a single swing, when it arrives there."""
         return self.arriving_time(self.last) if self.is_single else float(self.time[self.last])
 
     @property
-    def at_record_end(self):
+    def at_record_end(self) -> bool:
         """Whether it ends with the last sample."""
         return self.last == self.time.size - 1
 
     @cached_property
-    def release(self):
+    def release(self) -> float:
         """Time at which the motion leaves its first turning point, s."""
         return self.leaving_time(self.first)
 
     @cached_property
-    def centre(self):
+    def centre(self) -> float:
         """What it swings about, rad or rad/s; of a single swing, the level of the three periods after it."""
         if not self.is_single:
             return centre_of_decay(self.value[self.first:self.last + 1])
@@ -165,7 +156,7 @@ class Fall:
         return float(np.median(self.signal.value[after]))
 
     @cached_property
-    def _periods(self):
+    def _periods(self) -> tuple[np.ndarray, np.ndarray]:
         """Times between turning points of one side, s, and the swings they span.
 
         The first turning point may have been held and the record's end is none, so neither
@@ -178,7 +169,7 @@ class Fall:
         return (periods[sure], swings[sure]) if sure.any() else (periods, swings)
 
     @cached_property
-    def period(self):
+    def period(self) -> float:
         """Mean period, weighted by the swings, s; from the first half cycle where there is no whole one."""
         periods, swings = self._periods
         if periods.size:
@@ -188,7 +179,7 @@ class Fall:
         return (self.end - self.release) / CREEP_PERIODS if crept else 2.0 * self.first_half
 
     @cached_property
-    def first_half(self):
+    def first_half(self) -> float:
         """Duration of the first half cycle without the time for which it was held, s.
 
         From the release to the turning point, or to where 5 % of the way are left: a hull
@@ -197,34 +188,34 @@ class Fall:
         return min(self._turned, self._arrived)
 
     @cached_property
-    def _turned(self):
+    def _turned(self) -> float:
         return float(self.time[self.first + 1] - self.release) / (1.0 - RELEASE_PHASE)
 
     @cached_property
-    def _arrived(self):
+    def _arrived(self) -> float:
         return (self.arriving_time(self.first + 1) - self.release) / (1.0 - 2.0 * RELEASE_PHASE)
 
     @property
-    def is_single(self):
+    def is_single(self) -> bool:
         """Whether it is one swing only."""
         return self.last == self.first + 1
 
-    def first_swing(self):
+    def first_swing(self) -> 'Fall':
         """The fall cut to its first swing."""
         return replace(self, last=self.first + 1, broken=False)
 
     @property
-    def is_suited(self):
+    def is_suited(self) -> bool:
         """Whether its grid is the one on which to look at its period."""
         return self.period > 0.0 and suits(self.signal, self.period)
 
     @property
-    def whole_periods(self):
+    def whole_periods(self) -> int:
         """How many periods its turning points show."""
         return self._periods[0].size
 
     @cached_property
-    def scatter(self):
+    def scatter(self) -> float:
         """Relative scatter of the periods about their trend beyond what the noise explains.
 
         Weighted by the squared swings. Noise of standard deviation sigma moves a turning point of
@@ -242,7 +233,7 @@ class Fall:
         return float(np.sqrt(max(seen - explained, 0.0)))
 
     @cached_property
-    def roughness(self):
+    def roughness(self) -> float:
         """Scatter of the swings about the smoothest law of decay, as part of the first swing.
 
         The law gives each swing by a parabola in the one before: friction, linear and
@@ -257,7 +248,7 @@ class Fall:
         residual = after - law @ np.linalg.lstsq(law, after, rcond=None)[0]
         return float(np.sqrt(np.sum(residual**2) / (after.size - 3)))
 
-    def leaving_time(self, turn):
+    def leaving_time(self, turn: int) -> float:
         """Last time near turning point ``turn`` on the way to the next, s."""
         signal = self.signal
         begin, end = signal.index(self.time[turn]), signal.index(self.time[turn + 1])
@@ -265,13 +256,13 @@ class Fall:
         near = np.flatnonzero(np.abs(signal.value[begin:end + 1] - self.value[turn]) <= band)
         return float(max(self.time[turn], signal.start + signal.interval * (begin + (near[-1] if near.size else 0))))
 
-    def leaves_in_gap(self, turn):
+    def leaves_in_gap(self, turn: int) -> bool:
         """Whether samples are missing on the way from a turning point to the next, not only while held there."""
         begin, end = self.leaving_time(turn), self.time[turn + 1]
         gaps = self.signal.gaps
         return bool(self.bridged[turn] and np.any((gaps[:, 0] < end) & (gaps[:, 1] > begin)))
 
-    def arriving_time(self, turn):
+    def arriving_time(self, turn: int) -> float:
         """First time near turning point ``turn`` on the way from the one before, s."""
         signal = self.signal
         begin, end = signal.index(self.time[turn - 1]), signal.index(self.time[turn])
@@ -280,18 +271,18 @@ class Fall:
         return float(signal.start + signal.interval * (begin + (near[0] if near.size else end - begin)))
 
     @cached_property
-    def dwell(self):
+    def dwell(self) -> float:
         """Periods for which the signal had stayed near the first turning point at release."""
         away = np.flatnonzero(np.abs(self._past - self.value[self.first]) > DWELL_BAND * self.swings[0])
         return self.signal.interval * (away[0] if away.size else self._past.size) / self.period
 
     @property
-    def arrival(self):
+    def arrival(self) -> float:
         """Time since when the signal had stayed near the first turning point, s."""
         return self.release - self.dwell * self.period
 
     @cached_property
-    def rise(self):
+    def rise(self) -> float:
         """Periods it took to come to the first turning point from the side of the next; inf if it did not."""
         level, following = self.value[self.first], self.value[self.first + 1]
         part = (self._past - level) / (following - level)
@@ -301,11 +292,11 @@ class Fall:
         return self.signal.interval * (far[0] - arrived[0]) / self.period
 
     @cached_property
-    def _past(self):
+    def _past(self) -> np.ndarray:
         """Samples up to the release, latest first."""
         return self.signal.value[:self.signal.index(self.release) + 1][::-1]
 
-    def rest_before(self, push):
+    def rest_before(self, push: float) -> float:
         """Longest rest, in periods, that ended no more than ``push`` periods before the first turning point."""
         signal = self.signal
         most = int(LONGEST_REST * self.period / signal.interval)
@@ -318,7 +309,7 @@ class Fall:
             longest = max(longest, int(np.count_nonzero(reach <= 2.0 * REST_BAND * self.swings[0])))
         return (longest - 1) * signal.interval / self.period
 
-    def rest_after(self, stop):
+    def rest_after(self, stop: float) -> float:
         """Longest rest about the centre, in periods, that begins no more than ``stop`` periods after the end."""
         signal = self.signal
         most = int(LONGEST_REST * self.period / signal.interval)
@@ -331,18 +322,18 @@ class Fall:
         return max(longest - 1, 0) * signal.interval / self.period
 
     @cached_property
-    def activity(self):
+    def activity(self) -> np.ndarray:
         """Mask of the samples around which the signal moves like the fall, shape of the signal."""
         size = max(3, round(self.period / self.signal.interval))
         reach = maximum_filter1d(self.signal.value, size) - minimum_filter1d(self.signal.value, size)
         return reach > ACTIVE_PART * self.swings[0]
 
-    def activity_after(self, periods=10.0):
-        """Moving part of this many periods that begin one period after its end."""
-        begin, end = (self.signal.index(self.end + count * self.period) for count in (1.0, 1.0 + periods))
+    def activity_after(self) -> float:
+        """Moving part of the ten periods that begin one period after its end."""
+        begin, end = (self.signal.index(self.end + count * self.period) for count in (1.0, 11.0))
         return float(np.mean(self.activity[begin:end])) if end > begin else 0.0
 
-    def unexplained(self, decays):
+    def unexplained(self, decays: Sequence['Fall']) -> float:
         """Moving time that belongs to none of the decays nor to what set them going, s."""
         moving, time = self.activity.copy(), self.signal.time
         for decay in decays:
@@ -350,25 +341,24 @@ class Fall:
         return float(np.count_nonzero(moving) * self.signal.interval)
 
 
-def _leading(mask):
+def _leading(mask: np.ndarray) -> int:
     """Number of True values before the first False one."""
     return int(mask.size if mask.all() else mask.argmin())
 
 
-def find_falls(motion, settings):
+def find_falls(motion: AxisMotion) -> list[Fall]:
     """Every fall of a motion on every grid, whether the grid suits its period or not.
 
     Parameters
     ----------
     motion : AxisMotion
         Without long pauses.
-    settings : FallSettings
 
     Returns
     -------
     list of Fall
     """
-    falls = []
+    falls: list[Fall] = []
     for signal in pyramid(even_signal(motion)):
         least = prominence_of(signal)
         if least == 0.0:
@@ -376,15 +366,17 @@ def find_falls(motion, settings):
         points = turning_points_of(signal)
         time = np.concatenate([[signal.start], points.time, [signal.end]])
         value = np.concatenate([signal.value[:1], points.value, signal.value[-1:]])
-        bridged = bridged_swings(time, signal, settings.bridged_gap)
-        for first, last, broken in split_into_falls(time, value, least, bridged, settings):
+        bridged = bridged_swings(time, signal)
+        for first, last, broken in split_into_falls(time, value, least, bridged):
             fall = Fall(signal, time, value, first, last, broken, bridged)
             if fall.swings[0] > 0.0:
                 falls.append(fall)
     return falls
 
 
-def split_into_falls(time, value, least, bridged, settings):
+def split_into_falls(
+    time: np.ndarray, value: np.ndarray, least: float, bridged: np.ndarray
+) -> Iterator[tuple[int, int, bool]]:
     """Split turning points into maximal falls.
 
     Parameters
@@ -395,7 +387,6 @@ def split_into_falls(time, value, least, bridged, settings):
         Smallest swing that is not noise.
     bridged : ndarray of bool, shape (M - 1,)
         Swings that are not judged.
-    settings : FallSettings
 
     Yields
     ------
@@ -405,18 +396,18 @@ def split_into_falls(time, value, least, bridged, settings):
         Whether something other than the noise or the record's end ended it.
     """
     swings, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
-    bridged = bridged.tolist()
+    skipped = bridged.tolist()
     first = 0
     while first < len(swings):
         if first + 1 < len(swings) and swings[first + 1] > swings[first]:
             first += 1
             continue
-        last, broken = _end_of_fall(swings, halves, least, bridged, first, settings)
+        last, broken = _end_of_fall(swings, halves, least, skipped, first)
         yield first, last, broken
         first = last
 
 
-def bridged_swings(time, signal, part):
+def bridged_swings(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
     """Mask of the swings that touch a gap long enough to hide a turning point.
 
     Parameters
@@ -425,8 +416,6 @@ def bridged_swings(time, signal, part):
         Turning points, s.
     signal : EvenSignal
         Its smoothing carries the straight line across a gap a few samples beyond it.
-    part : float
-        Part of a half cycle that is long enough.
 
     Returns
     -------
@@ -436,66 +425,69 @@ def bridged_swings(time, signal, part):
     reach = SMOOTHED_SAMPLES * signal.interval
     for begin, end in signal.gaps:
         touched = (time[:-1] <= end + reach) & (time[1:] >= begin - reach)
-        bridged |= touched & (end - begin > part * np.diff(time))
+        bridged |= touched & (end - begin > BRIDGED_GAP * np.diff(time))
     return bridged
 
 
-def _end_of_fall(swings, halves, least, bridged, first, settings):
+def _end_of_fall(
+    swings: Sequence[float], halves: Sequence[float], least: float, bridged: Sequence[bool], first: int
+) -> tuple[int, bool]:
     """Index of the turning point that ends the fall from swing ``first``, and whether it was broken off."""
-    recent, periods = [], []
+    recent: list[tuple[float, float]] = []
+    periods: list[float] = []
     known = first
-    floor = max(least, settings.faintest_swing * swings[first])
-    background = max(3.0 * least, settings.background * swings[first])
+    floor = max(least, FAINTEST_SWING * swings[first])
+    background = max(3.0 * least, BACKGROUND * swings[first])
     for at in range(first + 1, len(swings)):
         if bridged[at]:
             continue
         loss = swings[known] - swings[at]
         whole = at < len(swings) - 1
         judged = known == at - 1 and whole
-        if judged and _loses_more(loss, recent, least, settings):
+        if judged and _loses_more(loss, recent, least):
             return at, swings[known] > background
         if swings[at] < floor:
             return at, False
-        if loss < -(settings.growth * swings[known] + 0.5 * least):
+        if loss < -(GROWTH * swings[known] + 0.5 * least):
             return at, swings[at] > background
         if not whole and periods and halves[at] > 0.75 * median(periods):
             return at, False
         if judged:
-            if _loses_less(loss, swings[known], recent, least, settings):
+            if _loses_less(loss, swings[known], recent, least):
                 return at, swings[at] > background
-            if not _keeps_rhythm(halves, at, first, periods, settings):
+            if not _keeps_rhythm(halves, at, first, periods):
                 return at, swings[at] > background
             # The record may begin in the middle of a swing, which then loses too little.
             if known > 0:
-                recent = [*recent, (loss, swings[known])][-settings.recent:]
+                recent = [*recent, (loss, swings[known])][-RECENT:]
         known = at
     return len(swings), False
 
 
-def _loses_more(loss, recent, least, settings):
+def _loses_more(loss: float, recent: Sequence[tuple[float, float]], least: float) -> bool:
     """Whether a swing loses far more than the recent ones."""
-    return len(recent) >= 2 and loss > settings.loss_growth * median(lost for lost, _ in recent) + least
+    return len(recent) >= 2 and loss > LOSS_GROWTH * median(lost for lost, _ in recent) + least
 
 
-def _loses_less(loss, swing, recent, least, settings):
+def _loses_less(loss: float, swing: float, recent: Sequence[tuple[float, float]], least: float) -> bool:
     """Whether a swing loses far less than quadratic damping would take after the recent ones."""
     if len(recent) < 2:
         return False
     usual, usual_swing = (median(column) for column in zip(*recent, strict=True))
-    return loss < settings.loss_drop * usual * min(1.0, swing / usual_swing) ** 2 - least
+    return loss < LOSS_DROP * usual * min(1.0, swing / usual_swing) ** 2 - least
 
 
-def _keeps_rhythm(halves, at, first, periods, settings):
+def _keeps_rhythm(halves: Sequence[float], at: int, first: int, periods: list[float]) -> bool:
     """Whether half cycle ``at`` agrees with those before it; adds its period to the recent ones."""
     if at < first + 2:
         return True
     period = halves[at] + halves[at - 1]
     if periods:
-        ratio, most = period / median(periods), settings.period_change
+        ratio, most = period / median(periods), PERIOD_CHANGE
     else:
-        ratio, most = halves[at] / halves[at - 1], settings.asymmetry
+        ratio, most = halves[at] / halves[at - 1], ASYMMETRY
     if not 1.0 / most < ratio < most:
         return False
     periods.append(period)
-    del periods[:-settings.recent]
+    del periods[:-RECENT]
     return True

@@ -3,13 +3,16 @@
 A free decay is a fall (see `falls`). Waves make falls too, but short and rough ones amid
 motion; around a decay the craft was, or came to, rest.
 """
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.attitude.motion.decay_candidates import FallSettings, find_falls
-from swath_sysid.attitude.motion.releases import find_releases
+from swath_sysid.attitude.motion.decay_candidates import ASYMMETRY, Fall, find_falls
+from swath_sysid.attitude.motion.releases import Release, find_releases
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
+    EvenSignal,
     centre_of_decay,
     even_signal,
     find_turning_points,
@@ -20,122 +23,93 @@ from swath_sysid.attitude.motion.turning_points import (
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
+# The figures on waves come from 100 simulated seas of 10 minutes (JONSWAP spectra, hulls of every damping) and two
+# measured ones; those on decays from the records of two tank models. Of 300 further seas one still passes for a decay:
+# a high group before a lull of 8 periods.
+SMALLEST_SWING = {'angle': float(np.radians(0.4)), 'rate': float(np.radians(1.0))}
+"""rad and rad/s, peak to peak: below, an axis only shivers with the other's motion."""
 
-@dataclass(frozen=True)
-class SegmentationSettings:
-    """What counts as a free decay.
+SMALLEST_REACH = 2.5
+"""A record without a decay that reaches no further than so many times that (1 deg) is too small, whatever moved it."""
 
-    The figures on waves come from 100 simulated seas of 10 minutes (JONSWAP spectra, hulls of every
-    damping) and two measured ones; those on decays from the records of two tank models. Of 300
-    further seas one still passes for a decay: a high group before a lull of 8 periods.
+MIN_SWINGS = 3
+"""Three swings show two losses and one rhythm; fewer are taken only where nothing else moves."""
 
-    Attributes
-    ----------
-    fall : FallSettings
-        What counts as a steady fall.
-    smallest_angle_swing : float
-        rad, peak to peak. 0.4 deg: below, an axis only shivers with the other's motion.
-    smallest_rate_swing : float
-        rad/s, peak to peak. 1 deg/s: the same for a gyro.
-    smallest_reach : float
-        A record without a decay that reaches no further than so many times that (1 deg) is too
-        small, whatever moved it.
-    min_swings : int
-        Three swings show two losses and one rhythm; fewer are taken only where nothing else moves.
-    smooth_swings, smooth_roughness, smooth_scatter : int, float, float
-        A fall of so many swings, so smooth and so regular needs no rest around it. Tank decays
-        reach 0.002 and 0.003; no fall in the seas came below 0.009 and 0.01 together.
-    many_swings, many_roughness, many_scatter : int, float, float
-        Nor does one of so many swings that is smooth and regular as far as noise lets it. In the
-        seas 20 swings reached 0.023 and 0.006.
-    max_searched : float
-        In both cases other motion may last so many times longer: in hours of waves anything
-        comes by once.
-    whole_swings, whole_part : int, float
-        Nor one of so many swings that fills this part of the record: seas reached 0.75.
-    rest_wanted : float
-        Periods of rest, before and after together, that settle the matter; those seas reached 4.8.
-    max_searched_with_rest : float
-        In that case other motion may last so many times longer.
-    rest_needed : float
-        Periods of rest that settle it where little else in the record moves: for each
-        period of rest, no more than the duration of the decay. Windows of ten and more
-        periods cut from the seas had 1.6 times the duration with 0.8 periods of rest.
-    max_unexplained : float
-        In no case may other motion last longer than so many times the decay.
-    short_scatter : float
-        Scatter of the periods, where it shows three, that such a decay may have.
-    rest_in_jump : float
-        Periods of rest that a jump to the first turning point stands for.
-    min_decrement : float
-        Mean logarithmic decrement a half cycle (pi times the damping ratio) below which the
-        motion is kept up by something. The lightest decay known here has 0.012.
-    max_activity_after : float
-        Moving part of the ten periods after a decay that has no rest after it.
-    held_periods : float
-        Dwelling at the first turning point that no swinging craft does: it was held there.
-    jump_periods : float
-        A rise to it faster than the craft swings: it was dropped, or the record was cut.
-    push_periods : float
-        A rest that ended so many periods before the first turning point ended with a push.
-    stop_periods : float
-        A rest that began so many periods after the last turning point began with a stop.
-    push_memory_swings : int
-        Half cycles left out after a push: the hand, and the water it set in motion,
-    push_memory_cost : float
-        as long as they cost no more than this part of the first swing.
-    plenty_of_swings : int
-        With so many swings the faint tail is left out: it is as much the basin's motion.
-    plentiful_tail : float
-        Part of the first swing at which that tail begins: an eighth holds 1/64 of the energy.
-    smallest_of_several : float
-        Part of the largest first swing below which a further fall is not a decay of its own.
-    """
+SMOOTH_SWINGS, SMOOTH_ROUGHNESS, SMOOTH_SCATTER = 8, 0.005, 0.02
+"""A fall of so many swings, so smooth and so regular needs no rest around it. Tank decays reach 0.002 and 0.003; no
+fall in the seas came below 0.009 and 0.01 together."""
 
-    fall: FallSettings = field(default_factory=FallSettings)
-    smallest_angle_swing: float = float(np.radians(0.4))
-    smallest_rate_swing: float = float(np.radians(1.0))
-    smallest_reach: float = 2.5
-    min_swings: int = 3
-    smooth_swings: int = 8
-    smooth_roughness: float = 0.005
-    smooth_scatter: float = 0.02
-    many_swings: int = 16
-    many_roughness: float = 0.015
-    many_scatter: float = 0.03
-    max_searched: float = 30.0
-    whole_swings: int = 6
-    whole_part: float = 0.8
-    rest_wanted: float = 5.0
-    max_searched_with_rest: float = 100.0
-    rest_needed: float = 1.0
-    max_unexplained: float = 2.0
-    short_scatter: float = 0.045
-    rest_in_jump: float = 1.0
-    min_decrement: float = 0.004
-    max_activity_after: float = 0.5
-    held_periods: float = 0.4
-    jump_periods: float = 0.05
-    push_periods: float = 1.25
-    stop_periods: float = 1.0
-    push_memory_swings: int = 2
-    push_memory_cost: float = 0.25
-    plenty_of_swings: int = 20
-    plentiful_tail: float = 0.125
-    smallest_of_several: float = 0.3
+MANY_SWINGS, MANY_ROUGHNESS, MANY_SCATTER = 16, 0.015, 0.03
+"""Nor does one of so many swings that is smooth and regular as far as noise lets it. In the seas 20 swings reached
+0.023 and 0.006."""
 
-    def smallest_swing(self, quantity):
-        """Smallest first swing of an ``angle`` (rad) or a ``rate`` (rad/s) decay."""
-        return self.smallest_angle_swing if quantity == 'angle' else self.smallest_rate_swing
+MAX_SEARCHED = 30.0
+"""In both cases other motion may last so many times longer: in hours of waves anything comes by once."""
 
+WHOLE_SWINGS, WHOLE_PART = 6, 0.8
+"""Nor one of so many swings that fills this part of the record: seas reached 0.75."""
 
-DEFAULTS = SegmentationSettings()
+REST_WANTED, MAX_SEARCHED_WITH_REST = 5.0, 100.0
+"""Periods of rest, before and after together, that settle the matter (those seas reached 4.8), and how many times
+longer other motion may last in that case."""
+
+REST_NEEDED = 1.0
+"""Periods of rest that settle it where little else in the record moves: for each period of rest, no more than the
+duration of the decay. Windows of ten and more periods cut from the seas had 1.6 times the duration with 0.8 periods of
+rest."""
+
+MAX_UNEXPLAINED = 2.0
+"""In no case may other motion last longer than so many times the decay."""
+
+SHORT_SCATTER = 0.045
+"""Scatter of the periods, where it shows three, that such a decay may have."""
+
+REST_IN_JUMP = 1.0
+"""Periods of rest that a jump to the first turning point stands for."""
+
+MIN_DECREMENT = 0.004
+"""Mean logarithmic decrement a half cycle (pi times the damping ratio) below which the motion is kept up by something.
+The lightest decay known here has 0.012."""
+
+MAX_ACTIVITY_AFTER = 0.5
+"""Moving part of the ten periods after a decay that has no rest after it."""
+
+HELD_PERIODS = 0.4
+"""Dwelling at the first turning point that no swinging craft does: it was held there."""
+
+JUMP_PERIODS = 0.05
+"""A rise to it faster than the craft swings: it was dropped, or the record was cut."""
+
+PUSH_PERIODS, STOP_PERIODS = 1.25, 1.0
+"""A rest that ended so many periods before the first turning point ended with a push; one that began so many after the
+last began with a stop."""
+
+PUSH_MEMORY_SWINGS, PUSH_MEMORY_COST = 2, 0.25
+"""Half cycles left out after a push (the hand, and the water it set in motion), as long as they cost no more than this
+part of the first swing."""
+
+PLENTY_OF_SWINGS, PLENTIFUL_TAIL = 20, 0.125
+"""With so many swings the tail below this part of the first is left out: it is as much the basin's motion. An eighth
+holds 1/64 of the energy."""
+
+SMALLEST_OF_SEVERAL = 0.3
+"""Part of the largest first swing below which a further fall is not a decay of its own."""
+
+FINISHED = 0.1
+"""Part of its first amplitude at which a decay that is watched counts as over."""
+
+SWINGING_PART, MIN_SWINGING, LONGEST_LULL = 0.2, 10, 0.25
+"""A motion swings from beginning to end where so many swings reach this part of its largest, and no longer part of the
+record holds none of them."""
+
 FORCED_MOTION = 'forced-motion'
 
 RELEASED_PART = 0.6
 """Natural periods after a release within which the decay that it began is recognised: the first half swing."""
+
 QUIET_PERIODS = 2.5
 """A release alone shows a decay where so much of the record follows it."""
+
 LOUDEST_REST, MEAN_REST = 0.7, 0.3
 """Largest and root mean square motion from a period after such a release on, over the angle released from."""
 
@@ -180,43 +154,43 @@ class DecaySegment:
     advice: tuple[Advice, ...] = ()
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """End minus start, s."""
         return self.end - self.start
 
 
-def find_decays(motion, settings=DEFAULTS):
+def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """Find the free decays of a record.
 
     Parameters
     ----------
     motion : AxisMotion
         Its angle is searched, or its rate where no angle was measured.
-    settings : SegmentationSettings
 
     Returns
     -------
     tuple of DecaySegment
         The one with the most motion first, none overlapping; empty where there is none.
     """
-    decays, releases = [], []
+    decays: list[Fall] = []
+    releases: list[Release] = []
     for piece in split_at_pauses(motion):
-        falls = [fall for fall in find_falls(piece, settings.fall) if _is_large(fall, settings)]
-        decays.extend(_free_falls(falls, settings))
-        releases.extend(find_releases(piece, settings.smallest_angle_swing))
-    return _begun_at_releases([_segment_of(fall, settings) for fall in _apart(decays, settings)], releases, motion)
+        falls = [fall for fall in find_falls(piece) if _is_large(fall)]
+        decays.extend(_free_falls(falls))
+        releases.extend(find_releases(piece, SMALLEST_SWING['angle']))
+    return _begun_at_releases([_segment_of(fall) for fall in _apart(decays)], releases, motion)
 
 
-def find_decay(motion, start=None, end=None, settings=DEFAULTS):
+def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
     """Find the best free decay of a record, or measure the one that was given.
 
     Parameters
     ----------
     motion : AxisMotion
+        The record.
     start, end : float, optional
         Record time, s. What is given is taken as it is; what is not is found: the end of
         the first decay after ``start``, the start of the last before ``end``.
-    settings : SegmentationSettings
 
     Returns
     -------
@@ -228,22 +202,32 @@ def find_decay(motion, start=None, end=None, settings=DEFAULTS):
         The bounds hold no motion, or nothing decays freely; the sentence says what was
         seen instead and what to do.
     """
-    found = decay_or_absence(motion, start, end, settings)
+    found = decay_or_absence(motion, start, end)
     if isinstance(found, Advice):
         raise InputError(found.message, found.code)
     return found
 
 
-def decay_or_absence(motion, start=None, end=None, settings=DEFAULTS):
-    """As `find_decay`, but the answer of `explain_absence` where nothing decays freely."""
+def decay_or_absence(
+    motion: AxisMotion, start: float | None = None, end: float | None = None
+) -> DecaySegment | Advice:
+    """As `find_decay`, but the answer of `explain_absence` where nothing decays freely.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        The whole record.
+    start, end : float, optional
+        Bounds of the decay in the record's time, s.
+    """
     inside = _between(motion, start, end)
     if start is not None and end is not None:
         return _measured(inside, float(start), float(end))
-    decays = find_decays(inside, settings)
+    decays = find_decays(inside)
     if not decays and (start is not None or end is not None):
-        decays = _vouched_for(inside, settings)
+        decays = _vouched_for(inside)
     if not decays:
-        return explain_absence(inside, settings)
+        return explain_absence(inside)
     if start is not None:
         return _with_bounds(min(decays, key=lambda decay: decay.start), inside, start=float(start))
     if end is not None:
@@ -251,7 +235,7 @@ def decay_or_absence(motion, start=None, end=None, settings=DEFAULTS):
     return _best_of(decays)
 
 
-def is_finished(segment, motion, remaining=0.1):
+def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
     """Whether a decay is over, for one who watches a record grow.
 
     Parameters
@@ -260,28 +244,25 @@ def is_finished(segment, motion, remaining=0.1):
         Found in ``motion``.
     motion : AxisMotion
         The record so far.
-    remaining : float
-        Part of its first amplitude at which a decay counts as over.
 
     Returns
     -------
     bool
         True once it has met the noise, a disturbance or its faint tail, has fallen to
-        ``remaining``, or lies more than a period back.
+        `FINISHED`, or lies more than a period back.
     """
     over = segment.ending in ('noise-floor', 'faded', 'disturbed')
-    fallen = segment.final_amplitude <= remaining * segment.initial_amplitude
+    fallen = segment.final_amplitude <= FINISHED * segment.initial_amplitude
     return bool(over or fallen or motion.time[-1] > segment.end + segment.period)
 
 
-def explain_absence(motion, settings=DEFAULTS):
+def explain_absence(motion: AxisMotion) -> Advice:
     """Say why a record holds no free decay and what to do.
 
     Parameters
     ----------
     motion : AxisMotion
         A record in which none was found.
-    settings : SegmentationSettings
 
     Returns
     -------
@@ -290,7 +271,7 @@ def explain_absence(motion, settings=DEFAULTS):
     """
     signal = even_signal(motion)
     name, reach = _name(motion), float(np.ptp(signal.value))
-    if reach < settings.smallest_reach * settings.smallest_swing(signal.quantity):
+    if reach < SMALLEST_REACH * SMALLEST_SWING[signal.quantity]:
         return Advice(
             'too-small',
             f'{name} hardly moves ({_in_degrees(reach, signal.quantity)} peak to peak): '
@@ -311,33 +292,20 @@ def explain_absence(motion, settings=DEFAULTS):
     )
 
 
-def keeps_swinging(motion, part=0.2, fewest=10, longest_lull=0.25):
-    """Whether a motion swings from beginning to end, as it does in waves.
-
-    Parameters
-    ----------
-    motion : AxisMotion
-    part : float
-        Part of its largest swing that a swing must reach to count.
-    fewest : int
-        So many must count,
-    longest_lull : float
-        and no part of the record longer than this may hold none of them.
-
-    Returns
-    -------
-    bool
-    """
+def keeps_swinging(motion: AxisMotion) -> bool:
+    """Whether a motion swings from beginning to end, as it does in waves."""
     points = find_turning_points(motion)
-    if points.time.size <= fewest:
+    if points.time.size <= MIN_SWINGING:
         return False
     swings = points.swings
-    at = points.time[1:][swings >= part * swings.max()]
+    at = points.time[1:][swings >= SWINGING_PART * swings.max()]
     lulls = np.diff(np.concatenate([motion.time[:1], at, motion.time[-1:]]))
-    return bool(at.size >= fewest and lulls.max() <= longest_lull * motion.duration)
+    return bool(at.size >= MIN_SWINGING and lulls.max() <= LONGEST_LULL * motion.duration)
 
 
-def _begun_at_releases(decays, releases, motion):
+def _begun_at_releases(
+    decays: list[DecaySegment], releases: list[Release], motion: AxisMotion
+) -> tuple[DecaySegment, ...]:
     """The decays with each release's own beginning there, and those that only a release shows."""
     for release in releases:
         begun = release.time + RELEASED_PART * release.period
@@ -356,7 +324,7 @@ def _begun_at_releases(decays, releases, motion):
     return tuple(decays)
 
 
-def _released(decay, release):
+def _released(decay: DecaySegment, release: Release) -> DecaySegment:
     """A decay begun at its release."""
     gained = (decay.start - release.time) / decay.period
     return replace(
@@ -365,141 +333,144 @@ def _released(decay, release):
     )  # fmt: skip
 
 
-def _comes_to_rest(release, motion):
+def _comes_to_rest(release: Release, motion: AxisMotion) -> bool:
     """Whether a craft that had been held for a period swings by far less from a period after its release on."""
     held, follows = release.time - release.hold_start, motion.time[-1] - release.time
     if held < release.period or follows < (1.0 + QUIET_PERIODS) * release.period:
         return False
-    after = motion.between(release.time + release.period, None)
-    away = np.abs(after.angle - release.trim) / abs(release.angle - release.trim)
+    away = _away(motion, release, release.time + release.period, None) / abs(release.angle - release.trim)
     return bool(away.max() < LOUDEST_REST and np.sqrt(np.mean(away**2)) < MEAN_REST)
 
 
-def _alone(release, motion):
+def _alone(release: Release, motion: AxisMotion) -> DecaySegment:
     """The decay of a release whose swings the motion around them hides."""
     end = min(float(motion.time[-1]), release.time + QUIET_PERIODS * release.period)
-    last = motion.between(end - 0.5 * release.period, end).angle
     return DecaySegment(
         start=release.time,
         end=end,
         period=release.period,
         cycles=(end - release.time) / release.period,
         initial_amplitude=abs(release.angle - release.trim),
-        final_amplitude=float(np.abs(last - release.trim).max()),
+        final_amplitude=float(_away(motion, release, end - 0.5 * release.period, end).max()),
         trim=release.trim,
         beginning='released',
         ending='noise-floor',
     )
 
 
-def _is_large(fall, settings):
-    return fall.swings[0] >= settings.smallest_swing(fall.signal.quantity)
+def _away(motion: AxisMotion, release: Release, start: float, end: float | None) -> np.ndarray:
+    """Angle from the trim of a release, which is found in angles only, rad."""
+    return np.abs(np.asarray(motion.between(start, end).angle) - release.trim)
 
 
-def _free_falls(falls, settings):
+def _is_large(fall: Fall) -> bool:
+    return fall.swings[0] >= SMALLEST_SWING[fall.signal.quantity]
+
+
+def _free_falls(falls: Sequence[Fall]) -> list[Fall]:
     """The falls whose own regularity, or the rest around them, shows that no waves made them."""
-    rhythmic = [fall for fall in falls if _is_rhythmic(fall, settings)]
-    certain = [fall for fall in rhythmic if _is_regular(fall, settings) or _is_settled(fall, settings)]
+    rhythmic = [fall for fall in falls if _is_rhythmic(fall)]
+    certain = [fall for fall in rhythmic if _is_regular(fall) or _is_settled(fall)]
     others = [
         fall for fall in rhythmic
-        if not any(fall is known for known in certain) and _stands_alone(fall, certain, settings)
+        if not any(fall is known for known in certain) and _stands_alone(fall, certain)
     ]
     if certain or others:
         return certain + others
-    singles = [single for single in (fall.first_swing() for fall in falls) if _is_single_release(single, settings)]
+    singles = [single for single in (fall.first_swing() for fall in falls) if _is_single_release(single)]
     # The craft is inclined first and released last.
     return [max(singles, key=lambda single: single.release)] if singles else []
 
 
-def _is_rhythmic(fall, settings):
+def _is_rhythmic(fall: Fall) -> bool:
     """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
     return (
-        fall.swings.size >= settings.min_swings
+        fall.swings.size >= MIN_SWINGS
         and fall.is_suited
-        and _keeps_time(fall, settings)
-        and fall.decrement >= settings.min_decrement
+        and _keeps_time(fall)
+        and fall.decrement >= MIN_DECREMENT
     )
 
 
-def _keeps_time(fall, settings):
-    return 1.0 / settings.fall.asymmetry < fall.first_half / (0.5 * fall.period) < settings.fall.asymmetry
+def _keeps_time(fall: Fall) -> bool:
+    return 1.0 / ASYMMETRY < fall.first_half / (0.5 * fall.period) < ASYMMETRY
 
 
-def _rest(fall, settings):
-    return _rest_before(fall, settings) + fall.rest_after(settings.stop_periods)
+def _rest(fall: Fall) -> float:
+    return _rest_before(fall) + fall.rest_after(STOP_PERIODS)
 
 
-def _rest_before(fall, settings):
-    return fall.rest_before(settings.push_periods)
+def _rest_before(fall: Fall) -> float:
+    return fall.rest_before(PUSH_PERIODS)
 
 
-def _is_regular(fall, settings):
+def _is_regular(fall: Fall) -> bool:
     """Longer or smoother than waves make a fall, or all that the record holds."""
     number, duration = fall.swings.size, fall.end - fall.release
     many = (
-        number >= settings.many_swings
-        and fall.roughness <= settings.many_roughness
-        and fall.scatter <= settings.many_scatter
+        number >= MANY_SWINGS
+        and fall.roughness <= MANY_ROUGHNESS
+        and fall.scatter <= MANY_SCATTER
     )
     smooth = (
-        number >= settings.smooth_swings
-        and fall.roughness <= settings.smooth_roughness
-        and fall.scatter <= settings.smooth_scatter
+        number >= SMOOTH_SWINGS
+        and fall.roughness <= SMOOTH_ROUGHNESS
+        and fall.scatter <= SMOOTH_SCATTER
     )
-    if (many or smooth) and fall.unexplained([fall]) <= settings.max_searched * duration:
+    if (many or smooth) and fall.unexplained([fall]) <= MAX_SEARCHED * duration:
         return True
-    return number >= settings.whole_swings and duration >= settings.whole_part * (fall.signal.end - fall.signal.start)
+    return number >= WHOLE_SWINGS and duration >= WHOLE_PART * (fall.signal.end - fall.signal.start)
 
 
-def _is_settled(fall, settings):
+def _is_settled(fall: Fall) -> bool:
     """Followed by a long rest, or begun from one without being swamped afterwards."""
-    rest_after = fall.rest_after(settings.stop_periods)
-    if rest_after < settings.rest_wanted and not (
-        _rest(fall, settings) >= settings.rest_wanted and fall.activity_after() <= settings.max_activity_after
+    rest_after = fall.rest_after(STOP_PERIODS)
+    if rest_after < REST_WANTED and not (
+        _rest(fall) >= REST_WANTED and fall.activity_after() <= MAX_ACTIVITY_AFTER
     ):
         return False
-    return fall.unexplained([fall]) <= settings.max_searched_with_rest * (fall.end - fall.release)
+    return fall.unexplained([fall]) <= MAX_SEARCHED_WITH_REST * (fall.end - fall.release)
 
 
-def _stands_alone(fall, certain, settings):
+def _stands_alone(fall: Fall, certain: Sequence[Fall]) -> bool:
     """With some rest beside it, in a record in which, for that, little else moves."""
-    regular = fall.whole_periods < 3 or fall.scatter <= settings.short_scatter
-    rest = _rest(fall, settings) + (settings.rest_in_jump if fall.rise <= settings.jump_periods else 0.0)
-    if not regular or rest < settings.rest_needed:
+    regular = fall.whole_periods < 3 or fall.scatter <= SHORT_SCATTER
+    rest = _rest(fall) + (REST_IN_JUMP if fall.rise <= JUMP_PERIODS else 0.0)
+    if not regular or rest < REST_NEEDED:
         return False
-    return fall.unexplained([fall, *certain]) <= min(rest, settings.max_unexplained) * (fall.end - fall.release)
+    return fall.unexplained([fall, *certain]) <= min(rest, MAX_UNEXPLAINED) * (fall.end - fall.release)
 
 
-def _is_single_release(fall, settings):
+def _is_single_release(fall: Fall) -> bool:
     """One that hardly overshoots, with rest before and after: the decay of a heavily damped hull."""
     return (
         fall.is_suited
-        and fall.rest_after(settings.stop_periods) >= settings.rest_needed
-        and (fall.first == 0 or _was_held(fall, settings) or _rest_before(fall, settings) >= settings.rest_needed)
+        and fall.rest_after(STOP_PERIODS) >= REST_NEEDED
+        and (fall.first == 0 or _was_held(fall) or _rest_before(fall) >= REST_NEEDED)
         and fall.unexplained([fall]) <= fall.end - fall.release
     )
 
 
-def _was_held(fall, settings):
+def _was_held(fall: Fall) -> bool:
     """At its first turning point, until it was let go; or it was dropped there."""
-    return fall.dwell >= settings.held_periods or fall.rise <= settings.jump_periods
+    return fall.dwell >= HELD_PERIODS or fall.rise <= JUMP_PERIODS
 
 
-def _apart(falls, settings):
+def _apart(falls: Sequence[Fall]) -> list[Fall]:
     """The falls by decreasing weight, without those that a better one holds, began with or dwarfs."""
-    kept = []
+    kept: list[Fall] = []
     largest = max((fall.swings[0] for fall in falls), default=0.0)
     for fall in sorted(falls, key=lambda fall: -fall.weight):
         apart = all(fall.end <= other.arrival or fall.release >= other.end for other in kept)
-        if apart and fall.swings[0] >= settings.smallest_of_several * largest:
+        if apart and fall.swings[0] >= SMALLEST_OF_SEVERAL * largest:
             kept.append(fall)
     return kept
 
 
-def _segment_of(fall, settings):
+def _segment_of(fall: Fall) -> DecaySegment:
     """Cut a fall to what is free motion."""
-    first, beginning = _free_start(fall, settings)
-    last, end, ending = _free_end(fall, first, settings)
+    first, beginning = _free_start(fall)
+    last, end, ending = _free_end(fall, first)
     start = fall.leaving_time(first)
     reliable_end = end if ending == 'record-end' else fall.end if last == fall.last else float(fall.time[last])
     return DecaySegment(
@@ -517,30 +488,30 @@ def _segment_of(fall, settings):
     )
 
 
-def _free_start(fall, settings):
+def _free_start(fall: Fall) -> tuple[int, str]:
     """Index of the turning point after which the motion is free, and how it began."""
     if fall.leaves_in_gap(fall.first) and fall.swings.size > 1:
         return fall.first + 1, 'under-way'
-    if _was_held(fall, settings):
+    if _was_held(fall):
         return fall.first, 'released'
     if fall.arrival <= fall.signal.start + fall.signal.interval:
         return fall.first, 'record-start'
-    if fall.first == 1 and _rest_before(fall, settings) < settings.rest_needed:
+    if fall.first == 1 and _rest_before(fall) < REST_NEEDED:
         return fall.first, 'under-way'
     skipped = 0
-    for count in range(1, min(settings.push_memory_swings, fall.swings.size - 1) + 1):
-        if fall.swings[count] >= (1.0 - settings.push_memory_cost) * fall.swings[0]:
+    for count in range(1, min(PUSH_MEMORY_SWINGS, fall.swings.size - 1) + 1):
+        if fall.swings[count] >= (1.0 - PUSH_MEMORY_COST) * fall.swings[0]:
             skipped = count
     return fall.first + skipped, 'pushed'
 
 
-def _free_end(fall, first, settings):
+def _free_end(fall: Fall, first: int) -> tuple[int, float, str]:
     """Index of the last turning point, end time (s) and kind of ending of the free motion."""
     whole = fall.swings[:-1] if fall.at_record_end else fall.swings
     faint = np.flatnonzero(
-        (whole < settings.plentiful_tail * whole.max(initial=0.0)) & ~fall.bridged[fall.first:fall.first + whole.size]
+        (whole < PLENTIFUL_TAIL * whole.max(initial=0.0)) & ~fall.bridged[fall.first:fall.first + whole.size]
     )
-    if faint.size and faint[0] >= settings.plenty_of_swings:
+    if faint.size and faint[0] >= PLENTY_OF_SWINGS:
         last = fall.first + int(faint[0])
         return last, float(fall.time[last]), 'faded'
     if fall.at_record_end:
@@ -552,7 +523,7 @@ def _free_end(fall, first, settings):
     return fall.last, _end_of_quiet(fall), 'noise-floor'
 
 
-def _end_of_quiet(fall):
+def _end_of_quiet(fall: Fall) -> float:
     """Half a period (a whole one, if it creeps) after the end, or before the signal leaves its last swing, s."""
     signal = fall.signal
     settling = fall.period if fall.is_single else 0.5 * fall.period
@@ -562,7 +533,7 @@ def _end_of_quiet(fall):
     return signal.start + signal.interval * (begin + int(outside[0]) if outside.size else end)
 
 
-def _cut_advice(fall, last, end):
+def _cut_advice(fall: Fall, last: int, end: float) -> Advice:
     left = 100.0 * abs(fall.value[last] - fall.value[last - 1]) / fall.swings[0]
     return Advice(
         'disturbed-tail',
@@ -571,7 +542,7 @@ def _cut_advice(fall, last, end):
     )
 
 
-def _between(motion, start, end):
+def _between(motion: AxisMotion, start: float | None, end: float | None) -> AxisMotion:
     """The samples between the given bounds, which must make sense."""
     if start is not None and end is not None and not start < end:
         raise InputError(f'the start ({start:g} s) must lie before the end ({end:g} s)')
@@ -587,11 +558,11 @@ def _between(motion, start, end):
     return inside
 
 
-def _bound(value, otherwise):
+def _bound(value: float | None, otherwise: str) -> str:
     return otherwise if value is None else f'{value:g} s'
 
 
-def _measured(motion, start, end):
+def _measured(motion: AxisMotion, start: float, end: float) -> DecaySegment:
     """The decay that the user says there is."""
     signal = even_signal(motion)
     if np.ptp(signal.value) == 0.0:
@@ -614,7 +585,7 @@ def _measured(motion, start, end):
     )
 
 
-def _period_of_relaxation(signal, centre):
+def _period_of_relaxation(signal: EvenSignal, centre: float) -> float:
     """Natural period guessed from a motion that turns at most once, s.
 
     A critically damped hull, let go, has fallen to 10 % of its angle after 0.62 natural periods:
@@ -625,30 +596,29 @@ def _period_of_relaxation(signal, centre):
     return signal.interval * max((far[-1] - far[0] + 1) / 0.62, 2.0)
 
 
-def _vouched_for(motion, settings):
+def _vouched_for(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The large falls, taken for free decays because the user gave a bound."""
     falls = [
-        fall for piece in split_at_pauses(motion) for fall in find_falls(piece, settings.fall)
+        fall for piece in split_at_pauses(motion) for fall in find_falls(piece)
         if fall.is_suited and fall.swings.size >= 2
     ]
     largest = max((fall.swings[0] for fall in falls), default=0.0)
     large = [fall for fall in falls if fall.swings[0] >= 0.5 * largest]
-    return tuple(_segment_of(fall, settings) for fall in _apart(large, settings))
+    return tuple(_segment_of(fall) for fall in _apart(large))
 
 
-def _with_bounds(found, motion, start=None, end=None):
+def _with_bounds(
+    found: DecaySegment, motion: AxisMotion, start: float | None = None, end: float | None = None
+) -> DecaySegment:
     """A found decay with one bound replaced by the one given."""
-    changed = {
-        name: value for name, value in (('start', start), ('end', end)) if value is not None
-    }
-    labels = {'start': 'beginning', 'end': 'ending'}
-    changed.update({labels[name]: 'given' for name in tuple(changed)})
-    bounded = replace(found, **changed, advice=found.advice if end is None else ())
-    inside = motion.between(bounded.start, bounded.end)
-    return replace(bounded, cycles=inside.duration / found.period)
+    if start is not None:
+        found = replace(found, start=start, beginning='given')
+    if end is not None:
+        found = replace(found, end=end, ending='given', advice=())
+    return replace(found, cycles=motion.between(found.start, found.end).duration / found.period)
 
 
-def _best_of(decays):
+def _best_of(decays: Sequence[DecaySegment]) -> DecaySegment:
     """The best decay, with a word about the others."""
     best = decays[0]
     if len(decays) == 1:
@@ -662,9 +632,9 @@ def _best_of(decays):
     return replace(best, advice=(*best.advice, several))
 
 
-def _name(motion):
+def _name(motion: AxisMotion) -> str:
     return f'the {motion.axis} of {motion.source}' if motion.source else f'the {motion.axis}'
 
 
-def _in_degrees(value, quantity):
+def _in_degrees(value: float, quantity: str) -> str:
     return f'{np.degrees(value):.2g} {"deg" if quantity == "angle" else "deg/s"}'

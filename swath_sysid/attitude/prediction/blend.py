@@ -13,11 +13,15 @@ _TRUST_VARIANCE, _MEMORY_VARIANCE = 2.0, 60.0
 _UNPROVEN = 1.25
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN, _QUANTILE, _MISSES, _LARGEST_TAIL = 0.1, 1.6449, 0.1, 1.5
-# the variance of the true angle is at least this share of the reading's
-_MIN_SHARE = 0.02
+# the variance of the true angle is at least this share of the reading's: a still craft is known to a thirtieth of the
+# sensor's noise; and that of the candidates' own is at least this share of what they claim
+_MIN_SHARE, _MIN_SCALE = 1e-3, 0.02
 # a squared error over its expected value counts as this much at the most: what nobody could foresee, such as a hand on
 # the craft, says little of the errors to come
 _CREDIBLE = 9.0
+# of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
+# candidate that is surprised all the time is judged by half of its errors
+_MOST_EXCUSED = 0.5
 
 
 class Blend:
@@ -41,6 +45,8 @@ class Blend:
     mean_square : ndarray, shape (E, S, A)
         Of the candidates' errors; of what they would be taken to err where they had no forecast.
     weights : ndarray, shape (E, S, A)
+    scale : ndarray, shape (S, A)
+        Variance over the candidates' own, by the errors' mean square and the intervals' coverage.
     blended_square, coverage : ndarray, shape (S, A)
         Mean square error of the blend, and the share of its 90 % intervals that held.
     """
@@ -51,7 +57,7 @@ class Blend:
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
         self._prior = np.asarray(prior, dtype=float)[:, None, None]
         self._shape = self._prior.shape[0], self.steps.size, axes
-        self._places = np.arange(self.steps.size)
+        self._places, self._axes = np.arange(self.steps.size), np.arange(axes)
         memory = np.minimum(_MEMORY + _MEMORY_LEADS * step * self.steps, _LONGEST_MEMORY)
         self._keep = (1.0 - step / memory)[:, None]
         self.restart()
@@ -60,20 +66,23 @@ class Blend:
         """Forget everything."""
         depth = int(self.steps[-1]) + 1
         self._row = 0
-        self._issued = np.full((depth, *self._shape), np.nan)
+        self._issued = np.full((depth, self.steps.size, *self._shape[::2]), np.nan)
         self._blended = np.full((depth, *self._shape[1:]), np.nan)
         self._variance = np.full((depth, *self._shape[1:]), np.nan)
         self.mean_square = np.zeros(self._shape)
         self._time = np.zeros(self._shape[1:])
-        self._time_variance = np.zeros(self._shape[1:])
         self._interval = np.full((depth, *self._shape[1:]), np.nan)
-        self._tail = np.zeros(self._shape[1:])
-        self._ratio = np.ones(self._shape[1:])
+        self._excused = np.zeros(self._shape[1:])
+        # of forecasts under a moment, and of those of a hull on which nothing acts: the one says nothing of the other
+        self._was_free = np.zeros((depth, self._shape[2]), dtype=int)
+        self._time_variance, self._tail = np.zeros((2, 2, *self._shape[1:]))
+        self._ratio, self._scales = np.ones((2, 2, *self._shape[1:]))
+        self.scale = self._scales[0]
         self.blended_square = np.zeros(self._shape[1:])
         self.coverage = np.full(self._shape[1:], 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
 
-    def take(self, reading, mean, variance, noise_variance=0.0, foreseeable=None):
+    def take(self, reading, mean, variance, noise_variance=0.0, foreseeable=None, free=0):
         """Score the forecasts that this row makes known, and keep those issued at it.
 
         Parameters
@@ -86,20 +95,25 @@ class Blend:
             Of the sensor.
         foreseeable : ndarray of int, shape (A,), optional
             Rows since something acted on the craft that nothing foretold: the errors of forecasts issued before say
-            nothing of who forecasts best.
+            nothing of who forecasts best, unless that happens all the time.
+        free : ndarray of int, shape (A,), optional
+            One where nothing acts on the craft.
         """
         depth = self._issued.shape[0]
-        then = (self._row - self.steps) % depth
-        reading = np.broadcast_to(reading, self._shape[1:])
-        self._judge(reading - self._blended[then, self._places], self._interval[then, self._places])
+        then = (self._row - self.steps) % depth, self._places
+        blended, interval = reading - self._blended[then], self._interval[then]
+        self._judge(blended, interval)
         if foreseeable is not None:
-            reading = np.where(self.steps[:, None] > foreseeable, np.nan, reading)
-        self._learn(
-            reading - self._issued[then, :, self._places].swapaxes(0, 1), reading - self._blended[then, self._places],
-            self._variance[then, self._places], self._interval[then, self._places], noise_variance,
-        )  # fmt: skip
+            excused = (self.steps[:, None] > foreseeable) & (self._excused < _MOST_EXCUSED)
+            self._excused += self._step / _MEMORY_VARIANCE * (excused - self._excused)
+            blended[excused] = np.nan
+        errors = reading - self._issued[then].swapaxes(0, 1)
+        issued = self._was_free[then[0]], self._places[:, None], self._axes
+        self._learn(errors, blended, self._variance[then], interval, noise_variance, issued)
         now = self._row % depth
-        self._issued[now] = mean
+        self._was_free[now] = free
+        self.scale = self._scales[self._was_free[now], self._places[:, None], self._axes]
+        self._issued[now] = mean.swapaxes(0, 1)
         weights = present_weights(self.weights, np.isfinite(mean))
         self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
         true = np.maximum(self._variance[now] - noise_variance, _MIN_SHARE * self._variance[now])
@@ -140,34 +154,37 @@ class Blend:
             self._row += 1
         self._row += max(count - self._issued.shape[0], 0)
 
-    def _learn(self, errors, blended, variance, interval, noise_variance):
+    def _learn(self, errors, blended, variance, interval, noise_variance, issued):
         known = np.isfinite(blended)
         if not known.any():
             return
         square = blended**2
-        self._time, gain = self._aged(self._time, known, self._keep)
+        self._time, gain = self._aged(self._time, known, self._keep, self._step)
         squares = np.where(np.isfinite(errors), errors**2, _UNPROVEN * square)
         self.mean_square += gain * np.where(known, squares - self.mean_square, 0.0)
-        self._time_variance, gain = self._aged(self._time_variance, known, 1.0 - self._step / _MEMORY_VARIANCE)
         true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
+        # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it
+        shown = (true / variance) ** 2
+        time, gain = self._aged(
+            self._time_variance[issued], known, 1.0 - self._step / _MEMORY_VARIANCE, shown * self._step
+        )
         # ratio by ratio: a mean of variances would remember the largest for minutes
         ratio = (np.minimum(square, _CREDIBLE * variance) - noise_variance) / true
-        self._ratio += gain * np.where(known, ratio - self._ratio, 0.0)
+        mean_ratio = self._ratio[issued]
+        mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
         # wide tails make the mean square say more than the 90 % interval wants
-        missed = np.where(known, (square > interval) - _MISSES, 0.0)
-        self._tail = np.clip(self._tail + _TAIL_GAIN * self._step * missed, -_LARGEST_TAIL, _LARGEST_TAIL)
+        missed = np.where(known, shown * ((square > interval) - _MISSES), 0.0)
+        tail = np.clip(self._tail[issued] + _TAIL_GAIN * self._step * missed, -_LARGEST_TAIL, _LARGEST_TAIL)
+        self._time_variance[issued], self._ratio[issued], self._tail[issued] = time, mean_ratio, tail
+        trust, by_errors = _TRUST_VARIANCE, time * np.maximum(mean_ratio, _MIN_SCALE)
+        self._scales[issued] = np.exp(tail) * (trust + by_errors) / (trust + time)
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
-    def _aged(self, time, known, keep):
+    @staticmethod
+    def _aged(time, known, keep, added):
         """The time that an average stands for after one more row, and the weight of that row in it."""
-        time = np.where(known, keep * time + self._step, time)
-        return time, np.where(known, self._step / np.maximum(time, self._step), 0.0)
-
-    @property
-    def scale(self):
-        """Variance over the candidates' own, shape (S, A), by the errors' mean square and the intervals' coverage."""
-        time, trust = self._time_variance, _TRUST_VARIANCE
-        return np.exp(self._tail) * (trust + time * np.maximum(self._ratio, _MIN_SHARE)) / (trust + time)
+        time = np.where(known, keep * time + added, time)
+        return time, np.where(known, added / np.maximum(time, 1e-12), 0.0)
 
     def combine(self, mean, covariance, axis_of, noise_variance=0.0):
         """The blended forecast at the leads.
@@ -211,10 +228,10 @@ def error_weights(mean_square, time, prior):
     -------
     ndarray, shape (E, S, A)
     """
-    level = np.log(np.maximum(mean_square, 1e-300))
-    common = level.mean(axis=0)
-    drawn = np.log((time * np.exp(level - common) + _TRUST) / (time + _TRUST))
-    weights = prior * np.exp(-_POWER * (drawn - drawn.min(axis=0)))
+    square = np.maximum(mean_square, 1e-300)
+    common = np.exp(np.log(square).mean(axis=0))
+    drawn = (time * square / common + _TRUST) / (time + _TRUST)
+    weights = prior * (drawn.min(axis=0) / drawn) ** _POWER
     return weights / weights.sum(axis=0)
 
 

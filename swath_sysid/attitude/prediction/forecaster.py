@@ -490,7 +490,7 @@ class Forecaster:
         variance = np.diagonal(covariance, axis1=2, axis2=3)
         self._blend.take(
             row[_MEASURED][:2], mean[..., :2], variance[..., :2], np.array(self._reported_noise[:2]),
-            np.array(self._rows_since_surprise),
+            np.array(self._rows_since_surprise), np.array([hull.is_free for hull in self._hulls.values()], dtype=int),
         )  # fmt: skip
         self._rows_since_surprise = [rows + steps for rows in self._rows_since_surprise]
 
@@ -595,8 +595,10 @@ class Forecaster:
             mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
             if space.strain > HEALTHY_STRAIN:
                 mean[k][:, self._hull_vouches(k)] = math.nan
-            # nothing acts: there is nothing else to know
-            mean[k][:, [self._hulls[AXES[axis]].is_free for axis in AXIS_OF_TARGET]] = math.nan
+        for place, hull in enumerate(self._hulls.values()):
+            if hull.is_free:
+                # nothing acts: there is nothing else to know
+                mean[:hull_place, :, place::2] = mean[hull_place + 1:, :, place::2] = math.nan
         angles = mean[..., :2]
         # a third of what np.clip takes
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)

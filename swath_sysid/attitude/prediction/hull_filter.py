@@ -16,8 +16,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.terms import term_moments
@@ -29,7 +28,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
-_OF_HULL = slice(TRIM, HULL_STATES)
+OF_HULL = slice(TRIM, HULL_STATES)
 
 NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
@@ -256,14 +255,10 @@ class ExcitationFit:
     levels: tuple[float, float]
 
 
-class HullTrack(ExtendedKalmanFilter):
-    """Extended Kalman filter of a hull under a moment; each call says how much time has passed.
-
-    ``x`` and ``P`` are filterpy's; so are ``predict`` and ``update`` where numba is absent, after `linearise`.
-    """
+class HullTrack:
+    """Extended Kalman filter of a hull under a moment; each call says how much time has passed."""
 
     def __init__(self):
-        super().__init__(dim_x=HULL_STATES, dim_z=2)
         self.x, self.P = np.zeros(HULL_STATES), np.eye(HULL_STATES)
         self.moment = NO_MOMENT
         self.strain = 1.0
@@ -285,8 +280,6 @@ class HullTrack(ExtendedKalmanFilter):
     def set_state(self, mean, covariance):
         """Replace the state, of whatever size."""
         self.x, self.P = np.array(mean), np.array(covariance)
-        self.dim_x = self.x.size
-        self._I = np.eye(self.dim_x)
         self.foreseen = None
 
     def set_part(self, places, mean, covariance):
@@ -302,13 +295,13 @@ class HullTrack(ExtendedKalmanFilter):
         if foreseen is not None and abs(foreseen[0] - duration) < 1e-6:
             _, self.x, self.P = foreseen
         elif duration > 0.0:
-            self._predict_to(np.array([duration]))
+            self._predict(duration)
 
     def ahead(self, lead):
         """Mean and covariance one lead after the present state, which stays as it is."""
         if self.foreseen is None or self.foreseen[0] != lead:
             now = self.x.copy(), self.P.copy()
-            self._predict_to(np.array([lead]))
+            self._predict(lead)
             self.foreseen = lead, self.x, self.P
             self.x, self.P = now
         return self.foreseen[1:]
@@ -323,50 +316,14 @@ class HullTrack(ExtendedKalmanFilter):
 
     def _predict_to(self, durations):
         means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
-        if HAS_NUMBA:
-            hull_step.predict_to(
-                self.x, self.P, self.moment, self.hull, self.drifts, durations, self.longest, means, spreads
-            )
-            return means, spreads
-        for k, duration in enumerate(durations.tolist()):
-            count = max(1, math.ceil(duration / self.longest - 1e-6)) if duration > 0.0 else 0
-            for _ in range(count):
-                self.linearise(duration / count)
-                self.predict()
-                hull_step.limit(self.P)
-            means[k], spreads[k] = self.x[:2], self.P[:2, :2]
+        hull_step.predict_to(
+            self.x, self.P, self.moment, self.hull, self.drifts, durations, self.longest, means, spreads
+        )
         return means, spreads
 
-    def linearise(self, step):
-        """Set F, Q and the end of the mean for filterpy's own ``predict``.
-
-        Parameters
-        ----------
-        step : float
-            s, short against the hull's period.
-        """
-        blocks, h, at_rest = self.moment
-        f = ModalMoment(blocks, h, at_rest).transition(step)
-        now = self.x[HULL_STATES:]
-        mean_output = 0.5 * (h + h @ f)
-        angle, rate, to_angle, to_rate = hull_step.hull_step(
-            *map(float, self.x[:HULL_STATES]), float(mean_output @ now), float(self.P[1, 1]), step, self.hull
-        )
-        self._then = np.concatenate([[angle, rate], self.x[_OF_HULL], f @ now])
-        slopes = np.array([to_angle, to_rate])
-        self.F = np.eye(self.dim_x)
-        self.F[:2, :HULL_STATES] = slopes[:, :5]
-        self.F[:2, HULL_STATES:] = np.outer(slopes[:, 5], mean_output)
-        self.F[HULL_STATES:, HULL_STATES:] = f
-        # what drives the moment in the step acts on the hull by half
-        driven = np.zeros((self.dim_x, h.size))
-        driven[:2], driven[HULL_STATES:] = np.outer(slopes[:, 5], 0.5 * h), np.eye(h.size)
-        self.Q = driven @ (at_rest - f @ at_rest @ f.T) @ driven.T
-        self.Q[_OF_HULL, _OF_HULL] += step * np.diag([self.drifts[0], self.drifts[1], self.drifts[1]])
-
-    def predict_x(self, u=0):
-        """filterpy's hook: the mean over the step of the nonlinear hull that `linearise` has set."""
-        self.x = self._then
+    def _predict(self, duration):
+        """Move the state on by a duration, s, longer than zero."""
+        hull_step.predict(self.x, self.P, self.moment, self.hull, self.drifts, duration, self.longest)
 
     def innovation(self, elapsed, values, variances):
         """Number of values, their NIS and log likelihood, and the NIS had the moment jumped."""
@@ -379,17 +336,16 @@ class HullTrack(ExtendedKalmanFilter):
 
     def take_in(self, values, variances, learns):
         """Update with what was measured of angle and rate (NaN: not measured); see `hull_step.update`."""
-        if HAS_NUMBA:
-            hull_step.observe(self.x, self.P, *values, *variances, learns)
-            return
-        considered = self.x[_OF_HULL].copy(), self.P[_OF_HULL, _OF_HULL].copy()
-        places = [k for k, value in enumerate(values) if value == value]
-        rows = np.eye(self.dim_x)[places]
-        self.update(
-            np.array(values)[places], lambda x: rows, lambda x: rows @ x, R=np.diag(np.array(variances)[places])
-        )
-        if not learns:
-            self.x[_OF_HULL], self.P[_OF_HULL, _OF_HULL] = considered
+        hull_step.observe(self.x, self.P, *values, *variances, learns)
+
+
+def _track():
+    """A track, compiled or carried by filterpy, which loads scipy.stats and so takes 30 MB in every process."""
+    if HAS_NUMBA:
+        return HullTrack()
+    from swath_sysid.attitude.prediction.filterpy_track import FilterpyTrack
+
+    return FilterpyTrack()
 
 
 class HullFilter:
@@ -413,12 +369,12 @@ class HullFilter:
 
     def __init__(self, settings=None):
         self.settings = s = settings or HullFilterSettings()
-        self.free, self.driven = HullTrack(), HullTrack()
+        self.free, self.driven = _track(), _track()
         self.is_started = self.is_free = False
         self.rejections = 0
         self._may_learn = True
         self._quiet = self._evidence = self._since_level = 0.0
-        self._gates = [math.inf, *(float(chi2.isf(s.gate_probability, m)) for m in (1, 2))]
+        self._gates = [math.inf, *(float(chdtri(m, s.gate_probability)) for m in (1, 2))]
         self._recent = deque(maxlen=RECENT)
         self._use_moments([markov_moment(MARKOV_STD**2, MARKOV_TIME)], [1.0])
         size = HULL_STATES + self.moments[0].size
@@ -449,7 +405,7 @@ class HullFilter:
         size = HULL_STATES + hand.size + moment.size
         made.driven.set_state(np.zeros(size), np.eye(size))
         for track in (made.free, made.driven):
-            track.set_part(_OF_HULL, request.hull_mean, request.hull_covariance)
+            track.set_part(OF_HULL, request.hull_mean, request.hull_covariance)
         made._may_learn = not request.hull_is_learnt
         made._quiet = math.inf
         return made
@@ -496,7 +452,7 @@ class HullFilter:
         mean = [model.trim if model else 0.0, 0.0, 0.0]
         for track in (self.free, self.driven):
             track.set_hull(model)
-            track.set_part(_OF_HULL, mean, np.diag(self._prior))
+            track.set_part(OF_HULL, mean, np.diag(self._prior))
         if model is None:
             self.is_free = False
         elif was_without and self.is_started:
@@ -567,7 +523,7 @@ class HullFilter:
         if self.model is None:
             return None
         return ExcitationRequest(
-            self.model, self.x[_OF_HULL].copy(), self.P[_OF_HULL, _OF_HULL].copy(), self.learns_hull, step, angle,
+            self.model, self.x[OF_HULL].copy(), self.P[OF_HULL, OF_HULL].copy(), self.learns_hull, step, angle,
             rate, angle_variance, rate_variance, samples,
         )  # fmt: skip
 
@@ -606,7 +562,7 @@ class HullFilter:
             angle_variance if has_angle else INITIAL_ANGLE_STD**2, rate_variance if has_rate else INITIAL_RATE_STD**2
         ])
         if self.is_free:
-            self.driven.set_part(_OF_HULL, self.x[_OF_HULL], self.P[_OF_HULL, _OF_HULL])
+            self.driven.set_part(OF_HULL, self.x[OF_HULL], self.P[OF_HULL, OF_HULL])
         self.driven.set_part(slice(2), motion, spread)
         if len(self.moments) == 1:
             self._set_level(0, max(self.levels[0], 1.0))
@@ -766,7 +722,7 @@ class HullFilter:
         """
         mean, covariance = self.speaking.ahead(lead)
         return (
-            float(mean[0]), float(mean[1]), float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+            mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1)
         )
 
     def forecast(self, leads):

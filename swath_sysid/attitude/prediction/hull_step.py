@@ -2,7 +2,7 @@
 
 The state is [angle, rate, trim, log stiffness scale, log damping scale, moment's states z]; mean (n,) and covariance
 (n, n) are changed in place. The moment's blocks are sparse (`modal_moment`), the hull couples to them by one row: a
-step takes some thousand multiplications where dense matrices take forty thousand. `HullTrack.linearise` says the
+step takes some thousand multiplications where dense matrices take forty thousand. `FilterpyTrack.linearise` says the
 same in matrices, for filterpy.
 """
 import math

@@ -73,11 +73,12 @@ class AgreementMeter:
 
     def __init__(self):
         self._seconds = self._square = self._chance = 0.0
+        self._past: deque[tuple[float, float]] = deque()
         self.restart()
 
     def restart(self):
         """Forget the neighbours (after a gap or a missing value), not what was learnt."""
-        self._past: deque[tuple[float, float]] = deque()
+        self._past.clear()
         self._rate = math.nan
         self._time = self._integral = 0.0
 

@@ -14,7 +14,7 @@ from copy import copy, deepcopy
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -136,7 +136,7 @@ class ManoeuvreFilter:
         self._columns = np.repeat(self.model.values[:, None], MOVES.shape[1], axis=1)
         most = abs(float(thrust_curve(self.model.largest_input, self.model.values)))
         self._substeps = substeps_for(self.model, LONGEST_STEP, thrust=((most,), (most,)))
-        self._gate = float(chi2.isf(self.settings.gate_probability, 1))
+        self._gate = float(chdtri(1, self.settings.gate_probability))
         self._rejections = dict.fromkeys(MEASURABLE, 0)
 
     @property

@@ -1,0 +1,86 @@
+"""Tables: their values, and how they are shown to people and to other programs."""
+import csv
+import io
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its heading, and how a value is shown to the eye."""
+
+    name: str
+    show: Callable = str
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Attributes
+    ----------
+    name : str
+        File name without ending.
+    title, note : str
+    columns : tuple of Column
+    rows : tuple of tuple
+        Raw values, as the CSV file holds them.
+    marks : dict of (int, int) to str
+        Row and column to ``best`` or ``beyond``.
+    """
+
+    name: str
+    title: str
+    note: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple, ...]
+    marks: dict = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, name, title, note, items, *columns):
+        """A table of like items: each column is a heading, the value of an item, and how it is shown."""
+        rows = tuple(tuple(value(item) for _, value, *_ in columns) for item in items)
+        return cls(name, title, note, tuple(Column(heading, *show) for heading, _, *show in columns), rows)
+
+
+def digits(count):
+    """A function that shows numbers with this many significant digits."""
+
+    def show(value):
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return '-'
+        return f'{float(f"{value:.{count}g}"):.12g}'
+
+    return show
+
+
+def percent(value):
+    """A share, shown in percent."""
+    return '-' if value is None or math.isnan(value) else f'{100.0 * value:.3g} %'
+
+
+def table_as_csv(table):
+    """Text of a CSV file, its numbers with all their digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(c.name for c in table.columns)
+    writer.writerows(table.rows)
+    return text.getvalue()
+
+
+def table_in_words(table):
+    """Aligned lines of text; columns without any value are left out."""
+    shown = [
+        ['-' if value is None else column.show(value) for column, value in zip(table.columns, row, strict=True)]
+        for row in table.rows
+    ]
+    kept = [k for k, _ in enumerate(table.columns) if any(row[k] not in ('-', '') for row in shown)]
+    lines = [[table.columns[k].name for k in kept], *([row[k] for k in kept] for row in shown)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(kept))]
+    return [table.title, *('  ' + '  '.join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)]
+
+
+def table_as_data(table):
+    """Rows as dicts by column name."""
+    return [dict(zip((c.name for c in table.columns), row, strict=True)) for row in table.rows]
