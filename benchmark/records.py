@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 from record_forecasts import DATA, only, without_samples
 
-from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_forced
-from swath_sysid.attitude.identification.fit_quality import poor_fit
-from swath_sysid.attitude.identification.identify import identify
+from swath_sysid.attitude.identification.at_sea import identify_at_sea
+from swath_sysid.attitude.identification.fit_quality import REFUSED
+from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.problem import decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
@@ -209,12 +210,13 @@ def hulls_before(trial, end, others=None):
     for axis in axes_of(trials[0]):
         motions = [seen.axis(axis) for seen in trials]
         try:
-            if others is None and is_forced(motions[0]):
-                found = identify_at_sea(motions[0], heave_of(trials[0]))
+            problem = decays_or_waves(motions) if others is None else prepare(motions)
+            if problem is None:
+                found = identify_at_sea(motions[0], heave_of(trials[0]), searched=True)
                 usable = found.is_usable
             else:
-                found = identify(motions)
-                usable = not poor_fit(found)
+                found = identify_problem(problem, IdentificationSettings())
+                usable = found.verdict.level != REFUSED
         except InputError:
             continue  # too short, or no decay: there is no hull to forecast with yet
         if usable:

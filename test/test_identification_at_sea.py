@@ -9,7 +9,8 @@ from craft_at_sea import jonswap, known_sea
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import excitation_spectrum, identify_at_sea, is_at_sea, is_forced
+from swath_sysid.attitude.identification.at_sea import excitation_spectrum, identify_at_sea, is_at_sea
+from swath_sysid.attitude.identification.problem import decays_or_waves
 from swath_sysid.attitude.identification.refit import RefitSettings, Refitter, refit
 from swath_sysid.attitude.identification.sea_motion import (
     Heave,
@@ -233,7 +234,8 @@ def test_the_model_file_says_that_it_was_identified_at_sea(found):
 def test_forced_motion_is_told_from_a_decay(linear_motion):
     time = np.arange(0.0, 60.0, 0.05)
     decay = 0.1 * np.exp(-0.1 * time) * np.cos(2.5 * time)
-    assert is_forced(linear_motion) and not is_forced(AxisMotion('roll', time, decay, None))
+    assert decays_or_waves([linear_motion]) is None
+    assert decays_or_waves([AxisMotion('roll', time, decay, None)]).segments
 
 
 @pytest.fixture(scope='module')
@@ -326,4 +328,4 @@ def test_thirds_of_a_measured_record_agree(data_folder):
 def test_the_decays_are_still_decays(data_folder):
     for name in ('kvlcc2/run2_0kn.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_3deg_repeat1.csv'):
         trial = read_trial(data_folder / 'decay' / name)
-        assert not is_forced(trial.axis('roll' if 'kvlcc2' in name else 'pitch'))
+        assert decays_or_waves([trial.axis('roll' if 'kvlcc2' in name else 'pitch')]).segments

@@ -7,7 +7,7 @@ import pytest
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
-from swath_sysid.attitude.identification.fit_quality import explained_share, poor_fit
+from swath_sysid.attitude.identification.fit_quality import REFUSED, explained_share
 from swath_sysid.attitude.identification.identify import identify
 from swath_sysid.cli.main import main
 from swath_sysid.formats.csv_trials import write_csv
@@ -25,7 +25,7 @@ FAULTS = {
 @pytest.mark.parametrize('fault', FAULTS)
 def test_rates_that_contradict_the_angle_are_no_noise(fault, tmp_path, capsys):
     faulty = replace(TRUE, pitch_rate=FAULTS[fault](TRUE.pitch_rate))
-    assert 'poor-fit' in [advice.code for advice in poor_fit(identify([faulty.axis('pitch')]))]
+    assert identify([faulty.axis('pitch')]).verdict.level == REFUSED
     # and a record that contradicts itself is not fitted to begin with, whatever is forced
     path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
     write_csv(path, faulty)
@@ -50,14 +50,14 @@ def test_a_poor_fit_is_written_only_with_force(verb, tmp_path, capsys):
 def test_white_noise_is_no_fault():
     noisy = SensorNoise(TRUE.pitch.std() / 5.0, 0.1, 0.0)
     trial = simulated_trial(hull_named('swath-pitch').model, np.radians(6.0), 15.0, 50.0, noisy, 1, 0.0)
-    assert poor_fit(identify([trial.axis('pitch')])) == ()
+    assert identify([trial.axis('pitch')]).verdict.level != REFUSED
 
 @pytest.mark.slow
 def test_measured_decays_pass(data_folder):
     for name in ('kvlcc2/run2_0kn.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_3deg_repeat1.csv',
                  'foswec/pitch_8.4deg_repeat3.csv'):
         axis = 'roll' if 'kvlcc2' in name else 'pitch'
-        assert poor_fit(identify([read_trial(data_folder / 'decay' / name).axis(axis)])) == (), name
+        assert identify([read_trial(data_folder / 'decay' / name).axis(axis)]).verdict.level != REFUSED, name
 
 
 def test_explained_share_is_r2():

@@ -263,6 +263,7 @@ def joined(problems):
         axis=problems[0].axis,
         motions=motions,
         segments=segments,
+        observed=tuple(m for p in problems for m in p.observed),
         states=tuple(s for p in problems for s in p.states),
         scales=scales,
         noise=noise,

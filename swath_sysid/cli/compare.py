@@ -8,10 +8,15 @@ from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.identification.fit_quality import poor_fit
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
-from swath_sysid.cli.identify import add_force_argument, add_search_arguments, conclude_fit, settings_of
+from swath_sysid.cli.identify import (
+    add_force_argument,
+    add_search_arguments,
+    conclude_fit,
+    is_to_be_written,
+    settings_of,
+)
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.report.fit_figure import fit_figure
@@ -50,15 +55,15 @@ def run(arguments: Namespace) -> int:
             progress=lambda done, name: progress(done / len(equations), name),
         )  # fmt: skip
     choice = found.choice.identification
-    faults = poor_fit(choice)
-    write_fit(arguments, choice, fit_figure, arguments.force or not faults)
-    show_advice((*choice.advice, *faults))
+    write_fit(arguments, choice, fit_figure, is_to_be_written(arguments, choice.verdict))
+    advice = (*choice.advice, *choice.verdict.warnings)
+    show_advice(advice)
     if arguments.json:
         data = comparison_as_data(found, time.perf_counter() - began)
-        print(json.dumps({**data, **warnings_as_data((*read_advice, *choice.advice, *faults))}, indent=2))
+        print(json.dumps({**data, **warnings_as_data((*read_advice, *advice))}, indent=2))
     else:
         _print_ranking(found)
-    return conclude_fit(arguments, faults)
+    return conclude_fit(arguments, choice.verdict)
 
 
 def _print_ranking(comparison: Comparison) -> None:

@@ -6,12 +6,14 @@ import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 
-from swath_sysid.attitude.identification.at_sea import identify_at_sea, is_forced
-from swath_sysid.attitude.identification.fit_quality import poor_fit
-from swath_sysid.attitude.identification.identify import DEFAULT_EQUATION, OBJECTIVES, IdentificationSettings, identify
+from swath_sysid.attitude.identification.at_sea import identify_at_sea
+from swath_sysid.attitude.identification.fit_quality import REFUSED, Verdict
+from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
-from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.identification.selection import choose
+from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
@@ -38,7 +40,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     kind.add_argument('--decay', action='store_true', help='the records are free decays, whatever they look like')
     parser.add_argument(
         '--equation', metavar='NAME',
-        help=f'published equation, composition like b1,b2|r1,r3, either with +friction (default: {DEFAULT_EQUATION})',
+        help='published equation, composition like b1,b2|r1,r3, either with +friction (default: the simplest '
+        'adequate one of a few)',
     )  # fmt: skip
     add_search_arguments(parser)
     add_tank_arguments(parser)
@@ -85,41 +88,51 @@ def run(arguments: Namespace) -> int:
     particulars, type_b = particulars_of(arguments), type_b_of(arguments)
     settings = settings_of(arguments, arguments.equation)
     trials, read_advice, axis = trials_of(arguments)
-    if _is_at_sea(arguments, trials, axis):
+    problem = _problem_of(arguments, motions_of(trials, axis))
+    if problem is None:
         return _run_at_sea(arguments, trials, axis, read_advice, began)
     with progress_of('identify') as progress:
-        found = identify(motions_of(trials, axis), settings, progress=progress)
+        if settings.equation is None and settings.objective == 'simulation':
+            found = choose(problem, settings, progress=progress)
+        else:
+            found = identify_problem(problem, settings, progress=progress)
     inertia = particulars.inertia_of(found.model)
     tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
-    faults = poor_fit(found)
-    write_fit(arguments, found, fit_figure, arguments.force or not faults)
-    show_advice((*found.advice, *faults))
+    write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))
+    show_advice((*found.advice, *found.verdict.warnings))
     if arguments.json:
-        advice = (*read_advice, *found.advice, *faults)
+        advice = (*read_advice, *found.advice, *found.verdict.warnings)
         data = fit_as_data(found, time.perf_counter() - began, inertia)
         data |= {table.name: table_as_data(table) for table in tables} | warnings_as_data(advice)
         print(json.dumps(finite_or_none(data), indent=2))
     else:
         print('\n'.join([*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t)))]))
-    return conclude_fit(arguments, faults)
+    return conclude_fit(arguments, found.verdict)
 
 
-def conclude_fit(arguments: Namespace, faults: Sequence[Advice]) -> int:
+def is_to_be_written(arguments: Namespace, verdict: Verdict) -> bool:
+    """Whether a fit is good enough for a model file, or one was asked for nevertheless; shared with compare."""
+    return arguments.force or verdict.level != REFUSED
+
+
+def conclude_fit(arguments: Namespace, verdict: Verdict) -> int:
     """The exit code, and a word where the model was not written; shared with compare."""
-    if not faults or arguments.force:
+    if is_to_be_written(arguments, verdict):
         return 0
     if arguments.output:
         print(f'{arguments.output} was not written: --force writes it nevertheless', file=sys.stderr)
     return EXIT_POOR_FIT
 
 
-def _is_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str):
-    """Whether the record is to be taken for motion in waves."""
-    if arguments.at_sea or arguments.decay:
-        return arguments.at_sea
+def _problem_of(arguments: Namespace, motions: Sequence[AxisMotion]) -> Problem | None:
+    """The free decays of the records, or None where they are to be taken for motion in waves."""
+    if arguments.at_sea:
+        return None
     # bounds or an equation imply a decay
     given = (arguments.start, arguments.end, arguments.equation)
-    return given == (None, None, None) and all(is_forced(trial.axis(axis)) for trial in trials)
+    if arguments.decay or given != (None, None, None):
+        return prepare(motions, arguments.start, arguments.end)
+    return decays_or_waves(motions)
 
 
 def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_advice: Sequence[Advice], began: float):
@@ -134,7 +147,8 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
         )
     with progress_of('identify at sea') as progress:
         found = identify_at_sea(
-            trials[0].axis(axis), heave_of(trials[0]), arguments.start, arguments.end, progress=progress
+            trials[0].axis(axis), heave_of(trials[0]), arguments.start, arguments.end,
+            searched=not arguments.at_sea, progress=progress,
         )
     write_fit(arguments, found, at_sea_figure, found.is_usable)
     show_advice(found.advice)

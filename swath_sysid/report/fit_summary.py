@@ -35,7 +35,12 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
     data = {
         'equation': model.equation.name,
         'axis': model.axis,
-        'ratios': ratios_as_data(identification),
+        'ratios': {
+            name: {**ratio, 'interval': list(identification.intervals[name])}
+            for name, ratio in ratios_as_data(identification).items()
+        },
+        'verdict': vars(identification.verdict),
+        'choice': identification.choice,
         'correlation': correlation(identification.covariance).tolist(),
         'trim_rad': model.trim,
         'trim_std_rad': identification.trim_std,
@@ -70,13 +75,17 @@ def warnings_as_data(advice: Iterable[Advice]) -> dict[str, list[dict[str, str]]
 def fit_in_words(identification: Identification, inertia: float | None = None) -> list[str]:
     """Lines for a reader."""
     model = identification.model
-    lines = [f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)']
+    lines = [
+        f'{model.axis}: {model.equation.name}, {len(identification.records)} record(s)',
+        f'  {identification.verdict}',
+        *([f'  {identification.choice}'] if identification.choice else []),
+    ]
     lines += [
         f'  {short_name(record.motion.source)}: decay from {record.segment.start:.2f} to {record.segment.end:.2f} s, '
         f'{record.segment.cycles:.1f} cycles'
         for record in identification.records
     ]
-    lines += ratio_lines(identification)
+    lines += ratio_lines(identification, identification.intervals)
     low, high = (math.degrees(a) for a in identification.amplitude_range)
     lines += [
         f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(identification.trim_std):.2g}',
@@ -93,12 +102,17 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
     return lines
 
 
-def ratio_lines(identified: Any) -> list[str]:
-    """A line for each ratio with its standard deviation and unit, of whatever has a model and its deviations."""
-    return [
-        f'  {name:<3}{value:>14.6g}  +- {identified.std[name]:<10.3g} {RATIO_UNITS[name]}'
-        for name, value in identified.model.terms.items()
-    ]
+def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | None = None) -> list[str]:
+    """A line for each ratio with its unit, of whatever has a model and its deviations.
+
+    Beside it stands its standard deviation, or the upper end of an interval that begins at zero.
+    """
+    lines = []
+    for name, value in identified.model.terms.items():
+        std, (low, high) = identified.std[name], (intervals or {}).get(name, (-math.inf, math.inf))
+        spread = f'< {high:.3g} (95 %)' if low == 0.0 and value < std else f'+- {std:.3g}'
+        lines.append(f'  {name:<3}{value:>14.6g}  {spread:<14} {RATIO_UNITS[name]}')
+    return lines
 
 
 def comparison_as_data(comparison: Comparison, wall_s: float | None = None) -> dict:

@@ -40,7 +40,7 @@ from swath_sysid.attitude.identification.sea_motion import (
     sea_motion,
     term_spectra,
 )
-from swath_sysid.attitude.motion.segmentation import explain_absence, find_decays
+from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -58,6 +58,9 @@ PARAMETERS = (
 """Of hull and level; those of the sea's shape follow."""
 _FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(6)
 _PRIOR_STD = (1.0, 1.2, 0.5, 0.3, 0.1, np.inf)
+
+MEAN_PEAKEDNESS = 3.3
+"""Of the seas that JONSWAP measured. With less, a hull near resonance takes part of the sea's peak for its own."""
 
 _FLOOR_PRIOR = (-7.0, 2.0)
 _FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
@@ -243,17 +246,7 @@ def is_at_sea(identified):
     return isinstance(provenance, dict) and provenance.get('identified_from') == AT_SEA
 
 
-def is_forced(motion):
-    """Whether a motion holds no free decay but swings from beginning to end, as in waves.
-
-    Parameters
-    ----------
-    motion : AxisMotion
-    """
-    return not find_decays(motion) and explain_absence(motion).code == 'forced-motion'
-
-
-def identify_at_sea(motion, heave=None, start=None, end=None, *, progress=None, should_cancel=None):
+def identify_at_sea(motion, heave=None, start=None, end=None, *, searched=False, progress=None, should_cancel=None):
     """Natural period and equivalent linear damping from a record in waves.
 
     Parameters
@@ -263,6 +256,8 @@ def identify_at_sea(motion, heave=None, start=None, end=None, *, progress=None, 
         Of the same record: shows the sea.
     start, end : float, optional
         Bounds of the stretch to use, in the record's time, s.
+    searched : bool
+        Whether the record is known to hold no free decay.
     progress : callable, optional
         Called with 0 to 1.
     should_cancel : callable, optional
@@ -280,7 +275,7 @@ def identify_at_sea(motion, heave=None, start=None, end=None, *, progress=None, 
     """
     motion = motion.between(start, end)
     fit, modes = _best_fit(motion, heave, progress, should_cancel)
-    return _concluded(motion, fit, modes)
+    return _concluded(motion, fit, modes, not searched and bool(find_decays(motion)))
 
 
 def gain_over(model, motion, heave=None, *, should_cancel=None):
@@ -391,7 +386,7 @@ class _Jonswap:
     name = 'jonswap'
 
     def __init__(self, sea):
-        self.prior = np.array([np.log(sea.peak), 0.0, 3.0, _FLOOR_PRIOR[0]])
+        self.prior = np.array([np.log(sea.peak), np.log(MEAN_PEAKEDNESS - 1.0), 3.0, _FLOOR_PRIOR[0]])
         self.prior_std = np.array([0.5, 1.0, 2.0, _FLOOR_PRIOR[1]])
 
     def starts(self):
@@ -559,7 +554,7 @@ class _Fit:
         return (vectors / np.maximum(values, least)) @ vectors.T
 
 
-def _concluded(motion, fit, modes):
+def _concluded(motion, fit, modes, holds_decay):
     sea, spectra, best = fit.sea, fit.spectra, modes[0]
     misfit = fit.deviance(best.x)
     logs, log_covariance = _estimate_with_covariance(fit, modes, fit.inflation(best.x))
@@ -592,7 +587,7 @@ def _concluded(motion, fit, modes):
     amplitude_std = 0.5 * amplitude * np.sqrt(2.0 * np.pi / sea.duration * (band @ spectra.angle**2)) / variance
     trim_std = np.sqrt(np.pi / sea.duration * np.median(spectra.angle[spectra.frequency < 0.5 * sea.peak]))
     peak_period = 2.0 * np.pi / float(fitted.frequency[fitted.fitted_excitation.argmax()])
-    advice = _advice(motion, sea, period, damping, covariance, misfit, peak_period, amplitude)
+    advice = _advice(holds_decay, sea, period, damping, covariance, misfit, peak_period, amplitude)
     return AtSeaIdentification(
         model=model,
         natural_period=float(period),
@@ -669,7 +664,7 @@ def _free_decay(model, level, lag):
     return level * (first * np.exp(roots[0] * lag) + (1.0 - first) * np.exp(roots[1] * lag)).real
 
 
-def _advice(motion, sea, period, damping, covariance, misfit, peak_period, amplitude):
+def _advice(holds_decay, sea, period, damping, covariance, misfit, peak_period, amplitude):
     degrees = np.degrees(amplitude)
     found = [Advice(
         'equivalent-linear',
@@ -677,7 +672,7 @@ def _advice(motion, sea, period, damping, covariance, misfit, peak_period, ampli
         'how it depends on the amplitude: for larger motions record a free decay in still water',
     )]  # fmt: skip
     period_spread, damping_spread = np.sqrt(np.diag(covariance)) / (period, damping)
-    if find_decays(motion):
+    if holds_decay:
         found.append(Advice(
             'holds-decay',
             'there is a free decay in this record, which says more about the hull: identify it as one',

@@ -1,6 +1,7 @@
 """From measured decays to a hull model: search, refine, and state the uncertainty."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -8,6 +9,9 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
+from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term, fit_and_test
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
+from swath_sysid.attitude.identification.fit_quality import VANISHED, judge
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, block_means, prepare
@@ -39,6 +43,10 @@ HORIZON_GROWTH = 2.5
 BLOCKS_PER_PERIOD = 24
 """As informative for a search as every sample, and short."""
 CURVE_POINTS = 40
+MAX_PERIOD_CHANGE = 0.25
+"""Of least squares' natural period: by more the basin's motion does not bend it, but a term that is lacking does."""
+CERTAIN_STDS = 2.0
+"""Standard deviations from zero from which least squares knows the stiffness that the likelihood is held against."""
 SEARCH_SHARE = 0.7
 
 
@@ -49,7 +57,7 @@ class IdentificationSettings:
     Attributes
     ----------
     equation : str or None
-        A name that `equation_named` takes; None: ``DEFAULT_EQUATION``.
+        A name that `equation_named` takes; None: ``DEFAULT_EQUATION``, `choose` in `selection` takes the best.
     objective : str
         ``simulation`` or ``one-step``.
     search : SearchSettings
@@ -104,6 +112,24 @@ class RecordFit:
 
 
 @dataclass(frozen=True)
+class Rival:
+    """An equation that explains the same records about as well.
+
+    Attributes
+    ----------
+    name : str
+    natural_period : float
+        s.
+    widening : float
+        Standard deviation of the linear stiffness with the equation open, over that of the equation chosen.
+    """
+
+    name: str
+    natural_period: float
+    widening: float
+
+
+@dataclass(frozen=True)
 class Identification:
     """An identified model and what must be known to use it.
 
@@ -112,11 +138,13 @@ class Identification:
     model : DecayModel
     covariance : ndarray, shape (n, n)
         Of the ratios of the model's terms, in their order.
+    intervals : dict of str to tuple of float
+        95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up.
     trim_std : float
         rad; NaN where no angle was measured.
     objective : str
     objective_value : float
-        Root mean square of the weighted residuals (simulation), or F in rad/s (one-step).
+        Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
     r2 : float
         Share of the variance of the measured motion that the simulated one explains.
     rmse, rate_rmse : float or None
@@ -131,11 +159,22 @@ class Identification:
     search : SearchResult
     problem : Problem
     settings : IdentificationSettings
+    basin : BasinFit or None
+        None where the ratios are those of least squares: see `refined_in_basin`.
     advice : tuple of Advice
+    log_likelihood : float or None
+        At its optimum; None where it does not suit, see `suits_likelihood`.
+    absent_term : AbsentTerm or None
+        That the equation lacks and the motion shows most.
+    choice : str
+        Why this equation, in one sentence; empty where it was given.
+    rival : Rival or None
+        Where the equation was chosen by its likelihood: the other that leaves the period most open.
     """
 
     model: DecayModel
     covariance: np.ndarray
+    intervals: dict
     trim_std: float
     objective: str
     objective_value: float
@@ -149,12 +188,27 @@ class Identification:
     search: SearchResult
     problem: Problem
     settings: IdentificationSettings
+    basin: BasinFit | None
     advice: tuple[Advice, ...]
+    log_likelihood: float | None = None
+    absent_term: AbsentTerm | None = None
+    choice: str = ''
+    rival: Rival | None = None
 
     @property
     def std(self):
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def keeps_least_squares(self):
+        """Whether the likelihood was tried and left the ratios to least squares."""
+        return self.basin is None and self.log_likelihood is not None
+
+    @cached_property
+    def verdict(self):
+        """Whether the fit can be used."""
+        return judge(self)
 
     @property
     def amplitude_range(self):
@@ -191,8 +245,9 @@ class Identification:
             'stop': self.search.stop,
             'advice': [a.code for a in self.advice],
         }
+        metrics = {**fit_metrics(self), 'verdict': self.verdict.level, 'verdict_code': self.verdict.code}
         return IdentifiedModel(
-            self.model, self.covariance, self.trim_std, self.amplitude_range, fit_metrics(self), {**provenance, **how}
+            self.model, self.covariance, self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
         )
 
 
@@ -261,8 +316,9 @@ def identify_problem(problem, settings, *, progress=None, should_cancel=None):
         fit, parameters = _exact_one_step(problem, equation, space)
     else:
         fit, parameters = _refine_outwards(problem, equation, space, best, should_cancel)
+    identified = refined_in_basin(conclude(problem, settings, equation, fit, parameters, found))
     report(1.0)
-    return conclude(problem, settings, equation, fit, parameters, found)
+    return identified
 
 
 def refit_from(problem, settings, equation, ratios, states, search):
@@ -270,7 +326,55 @@ def refit_from(problem, settings, equation, ratios, states, search):
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
     parameters, _, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)
-    return conclude(problem, settings, equation, fit, parameters, search)
+    return refined_in_basin(conclude(problem, settings, equation, fit, parameters, search))
+
+
+def suits_likelihood(problem, equation):
+    """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record.
+
+    The likelihood takes the two to differ by noise and a bias only, and so tells the craft's motion from the
+    sensor's. An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it
+    is worth; dry friction is not smooth enough for the filter.
+    """
+    both = all(m.angle is not None and m.rate is not None for m in problem.motions)
+    return both and 'b0' not in equation.terms
+
+
+def refined_in_basin(found):
+    """A least-squares identification refined by the likelihood that knows of the basin's motion, where it suits.
+
+    Where the equation lacks a term that the motion shows, the likelihood takes for the basin's motion what the
+    equation cannot make: its optimum then simulates far worse than that of least squares, which stays. So it does
+    where the natural period leaves that of least squares, although no single term stands out, and where the
+    likelihood's motion, unlike the filter's, runs away.
+    """
+    problem, equation = found.problem, found.model.equation
+    if found.objective == 'one-step':
+        return found
+    if not suits_likelihood(problem, equation):
+        return replace(found, absent_term=absent_term(found))
+    states = [record.state for record in found.records]
+    basin, lacking = fit_and_test(problem, equation, found.model.ratios, states)
+    fit = motion_fit(problem, equation)
+    parameters = fit.pack(basin.ratios, states)
+    if not all(np.isfinite(channel).all() for pair in fit.simulated(parameters) for channel in pair):
+        return replace(found, absent_term=lacking, log_likelihood=basin.log_likelihood)
+    parameters = fit.refine_states(parameters)
+    refined = conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
+    moved = _has_left(refined, found)
+    if moved:
+        lacking = lacking or absent_term(found)
+    best = refined if lacking is None and not moved else found
+    return replace(
+        best, objective_value=found.objective_value, absent_term=lacking, log_likelihood=basin.log_likelihood
+    )
+
+
+def _has_left(refined, found):
+    """Whether the likelihood's natural period is elsewhere than that of least squares, by more than its own chance."""
+    if any(found.model.terms[n] < CERTAIN_STDS * found.std[n] for n in ('r1', 's1') if n in found.std):
+        return False
+    return abs(refined.model.natural_period / found.model.natural_period - 1.0) > MAX_PERIOD_CHANGE
 
 
 def motion_fit(problem, equation, motions=None, **options):
@@ -358,16 +462,22 @@ def _refine_outwards(problem, equation, space, best, should_cancel):
         horizon *= HORIZON_GROWTH
 
 
-def conclude(problem, settings, equation, fit, parameters, search):
+def conclude(problem, settings, equation, fit, parameters, search, basin=None):
     """Everything a fit must say besides its coefficients."""
     ratios, states = fit.unpack(parameters)
     n = fit.term_count
     residuals, jacobians = fit.residuals_and_jacobian(parameters)
-    quarter_period = 0.25 * 2 * np.pi / problem.scales.frequency / problem.motions[0].sample_interval
-    covariance = sandwich_covariance(residuals, jacobians, max(5, round(quarter_period)))
+    covariance = sandwich_covariance(residuals, jacobians, problem.shortest_memory)
     units = problem.scales.ratio_units[equation.indices]
     ratio_covariance = covariance.matrix[:n, :n] * np.outer(units, units)
     trim_std = float(np.sqrt(np.mean(np.diag(covariance.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
+    intervals = [
+        interval(ratios[index], std, name in DAMPING_NAMES)
+        for name, index, std in zip(equation.terms, equation.indices, np.sqrt(np.diag(ratio_covariance)), strict=True)
+    ]
+    if basin is not None:
+        ratio_covariance, intervals = basin.covariance, basin.intervals
+        trim_std = basin.trim_std if problem.motions[0].angle is not None else float('nan')
     objective_value = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
     if settings.objective == 'one-step':
         objective_value = float(_one_step(problem)(ratios[None])[0])
@@ -379,13 +489,15 @@ def conclude(problem, settings, equation, fit, parameters, search):
         )
     )
     amplitude = np.geomspace(*amplitudes_seen(problem), CURVE_POINTS)
+    r2 = _explained(records)
     return Identification(
         model=model,
         covariance=ratio_covariance,
+        intervals={name: (float(a), float(b)) for name, (a, b) in zip(equation.terms, intervals, strict=True)},
         trim_std=trim_std,
         objective=settings.objective,
         objective_value=objective_value,
-        r2=_explained(records),
+        r2=r2,
         rmse=_rms([r.motion.angle - r.angle for r in records if r.motion.angle is not None]),
         rate_rmse=_rms([r.motion.rate - r.rate for r in records if r.motion.rate is not None]),
         samples=sum(r.size for r in residuals),
@@ -395,7 +507,8 @@ def conclude(problem, settings, equation, fit, parameters, search):
         search=search,
         problem=problem,
         settings=settings,
-        advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance)),
+        basin=basin,
+        advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance, basin)),
     )
 
 
@@ -410,12 +523,12 @@ def _explained(records):
     return 1.0 - error / sum(float(np.sum((m - m.mean()) ** 2)) for m in measured)
 
 
-def _fit_advice(problem, settings, model, covariance):
+def _fit_advice(problem, settings, model, covariance, basin):
     found = list(inseparable_terms(model.equation.terms, covariance))
     dimensionless = model.ratios / problem.scales.ratio_units
     for name in model.equation.terms:
         index = TERM_INDEX[name]
-        if name in DAMPING_NAMES and dimensionless[index] < 1e-6:
+        if name in DAMPING_NAMES and dimensionless[index] < VANISHED:
             found.append(
                 Advice(
                     'term-vanished',
@@ -423,7 +536,9 @@ def _fit_advice(problem, settings, model, covariance):
                     'this record does not need the term, choose an equation without it',
                 )
             )
-        elif dimensionless[index] > 0.999 * UPPER[index] or dimensionless[index] < 0.999 * min(LOWER[index], -1e-6):
+        elif basin is None and not (
+            0.999 * min(LOWER[index], -1e-6) <= dimensionless[index] <= 0.999 * UPPER[index]
+        ):
             found.append(
                 Advice(
                     'range-limit',

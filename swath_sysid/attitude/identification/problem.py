@@ -7,7 +7,7 @@ import numpy as np
 from swath_sysid.attitude.identification.motion_fit import InitialState, Noise
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.motion.quality import check_decay
-from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decay
+from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decay_or_absence, find_decay
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -23,6 +23,12 @@ AVERAGED = 400
 """Samples a period: records denser than the first are averaged to the second, which costs the
 motion less than 1e-5 of its amplitude."""
 
+LONGEST_AFTERMATH = 10.0
+"""Periods after a decay that are looked at,"""
+LOUDEST_AFTERMATH = 0.35
+"""as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again. A hand that
+stops the craft, too, disturbs a decay; waves that do so keep it swinging by more than the decay's last amplitude."""
+
 FIRST_LOOK_PERIODS = 0.12
 """The initial state is estimated from this part of a period."""
 
@@ -37,6 +43,8 @@ class Problem:
     motions : tuple of AxisMotion
         Cut to their free decays.
     segments : tuple of DecaySegment
+    observed : tuple of AxisMotion
+        From the release on as far as the craft was left alone: what follows a decay shows how still the basin is.
     states : tuple of InitialState
         First estimates.
     scales : Scales
@@ -50,11 +58,17 @@ class Problem:
     axis: str
     motions: tuple[AxisMotion, ...]
     segments: tuple[DecaySegment, ...]
+    observed: tuple[AxisMotion, ...]
     states: tuple[InitialState, ...]
     scales: Scales
     noise: Noise
     friction_rate: float
     advice: tuple[Advice, ...]
+
+    @property
+    def shortest_memory(self):
+        """Samples in a quarter of a natural period: the least over which residuals may be correlated."""
+        return max(5, round(0.5 * np.pi / self.scales.frequency / self.motions[0].sample_interval))
 
     def until(self, periods):
         """The records' first part, ``periods`` natural periods long; states as they are."""
@@ -81,12 +95,26 @@ def prepare(motions, start=None, end=None):
     InputError
         No record, different axes, or no free decay in a record.
     """
+    return _problem(motions, tuple(find_decay(m, start, end) for m in motions))
+
+
+def decays_or_waves(motions, start=None, end=None):
+    """As `prepare`, but None where none of the records holds a free decay and all swing from beginning to end."""
+    found = tuple(decay_or_absence(m, start, end) for m in motions)
+    absences = [each for each in found if isinstance(each, Advice)]
+    if absences and all(each.code == FORCED_MOTION for each in absences) and len(absences) == len(found):
+        return None
+    for absence in absences:
+        raise InputError(absence.message, absence.code)
+    return _problem(motions, found)
+
+
+def _problem(motions, segments):
     if not motions:
         raise InputError('give at least one trial')
     axes = {m.axis for m in motions}
     if len(axes) > 1:
         raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
-    segments = tuple(find_decay(m, start, end) for m in motions)
     advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
     cut = tuple(_averaged(m.between(s.start, s.end), s.period) for m, s in zip(motions, segments, strict=True))
     frequency = 2.0 * np.pi / float(np.median([s.period for s in segments]))
@@ -101,12 +129,30 @@ def prepare(motions, start=None, end=None):
         axis=motions[0].axis,
         motions=cut,
         segments=segments,
+        observed=tuple(m.between(s.start, _left_alone_until(m, s)) for m, s in zip(motions, segments, strict=True)),
         states=states,
         scales=scales,
         noise=noise,
         friction_rate=FRICTION_RATE_SHARE * scales.rate,
         advice=tuple(dict.fromkeys(advice)),
     )
+
+
+def _left_alone_until(motion, segment):
+    """End of the quiet, or of the waves, that a decay fades into, s; its own end where it was given or stopped."""
+    if segment.ending not in ('noise-floor', 'faded', 'disturbed') or motion.angle is None:
+        return segment.end
+    after = motion.between(segment.end, segment.end + LONGEST_AFTERMATH * segment.period)
+    if after.size < 8:
+        return segment.end
+    later = after.angle[after.size // 2 :]
+    if segment.ending == 'disturbed' and np.ptp(later) < segment.final_amplitude:
+        return segment.end
+    limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
+    loud = np.flatnonzero(np.abs(after.angle - segment.trim) > limit)
+    if not loud.size:
+        return float(after.time[-1])
+    return max(segment.end, float(after.time[loud[0]]) - segment.period)
 
 
 def _averaged(motion, period):

@@ -12,17 +12,11 @@ from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import (
-    PERIOD_USABLE,
-    gain_over,
-    identify_at_sea,
-    is_at_sea,
-    is_forced,
-)
-from swath_sysid.attitude.identification.fit_quality import MIN_R2
+from swath_sysid.attitude.identification.at_sea import PERIOD_USABLE, gain_over, identify_at_sea, is_at_sea
+from swath_sysid.attitude.identification.fit_quality import REFUSED
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.motion_fit import MotionFit
-from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.problem import decays_or_waves
 from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
@@ -218,14 +212,11 @@ def misfit(problem, model):
 
 def _refit_axis(axis, trial, request, progress, should_cancel):
     settings, motion = request.settings.identification, trial.axis(axis)
-    try:
-        problem = prepare([motion], settings.start, settings.end)
-    except InputError:
-        if not is_forced(motion):
-            raise
+    problem = decays_or_waves([motion], settings.start, settings.end)
+    if problem is None:
         return _refit_at_sea(axis, motion, heave_of(trial), request, progress, should_cancel)
     found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
-    estimate = _period_at_reference(found) if found.r2 >= MIN_R2 else None
+    estimate = _period_at_reference(found) if found.verdict.level != REFUSED else None
     return _judged_decay(axis, problem, found, request), estimate
 
 
@@ -256,7 +247,7 @@ def _judged_decay(axis, problem, found, request):
 
 def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
     try:
-        found = identify_at_sea(motion, heave, progress=progress, should_cancel=should_cancel)
+        found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
         raise InputError(f'{error} (the window holds what window_s says)') from error
     estimate = (found.natural_period, found.natural_period_std, found.amplitude) if found.has_period else None

@@ -4,14 +4,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.identification.basin_likelihood import interval
 from swath_sysid.attitude.identification.identify import (
     Identification,
     IdentificationSettings,
+    Rival,
     identify_problem,
     motion_fit,
     refit_from,
+    suits_likelihood,
 )
 from swath_sysid.attitude.identification.problem import Problem
+from swath_sysid.attitude.identification.uncertainty import amplitude_bands
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
 
@@ -20,6 +25,8 @@ FIRST_PART = 0.5
 CRITERION_MARGIN = 10.0
 """A difference of the information criterion that Kass and Raftery (1995) call very strong."""
 HELD_OUT_MARGIN = 1.1
+CANDIDATES = 'odd-cubic', 'swath-pitch-2', 'hydrofoil-pitch-3', 'swath-pitch-1', 'swath-roll-3'
+"""Tried where no equation is given: each published hull has the terms of one of them, or a part of those."""
 ROUNDING = 1e-12
 """Relative difference of two objective values that is none."""
 
@@ -32,7 +39,8 @@ class RankedFit:
     ----------
     identification : Identification
     criterion : float
-        Bayesian information criterion with the effective sample size; smaller is better.
+        Akaike's information criterion where each fit has a likelihood, else the Bayesian one with the effective
+        sample size; smaller is better.
     held_out : float
         Error of the motion simulated beyond the part it was identified on, over the standard
         deviation of the measured motion there; infinite where the simulation ran away.
@@ -116,8 +124,44 @@ def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, pr
     return rank(enforce_nesting(fits, refit), held_out)
 
 
+def choose(problem, settings, *, progress=None):
+    """Identify with a few equations and take the simplest adequate one, as `compare` does.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : IdentificationSettings
+        Its equation is ignored.
+    progress : callable, optional
+        Called with 0 to 1.
+
+    Returns
+    -------
+    Identification
+        Its ``choice`` says why.
+    """
+    equations = [equation_named(name) for name in CANDIDATES]
+    if all(suits_likelihood(problem, equation) for equation in equations):
+        fits = []
+        for equation in equations:
+            fits.append(identify_problem(problem, replace(settings, equation=equation.name)))
+            if progress is not None:
+                progress(len(fits) / len(equations))
+        found = rank(fits, [float('nan')] * len(fits))
+    else:
+        equations.append(equations[0].with_friction())
+        found = compare(
+            problem, equations, settings,
+            progress=None if progress is None else lambda done, name: progress(done / len(equations)),
+        )  # fmt: skip
+    return replace(found.choice.identification, choice=found.reason)
+
+
 def rank(fits, held_out):
     """Rank fits of the same records and choose the simplest adequate one.
+
+    Where each has a likelihood, that decides, less one for each term (Akaike 1974): leaving out a term that is there
+    spoils the intervals of the others, keeping one that is not widens them.
 
     Parameters
     ----------
@@ -129,11 +173,71 @@ def rank(fits, held_out):
     Comparison
     """
     samples = min(fits, key=lambda f: f.objective_value).effective_samples
+    by_likelihood = all(f.log_likelihood is not None for f in fits)
+    criterion = akaike_criterion if by_likelihood else lambda fit: information_criterion(fit, samples)
     ranked = sorted(
-        (RankedFit(f, information_criterion(f, samples), e) for f, e in zip(fits, held_out, strict=True)),
-        key=lambda r: r.criterion,
+        (RankedFit(f, criterion(f), e) for f, e in zip(fits, held_out, strict=True)), key=lambda r: r.criterion
     )
+    if by_likelihood and len(ranked) > 1:
+        ranked[0] = replace(ranked[0], identification=widened_by_rivals(ranked))
+        best, second = ranked[:2]
+        return Comparison(tuple(ranked), best, (
+            f'{best.name} has {best.term_count} terms and was chosen of {len(ranked)} equations: its log likelihood, '
+            'less one for each term, is '
+            f'{0.5 * (second.criterion - best.criterion):.1f} above that of {second.name}.'
+        ))
     return Comparison(tuple(ranked), *simplest_adequate(ranked))
+
+
+def spread_parts(criteria, values, stds):
+    """What each model adds to the first one's standard deviation where the choice between them is open.
+
+    With Akaike's weights w the unconditional standard deviation is the sum of w sqrt(std^2 + (value - first)^2)
+    (Burnham and Anderson 2002, eq. 4.9, about the first value instead of the mean).
+
+    Parameters
+    ----------
+    criteria, values, stds : ndarray, shape (K,)
+        Akaike's criterion, the value and its standard deviation in each model.
+
+    Returns
+    -------
+    ndarray, shape (K,)
+    """
+    weight = np.exp(0.5 * (criteria.min() - criteria))
+    return weight / weight.sum() * np.hypot(stds, values - values[0])
+
+
+def widened_by_rivals(ranked):
+    """The best fit, its linear stiffness only as certain as the choice of the equation leaves it.
+
+    Parameters
+    ----------
+    ranked : sequence of RankedFit
+        At least two, best first, by Akaike's criterion.
+
+    Returns
+    -------
+    Identification
+    """
+    fits = [r.identification for r in ranked]
+    best = fits[0]
+    names = ['r1' if 'r1' in f.model.terms else 's1' for f in fits]
+    stiffness = np.array([f.model.terms[name] for f, name in zip(fits, names, strict=True)])
+    std = np.array([f.std[name] for f, name in zip(fits, names, strict=True)])
+    parts = spread_parts(np.array([r.criterion for r in ranked]), stiffness, std)
+    widening = max(1.0, float(parts.sum() / std[0]))
+    scale = np.where([term == names[0] for term in best.model.equation.terms], widening, 1.0)
+    covariance = best.covariance * np.outer(scale, scale)
+    low, high = interval(stiffness[0], widening * std[0], False)
+    strongest = fits[1 + int(np.argmax(parts[1:]))].model
+    return replace(
+        best,
+        covariance=covariance,
+        intervals={**best.intervals, names[0]: (float(low), float(high))},
+        bands=amplitude_bands(best.model, covariance, best.bands.curves.amplitude),
+        rival=Rival(strongest.equation.name, strongest.natural_period, widening),
+    )
 
 
 def simplest_adequate(ranked, criterion='criterion'):
@@ -180,6 +284,11 @@ def information_criterion(fit, effective_samples):
     return float(2.0 * n * np.log(fit.objective_value) + len(fit.model.equation.terms) * np.log(n))
 
 
+def akaike_criterion(fit):
+    """Akaike's information criterion, 2 k - 2 log likelihood."""
+    return 2.0 * len(fit.model.equation.terms) - 2.0 * fit.log_likelihood
+
+
 def _fit_and_hold_out(task):
     problem, settings = task
     return identify_problem(problem, settings), held_out_error(problem, settings)
@@ -215,7 +324,7 @@ def held_out_error(problem, settings):
 def first_part(problem: Problem):
     """The same problem on the first half of each record."""
     cut = tuple(m.between(None, m.time[0] + FIRST_PART * m.duration) for m in problem.motions)
-    return replace(problem, motions=cut)
+    return replace(problem, motions=cut, observed=cut)
 
 
 def enforce_nesting(fits, refit):

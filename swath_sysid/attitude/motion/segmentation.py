@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath_sysid.attitude.motion.decay_candidates import ASYMMETRY, Fall, find_falls
+from swath_sysid.attitude.motion.releases import Release, find_releases
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import (
     EvenSignal,
@@ -101,6 +102,17 @@ SWINGING_PART, MIN_SWINGING, LONGEST_LULL = 0.2, 10, 0.25
 """A motion swings from beginning to end where so many swings reach this part of its largest, and no longer part of the
 record holds none of them."""
 
+FORCED_MOTION = 'forced-motion'
+
+RELEASED_PART = 0.6
+"""Natural periods after a release within which the decay that it began is recognised: the first half swing."""
+
+QUIET_PERIODS = 2.5
+"""A release alone shows a decay where so much of the record follows it."""
+
+LOUDEST_REST, MEAN_REST = 0.7, 0.3
+"""Largest and root mean square motion from a period after such a release on, over the angle released from."""
+
 
 @dataclass(frozen=True)
 class DecaySegment:
@@ -160,11 +172,13 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     tuple of DecaySegment
         The one with the most motion first, none overlapping; empty where there is none.
     """
-    decays = []
+    decays: list[Fall] = []
+    releases: list[Release] = []
     for piece in split_at_pauses(motion):
         falls = [fall for fall in find_falls(piece) if _is_large(fall)]
         decays.extend(_free_falls(falls))
-    return tuple(_segment_of(fall) for fall in _apart(decays))
+        releases.extend(find_releases(piece, SMALLEST_SWING['angle']))
+    return _begun_at_releases([_segment_of(fall) for fall in _apart(decays)], releases, motion)
 
 
 def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
@@ -188,6 +202,24 @@ def find_decay(motion: AxisMotion, start: float | None = None, end: float | None
         The bounds hold no motion, or nothing decays freely; the sentence says what was
         seen instead and what to do.
     """
+    found = decay_or_absence(motion, start, end)
+    if isinstance(found, Advice):
+        raise InputError(found.message, found.code)
+    return found
+
+
+def decay_or_absence(
+    motion: AxisMotion, start: float | None = None, end: float | None = None
+) -> DecaySegment | Advice:
+    """As `find_decay`, but the answer of `explain_absence` where nothing decays freely.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        The whole record.
+    start, end : float, optional
+        Bounds of the decay in the record's time, s.
+    """
     inside = _between(motion, start, end)
     if start is not None and end is not None:
         return _measured(inside, float(start), float(end))
@@ -195,8 +227,7 @@ def find_decay(motion: AxisMotion, start: float | None = None, end: float | None
     if not decays and (start is not None or end is not None):
         decays = _vouched_for(inside)
     if not decays:
-        absence = explain_absence(inside)
-        raise InputError(absence.message, absence.code)
+        return explain_absence(inside)
     if start is not None:
         return _with_bounds(min(decays, key=lambda decay: decay.start), inside, start=float(start))
     if end is not None:
@@ -249,7 +280,7 @@ def explain_absence(motion: AxisMotion) -> Advice:
     if keeps_swinging(motion):
         spread = _in_degrees(float(np.std(signal.value)), signal.quantity)
         return Advice(
-            'forced-motion',
+            FORCED_MOTION,
             f'{name} swings from beginning to end (standard deviation {spread}) and nowhere dies out: this is motion '
             'in waves, not a free decay; record a release in still water, or give start and end of a decay in it',
         )
@@ -270,6 +301,66 @@ def keeps_swinging(motion: AxisMotion) -> bool:
     at = points.time[1:][swings >= SWINGING_PART * swings.max()]
     lulls = np.diff(np.concatenate([motion.time[:1], at, motion.time[-1:]]))
     return bool(at.size >= MIN_SWINGING and lulls.max() <= LONGEST_LULL * motion.duration)
+
+
+def _begun_at_releases(
+    decays: list[DecaySegment], releases: list[Release], motion: AxisMotion
+) -> tuple[DecaySegment, ...]:
+    """The decays with each release's own beginning there, and those that only a release shows."""
+    for release in releases:
+        begun = release.time + RELEASED_PART * release.period
+        own = [d for d in decays if release.hold_start - release.period < d.start < begun]
+        followed = [d for d in own if d.end > begun]
+        if not followed and any(d.start < release.time < d.end for d in decays):
+            continue
+        # what ended before the release was the hand's
+        kept = [d for d in decays if all(d is not other for other in own)]
+        if followed:
+            decays = [_released(d, release) if d is followed[0] else d for d in decays if d in kept or d is followed[0]]
+        elif _comes_to_rest(release, motion):
+            alone = _alone(release, motion)
+            large = [d for d in kept if d.initial_amplitude > alone.initial_amplitude]
+            decays = [*large, alone, *(d for d in kept if d not in large)]
+    return tuple(decays)
+
+
+def _released(decay: DecaySegment, release: Release) -> DecaySegment:
+    """A decay begun at its release."""
+    gained = (decay.start - release.time) / decay.period
+    return replace(
+        decay, start=release.time, beginning='released', cycles=decay.cycles + gained,
+        initial_amplitude=max(abs(release.angle - decay.trim), decay.final_amplitude),
+    )  # fmt: skip
+
+
+def _comes_to_rest(release: Release, motion: AxisMotion) -> bool:
+    """Whether a craft that had been held for a period swings by far less from a period after its release on."""
+    held, follows = release.time - release.hold_start, motion.time[-1] - release.time
+    if held < release.period or follows < (1.0 + QUIET_PERIODS) * release.period:
+        return False
+    away = _away(motion, release, release.time + release.period, None) / abs(release.angle - release.trim)
+    return bool(away.max() < LOUDEST_REST and np.sqrt(np.mean(away**2)) < MEAN_REST)
+
+
+def _alone(release: Release, motion: AxisMotion) -> DecaySegment:
+    """The decay of a release whose swings the motion around them hides."""
+    end = min(float(motion.time[-1]), release.time + QUIET_PERIODS * release.period)
+    return DecaySegment(
+        start=release.time,
+        end=end,
+        period=release.period,
+        cycles=(end - release.time) / release.period,
+        initial_amplitude=abs(release.angle - release.trim),
+        final_amplitude=float(_away(motion, release, end - 0.5 * release.period, end).max()),
+        trim=release.trim,
+        beginning='released',
+        ending='noise-floor',
+    )
+
+
+def _away(motion: AxisMotion, release: Release, start: float, end: float | None) -> np.ndarray:
+    """Angle from the trim of a release, which is found in angles only, rad."""
+    return np.abs(np.asarray(motion.between(start, end).angle) - release.trim)
 
 
 def _is_large(fall: Fall) -> bool:

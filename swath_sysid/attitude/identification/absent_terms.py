@@ -1,0 +1,140 @@
+"""Terms that an equation lacks and the motion shows.
+
+Beside the likelihood they are sought by its ratio: the equation against one that has every smooth term (Wilks 1938).
+Beside least squares by a score test of each, at the optimum without it (Rao 1948).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES
+from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood
+from swath_sysid.attitude.identification.motion_fit import MotionFit
+from swath_sysid.common.covariance import sandwich_covariance
+
+SIGNIFICANT = 3.5
+"""Standard deviations from zero that chance does not make of four terms tried at once."""
+CHANCE = 0.003
+"""Share of complete equations that the likelihood ratio may call incomplete."""
+SMOOTH_TERMS = tuple(name for name in (*DAMPING_NAMES, 'r2', 'r3') if name != 'b0')
+
+
+@dataclass(frozen=True)
+class AbsentTerm:
+    """A term that an equation lacks.
+
+    Attributes
+    ----------
+    name : str
+    significance : float
+        Standard deviations from zero: of what one step from the least-squares optimum makes of its ratio, or of one
+        parameter with the likelihood ratio of all that the equation lacks.
+    """
+
+    name: str
+    significance: float
+
+
+def absent_term(found):
+    """The term whose absence the residuals of least squares show most.
+
+    Parameters
+    ----------
+    found : Identification
+        Of the simulation objective.
+
+    Returns
+    -------
+    AbsentTerm or None
+        None where no term is significant.
+    """
+    equation = found.model.equation
+    terms = []
+    for name in (*DAMPING_NAMES, *(() if 's2' in equation.terms else ('r2',)), 'r3'):
+        if name in equation.terms:
+            continue
+        step, std = _step_of_least_squares(found, _with_terms(equation, [name]), name)
+        # damping takes energy out: a term that would put it in stands for something else
+        if std > 0.0 and np.isfinite(step / std) and (step > 0.0 or name not in DAMPING_NAMES):
+            terms.append(AbsentTerm(name, abs(step) / std))
+    best = max(terms, key=lambda term: term.significance, default=None)
+    return best if best is not None and best.significance > SIGNIFICANT else None
+
+
+def fit_and_test(problem, equation, ratios, states):
+    """The likelihood's optimum, and the term whose absence it shows.
+
+    Parameters
+    ----------
+    problem : Problem
+    equation : Equation
+        Without dry friction.
+    ratios : ndarray, shape (9,)
+    states : sequence of InitialState
+        Where to start.
+
+    Returns
+    -------
+    basin : BasinFit
+    absent : AbsentTerm or None
+        None where a likelihood ratio as large is to be expected by chance.
+    """
+    likelihood = _likelihood(problem, equation)
+    basin = likelihood.fit(ratios, states)
+    added = [n for n in SMOOTH_TERMS if n not in equation.terms and not (n == 'r2' and 's2' in equation.terms)]
+    if not added:
+        return basin, None
+    richer = _with_terms(equation, added)
+    is_new = np.array([name in added for name in richer.terms])
+    places = np.flatnonzero(np.r_[~is_new, np.ones(basin.optimum.size - len(equation.terms), dtype=bool)])
+    start = np.zeros(basin.optimum.size + len(added))
+    start[places] = basin.optimum
+    complete = _likelihood(problem, richer).best_of([start])
+    if _is_chance(complete, basin, len(added)):
+        return basin, None
+    # what is missing may have been a better optimum of the equation itself
+    basin = likelihood.best_of([basin.optimum, complete.optimum[places]])
+    if _is_chance(complete, basin, len(added)):
+        return basin, None
+    strength = np.abs(complete.ratios[richer.indices]) / np.sqrt(np.diag(complete.covariance))
+    name = richer.terms[int(np.argmax(np.where(is_new, strength, -1.0)))]
+    return basin, AbsentTerm(name, float(np.sqrt(2.0 * (complete.log_likelihood - basin.log_likelihood))))
+
+
+def _is_chance(complete, basin, added):
+    gained = complete.log_likelihood - basin.log_likelihood
+    return bool(chdtrc(added, max(2.0 * gained, 0.0)) > CHANCE)
+
+
+def _likelihood(problem, equation):
+    return BasinLikelihood(problem.observed, problem.states, equation, problem.scales, problem.friction_rate)
+
+
+def _with_terms(equation, names):
+    return Equation(f'{equation.name} and {", ".join(names)}', (*equation.terms, *names))
+
+
+def _step_of_least_squares(found, equation, name):
+    """What a Gauss-Newton step makes of a term, and its standard deviation under autocorrelated residuals."""
+    problem = found.problem
+    fit = MotionFit(problem.motions, equation, problem.scales, problem.noise, problem.friction_rate)
+    parameters = fit.pack(found.model.ratios, [r.state for r in found.records])
+    residuals, jacobians = fit.residuals_and_jacobian(parameters)
+    free = _free(found, equation, name, parameters.size)
+    jacobians = [j[:, free] for j in jacobians]
+    covariance = sandwich_covariance(residuals, jacobians, problem.shortest_memory).matrix
+    step = -np.linalg.lstsq(np.concatenate(jacobians), np.concatenate(residuals), rcond=None)[0]
+    place = np.count_nonzero(free[: equation.terms.index(name)])
+    return float(step[place]), float(np.sqrt(covariance[place, place]))
+
+
+def _free(found, equation, name, size):
+    """Mask of the parameters that are not held at a bound."""
+    free = np.ones(size, dtype=bool)
+    free[: len(equation.terms)] = [
+        term == name or term not in DAMPING_NAMES or found.model.terms[term] > 0.0 for term in equation.terms
+    ]
+    return free

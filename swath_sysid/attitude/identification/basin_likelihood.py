@@ -1,0 +1,370 @@
+"""Coefficients and their intervals in a basin that still moves: the likelihood of a filter's innovations.
+
+Least squares takes what a residual wave does to the craft for the craft's own. Here the disturbance, a drift of trim,
+the gyro's bias and the colour of the sensors' noise are part of the model (see `innovations`), their levels and spectra
+fitted together with the hull's ratios (the filter-error method: Maine and Iliff 1981; Jategaonkar 2015, chapter 5). The
+optimum is found by scoring: with a_k = d e_k / d z and b_k = d s_k / d z of innovations e_k and their variances s_k,
+
+    gradient    = sum(a_k e_k / s_k + b_k (1 - e_k^2 / s_k) / (2 s_k)),
+    information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.identification.innovations import innovations
+from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
+from swath_sysid.common.noise import MODEL_FLOOR, white_noise
+
+STEPS_PER_PERIOD = 32
+RATIO_PRIOR = 4.0
+"""Standard deviation, dimensionless, of what a ratio may be before the record is seen: beyond any craft's."""
+BIAS_PRIOR = float(np.radians(2.0))
+"""rad/s: an uncalibrated gyro's."""
+STATE_PRIOR = 1.0
+"""Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
+equation, so that likelihoods can be compared."""
+BASIN_PRIORS = (
+    ('level', np.log(0.003), 3.0),  # of the restoring moment at the first amplitude
+    ('frequency', 0.0, 0.8),  # of the hull's, which a strongly damped decay hardly shows at first
+    ('damping', np.log(0.3), 0.7),
+    ('angle_white', 0.0, 1.0),  # of what third differences show
+    ('rate_white', 0.0, 1.0),
+    ('angle_colour', np.log(0.3), 1.5),  # of the white noise
+    ('angle_memory', np.log(0.15), 1.0),  # of the period
+    ('rate_colour', np.log(0.3), 1.5),
+    ('rate_memory', np.log(0.1), 1.0),
+    ('drift', np.log(5e-4), 1.0),  # of the first amplitude, in the square root of a period
+)
+"""Name, mean and standard deviation of the logarithm of each of the basin's and the sensors' parameters."""
+STARTING_LEVELS = 0.003, 0.05
+LOG_LIMITS = 7.0
+MAX_DAMPING = 0.9
+MIN_NOISE = 1e-4
+"""Of the amplitude: white noise where third differences show none."""
+PERTURBATION = 1e-5
+MAX_ITERATIONS = 30
+CONVERGED = 0.01
+"""Decrease of the negative log likelihood that a further step promises."""
+INTERVAL = 0.95
+NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
+
+
+@dataclass(frozen=True)
+class BlockedRecord:
+    """A record in means over blocks of one step.
+
+    Attributes
+    ----------
+    step : float
+        s.
+    bend : float
+        See `innovations`, s^2.
+    angle, rate : ndarray, shape (N,)
+        rad and rad/s; zero where not measured.
+    counts : ndarray, shape (N, 2)
+    """
+
+    step: float
+    bend: float
+    angle: np.ndarray
+    rate: np.ndarray
+    counts: np.ndarray
+
+    @classmethod
+    def of(cls, motion, frequency):
+        """Average a motion over even blocks, a part of the period of ``frequency``, rad/s, long."""
+        interval = motion.sample_interval
+        samples = max(1, round(2.0 * np.pi / frequency / STEPS_PER_PERIOD / interval))
+        step = samples * interval
+        block = np.floor((motion.time - motion.time[0]) / step + 0.5 / samples).astype(int)
+        count = np.bincount(block).astype(float)
+        filled = count > 0.0
+        middle = motion.time[0] + step * np.flatnonzero(filled) + 0.5 * (samples - 1) * interval
+        late = np.bincount(block, motion.time)[filled] / count[filled] - middle
+        means = [np.zeros(count.size), np.zeros(count.size)]
+        for mean, values in zip(means, (motion.angle, motion.rate), strict=True):
+            if values is not None:
+                mean[filled] = np.bincount(block, values)[filled] / count[filled]
+                # samples that come at uneven times are not centred on their block
+                mean[filled] -= late * np.gradient(mean[filled], middle + late)
+        measured = [motion.angle is not None, motion.rate is not None]
+        counts = count[:, None] * np.array(measured, dtype=float)
+        return cls(step, (samples**2 - 1) * interval**2 / 24.0, means[0], means[1], counts)
+
+
+@dataclass(frozen=True)
+class BasinFit:
+    """The optimum of the likelihood.
+
+    Attributes
+    ----------
+    optimum : ndarray, shape (n + 10 + 3 M,)
+        Parameters of `BasinLikelihood`, dimensionless.
+    ratios : ndarray, shape (9,)
+    covariance : ndarray, shape (n, n)
+        Of the ratios in use, about the optimum.
+    intervals : ndarray, shape (n, 2)
+        95 % of each ratio; one-sided where it ended at its limit.
+    basin : ndarray, shape (10,)
+        See `innovations`.
+    states : ndarray, shape (M, 3)
+        Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each first block.
+    trim_std : float
+        rad; root mean square over the records.
+    log_likelihood : float
+        Less the prior's cost.
+    normalised : tuple of ndarray, shape (N, 2)
+        Innovations over their standard deviations, of each record; NaN where nothing was read.
+    """
+
+    optimum: np.ndarray
+    ratios: np.ndarray
+    covariance: np.ndarray
+    intervals: np.ndarray
+    basin: np.ndarray
+    states: np.ndarray
+    trim_std: float
+    log_likelihood: float
+    normalised: tuple
+
+
+class BasinLikelihood:
+    """Negative log posterior of an equation's dimensionless ratios and the basin's parameters on some records.
+
+    Parameters
+    ----------
+    motions : sequence of AxisMotion
+        From the release on.
+    states : sequence of InitialState
+        First estimates at the first sample of each, the same for every equation that is compared.
+    equation : Equation
+    scales : Scales
+    friction_rate : float
+        rad/s.
+    """
+
+    def __init__(self, motions, states, equation, scales: Scales, friction_rate):
+        self._records = [BlockedRecord.of(m, scales.frequency) for m in motions]
+        self._active = equation.active
+        self._terms = equation.indices
+        self._friction_rate = friction_rate
+        self._ratio_units = scales.ratio_units[self._terms]
+        self._lower = LOWER[self._terms]
+        self._upper = UPPER[self._terms]
+        self._bounded = np.array([name in DAMPING_NAMES for name in equation.terms])
+        amplitude, rate = scales.amplitude, scales.rate
+        angle_noise = _white([m.angle for m in motions], MIN_NOISE * amplitude)
+        rate_noise = _white([m.rate for m in motions], MIN_NOISE * rate)
+        self._floor = MODEL_FLOOR * np.array([
+            max((float(np.std(v)) for v in channel if v is not None), default=0.0)
+            for channel in ([m.angle for m in motions], [m.rate for m in motions])
+        ])  # fmt: skip
+        period = 2.0 * np.pi / scales.frequency
+        self._basin_units = np.array([
+            scales.frequency * rate, scales.frequency, 1.0, angle_noise, rate_noise, angle_noise, period, rate_noise,
+            period, amplitude / np.sqrt(period),
+        ])  # fmt: skip
+        self._state_units = np.array([amplitude, rate, amplitude])
+        n, m = self._terms.size, len(self._records)
+        expected = np.array([1.0 if name in ('r1', 's1') else 0.0 for name in equation.terms])
+        self._prior_mean = np.concatenate([expected, [m for _, m, _ in BASIN_PRIORS], self._first_states(states)])
+        self._prior_std = np.concatenate([
+            np.full(n, RATIO_PRIOR), [s for _, _, s in BASIN_PRIORS], np.full(3 * m, STATE_PRIOR)
+        ])  # fmt: skip
+        self._shared = n + len(BASIN_PRIORS)
+
+    @property
+    def term_count(self):
+        """Number of ratios, n."""
+        return self._terms.size
+
+    def start(self, ratios, level, states=None):
+        """Parameters (n + 10 + 3 M,) of given ratios (9,), the rest at its prior mean.
+
+        ``level`` is that of the disturbance over its unit; ``states`` are those at the first sample of each record.
+        The disturbance begins at the frequency of those ratios, where it does most: from elsewhere its motion is taken
+        for coloured noise of the sensors.
+        """
+        n = self.term_count
+        z = self._prior_mean.copy()
+        z[:n] = ratios[self._terms] / self._ratio_units
+        z[n] = np.log(level)
+        stiffness = ratios[TERM_INDEX['r1']] + ratios[TERM_INDEX['s1']]
+        if stiffness > 0.0:
+            z[n + 1] = np.log(np.sqrt(stiffness) / self._basin_units[1])
+        if states is not None:
+            z[self._shared :] = self._first_states(states)
+        return z
+
+    def _first_states(self, states):
+        """States (3 M,) in the middle of each first block, dimensionless."""
+        return np.concatenate([
+            np.array([s.x + 0.5 * r.step * s.rate, s.rate, s.trim]) / self._state_units
+            for s, r in zip(states, self._records, strict=True)
+        ])  # fmt: skip
+
+    def unpack(self, z):
+        """Ratios (9,), basin parameters (10,) and initial states (M, 3)."""
+        n, shared = self.term_count, self._shared
+        ratios = np.zeros(len(TERM_NAMES))
+        ratios[self._terms] = z[:n] * self._ratio_units
+        mean = self._prior_mean[n:shared]
+        basin = np.exp(mean + LOG_LIMITS * np.tanh((z[n:shared] - mean) / LOG_LIMITS))
+        basin[2] = MAX_DAMPING * basin[2] / (MAX_DAMPING + basin[2])
+        return ratios, basin * self._basin_units, z[shared:].reshape(-1, 3) * self._state_units
+
+    def innovations(self, z):
+        """Innovations and variances of each record, shape (2, 2 N)."""
+        return [self._innovations_of(k, [z])[..., 0] for k in range(len(self._records))]
+
+    def _innovations_of(self, index, points):
+        """Of a record, at B points, shape (2, 2 N, B)."""
+        record = self._records[index]
+        ratios, basin, states = (np.stack(each, axis=-1) for each in zip(*map(self.unpack, points), strict=True))
+        found = innovations(
+            ratios, self._active, self._friction_rate, basin, states[index], BIAS_PRIOR, self._floor, record.step,
+            record.bend, record.angle, record.rate, record.counts,
+        )  # fmt: skip
+        return found.reshape(2, -1, len(points))
+
+    def _slopes(self, z, found):
+        """Of each record: the parameters that move its innovations, and the derivatives by them, shape (p, 2, 2 N)."""
+        shared = np.arange(self._shared)
+        for index, own in enumerate(found):
+            places = np.concatenate([shared, self._shared + 3 * index + np.arange(3)])
+            moved = np.tile(z, (places.size, 1))
+            moved[np.arange(places.size), places] += PERTURBATION
+            yield places, (np.moveaxis(self._innovations_of(index, moved), -1, 0) - own) / PERTURBATION
+
+    def cost(self, z, found):
+        """Negative log posterior at z, of the innovations there; infinite where the motion runs away."""
+        value = 0.5 * float(np.sum(((z - self._prior_mean) / self._prior_std) ** 2))
+        with np.errstate(all='ignore'):
+            value += sum(0.5 * float(np.sum(np.log(s) + e * e / s)) for e, s in found)
+        return value if np.isfinite(value) and all(np.all(s > 0.0) for _, s in found) else np.inf
+
+    def gradient_and_information(self, z, found):
+        """First derivatives and expected second ones of `cost`; ``found`` are the innovations at z."""
+        weight = self._prior_std**-2
+        gradient, information = weight * (z - self._prior_mean), np.diag(weight)
+        for (e, s), (places, slopes) in zip(found, self._slopes(z, found), strict=True):
+            by_e, by_s = slopes[:, 0] / np.sqrt(s), slopes[:, 1] / (np.sqrt(2.0) * s)
+            gradient[places] += by_e @ (e / np.sqrt(s)) + by_s @ ((1.0 - e * e / s) / np.sqrt(2.0))
+            information[np.ix_(places, places)] += by_e @ by_e.T + by_s @ by_s.T
+        return gradient, information
+
+    def minimise(self, z):
+        """Scoring with Levenberg's damping, the damping ratios kept from below zero.
+
+        Returns
+        -------
+        z : ndarray
+        cost : float
+        gradient, information
+            Of `gradient_and_information` there.
+        """
+        n = self.term_count
+        low, high = np.full(z.size, -np.inf), np.full(z.size, np.inf)
+        low[:n][self._bounded] = 0.0
+        z = np.clip(z, low, high)
+        found = self.innovations(z)
+        cost, damping = self.cost(z, found), 1e-3
+        gradient, information = self.gradient_and_information(z, found)
+        for _ in range(MAX_ITERATIONS):
+            trial = clipped_step(z, gradient, information + damping * np.diag(np.diag(information)), low, high)
+            expected = -float(gradient @ (trial - z))
+            if expected < CONVERGED:
+                break
+            tried = self.innovations(trial)
+            value = self.cost(trial, tried)
+            if value < cost:
+                gained = cost - value
+                z, found, cost = trial, tried, value
+                damping = max(damping / 5.0, 1e-6)
+                gradient, information = self.gradient_and_information(z, found)
+                if gained < CONVERGED and expected < 10.0 * CONVERGED:
+                    break
+            else:
+                damping = max(6.0 * damping, 1e-2)
+                if damping > 1e6:
+                    break
+        return z, cost, gradient, information
+
+    def fit(self, ratios, states):
+        """The best optimum from given ratios (9,) and states, in a basin that is quiet at first and in one that moves.
+
+        Returns
+        -------
+        BasinFit
+        """
+        return self.best_of([self.start(ratios, level, states) for level in STARTING_LEVELS])
+
+    def best_of(self, starts):
+        """The best of the optima found from some parameters, a `BasinFit`."""
+        z, cost, _, information = min(map(self.minimise, starts), key=lambda t: t[1])
+        n, units = self.term_count, self._ratio_units
+        covariance = np.linalg.inv(information)
+        std = np.sqrt(np.diag(covariance)[:n])
+        intervals = np.array([
+            interval(*row) for row in zip(z[:n], std, self._bounded, strict=True)
+        ])  # fmt: skip
+        found_ratios, basin, states = self.unpack(z)
+        normalised = tuple(
+            np.where(r.counts > 0.0, (e / np.sqrt(s)).reshape(-1, 2), np.nan)
+            for r, (e, s) in zip(self._records, self.innovations(z), strict=True)
+        )
+        trim_variance = np.mean(np.diag(covariance)[self._shared + 2 :: 3])
+        return BasinFit(
+            optimum=z,
+            ratios=found_ratios,
+            covariance=covariance[:n, :n] * np.outer(units, units),
+            intervals=intervals * units[:, None],
+            basin=basin,
+            states=states,
+            trim_std=float(np.sqrt(trim_variance)) * self._state_units[2],
+            log_likelihood=-cost,
+            normalised=normalised,
+        )
+
+
+def clipped_step(z, gradient, information, low, high):
+    """Newton's step within bounds: what would leave them is held at them and the rest solved again."""
+    free = np.ones(z.size, dtype=bool)
+    trial = z.copy()
+    for _ in range(z.size):
+        held = trial - z
+        right = -(gradient + information @ np.where(free, 0.0, held))[free]
+        trial[free] = z[free] + np.linalg.solve(information[np.ix_(free, free)], right)
+        outside = free & ((trial < low) | (trial > high))
+        if not outside.any():
+            break
+        trial = np.where(outside, np.clip(trial, low, high), trial)
+        free &= ~outside
+    return trial
+
+
+def interval(value, std, bounded):
+    """95 % of a Gaussian, or, where that reaches below a bound at zero, of what of it lies above: from zero up.
+
+    Parameters
+    ----------
+    value, std : float
+    bounded : bool
+
+    Returns
+    -------
+    ndarray, shape (2,)
+    """
+    low, high = value + std * NORMAL * np.array([-1.0, 1.0])
+    if bounded and low < 0.0:
+        low, high = 0.0, value - std * ndtri((1.0 - INTERVAL) * ndtr(value / std))
+    return np.array([low, high])
+
+
+def _white(channels, least):
+    measured = [white_noise(c) for c in channels if c is not None]
+    return max(float(np.median(measured)) if measured else 0.0, least)

@@ -1,0 +1,193 @@
+"""Releases: the last moment at which a craft was held away from its trim.
+
+A hand that holds a craft wobbles, but smoothly; letting go makes the acceleration jump towards the trim. So a hold is
+sought as a stay on one side that is longer than a swing's, and the release in it as the kink before the craft falls.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.turning_points import EvenSignal, even_signal
+from swath_sysid.common.signals import noise_level
+
+HOLD_BAND = 0.6
+"""Part of a hold's angle above which the craft counts as held: a hand wobbles by less than the rest."""
+MIN_HOLD = 0.5
+"""Natural periods: a free swing stays above the band for 0.3 of one."""
+FALL_FROM, FALL_TO = 0.9, 0.5
+FALL_PHASE = float(np.arccos(FALL_TO) - np.arccos(FALL_FROM))
+"""Phase of a cosine between those parts of its amplitude."""
+BEFORE, AFTER = 0.15, 0.2
+"""Natural periods on either side of a release that show its kink."""
+PLAIN_JUMP = 20.0
+"""Standard deviations from which half of those show it better: the polynomials bend less."""
+MIN_FALL = 0.5
+"""Of the acceleration of a free swing of that angle and period."""
+PLAIN_SHARE = 0.5
+"""Of the largest jump: the last one that reaches it is the release, those before are the hand's."""
+MIN_JUMP = 4.0
+"""Standard deviations by which the acceleration jumps."""
+FINEST_STEPS = 80
+"""Candidate times across a search."""
+
+
+@dataclass(frozen=True)
+class Release:
+    """A release.
+
+    Attributes
+    ----------
+    time : float
+        Record time, s.
+    hold_start : float
+        Since when the craft was held, s.
+    angle, trim : float
+        Where it was held and about what it then moved, rad.
+    period : float
+        Natural period guessed from the first fall, s.
+    """
+
+    time: float
+    hold_start: float
+    angle: float
+    trim: float
+    period: float
+
+
+def find_releases(motion: AxisMotion, smallest: float) -> tuple[Release, ...]:
+    """Every release of a motion, in order of time.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        Without an angle none is found.
+    smallest : float
+        Smallest angle from trim that counts as a hold, rad.
+
+    Returns
+    -------
+    tuple of Release
+    """
+    if motion.angle is None or motion.size < 50:
+        return ()
+    signal = even_signal(motion)
+    trim = float(np.median(signal.value[-signal.value.size // 3 :]))
+    away = signal.value - trim
+    reach = float(np.abs(away).max())
+    if reach < smallest:
+        return ()
+    found = [_release_of(motion, signal, away, trim, run) for run in _holds(away, HOLD_BAND * reach)]
+    return tuple(release for release in found if release is not None)
+
+
+def _holds(away: np.ndarray, level: float) -> list[tuple[int, int]]:
+    """First and last index of each stay beyond a level on one side."""
+    beyond = np.where(np.abs(away) >= level, np.sign(away), 0.0)
+    edges = np.flatnonzero(np.diff(beyond) != 0.0)
+    starts, ends = np.r_[0, edges + 1], np.r_[edges, away.size - 1]
+    return [(a, b) for a, b in zip(starts, ends, strict=True) if beyond[a] != 0.0]
+
+
+def _release_of(
+    motion: AxisMotion, signal: EvenSignal, away: np.ndarray, trim: float, run: tuple[int, int]
+) -> Release | None:
+    """The release that ends a hold, or None where it was no hold or ended otherwise."""
+    first, last = run
+    if last - first < 8 or last >= away.size - 8:
+        return None
+    side = np.sign(away[last])
+    held = side * away[first : last + 1]
+    level = float(np.median(held))
+    top = first + int(np.flatnonzero(held >= FALL_FROM * level)[-1])
+    below = np.flatnonzero(side * away[last:] < FALL_TO * level)
+    if not below.size:
+        return None
+    fall = (last + below[0] - top) * signal.interval
+    period = 2.0 * np.pi * fall / FALL_PHASE
+    if (last - first) * signal.interval < MIN_HOLD * period:
+        return None
+    at = signal.start + top * signal.interval
+    earliest = max(signal.start + first * signal.interval, at - 0.25 * period)
+    time = kink_time(motion, earliest, at + 0.5 * fall, period, -side, level)
+    if time is None:
+        return None
+    return Release(time, signal.start + first * signal.interval, trim + side * level, trim, period)
+
+
+def kink_time(
+    motion: AxisMotion, earliest: float, latest: float, period: float, towards: float, level: float
+) -> float | None:
+    """When the acceleration jumps, or None where it does not.
+
+    A parabola before and a quartic after, of one angle and rate where they meet, are fitted to angle and rate: first
+    where the jump stands out most, then, ever closer, where the residual is least.
+
+    Parameters
+    ----------
+    motion : AxisMotion
+        With an angle, a rate or both.
+    earliest, latest : float
+        Record time between which it is sought, s.
+    period : float
+        Natural period, s.
+    towards : float
+        Sign of the jump.
+    level : float
+        Angle from trim before it, rad.
+
+    Returns
+    -------
+    float or None
+    """
+    channels = [
+        (values, max(noise_level(values), 1e-9), order)
+        for order, values in enumerate((motion.angle, motion.rate)) if values is not None
+    ]  # fmt: skip
+    before, after = BEFORE * period, AFTER * period
+    least_fall = MIN_FALL * (2.0 * np.pi / period) ** 2 * level
+
+    def fitted(time: float, begin: float, end: float) -> tuple[float, float] | None:
+        inside = (motion.time >= begin) & (motion.time <= end)
+        elapsed = motion.time[inside] - time
+        if (elapsed < 0.0).sum() < 3 or (elapsed > 0.0).sum() < 5:
+            return None
+        held, free = np.minimum(elapsed, 0.0), np.maximum(elapsed, 0.0)
+        one, zero = np.ones(elapsed.size), np.zeros(elapsed.size)
+        shapes = (
+            np.column_stack([one, elapsed, held**2 / 2, free**2 / 2, free**3 / 6, free**4 / 24]),
+            np.column_stack([zero, one, held, free, free**2 / 2, free**3 / 6]),
+        )
+        rows = np.concatenate([shapes[order] / noise for _, noise, order in channels])
+        right = np.concatenate([values[inside] / noise for values, noise, _ in channels])
+        normal = np.linalg.pinv(rows.T @ rows)
+        solution = normal @ (rows.T @ right)
+        jump = np.array([0.0, 0.0, -1.0, 1.0, 0.0, 0.0])
+        spread = np.sqrt(max(jump @ normal @ jump, 1e-300))
+        falls = towards * solution[3] >= least_fall
+        return towards * (jump @ solution) / spread if falls else -np.inf, float(np.sum((rows @ solution - right) ** 2))
+
+    coarse = np.linspace(earliest, latest, FINEST_STEPS)
+    scores = [fitted(t, t - before, t + after) for t in coarse]
+    jumps = np.array([-np.inf if s is None else s[0] for s in scores])
+    peaks = np.flatnonzero((jumps >= np.r_[-np.inf, jumps[:-1]]) & (jumps >= np.r_[jumps[1:], -np.inf]))
+    plain = peaks[jumps[peaks] >= max(MIN_JUMP, PLAIN_SHARE * jumps.max())]
+    if not plain.size:
+        return None
+    best = plain[-1]
+    about, width, jump = coarse[best], 0.06 * period, jumps[best]
+    while True:
+        plain = jump > PLAIN_JUMP
+        if plain:
+            before, after = 0.5 * before, 0.5 * after
+        fine = about + np.linspace(-width, width, FINEST_STEPS)
+        fits = [fitted(t, about - before, about + after) for t in fine]
+        residuals = [np.inf if fit is None else fit[1] for fit in fits]
+        at = int(np.argmin(residuals))
+        closest = fits[at]
+        if closest is None or not np.isfinite(residuals[at]):
+            return float(about)
+        about, width, jump = fine[at], 0.5 * width, closest[0]
+        if not plain or not jump > PLAIN_JUMP:
+            return float(about)
