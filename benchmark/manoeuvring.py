@@ -97,7 +97,7 @@ def row(truth, seed, currents=None):
 
 def records_of(craft, kind, seed):
     """Runs of a craft of `simulated_craft`, and the same runs without the sensors' noise."""
-    inputs = simulated_craft.drives(seed, kind == 'catamaran')
+    inputs = simulated_craft.drives(seed, kind == 'catamaran', simulated_craft.EVERY)
     if kind == 'unstable':
         inputs = [rows[: round(UNSTABLE_RUN / simulated_craft.STEP)] for rows in inputs]
 

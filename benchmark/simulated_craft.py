@@ -197,10 +197,11 @@ def _recorded(craft, states, inputs, rng):
     }  # fmt: skip
 
 
-def drives(seed, spins=True):
+def drives(seed, spins=True, every=1):
     """Inputs of sixteen runs of 40 to 300 s as people drive: eight to identify from and eight to validate on.
 
-    The second of each eight is one of spins in place where asked.
+    The second of each eight is one of spins in place where asked. With ``every`` at `EVERY` inputs change at recorded
+    samples only, as loggers have it that write each command.
     """
     rng = np.random.default_rng(1000 + seed)
     runs = []
@@ -219,7 +220,6 @@ def drives(seed, spins=True):
                 mean = rng.uniform(0.15, 0.95) if kind < 0.85 else rng.uniform(-0.6, 0.2)
                 turn = rng.choice([0.0, 1.0, -1.0]) * rng.uniform(0.03, 0.2)
                 pair = (mean - turn, mean + turn)
-            # changed at recorded samples, as loggers have it that write every command
-            rows += [np.clip(pair, -1.0, 1.0)] * (EVERY * round(hold / STEP / EVERY))
+            rows += [np.clip(pair, -1.0, 1.0)] * (every * round(hold / STEP / every))
         runs.append(np.array(rows[: round(duration / STEP)]))
     return runs

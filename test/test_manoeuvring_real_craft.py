@@ -160,7 +160,7 @@ def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
 def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, simulated):
     """Twenty of them, with terms of choice: benchmark/manoeuvring.py --vices unstable."""
     craft = simulated.unstable_hull(np.random.default_rng(seed))
-    inputs = [rows[:1200] for rows in simulated.drives(seed, spins=False)[:5]]
+    inputs = [rows[:1200] for rows in simulated.drives(seed, False, simulated.EVERY)[:5]]
     runs = prepare_all([
         ManoeuvringTrial(thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length,
                          **record) for k, record in enumerate(simulated.simulate(craft, inputs, seed))])  # fmt: skip
