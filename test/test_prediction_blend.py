@@ -146,6 +146,25 @@ def test_intervals_are_of_the_true_angle_not_of_the_reading():
     assert covariance[:, 0, 0] == pytest.approx(0.09, rel=0.4)
 
 
+def test_what_errs_under_a_moment_does_not_widen_the_intervals_of_a_free_hull():
+    blend, (mean, variance) = _blend((1.0,), axes=2), np.ones((2, 1, 3, 2))
+    for _ in range(600):
+        blend.take(np.zeros(2), 3.0 * mean, variance)
+    assert (blend.scale > 5.0).all()
+    blend.take(np.zeros(2), mean, variance, free=np.array([0, 1]))
+    assert (blend.scale[:, 0] > 5.0).all() and blend.scale[:, 1] == pytest.approx(1.0)
+
+
+def test_errors_that_are_the_sensors_noise_for_the_most_part_leave_the_claims_alone():
+    rng = np.random.default_rng(4)
+    blend = _blend((1.0,))
+    for _ in range(1200):
+        blend.take(rng.normal(size=1), np.zeros((1, 3, 1)), np.full((1, 3, 1), 1.01), 1.0)
+    assert blend.scale == pytest.approx(1.0, abs=0.15)
+    covariance = blend.combine(np.zeros((1, 3, 1)), np.full((1, 3, 1, 1), 1.01), [0], 1.0)[1]
+    assert covariance == pytest.approx(0.01, rel=0.15)
+
+
 def test_correlations_of_the_targets_survive():
     blend = _blend((1.0,), axes=2)
     covariance = np.broadcast_to([[4.0, 1.0], [1.0, 1.0]], (1, 3, 2, 2))
