@@ -29,7 +29,7 @@ STATE_PRIOR = 1.0
 equation, so that likelihoods can be compared."""
 BASIN_PRIORS = (
     ('level', np.log(0.003), 3.0),  # of the restoring moment at the first amplitude
-    ('frequency', 0.0, 0.8),  # of the hull's, which a strongly damped decay hardly shows at first
+    ('frequency', 0.0, 0.4),  # of the hull's
     ('damping', np.log(0.3), 0.7),
     ('angle_white', 0.0, 1.0),  # of what third differences show
     ('rate_white', 0.0, 1.0),
