@@ -148,6 +148,13 @@ def test_gradient_is_that_of_finite_differences(bench):
     assert np.linalg.eigvalsh(information).min() > 0.0
 
 
+def test_where_the_motion_runs_away_there_is_no_fit(bench):
+    likelihood, made = likelihood_of(bench)
+    ratios = np.zeros(9)
+    ratios[4] = -1e4 * made.truth['r1']
+    assert likelihood.fit(ratios, None) is None
+
+
 def test_step_is_held_at_a_bound():
     information = np.array([[2.0, 1.0], [1.0, 2.0]])
     found = clipped_step(np.array([0.1, 0.0]), np.array([3.0, 0.0]), information, np.zeros(2), np.full(2, np.inf))

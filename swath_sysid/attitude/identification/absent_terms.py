@@ -78,14 +78,15 @@ def fit_and_test(problem, equation, ratios, states):
 
     Returns
     -------
-    basin : BasinFit
+    basin : BasinFit or None
+        None where the motion runs away.
     absent : AbsentTerm or None
         None where a likelihood ratio as large is to be expected by chance.
     """
     likelihood = _likelihood(problem, equation)
     basin = likelihood.fit(ratios, states)
     added = [n for n in SMOOTH_TERMS if n not in equation.terms and not (n == 'r2' and 's2' in equation.terms)]
-    if not added:
+    if basin is None or not added:
         return basin, None
     richer = _with_terms(equation, added)
     is_new = np.array([name in added for name in richer.terms])
@@ -93,7 +94,7 @@ def fit_and_test(problem, equation, ratios, states):
     start = np.zeros(basin.optimum.size + len(added))
     start[places] = basin.optimum
     complete = _likelihood(problem, richer).best_of([start])
-    if _is_chance(complete, basin, len(added)):
+    if complete is None or _is_chance(complete, basin, len(added)):
         return basin, None
     # what is missing may have been a better optimum of the equation itself
     basin = likelihood.best_of([basin.optimum, complete.optimum[places]])

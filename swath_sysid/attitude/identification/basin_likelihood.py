@@ -248,13 +248,17 @@ class BasinLikelihood:
         return value if np.isfinite(value) and all(np.all(s > 0.0) for _, s in found) else np.inf
 
     def gradient_and_information(self, z, found):
-        """First derivatives and expected second ones of `cost`; ``found`` are the innovations at z."""
+        """First derivatives and expected second ones of `cost`; ``found`` are the innovations at z.
+
+        Not finite where the motion runs away.
+        """
         weight = self._prior_std**-2
         gradient, information = weight * (z - self._prior_mean), np.diag(weight)
-        for (e, s), (places, slopes) in zip(found, self._slopes(z, found), strict=True):
-            by_e, by_s = slopes[:, 0] / np.sqrt(s), slopes[:, 1] / (np.sqrt(2.0) * s)
-            gradient[places] += by_e @ (e / np.sqrt(s)) + by_s @ ((1.0 - e * e / s) / np.sqrt(2.0))
-            information[np.ix_(places, places)] += by_e @ by_e.T + by_s @ by_s.T
+        with np.errstate(all='ignore'):
+            for (e, s), (places, slopes) in zip(found, self._slopes(z, found), strict=True):
+                by_e, by_s = slopes[:, 0] / np.sqrt(s), slopes[:, 1] / (np.sqrt(2.0) * s)
+                gradient[places] += by_e @ (e / np.sqrt(s)) + by_s @ ((1.0 - e * e / s) / np.sqrt(2.0))
+                information[np.ix_(places, places)] += by_e @ by_e.T + by_s @ by_s.T
         return gradient, information
 
     def minimise(self, z):
@@ -264,6 +268,7 @@ class BasinLikelihood:
         -------
         z : ndarray
         cost : float
+            Infinite where the motion runs away from the start.
         gradient, information
             Of `gradient_and_information` there.
         """
@@ -274,6 +279,8 @@ class BasinLikelihood:
         found = self.innovations(z)
         cost, damping = self.cost(z, found), 1e-3
         gradient, information = self.gradient_and_information(z, found)
+        if not _are_finite(gradient, information):
+            return z, np.inf, gradient, information
         for _ in range(MAX_ITERATIONS):
             trial = clipped_step(z, gradient, information + damping * np.diag(np.diag(information)), low, high)
             expected = -float(gradient @ (trial - z))
@@ -281,11 +288,12 @@ class BasinLikelihood:
                 break
             tried = self.innovations(trial)
             value = self.cost(trial, tried)
-            if value < cost:
+            slope, curvature = self.gradient_and_information(trial, tried) if value < cost else (gradient, information)
+            # at the edge of where the motion runs away it may be known, but not how it changes
+            if value < cost and _are_finite(slope, curvature):
                 gained = cost - value
-                z, found, cost = trial, tried, value
+                z, cost, gradient, information = trial, value, slope, curvature
                 damping = max(damping / 5.0, 1e-6)
-                gradient, information = self.gradient_and_information(z, found)
                 if gained < CONVERGED and expected < 10.0 * CONVERGED:
                     break
             else:
@@ -299,13 +307,16 @@ class BasinLikelihood:
 
         Returns
         -------
-        BasinFit
+        BasinFit or None
+            None where the motion runs away from both.
         """
         return self.best_of([self.start(ratios, level, states) for level in STARTING_LEVELS])
 
     def best_of(self, starts):
-        """The best of the optima found from some parameters, a `BasinFit`."""
+        """The best of the optima found from some parameters, a `BasinFit`; None where the motion runs away from all."""
         z, cost, _, information = min(map(self.minimise, starts), key=lambda t: t[1])
+        if not np.isfinite(cost):
+            return None
         n, units = self.term_count, self._ratio_units
         covariance = np.linalg.inv(information)
         std = np.sqrt(np.diag(covariance)[:n])
@@ -329,6 +340,10 @@ class BasinLikelihood:
             log_likelihood=-cost,
             normalised=normalised,
         )
+
+
+def _are_finite(*arrays):
+    return all(np.isfinite(array).all() for array in arrays)
 
 
 def clipped_step(z, gradient, information, low, high):

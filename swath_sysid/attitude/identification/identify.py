@@ -355,6 +355,8 @@ def refined_in_basin(found):
         return replace(found, absent_term=absent_term(found))
     states = [record.state for record in found.records]
     basin, lacking = fit_and_test(problem, equation, found.model.ratios, states)
+    if basin is None:
+        return replace(found, absent_term=absent_term(found))
     fit = motion_fit(problem, equation)
     parameters = fit.pack(basin.ratios, states)
     if not all(np.isfinite(channel).all() for pair in fit.simulated(parameters) for channel in pair):
