@@ -88,6 +88,7 @@ def test_one_step_objective_and_preset(trial_file, capsys):
     assert found['search']['value'] == pytest.approx(found['objective']['value'], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_compare_ranks_and_chooses(trial_file, tmp_path, capsys):
     names = 'linear,swath-pitch-3,swath-pitch-2'
     command = ['compare', str(trial_file), '--equations', names, '--jobs', '1']

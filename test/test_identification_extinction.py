@@ -185,6 +185,7 @@ def test_measured_roll_of_a_tanker_decays_by_its_curve_as_by_its_fitted_motion(d
     assert curve.period == pytest.approx(period, rel=0.01)
 
 
+@pytest.mark.slow
 def test_identify_prints_the_tanks_output(tmp_path, capsys):
     file = tmp_path / 'roll.csv'
     motion = decay(b1=0.06, b2=0.3, duration=30.0)

@@ -48,6 +48,7 @@ def test_one_step_objective_is_told_to_be_biased():
     assert found.search.value == pytest.approx(found.objective_value, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('search', [{'algorithm': 'ga', 'seed': 8}, {'algorithm': 'pso'}, {'algorithm': 'de'}])
 def test_every_search_and_seed_ends_in_the_same_minimum(search):
     motion = decay()
@@ -73,6 +74,7 @@ def test_one_channel_is_enough(channel):
     assert (found.rmse is None) == (channel == 'rate')
 
 
+@pytest.mark.slow
 def test_joint_fit_shares_ratios_and_keeps_trims_apart():
     motions = [decay(seed, HULL.with_trim(trim)) for seed, trim in ((1, 0.01), (2, -0.02), (3, 0.0))]
     found = identify(motions, settings())
@@ -111,6 +113,7 @@ def test_progress_and_cancelling():
         identify([decay()], settings(), should_cancel=lambda: len(shares) > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('objective', ['simulation', 'one-step'])
 def test_a_containing_equation_never_fits_worse(objective):
     problem = prepare([decay(3)])
