@@ -55,7 +55,7 @@ class PipelineStep(NamedTuple):
     used : bool
         False: the sample was left out, for the reason in ``reasons``.
     next : AttitudeForecast or None
-        One sample ahead, for ``forecast/next``.
+        One sample ahead.
     forecast, horizon : Forecast or None
         At the leads and over the horizon, when due. Their stamps are s from the first sample.
     sea_request : SeaRequest or None
@@ -83,7 +83,7 @@ class PipelineStep(NamedTuple):
         return () if self.forecast is None else attitudes_at_leads(self.forecast, self.stamp_ns, *self.heading)
 
     def trajectory(self) -> HorizonForecast | None:
-        """For ``forecast/horizon``; None unless due."""
+        """The values over the horizon; None unless due."""
         return None if self.horizon is None else horizon_forecast(self.horizon, self.stamp_ns)
 
     def points(self):
@@ -92,7 +92,7 @@ class PipelineStep(NamedTuple):
 
     @property
     def quiescence(self):
-        """For ``forecast/quiescence``: the probability; None where none is known, or it is not due."""
+        """The probability of keeping the limits; None where none is known, or it is not due."""
         return self.horizon.quiescence if self.horizon is not None and isfinite(self.horizon.quiescence) else None
 
 

@@ -19,7 +19,8 @@ SIGNIFICANT = 3.5
 """Standard deviations from zero that chance does not make of four terms tried at once."""
 CHANCE = 0.003
 """Share of complete equations that the likelihood ratio may call incomplete."""
-SMOOTH_TERMS = tuple(name for name in (*DAMPING_NAMES, 'r2', 'r3') if name != 'b0')
+TERMS = (*DAMPING_NAMES, 'r2', 'r3')
+SMOOTH_TERMS = tuple(name for name in TERMS if name != 'b0')
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,7 @@ def absent_term(found):
     """
     equation = found.model.equation
     terms = []
-    for name in (*DAMPING_NAMES, *(() if 's2' in equation.terms else ('r2',)), 'r3'):
-        if name in equation.terms:
-            continue
+    for name in _lacking(equation, TERMS):
         step, std = _step_of_least_squares(found, _with_terms(equation, [name]), name)
         # damping takes energy out: a term that would put it in stands for something else
         if std > 0.0 and np.isfinite(step / std) and (step > 0.0 or name not in DAMPING_NAMES):
@@ -85,7 +84,7 @@ def fit_and_test(problem, equation, ratios, states):
     """
     likelihood = _likelihood(problem, equation)
     basin = likelihood.fit(ratios, states)
-    added = [n for n in SMOOTH_TERMS if n not in equation.terms and not (n == 'r2' and 's2' in equation.terms)]
+    added = _lacking(equation, SMOOTH_TERMS)
     if basin is None or not added:
         return basin, None
     richer = _with_terms(equation, added)
@@ -103,6 +102,12 @@ def fit_and_test(problem, equation, ratios, states):
     strength = np.abs(complete.ratios[richer.indices]) / np.sqrt(np.diag(complete.covariance))
     name = richer.terms[int(np.argmax(np.where(is_new, strength, -1.0)))]
     return basin, AbsentTerm(name, float(np.sqrt(2.0 * (complete.log_likelihood - basin.log_likelihood))))
+
+
+def _lacking(equation, names):
+    """Those of the names that an equation may still take: s2 stands for r2."""
+    taken = (*equation.terms, *(('r2',) if 's2' in equation.terms else ()))
+    return [name for name in names if name not in taken]
 
 
 def _is_chance(complete, basin, added):

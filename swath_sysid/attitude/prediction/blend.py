@@ -21,7 +21,7 @@ _MIN_SHARE, _MIN_SCALE = 1e-3, 0.02
 _CREDIBLE = 9.0
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
 # candidate that is surprised all the time is judged by half of its errors
-_MOST_EXCUSED = 0.5
+_MAX_EXCUSED = 0.5
 
 
 class Blend:
@@ -104,7 +104,7 @@ class Blend:
         blended, interval = reading - self._blended[then], self._interval[then]
         self._judge(blended, interval)
         if foreseeable is not None:
-            excused = (self.steps[:, None] > foreseeable) & (self._excused < _MOST_EXCUSED)
+            excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
             self._excused += self._step / _MEMORY_VARIANCE * (excused - self._excused)
             blended[excused] = np.nan
         errors = reading - self._issued[then].swapaxes(0, 1)

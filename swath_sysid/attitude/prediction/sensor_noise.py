@@ -100,11 +100,11 @@ class AgreementMeter:
             rad^2/s^2; zero where angle and rate agree within their noise.
         """
         change = rate - self._rate
-        self._rate = rate
         if change != change or angle != angle:
             self.restart()
             self._rate = rate
             return self._excess(elapsed)
+        self._rate = rate
         self._time += elapsed
         self._integral += elapsed * (rate - 0.5 * change)
         # trapezoids with the ends' correction (Euler and Maclaurin)
