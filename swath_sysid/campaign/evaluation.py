@@ -53,11 +53,8 @@ class Condition:
 
     Attributes
     ----------
-    axis : str
     loading : float
         Draft factor, draft or displacement: the same quantity throughout a campaign.
-    initial_angle_deg : float
-    speed_m_s : float
     """
 
     axis: str
@@ -81,9 +78,6 @@ class Record:
 
     Attributes
     ----------
-    name : str
-    condition : Condition
-    repeat : int
     problem : Problem
         Of this record alone.
     """
@@ -116,13 +110,8 @@ class FitSummary(_Plain):
 
     Attributes
     ----------
-    equation : str
-    axis : str
-    terms : tuple of str
-    objective : str
     ratios, std : tuple of float
         Of the terms.
-    covariance : tuple of tuple of float
     trim, trim_std, friction_rate : float
         rad, rad, rad/s.
     amplitude_range : tuple of float
@@ -131,13 +120,8 @@ class FitSummary(_Plain):
         Initial angle from trim, rad, rate, rad/s, and trim, rad, of each record.
     objective_value, r2, rmse, rate_rmse : float
         ``rmse`` in rad and ``rate_rmse`` in rad/s are None where not measured.
-    samples : int
-    effective_samples : float
     amplitude, frequency, frequency_std, damping_ratio, damping_ratio_std : tuple of float
         Curves with standard deviations; rad and rad/s.
-    generations, evaluations : int
-    stop : str
-    seed : int
     advice : tuple of tuple of str
         Code and message.
     """
@@ -358,7 +342,6 @@ class Judgement(_Plain):
 
     Attributes
     ----------
-    equation : str
     next_step : float
         Root mean square error of the rate one sample ahead, rad/s.
     simulation : float
@@ -484,8 +467,6 @@ class RankedEquation:
 
     Attributes
     ----------
-    equation : str
-    terms : tuple of str
     criterion : float
         Sum over the drafts of the Bayesian information criterion of the joint fits.
     r2 : float
@@ -523,11 +504,8 @@ class Ranking:
 
     Attributes
     ----------
-    axis : str
-    ranked : tuple of RankedEquation
     choice : RankedEquation
         The simplest adequate one.
-    reason : str
     findings : tuple of Advice
         What the comparison says of friction, and of equations.
     """
@@ -645,14 +623,12 @@ class Spread:
 
     Attributes
     ----------
-    condition : Condition
     quantity : str
         ``natural_period_s``, ``damping_ratio`` or a ratio's name.
     mean, spread : float
         Over the repeats, standard deviation with n - 1.
     stated : float
         Standard deviation that the single fits state, root mean square; NaN where they state none.
-    repeats : int
     """
 
     condition: Condition

@@ -20,6 +20,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.fields import FieldError, Place, anything, number, one_of, one_or_more, record, text, whole
+from swath_sysid.formats.input_files import existing
 from swath_sysid.formats.untrusted_yaml import LocatedError, line_of, located, parsed, shown, text_of
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
@@ -74,8 +75,6 @@ class Craft:
 
     Attributes
     ----------
-    name : str
-    length_m, beam_m, depth_m : float or None
     draft_m : float or None
         Design draft, to which draft factors refer.
     displacement_kg : float or None
@@ -86,8 +85,6 @@ class Craft:
         Metacentric heights.
     gyradius_m, inertia_kg_m2 : float or None
         About the axis of the trials; the inertia with added inertia.
-    water_density_kg_m3, water_temperature_c : float or None
-    appendages, basin : str or None
     """
 
     name: str = 'the craft'
@@ -113,13 +110,10 @@ class PredictedDamping:
 
     Attributes
     ----------
-    method : str
-    amplitude_deg : float
     damping_n_m_s, damping_ratio : float or None
         One of them.
     loading : float or None
         In the quantity of the campaign; None: at any.
-    axis : str or None
     """
 
     method: str
@@ -155,18 +149,12 @@ class TrialEntry:
 
     Attributes
     ----------
-    path : Path
     line : int
         Of the entry in the manifest.
-    axis : str
     loading : tuple of str and float, or None
         Quantity, one of ``QUANTITIES``, and value.
-    initial_angle_deg : float or None
-    repeat : int or None
     start, end : float or None
         Bounds of the decay, s.
-    frame, topic : str or None
-    speed_m_s, mass_kg, gm_m, inertia_kg_m2 : float or None
     """
 
     path: Path
@@ -191,16 +179,10 @@ class Manifest:
 
     Attributes
     ----------
-    title : str
-    craft : Craft
-    trials : tuple of TrialEntry
     equations : tuple of str
         Names; empty: those of each axis.
-    objectives : tuple of str
-    search : SearchSettings
     uncertainty : TypeB
         Of what a decay itself cannot show.
-    predictions : tuple of PredictedDamping
     faults : tuple of Fault
         What was left out, and why.
     """
@@ -371,11 +353,11 @@ def _entries(plain, folder, default_axis, line):
                 found.append(_fault(error))
         return found
     name = plain.pop('file')
-    # not Path.exists, which raises an error for a name that is too long
-    if not os.path.exists(folder / name):
-        problem = f"there is no file '{shown(name)}': check the name, it is relative to the manifest"
-        raise FieldError('', problem, line)
-    return [_trial(folder / name, plain, {}, default_axis, line)]
+    try:
+        path = existing(folder / name, f'{shown(name)}, relative to the manifest')
+    except InputError as error:
+        raise FieldError('', str(error), line) from error
+    return [_trial(path, plain, {}, default_axis, line)]
 
 
 def _trial(path, given, matched, default_axis, line):

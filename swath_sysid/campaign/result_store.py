@@ -17,10 +17,6 @@ LOCK = '.lock'
 def key_of(*parts):
     """Key of a result: the SHA-256 of everything that it depends on.
 
-    Parameters
-    ----------
-    *parts : str, number, None, or lists, tuples and dicts of such
-
     Returns
     -------
     str

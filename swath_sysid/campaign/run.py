@@ -50,15 +50,12 @@ class TrialOutcome:
 
     Attributes
     ----------
-    entry : TrialEntry
     name : str
         File name.
     sha256 : str
         Empty where the file could not be read.
-    record : Record or None
     reason : str
         Why it was left out; empty where it was used.
-    advice : tuple of Advice
     """
 
     entry: TrialEntry
@@ -81,7 +78,6 @@ class AxisOutcome:
     ----------
     axis : str
         Name of the series: see `Condition.series`.
-    records : tuple of Record
     names : tuple of str
         Of the equations.
     fits : dict of str to tuple of tuple of FitSummary
@@ -94,7 +90,6 @@ class AxisOutcome:
         Repeats of a condition jointly.
     by_draft : dict of float to tuple of FitSummary
         All records of a draft jointly.
-    ranking : Ranking
     schedule : ScheduledModel
         Of the choice.
     spreads : tuple of Spread
@@ -135,11 +130,8 @@ class CampaignOutcome:
 
     Attributes
     ----------
-    manifest : Manifest
     quantity : str
         The quantity that gives the loading.
-    trials : tuple of TrialOutcome
-    axes : tuple of AxisOutcome
     failures : tuple of str
         Tasks that failed, with their reason.
     computed, kept : int

@@ -22,6 +22,7 @@ from swath_sysid.cli.sources import (
 )
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
+from swath_sysid.formats.input_files import existing
 from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.formats.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
@@ -100,9 +101,7 @@ def read_runs(paths: Sequence[str], arguments: Namespace) -> list[ManoeuvringTri
 
 
 def _read(path: str | Path, arguments: Namespace):
-    if not Path(path).exists():
-        raise InputError(f'there is no file {path}: check the name')
-    if is_bag(path):
+    if is_bag(existing(path)):
         trial = read_manoeuvring_bag(
             path, arguments.odometry_topic, arguments.imu_topic, arguments.port_topic, arguments.starboard_topic,
             arguments.thrust_input,

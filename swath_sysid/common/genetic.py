@@ -32,7 +32,6 @@ class GeneticSettings:
 
     Attributes
     ----------
-    generations, population : int
     crossover, mutation, genetic_factor, evolution_weight : float
         See the module.
     final_mutation : float or None

@@ -40,10 +40,6 @@ def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], 
         Arguments of the function.
     count : int
         Of processes, this one among them.
-
-    Yields
-    ------
-    object
     """
     if count <= 1 or len(tasks) == 1:
         yield from map(function, tasks)
@@ -80,10 +76,6 @@ def processes(count: int) -> Iterator[Executor]:
     ----------
     count : int
         Of processes.
-
-    Yields
-    ------
-    concurrent.futures.Executor
     """
     if count <= 1:
         yield SerialExecutor()

@@ -46,10 +46,6 @@ def noise_level(values: np.ndarray) -> float:
     ----------
     values : ndarray, shape (N,)
         At an even rate.
-
-    Returns
-    -------
-    float
     """
     if values.size < 8:
         return 0.0

@@ -15,6 +15,7 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
 from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
 from swath_sysid.formats.messages import (
@@ -55,7 +56,6 @@ class ImuRecord:
         Empty where the record is not a bag.
     in_craft_axes : bool
         Whether frame and mounting of the sensor were taken into account already.
-    advice : tuple of Advice
     """
 
     stamps: np.ndarray
@@ -328,11 +328,7 @@ def opened_bag(path):
 
 def _open_bag(path, stack):
     """Readers of everything in a bag, opened, and advice about its state."""
-    if not path.exists():
-        raise InputError(f'there is no bag {path}: check the name')
-    if path.is_dir():
-        return _open_folder(path, stack)
-    return _open_storage(path, stack)
+    return (_open_folder if existing(path).is_dir() else _open_storage)(path, stack)
 
 
 def _open_folder(path, stack):
@@ -361,10 +357,8 @@ def _open_folder(path, stack):
 
 
 def _open_storage(path, stack):
-    try:
+    with reading(path):
         kind = _storage_kind(path)
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     if kind is None:
         raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
     open_storage = Reader.STORAGE_PLUGINS[kind]

@@ -2,7 +2,6 @@
 import math
 import re
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import reading
 from swath_sysid.formats.tables import (
     ANGLE_UNITS,
     EPOCH_SECONDS,
@@ -109,13 +109,10 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     A quantity that stands in two columns is read where both agree. Frame and mounting, where they are not given, are
     those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
-    path = Path(path)
-    try:
+    with reading(path):
         head = read_head(path)
         columns, unitless = _find_columns(path, head.names)
         values, advice = read_columns(path, head, [column.index for column in columns])
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     _check_units(path, columns, values)
     readings = _agreeing(path, columns, values)
     if unitless:

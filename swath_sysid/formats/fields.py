@@ -275,7 +275,6 @@ class ModelFormat:
         What to do about a file that is none, or of another version.
     required, optional : dict of str to callable
         The other fields, by name; see `record`.
-    version : int
     kind : str
         What errors call such a file.
     """

@@ -1,10 +1,9 @@
 """CSV records of manoeuvres: thrusters, speeds, yaw, position."""
 
-from pathlib import Path
-
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import reading
 from swath_sysid.formats.tables import (
     ANGLE_UNITS,
     EPOCH_SECONDS,
@@ -71,13 +70,10 @@ def read_manoeuvring_csv(path, frame=None) -> ManoeuvringTrial:
     InputError
         The file cannot be read, or lacks time, thrust or motion; the sentence names what was looked for.
     """
-    path = Path(path)
-    try:
+    with reading(path):
         head = read_head(path)
         columns = _find_columns(path, head.names)
         values, advice = read_columns(path, head, [index for index, _ in columns.values()])
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     found = {name: row * scale for row, (name, (_, scale)) in zip(values, columns.items(), strict=True)}
     thrust_input, port, starboard = _thrusters(path, found, head.remarks)
     frame = (frame or head.remarks.get('frame', '')).lower() or None

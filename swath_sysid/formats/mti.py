@@ -1,6 +1,5 @@
 """Xsens MTi text exports, as MT Manager writes them."""
 import re
-from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from swath_sysid.attitude.motion.attitude import tilt_angles
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import reading
 from swath_sysid.formats.tables import listed_names, read_columns, read_head
 
 SAMPLE_TIME_FINE_HZ = 10_000
@@ -47,8 +47,7 @@ def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     first sample. Without a frame it is taken as delivered, in ENU. Parameters and errors are those of
     `swath_sysid.formats.reading.read_trial`.
     """
-    path = Path(path)
-    try:
+    with reading(path):
         head = read_head(path)
         wanted = [name for name in ('SampleTimeFine', *COUNTERS, *READINGS, *MATRIX_LAST_ROW) if name in head.names]
         if not any(name in wanted for name in (*READINGS, *MATRIX_LAST_ROW) if not name.startswith('Acc')):
@@ -58,8 +57,6 @@ def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
             raise InputError(f'{path} holds no time: looked for SampleTimeFine, PacketCounter, '
                              f'found {listed_names(head.names)}; export one of them in MT Manager')
         values, advice = read_columns(path, head, [head.names.index(name) for name in wanted])
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     columns = dict(zip(wanted, values, strict=True))
     time = _time(path, columns, head.remarks)
     return assemble_trial(

@@ -22,7 +22,6 @@ class Output:
     ----------
     option : str
         As the command line names it, for messages.
-    path : str or Path
     is_folder : bool
         Whether it is a folder to write into, which may exist already.
     is_recording : bool

@@ -8,6 +8,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
+from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
 from swath_sysid.formats.tables import read_head
 
@@ -49,10 +50,8 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Tri
     """
     from swath_sysid.formats.bags import is_bag, read_bag
 
-    path = Path(path)
-    try:
-        if not path.exists():
-            raise InputError(f'there is no file {path}: check the name')
+    with reading(path):
+        path = existing(path)
         if not path.is_file() and not path.is_dir():
             raise InputError(f'{path} is not a regular file: give a trial file or a bag folder')
         if is_bag(path):
@@ -63,8 +62,6 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Tri
             raise InputError(f'{path} is not a bag, so it has no topic {topic}: leave the topic out, or give a bag')
         _refuse_foreign(path)
         head = read_head(path)
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
 
 
@@ -106,15 +103,13 @@ def source_hash(path) -> str:
     """
     path = Path(path)
     digest = hashlib.sha256()
-    try:
+    with reading(path):
         if path.is_dir():
             for file in sorted(file for file in path.iterdir() if file.is_file()):
                 digest.update(f'{file.name}\0{file.stat().st_size}\0'.encode())
                 _add_content(digest, file)
         else:
             _add_content(digest, path)
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     return digest.hexdigest()
 
 

@@ -22,8 +22,6 @@ class Table:
     ----------
     name : str
         File name without ending.
-    title, note : str
-    columns : tuple of Column
     rows : tuple of tuple
         Raw values, as the CSV file holds them.
     marks : dict of (int, int) to str

@@ -23,14 +23,12 @@ class ViewState:
 
     Attributes
     ----------
-    title, stage : str
     now : float
         Stamp of the newest sample.
     time, angle : ndarray
         Recently measured.
     forecast_time, forecast_angle : ndarray
         Recent forecasts at the lead that is drawn.
-    drawn_lead : float
     leads : tuple of (float, float, float)
         Lead, newest forecast, and root mean square of the errors that came due lately (NaN: none).
     model : tuple of str

@@ -71,10 +71,6 @@ def is_orientation(x: Value, y: Value, z: Value, w: Value) -> Value:
     ----------
     x, y, z, w : float or ndarray
         Of the quaternion.
-
-    Returns
-    -------
-    bool or ndarray of bool
     """
     if type(x) is float and type(w) is float:
         return _is_unit(x, y, z, w)
@@ -175,10 +171,6 @@ def quaternion(roll: Value, pitch: Value, yaw: Value) -> Quaternion:
     roll, pitch, yaw : float or ndarray
         rad.
 
-    Returns
-    -------
-    x, y, z, w : float or ndarray
-
     Notes
     -----
     [1]_, section 2.2.2 (unit quaternions from Euler angles).
@@ -262,10 +254,6 @@ def swap_body_axes(x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
     ----------
     x, y, z : float or ndarray
         Of the vector.
-
-    Returns
-    -------
-    x, y, z : float or ndarray
     """
     return x, -y, -z
 
@@ -277,10 +265,6 @@ def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
     ----------
     x, y, z, w : float or ndarray
         Of the quaternion.
-
-    Returns
-    -------
-    x, y, z, w : float or ndarray
 
     Notes
     -----
@@ -300,10 +284,6 @@ def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
     ----------
     first, second : tuple of 4 floats or ndarrays
         x, y, z, w.
-
-    Returns
-    -------
-    x, y, z, w : float or ndarray
 
     Notes
     -----
@@ -325,10 +305,6 @@ def conjugate(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
     ----------
     x, y, z, w : float or ndarray
         Of the quaternion.
-
-    Returns
-    -------
-    x, y, z, w : float or ndarray
     """
     return -x, -y, -z, w
 
@@ -342,10 +318,6 @@ def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, V
         x, y, z, w.
     x, y, z : float or ndarray
         Of the vector.
-
-    Returns
-    -------
-    x, y, z : float or ndarray
 
     Notes
     -----

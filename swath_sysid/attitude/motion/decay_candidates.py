@@ -353,10 +353,6 @@ def find_falls(motion: AxisMotion) -> list[Fall]:
     ----------
     motion : AxisMotion
         Without long pauses.
-
-    Returns
-    -------
-    list of Fall
     """
     falls: list[Fall] = []
     for signal in pyramid(even_signal(motion)):

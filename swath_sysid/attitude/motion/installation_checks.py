@@ -58,7 +58,6 @@ class Judgement:
 
     Attributes
     ----------
-    contradictions : tuple of Contradiction
     decided : frozenset of str
         The codes for which there was enough to judge by.
     """
@@ -84,10 +83,6 @@ def judge(
         What frame and mounting were taken to be.
     interval : float
         s between the samples of the sensor.
-
-    Returns
-    -------
-    Judgement
     """  # fmt: skip
     if time.size < MIN_BINS:
         return Judgement()
@@ -170,10 +165,6 @@ def contradictions_in(
         ``accel_z``, as the installation makes them.
     installation : Installation
         What frame and mounting were taken to be.
-
-    Returns
-    -------
-    tuple of Contradiction
     """
     if time.size < MIN_BINS:
         return ()

@@ -69,10 +69,6 @@ def rates_against_angles(
         Sign with which the accelerations follow the tilt; 0: not known.
     installation : Installation
         What frame and mounting were taken to be.
-
-    Returns
-    -------
-    list of Contradiction
     """
     evidenced = comparison.evidenced
     if any(not comparison.at_once[j, j] >= FOLLOWS for j in evidenced):

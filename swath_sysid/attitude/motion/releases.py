@@ -65,10 +65,6 @@ def find_releases(motion: AxisMotion, smallest: float) -> tuple[Release, ...]:
         Without an angle none is found.
     smallest : float
         Smallest angle from trim that counts as a hold, rad.
-
-    Returns
-    -------
-    tuple of Release
     """
     if motion.angle is None or motion.size < 50:
         return ()
@@ -136,10 +132,6 @@ def kink_time(
         Sign of the jump.
     level : float
         Angle from trim before it, rad.
-
-    Returns
-    -------
-    float or None
     """
     channels = [
         (values, max(noise_level(values), 1e-9), order)

@@ -192,10 +192,6 @@ def find_decay(motion: AxisMotion, start: float | None = None, end: float | None
         Record time, s. What is given is taken as it is; what is not is found: the end of
         the first decay after ``start``, the start of the last before ``end``.
 
-    Returns
-    -------
-    DecaySegment
-
     Raises
     ------
     InputError

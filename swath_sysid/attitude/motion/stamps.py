@@ -53,7 +53,6 @@ class Placed(NamedTuple):
 
     Attributes
     ----------
-    kept : bool
     reasons : tuple of str
         From `STAMP_REASONS`: what is to be counted. One may be about the sample before.
     """

@@ -176,10 +176,6 @@ def centre_of_decay(value: np.ndarray) -> float:
     ----------
     value : ndarray, shape (M,)
         Successive turning points, M >= 1.
-
-    Returns
-    -------
-    float
     """
     value = np.asarray(value, dtype=float)
     if value.size < 3:
@@ -246,10 +242,6 @@ def even_signal(motion: AxisMotion) -> EvenSignal:
     ----------
     motion : AxisMotion
         Gaps in it are bridged by straight lines.
-
-    Returns
-    -------
-    EvenSignal
     """
     quantity, value = ('rate', motion.rate) if motion.angle is None else ('angle', motion.angle)
     value = np.asarray(value, dtype=float)
@@ -279,10 +271,6 @@ def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
     ----------
     signal : EvenSignal
         On its finest grid.
-
-    Yields
-    ------
-    EvenSignal
     """
     yield signal
     level = signal
@@ -328,10 +316,6 @@ def turning_points_of(signal: EvenSignal) -> TurningPoints:
     ----------
     signal : EvenSignal
         On one grid.
-
-    Returns
-    -------
-    TurningPoints
     """
     value = signal.value
     least = prominence_of(signal)
