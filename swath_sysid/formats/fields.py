@@ -38,7 +38,9 @@ class Place(str):
         Where unknown names are noted and left out; None: they are refused.
     """
 
-    line = written = faults = None
+    line: int | None = None
+    written: str | None = None
+    faults: 'list[FieldError] | None' = None
 
     def within(self, container, key, name):
         """The place of an item of a mapping or list that may carry its lines."""
