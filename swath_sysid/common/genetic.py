@@ -28,12 +28,10 @@ MUTATION_SCALE = 1.0
 
 @dataclass(frozen=True)
 class GeneticSettings:
-    """Parameters of the genetic algorithm, by the papers' names.
+    """Parameters of the genetic algorithm, by the papers' names; see the module.
 
     Attributes
     ----------
-    crossover, mutation, genetic_factor, evolution_weight : float
-        See the module.
     final_mutation : float or None
         Where given, mutation falls geometrically from ``mutation`` to this over the budget.
     patience : int

@@ -70,13 +70,7 @@ def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], 
 
 @contextlib.contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """An executor on this many processes; one is this process.
-
-    Parameters
-    ----------
-    count : int
-        Of processes.
-    """
+    """An executor on this many processes; one is this process."""
     if count <= 1:
         yield SerialExecutor()
     else:

@@ -18,14 +18,9 @@ class StopRules(Protocol):
 
 
 class Stagnation:
-    """Counts how long the best value has not improved by a relative amount.
+    """Counts for how many generations the best value has not improved by a relative amount.
 
-    Parameters
-    ----------
-    generations : int
-        How many generations without improvement are too many; 0 never stops.
-    tolerance : float
-        Relative improvement that counts.
+    After ``generations`` of them patience is over; 0: never.
     """
 
     def __init__(self, generations: int, tolerance: float) -> None:

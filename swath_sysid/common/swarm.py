@@ -17,16 +17,12 @@ INERTIA_WEIGHT, ACCELERATION = 0.7298, 1.49618
 
 @dataclass(frozen=True)
 class SwarmSettings:
-    """Parameters of the swarm.
+    """Parameters of the swarm; the stop rules are those of `GeneticSettings`.
 
     Attributes
     ----------
-    generations, population : int
-        Iterations and particles.
     fastest : float
         Greatest velocity as a share of the range.
-    patience, tolerance, spread_tolerance
-        Stop rules, as `GeneticSettings`.
     """
 
     generations: int = 300

@@ -61,10 +61,8 @@ def rates_against_angles(
 
     Parameters
     ----------
-    comparison : RateComparison
-        Of the rates with the derivatives of the angles.
-    interval : float
-        s between the samples of the sensor.
+    comparison, interval : RateComparison and float
+        Of the rates with the derivatives of the angles; s between the samples of the sensor.
     accelerations : int
         Sign with which the accelerations follow the tilt; 0: not known.
     installation : Installation
