@@ -1,5 +1,7 @@
 """Xsens MTi text exports, as MT Manager writes them."""
 import re
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -32,14 +34,16 @@ MATRIX_LAST_ROW = ('Mat[3][1]', 'Mat[3][2]', 'Mat[3][3]')
 LOOKED_FOR = 'Roll, Pitch, Quat_q0..3, Mat[3][1..3], Gyr_X, Gyr_Y'
 
 
-def is_mti(names):
+def is_mti(names: Sequence[str]) -> bool:
     """Whether a table with columns of these names is an MTi export."""
     if 'SampleTimeFine' in names or 'PacketCounter' in names:
         return True
     return 'Counter' in names and any(name in names for name in (*READINGS, *MATRIX_LAST_ROW))
 
 
-def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
+def read_mti(
+    path: str | Path, frame: str | None = None, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Trial:
     """Read a trial from an Xsens MTi text export.
 
     Time comes from SampleTimeFine (0.1 ms), or else from PacketCounter and the update rate that
@@ -63,7 +67,7 @@ def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
         time, _readings(columns), Installation(frame or 'flu', mounting), source=str(path), advice=advice)
 
 
-def _readings(columns):
+def _readings(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What the sensor read, by our names and in SI units."""
     readings = {reading: columns[name] for name, reading in READINGS.items() if name in columns}
     for angle in ('roll', 'pitch', 'yaw'):
@@ -74,7 +78,7 @@ def _readings(columns):
     return readings
 
 
-def _time(path, columns, remarks):
+def _time(path: str | Path, columns: dict[str, np.ndarray], remarks: dict[str, str]) -> np.ndarray:
     """Seconds from the first sample."""
     if 'SampleTimeFine' in columns:
         ticks = _unwrapped(columns['SampleTimeFine'], SAMPLE_TIME_FINE_WRAP)
@@ -88,7 +92,7 @@ def _time(path, columns, remarks):
     return _unwrapped(counter, PACKET_COUNTER_WRAP) / rate
 
 
-def update_rate(remarks):
+def update_rate(remarks: dict[str, str]) -> float | None:
     """The update rate that the comment lines give, Hz, or None."""
     for key in ('update rate', 'sample rate', 'output rate'):
         number = re.match(r'\d+([.,]\d+)?', remarks.get(key, ''))
@@ -97,7 +101,7 @@ def update_rate(remarks):
     return None
 
 
-def _unwrapped(counter, period):
+def _unwrapped(counter: np.ndarray, period: int) -> np.ndarray:
     """A counter that starts again at `period`, from its first value on, without the jumps."""
     unwrapped = counter.copy()
     counted = np.isfinite(counter)

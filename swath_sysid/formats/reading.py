@@ -1,7 +1,10 @@
 """Reading trials, whatever file they are in."""
+from __future__ import annotations
+
 import hashlib
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +14,9 @@ from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
 from swath_sysid.formats.tables import read_head
+
+if TYPE_CHECKING:
+    from swath_sysid.formats.bags import ImuRecord
 
 FOREIGN = {
     b'#ROSBAG V': 'a ROS 1 bag: convert it with rosbags-convert --src OLD.bag --dst NEW',
@@ -25,7 +31,10 @@ FOREIGN = {
 HASH_BYTES = 1 << 20
 
 
-def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
+def read_trial(
+    path: str | Path, *, topic: str | None = None, frame: str | None = None,
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Trial:
     """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
 
     What it is shows from its content, not from its name.
@@ -65,7 +74,10 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Tri
     return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
 
 
-def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
+def read_readings(
+    path: str | Path, topic: str | None = None, *, frame: str = 'flu',
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> ImuRecord:
     """The messages of an IMU: those of a bag as they are, of other trials as an IMU would have sent them.
 
     Parameters and errors are those of `read_trial`; frame and mounting are not applied to bags.
@@ -83,18 +95,8 @@ def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
     return ImuRecord(stamps, imu_values(replace(trial, yaw_rate=None)), in_craft_axes=True, advice=trial.advice)
 
 
-def source_hash(path) -> str:
-    """The SHA-256 of a file, or of the names and contents of the files in a bag folder.
-
-    Parameters
-    ----------
-    path : str or Path
-        Of a file or a bag folder.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
+def source_hash(path: str | Path) -> str:
+    """The SHA-256, hexadecimal, of a file, or of the names and contents of the files in a bag folder.
 
     Raises
     ------
@@ -113,13 +115,13 @@ def source_hash(path) -> str:
     return digest.hexdigest()
 
 
-def _add_content(digest, path):
+def _add_content(digest: Any, path: str | Path) -> None:
     with open(path, 'rb') as file:
         while block := file.read(HASH_BYTES):
             digest.update(block)
 
 
-def _refuse_foreign(path):
+def _refuse_foreign(path: str | Path) -> None:
     with open(path, 'rb') as file:
         start = file.read(16)
     for magic, what in FOREIGN.items():
