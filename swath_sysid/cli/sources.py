@@ -82,14 +82,7 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
 
 
 def read_trials(paths: Sequence[str], arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...]]:
-    """Read the trials of the command line and show the advice on them; of identical files the first counts.
-
-    Returns
-    -------
-    trials : list of Trial
-    advice : tuple of Advice
-        Of all of them.
-    """
+    """Read the trials of the command line and show all advice on them; of identical files the first counts."""
     once, advice = without_copies(paths)
     trials = [read_trial(path, topic=arguments.topic, frame=arguments.frame) for path in once]
     advice = tuple(dict.fromkeys([*advice, *(a for t in trials for a in t.advice)]))
