@@ -58,7 +58,7 @@ def test_patterns_tell_folder_axis_and_draft(tmp_path):
 
 
 FAULTS = [
-    ('  - file: absent.csv\n', 'there is no file'),
+    ('  - file: absent.csv\n', 'file not found'),
     ('  - file: pitch_3deg_repeat1.csv\n    repeat: 9\n', 'already given in line 3'),
     ('  - {file: pitch_8.4deg_repeat1.csv, initial_angle_deg: 3, repeat: 1}\n', 'same condition and repeat'),
     ('  - file: pitch_3deg_repeat2.csv\n    angel_deg: 3\n', "unknown field 'angel_deg'"),
@@ -120,7 +120,7 @@ def test_unknown_keys_and_equations_are_named_and_left_out(folder):
             "line 2: there is no objective 'luck'",
         ),
         ('axis: pitch\nequations: [luck]\ntrials: [{file: pitch_3deg_repeat1.csv}]\n', 'line 2: none of the equations'),
-        ('trials: [{file: absent.csv}]\n', 'no trial is left to use: line 1: there is no file'),
+        ('trials: [{file: absent.csv}]\n', 'no trial is left to use: line 1: file not found'),
         ('trials: [{file: pitch_3deg_repeat1.csv}]\n', 'no axis is given'),
     ],
 )

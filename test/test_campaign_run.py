@@ -179,7 +179,7 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys):
         (8, 'torn.mcap'),
         (9, 'noise.csv'),
         (10, 'no pitch motion'),
-        (11, "no file 'absent.csv'"),
+        (11, 'file not found: absent.csv'),
         (12, "no axis 'yaw'"),
         (13, "unknown field 'drafft'"),
         (14, 'already given in line 7'),

@@ -17,6 +17,7 @@ from swath_sysid.attitude.identification.forecast_check import (
     next_step,
     simulation_error,
 )
+from swath_sysid.attitude.identification.identify import IdentificationSettings
 from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.search import SearchSettings
@@ -35,7 +36,6 @@ from swath_sysid.campaign.evaluation import (
     out_of_order,
     rank_campaign,
     schedule_of,
-    settings_for,
     settle,
     spread_of_repeats,
     tied_best,
@@ -44,7 +44,7 @@ from swath_sysid.common.errors import InputError
 
 HULL = hull_named('swath-pitch').model
 NAMES = ('linear', 'swath-pitch-2', 'swath-pitch-1')
-SIMULATION = settings_for(None, 'simulation', SearchSettings())
+SIMULATION = IdentificationSettings(None, 'simulation', SearchSettings())
 QUIET = SensorNoise(0.0, 0.0, 0.0)
 
 
@@ -61,7 +61,7 @@ def problems():
 @pytest.fixture(scope='module')
 def fits(problems):
     return [
-        settle(p, SIMULATION, [fit_one(p, settings_for(name, 'simulation', SearchSettings())) for name in NAMES])
+        settle(p, SIMULATION, [fit_one(p, replace(SIMULATION, equation=name)) for name in NAMES])
         for p in problems
     ]
 
@@ -225,7 +225,7 @@ def test_friction_is_found_and_said():
     problem = prepare([trial(6, 1, quiet, model).axis('pitch')])
     names = ('odd-cubic', 'odd-cubic+friction')
     own = settle(
-        problem, SIMULATION, [fit_one(problem, settings_for(n, 'simulation', SearchSettings())) for n in names]
+        problem, SIMULATION, [fit_one(problem, replace(SIMULATION, equation=name)) for name in names]
     )
     ranking = rank_campaign('pitch', [own], [own], [judge(problem, SIMULATION, own, None)])
     assert ranking.choice.equation == 'odd-cubic+friction'

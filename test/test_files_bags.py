@@ -318,7 +318,7 @@ def test_broken_metadata_is_one_sentence(tmp_path, text):
 
 
 def test_no_such_bag(tmp_path):
-    with pytest.raises(InputError, match='no bag'):
+    with pytest.raises(InputError, match='file not found'):
         read_bag(tmp_path / 'absent')
 
 

@@ -63,7 +63,7 @@ def test_what_cannot_be_read_is_one_sentence(tmp_path, name, content, said):
 
 
 def test_other_things_in_the_way(tmp_path):
-    with pytest.raises(InputError, match='there is no file'):
+    with pytest.raises(InputError, match='file not found'):
         read_trial(tmp_path / 'absent.csv')
     with pytest.raises(InputError, match='folder without a rosbag2 bag'):
         read_trial(tmp_path)

@@ -196,7 +196,7 @@ trials:
     ('title: Pitch', f'title: {"x" * 5000}', 'is not a name'),
     ('axis: pitch', f'axis: {"x" * 5000}', 'there is no axis'),
     ('algorithm: ga', f'algorithm: {"x" * 5000}', 'there is no search'),
-    ('file: pitch_3deg.csv', f'file: {"x" * 900}', 'there is no file'),
+    ('file: pitch_3deg.csv', f'file: {"x" * 900}', 'file not found'),
     ('title: Pitch', 'title: &a [*a]', 'anchors'),
     ('title: Pitch', f'title: {"[" * 5000}', 'deep'),
 ])  # fmt: skip

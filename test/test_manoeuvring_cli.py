@@ -111,7 +111,7 @@ def test_play_through_is_repeatable_and_right(folder, model, capsys):
 
 @pytest.mark.parametrize('words, match', [
     (('play-through', '{runs}/mixed.csv', '--output', 'x.mcap'), 'one rosbag2 bag'),
-    (('identify', 'missing.csv'), 'no file'),
+    (('identify', 'missing.csv'), 'file not found'),
     (('identify', '{runs}/mixed.csv', '{runs}/mixed.csv'), 'given twice'),
     (('identify', '{runs}'), 'is a folder'),
     (('identify', '{runs}/mixed.csv', '--fix', 'Xu'), 'NAME=VALUE'),

@@ -10,7 +10,9 @@ they can run in any process or on any machine and their results be kept:
 4. `judge`: how well the fits of a record step, simulate and forecast it, and another repeat.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
 from swath_sysid.attitude.hull.terms import TERM_INDEX
 from swath_sysid.attitude.identification.forecast_check import forecast_errors, next_step, simulation_error
 from swath_sysid.attitude.identification.identify import (
+    Identification,
     IdentificationSettings,
     fit_metrics,
     identify_problem,
@@ -49,63 +52,46 @@ TIE = 1e-7
 
 @dataclass(frozen=True, order=True)
 class Condition:
-    """What the repeats of a trial have in common.
-
-    Attributes
-    ----------
-    axis : str
-    loading : float
-        Draft factor, draft or displacement: the same quantity throughout a campaign.
-    initial_angle_deg : float
-    speed_m_s : float
-    """
+    """What the repeats of a trial have in common; its loading is the same quantity throughout a campaign."""
 
     axis: str
     loading: float
     initial_angle_deg: float
     speed_m_s: float = 0.0
 
-    def __str__(self):
+    def __str__(self) -> str:
         under_way = f', {self.speed_m_s:g} m/s' if self.speed_m_s else ''
         return f'{self.axis} {self.initial_angle_deg:g} deg at {self.loading:g}{under_way}'
 
     @property
-    def series(self):
+    def series(self) -> str:
         """Name of what is ranked and scheduled by itself: the axis, under way with its speed."""
         return f'{self.axis}_{self.speed_m_s:g}m_s' if self.speed_m_s else self.axis
 
 
 @dataclass(frozen=True)
 class Record:
-    """One trial, ready to be fitted.
-
-    Attributes
-    ----------
-    name : str
-    condition : Condition
-    repeat : int
-    problem : Problem
-        Of this record alone.
-    """
+    """One trial, ready to be fitted; its problem holds this record alone."""
 
     name: str
     condition: Condition
     repeat: int
     problem: Problem
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f'{self.condition}, repeat {self.repeat}'
 
 
+@dataclass(frozen=True)
 class _Plain:
     """A dataclass that is kept as lists, numbers and texts, exact to the last bit when read back."""
 
     @classmethod
-    def from_plain(cls, plain):
+    def from_plain(cls, plain: dict) -> Self:
         """From what `plain` gave, also after a way through JSON."""
         return cls(**{f.name: _tupled(plain[f.name]) for f in fields(cls)})
 
-    def plain(self):
+    def plain(self) -> dict:
         """Lists, numbers and texts."""
         return asdict(self)
 
@@ -114,30 +100,16 @@ class _Plain:
 class FitSummary(_Plain):
     """What is kept of an identification: plain numbers, exact to the last bit when read back.
 
+    Ratios with their deviations and covariance are in the order of the terms; angles in rad, rates in rad/s.
+
     Attributes
     ----------
-    equation : str
-    axis : str
-    terms : tuple of str
-    objective : str
-    ratios, std : tuple of float
-        Of the terms.
-    covariance : tuple of tuple of float
-    trim, trim_std, friction_rate : float
-        rad, rad, rad/s.
-    amplitude_range : tuple of float
-        rad.
     states : tuple of tuple of float
         Initial angle from trim, rad, rate, rad/s, and trim, rad, of each record.
-    objective_value, r2, rmse, rate_rmse : float
-        ``rmse`` in rad and ``rate_rmse`` in rad/s are None where not measured.
-    samples : int
-    effective_samples : float
+    rmse, rate_rmse : float or None
+        rad and rad/s; None where not measured.
     amplitude, frequency, frequency_std, damping_ratio, damping_ratio_std : tuple of float
         Curves with standard deviations; rad and rad/s.
-    generations, evaluations : int
-    stop : str
-    seed : int
     advice : tuple of tuple of str
         Code and message.
     """
@@ -172,30 +144,28 @@ class FitSummary(_Plain):
     advice: tuple
 
     @classmethod
-    def of(cls, identification):
+    def of(cls, identification: Identification) -> Self:
         """Summary of an `Identification`."""
         found, model, curves = identification, identification.model, identification.bands.curves
-        as_it_is = {name: getattr(found, name) for name in ('objective', 'rmse', 'rate_rmse')}
-        as_float = {name: float(getattr(found, name))
-                    for name in ('trim_std', 'objective_value', 'r2', 'effective_samples')}  # fmt: skip
         return cls(
             equation=model.equation.name, axis=model.axis, terms=model.equation.terms,
             ratios=_floats(model.terms.values()), std=_floats(found.std.values()),
             covariance=tuple(_floats(row) for row in found.covariance),
-            trim=float(model.trim), friction_rate=float(model.friction_rate),
+            trim=float(model.trim), trim_std=float(found.trim_std), friction_rate=float(model.friction_rate),
             amplitude_range=_floats(found.amplitude_range),
             states=tuple((r.state.x, r.state.rate, r.state.trim) for r in found.records),
-            samples=int(found.samples),
-            amplitude=_floats(curves.amplitude),
+            objective=found.objective, objective_value=float(found.objective_value), r2=float(found.r2),
+            rmse=found.rmse, rate_rmse=found.rate_rmse, samples=int(found.samples),
+            effective_samples=float(found.effective_samples), amplitude=_floats(curves.amplitude),
             frequency=_floats(curves.frequency), frequency_std=_floats(found.bands.frequency_std),
             damping_ratio=_floats(curves.damping_ratio), damping_ratio_std=_floats(found.bands.damping_ratio_std),
             generations=int(found.search.generations), evaluations=int(found.search.evaluations),
             stop=str(found.search.stop), seed=int(found.settings.search.seed),
-            advice=tuple((a.code, a.message) for a in found.advice), **as_it_is, **as_float,
+            advice=tuple((a.code, a.message) for a in found.advice),
         )  # fmt: skip
 
     @property
-    def model(self):
+    def model(self) -> DecayModel:
         """The decay model."""
         values = dict(zip(self.terms, self.ratios, strict=True))
         return DecayModel.from_terms(
@@ -207,21 +177,21 @@ class FitSummary(_Plain):
         )
 
     @property
-    def initial_states(self):
+    def initial_states(self) -> tuple[InitialState, ...]:
         """Tuple of InitialState."""
         return tuple(InitialState(*s) for s in self.states)
 
     @property
-    def warnings(self):
+    def warnings(self) -> tuple[Advice, ...]:
         """Tuple of Advice."""
         return tuple(Advice(*a) for a in self.advice)
 
-    def ratio(self, term):
+    def ratio(self, term: str) -> tuple[float, float]:
         """Value and standard deviation of one ratio."""
         index = self.terms.index(term)
         return self.ratios[index], self.std[index]
 
-    def identified_model(self, provenance):
+    def identified_model(self, provenance: dict) -> IdentifiedModel:
         """The content of a model file."""
         how = {'search_stop': self.stop, 'seed': self.seed, 'advice': [code for code, _ in self.advice]}
         return IdentifiedModel(
@@ -230,25 +200,16 @@ class FitSummary(_Plain):
         )
 
 
-def _floats(values):
+def _floats(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
 
 
-def _tupled(value):
+def _tupled(value: Any) -> Any:
     return tuple(_tupled(v) for v in value) if isinstance(value, list | tuple) else value
 
 
-def joined(problems):
-    """One problem of several of one axis, their records side by side.
-
-    Parameters
-    ----------
-    problems : sequence of Problem
-
-    Returns
-    -------
-    Problem
-    """
+def joined(problems: Sequence[Problem]) -> Problem:
+    """One problem of several of one axis, their records side by side."""
     if len(problems) == 1:
         return problems[0]
     motions = tuple(m for p in problems for m in p.motions)
@@ -272,41 +233,26 @@ def joined(problems):
     )
 
 
-def fit_one(problem, settings):
-    """Identify one equation on one record; see `identify_problem`.
-
-    Returns
-    -------
-    FitSummary
-    """
+def fit_one(problem: Problem, settings: IdentificationSettings) -> FitSummary:
+    """Identify one equation on one record; see `identify_problem`."""
     return FitSummary.of(identify_problem(problem, settings))
 
 
-def settle(problem, settings, summaries):
-    """Put the fits of one problem in order: no equation worse than one that it contains.
+def settle(
+    problem: Problem, settings: IdentificationSettings, summaries: Sequence[FitSummary]
+) -> tuple[FitSummary, ...]:
+    """Put the fits of one problem, one an equation, in order: no equation worse than one that it contains.
 
-    Where a search ended worse than that of a smaller equation, it is refined again from there.
-
-    Parameters
-    ----------
-    problem : Problem
-    settings : IdentificationSettings
-        Objective and search; its equation is ignored.
-    summaries : sequence of FitSummary
-        One an equation.
-
-    Returns
-    -------
-    tuple of FitSummary
-        In the same order.
+    Where a search ended worse than that of a smaller equation, it is refined again from there, by the objective of the
+    settings, whose equation is ignored.
     """
-    def refit(fit, better):
+    def refit(fit: FitSummary, better: FitSummary) -> FitSummary:
         return _refit(problem, settings, fit.equation, better.model.ratios, better.initial_states, fit)
 
     return tuple(enforce_nesting(summaries, refit))
 
 
-def out_of_order(summaries):
+def out_of_order(summaries: Sequence[FitSummary]) -> tuple[tuple[str, str], ...]:
     """Pairs of equation names, larger and contained, of which the larger fits worse.
 
     Differences below the rounding of a least-squares fit are none.
@@ -319,32 +265,23 @@ def out_of_order(summaries):
     )
 
 
-def fit_together(problem, settings, equation, starts):
+def fit_together(
+    problem: Problem, settings: IdentificationSettings, equation: str, starts: Sequence[FitSummary]
+) -> FitSummary:
     """Fit common ratios to several records, each with its own initial state.
 
-    No new search: refinement begins at the optimum of the record with the largest motion, which
-    shows the most of every term.
-
-    Parameters
-    ----------
-    problem : Problem
-        Of `joined`.
-    settings : IdentificationSettings
-        With the simulation objective.
-    equation : str
-    starts : sequence of FitSummary
-        Fits of this equation whose records are, together and in order, those of the problem.
-
-    Returns
-    -------
-    FitSummary
+    No new search: refinement begins at the optimum of the record with the largest motion, which shows the most of every
+    term. The problem is that of `joined`; the starts are fits of this equation to its records, in order.
     """
     states = tuple(s for start in starts for s in start.initial_states)
     largest = max(starts, key=lambda start: start.amplitude_range[1])
     return _refit(problem, settings, equation, largest.model.ratios, states, None)
 
 
-def _refit(problem, settings, equation, ratios, states, summary):
+def _refit(
+    problem: Problem, settings: IdentificationSettings, equation: str, ratios: np.ndarray,
+    states: Sequence[InitialState], summary: FitSummary | None,
+) -> FitSummary:
     """Refinement from given ratios and states, as a summary; it keeps the search of ``summary``."""
     chosen = replace(settings, equation=equation)
     tried = (0, 0) if summary is None else (summary.generations, summary.evaluations)
@@ -358,7 +295,6 @@ class Judgement(_Plain):
 
     Attributes
     ----------
-    equation : str
     next_step : float
         Root mean square error of the rate one sample ahead, rad/s.
     simulation : float
@@ -377,26 +313,16 @@ class Judgement(_Plain):
     held_out: float
 
 
-def judge(problem, settings, summaries, other):
-    """Judge the fits of one record.
-
-    Parameters
-    ----------
-    problem : Problem
-    settings : IdentificationSettings
-    summaries : sequence of FitSummary
-        Of this record.
-    other : Problem or None
-        Another repeat of the same condition.
-
-    Returns
-    -------
-    tuple of Judgement
-    """
+def judge(
+    problem: Problem, settings: IdentificationSettings, summaries: Sequence[FitSummary], other: Problem | None
+) -> tuple[Judgement, ...]:
+    """Judge the fits of one record, with another repeat of the same condition where there is one."""
     return tuple(_judged(problem, settings, summary, other) for summary in summaries)
 
 
-def _judged(problem, settings, summary, other):
+def _judged(
+    problem: Problem, settings: IdentificationSettings, summary: FitSummary, other: Problem | None
+) -> Judgement:
     motion, segment = problem.motions[0], problem.segments[0]
     state = summary.initial_states[0]
     model = summary.model.with_trim(state.trim)
@@ -411,7 +337,7 @@ def _judged(problem, settings, summary, other):
     )
 
 
-def _on_other(summary, other):
+def _on_other(summary: FitSummary, other: Problem) -> float:
     """Error of the simulated motion on another record, whose initial state is fitted and nothing else."""
     fit = motion_fit(other, summary.model.equation)
     parameters = fit.refine_states(fit.pack(summary.model.ratios, other.states))
@@ -419,24 +345,13 @@ def _on_other(summary, other):
     return simulation_error(summary.model.with_trim(states[0].trim), states[0], other.motions[0])
 
 
-def best_repeats(records, fits):
-    """The best repeat of each condition.
+def best_repeats(records: Sequence[Record], fits: Sequence[Sequence[FitSummary]]) -> dict[Condition, int]:
+    """Index of the best repeat of each condition; each record has its fits with the simulation objective.
 
     The papers keep the best of three without saying how it is chosen. Here: the one whose motion
     the equations explain best, by the median over the equations of R^2 of the simulated motion.
-
-    Parameters
-    ----------
-    records : sequence of Record
-    fits : sequence of sequence of FitSummary
-        Of each record, with the simulation objective.
-
-    Returns
-    -------
-    dict of Condition to int
-        Index into the records.
     """
-    best = {}
+    best: dict[Condition, tuple[float, int]] = {}
     for index, record in enumerate(records):
         share = float(np.median([f.r2 for f in fits[index]]))
         held = best.get(record.condition)
@@ -445,27 +360,17 @@ def best_repeats(records, fits):
     return {condition: index for condition, (_, index) in sorted(best.items())}
 
 
-def tied_best(summaries):
+def tied_best(summaries: Sequence[FitSummary]) -> tuple[int, ...]:
     """Places of the fits with the best objective value, and of those as good; tuple of int."""
     least = min(f.objective_value for f in summaries)
     return tuple(k for k, f in enumerate(summaries) if f.objective_value <= least * (1.0 + TIE))
 
 
-def beyond_noise(summaries):
-    """Which equations fit one record worse than the best by more than noise explains.
+def beyond_noise(summaries: Sequence[FitSummary]) -> tuple[bool, ...]:
+    """Which equations fit one record, by one objective, worse than the best by more than noise explains.
 
     The likelihood ratio n ln(F^2 / F_best^2), with n the effective samples, is compared with the
     95 % quantile of chi squared, its degrees of freedom the difference in terms (at least one).
-
-    Parameters
-    ----------
-    summaries : sequence of FitSummary
-        Of one record, by one objective.
-
-    Returns
-    -------
-    tuple of bool
-        One an equation, False for the best.
     """
     from scipy.stats import chi2
 
@@ -484,16 +389,12 @@ class RankedEquation:
 
     Attributes
     ----------
-    equation : str
-    terms : tuple of str
     criterion : float
         Sum over the drafts of the Bayesian information criterion of the joint fits.
     r2 : float
         Smallest of the joint fits' R^2.
-    held_out : float
-        Root mean square over the records of the error on held-out motion.
-    forecast : float
-        The same of the forecasts one period ahead.
+    held_out, forecast : float
+        Root mean square over the records of the error on held-out motion, and of the forecasts one period ahead.
     best_of : int
         Records that it fits best; of equations that fit one alike, the smallest counts.
     """
@@ -507,12 +408,12 @@ class RankedEquation:
     best_of: int
 
     @property
-    def name(self):
+    def name(self) -> str:
         """Name of the equation."""
         return self.equation
 
     @property
-    def term_count(self):
+    def term_count(self) -> int:
         """Number of ratios."""
         return len(self.terms)
 
@@ -523,11 +424,8 @@ class Ranking:
 
     Attributes
     ----------
-    axis : str
-    ranked : tuple of RankedEquation
     choice : RankedEquation
         The simplest adequate one.
-    reason : str
     findings : tuple of Advice
         What the comparison says of friction, and of equations.
     """
@@ -539,24 +437,29 @@ class Ranking:
     findings: tuple
 
 
-def rank_campaign(axis, by_draft, by_record, judgements):
+def rank_campaign(
+    axis: str, by_draft: Sequence[Sequence[FitSummary]], by_record: Sequence[Sequence[FitSummary]],
+    judgements: Sequence[Sequence[Judgement]],
+) -> Ranking:
     """Rank the equations of one axis over a whole campaign.
 
     Parameters
     ----------
     axis : str
-    by_draft : sequence of sequence of FitSummary
-        For each draft, the joint fits of all its records, one an equation, in one order.
-    by_record : sequence of sequence of FitSummary
+        For the error.
+    by_draft, by_record : sequence of sequence of FitSummary
+        For each draft the joint fits of all its records, and those of each record: one an equation, in one order.
     judgements : sequence of sequence of Judgement
+        Of each record, in the same order.
 
-    Returns
-    -------
-    Ranking
+    Raises
+    ------
+    InputError
+        There is no fit.
     """
     if not by_draft or not by_draft[0]:
         raise InputError(f'no equation could be fitted to any {axis} record')
-    best_of = [min(tied_best(fits), key=lambda k, fits=fits: len(fits[k].terms)) for fits in by_record]
+    best_of = [min((len(fits[k].terms), k) for k in tied_best(fits))[1] for fits in by_record]
     ranked = []
     samples = [min(fits, key=lambda f: f.objective_value).effective_samples for fits in by_draft]
     for k, first in enumerate(by_draft[0]):
@@ -577,13 +480,12 @@ def rank_campaign(axis, by_draft, by_record, judgements):
     return Ranking(axis, tuple(ranked), choice, reason, _findings(ranked, by_draft))
 
 
-def _root_mean_square(values):
-    values = np.asarray(values, dtype=float)
-    values = values[~np.isnan(values)]
-    return float(np.sqrt(np.mean(values**2))) if values.size else float('nan')
+def _root_mean_square(values: Iterable[float]) -> float:
+    known = [value * value for value in values if value == value]
+    return float(np.sqrt(np.mean(known))) if known else float('nan')
 
 
-def _findings(ranked, by_draft):
+def _findings(ranked: Sequence[RankedEquation], by_draft: Sequence[Sequence[FitSummary]]) -> tuple[Advice, ...]:
     by_terms = {frozenset(r.terms): r for r in ranked}
     found = []
     for item in ranked:
@@ -604,7 +506,7 @@ def _findings(ranked, by_draft):
     return tuple(found)
 
 
-def _damping_without(without, item, by_draft):
+def _damping_without(without: RankedEquation, item: RankedEquation, by_draft: Sequence[Sequence[FitSummary]]) -> str:
     """What leaving friction out does to the quadratic damping."""
     if 'b2' not in without.terms:
         return ''
@@ -616,24 +518,11 @@ def _damping_without(without, item, by_draft):
     return f', and without it the quadratic damping comes out as {before:.3g} instead of {after:.3g} 1/rad'
 
 
-def schedule_of(by_draft, equation, loadings, quantity, provenances):
-    """The model scheduled on draft, of the joint fits of one equation.
-
-    Parameters
-    ----------
-    by_draft : sequence of sequence of FitSummary
-    equation : str
-    loadings : sequence of float
-        Of each draft, increasing.
-    quantity : str
-        One of ``QUANTITIES``.
-    provenances : sequence of dict
-        Of each draft.
-
-    Returns
-    -------
-    ScheduledModel
-    """
+def schedule_of(
+    by_draft: Sequence[Sequence[FitSummary]], equation: str, loadings: Iterable[float], quantity: str,
+    provenances: Sequence[dict],
+) -> ScheduledModel:
+    """The model scheduled on draft, of one equation's joint fits of each draft, the loadings increasing."""
     chosen = [next(f for f in fits if f.equation == equation) for fits in by_draft]
     models = tuple(fit.identified_model(p) for fit, p in zip(chosen, provenances, strict=True))
     return ScheduledModel(quantity, tuple(loadings), models)
@@ -645,14 +534,12 @@ class Spread:
 
     Attributes
     ----------
-    condition : Condition
     quantity : str
         ``natural_period_s``, ``damping_ratio`` or a ratio's name.
     mean, spread : float
         Over the repeats, standard deviation with n - 1.
     stated : float
         Standard deviation that the single fits state, root mean square; NaN where they state none.
-    repeats : int
     """
 
     condition: Condition
@@ -663,19 +550,8 @@ class Spread:
     repeats: int
 
 
-def spread_of_repeats(condition, fits):
-    """Spread between the fits of one equation to the repeats of one condition.
-
-    Parameters
-    ----------
-    condition : Condition
-    fits : sequence of FitSummary
-        At least two.
-
-    Returns
-    -------
-    tuple of Spread
-    """
+def spread_of_repeats(condition: Condition, fits: Sequence[FitSummary]) -> tuple[Spread, ...]:
+    """Spread between the fits of one equation to two or more repeats of one condition."""
     low = max(f.amplitude[0] for f in fits)
     high = min(f.amplitude[-1] for f in fits)
     at = np.sqrt(low * high)
@@ -692,7 +568,7 @@ def spread_of_repeats(condition, fits):
     return tuple(found)
 
 
-def _curve(fit, name, amplitude, inverse=False):
+def _curve(fit: FitSummary, name: str, amplitude: float, inverse: bool = False) -> tuple[float, float]:
     """Value and standard deviation of a curve at an amplitude; of its period where asked for."""
     value = float(np.interp(amplitude, fit.amplitude, getattr(fit, name)))
     std = float(np.interp(amplitude, fit.amplitude, getattr(fit, f'{name}_std')))
@@ -701,21 +577,8 @@ def _curve(fit, name, amplitude, inverse=False):
     return value, std
 
 
-def noise_statement(records, fits, best):
-    """One sentence on whether the differences between equations exceed the noise.
-
-    Parameters
-    ----------
-    records : sequence of Record
-    fits : sequence of sequence of FitSummary
-        Of each record, by one objective.
-    best : dict of Condition to int
-        Of `best_repeats`.
-
-    Returns
-    -------
-    str
-    """
+def noise_statement(records: Sequence[Record], fits: Sequence[Sequence[FitSummary]], best: dict[Condition, int]) -> str:
+    """One sentence on whether the differences between equations, by one objective, exceed the noise."""
     beyond = total = 0
     ranges, between = [], []
     for condition, index in best.items():
@@ -741,12 +604,6 @@ def noise_statement(records, fits, best):
     return ', '.join(words) + f'; {verdict}.'
 
 
-def settings_for(equation, objective, search):
-    """Identification settings of one task."""
-    return IdentificationSettings(equation, objective, search)
-
-
-def term_values(summary):
+def term_values(summary: FitSummary) -> dict[str, tuple[float, float]]:
     """Name to value and standard deviation, in the order of the terms of all models."""
-    order = sorted(summary.terms, key=TERM_INDEX.get)
-    return {term: summary.ratio(term) for term in order}
+    return {term: summary.ratio(term) for term in sorted(summary.terms, key=TERM_INDEX.__getitem__)}

@@ -4,6 +4,7 @@ import asyncio
 import concurrent.futures
 import contextlib
 import logging
+from collections.abc import Iterator
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import processes
@@ -18,15 +19,11 @@ RETRIES = 10
 CONNECT_S = 20
 
 
-def connection_losses():
+def connection_losses() -> tuple[type[BaseException], ...]:
     """What distributed raises where the connection to its scheduler is lost.
 
     The futures of its executor are cancelled then (``distributed.cfexecutor``); handing in more raises
     ``CommClosedError`` or ``ClosedClientError``.
-
-    Returns
-    -------
-    tuple of exception types
     """
     cancelled = concurrent.futures.CancelledError, asyncio.CancelledError
     if distributed is None:
@@ -35,19 +32,8 @@ def connection_losses():
 
 
 @contextlib.contextmanager
-def executor_of(jobs, scheduler=None):
-    """An executor for independent tasks.
-
-    Parameters
-    ----------
-    jobs : int
-        Processes on this machine.
-    scheduler : str, optional
-        Address of a Dask scheduler, which then does the work.
-
-    Yields
-    ------
-    concurrent.futures.Executor
+def executor_of(jobs: int, scheduler: str | None = None) -> Iterator[concurrent.futures.Executor]:
+    """An executor for independent tasks: processes on this machine, or the Dask scheduler at an address.
 
     Raises
     ------
@@ -65,7 +51,7 @@ def executor_of(jobs, scheduler=None):
 
 
 @contextlib.contextmanager
-def _cluster(address):
+def _cluster(address: str) -> Iterator[concurrent.futures.Executor]:
     if distributed is None:
         raise InputError(
             "a Dask scheduler needs the package distributed: install it with pip install 'swath_sysid[cluster]'",

@@ -6,8 +6,10 @@ others are kept, because a campaign shall not stop at one bad entry.
 
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -20,7 +22,17 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.fields import FieldError, Place, anything, number, one_of, one_or_more, record, text, whole
-from swath_sysid.formats.untrusted_yaml import LocatedError, line_of, located, parsed, shown, text_of
+from swath_sysid.formats.input_files import existing
+from swath_sysid.formats.untrusted_yaml import (
+    LocatedDict,
+    LocatedError,
+    LocatedList,
+    line_of,
+    located,
+    parsed,
+    shown,
+    text_of,
+)
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
 PLACEHOLDERS = {
@@ -37,7 +49,7 @@ PLACEHOLDERS = {
 _MATCHED = {'axis': str, 'repeat': int}
 
 
-def _decimal(matched):
+def _decimal(matched: str) -> float:
     return float(matched.replace(',', '.'))
 
 
@@ -70,24 +82,18 @@ _TRIAL = record({}, {
 
 @dataclass(frozen=True)
 class Craft:
-    """Particulars of the craft; what is not known is None.
+    """Particulars of the craft; what is not known is None. Mass and heights are those at the design draft.
 
     Attributes
     ----------
-    name : str
-    length_m, beam_m, depth_m : float or None
     draft_m : float or None
         Design draft, to which draft factors refer.
-    displacement_kg : float or None
-        At the design draft, as are the following.
     kg_m : float or None
         Height of the centre of gravity above the keel.
     gm_transverse_m, gm_longitudinal_m : float or None
         Metacentric heights.
     gyradius_m, inertia_kg_m2 : float or None
         About the axis of the trials; the inertia with added inertia.
-    water_density_kg_m3, water_temperature_c : float or None
-    appendages, basin : str or None
     """
 
     name: str = 'the craft'
@@ -109,17 +115,9 @@ class Craft:
 
 @dataclass(frozen=True)
 class PredictedDamping:
-    """Equivalent damping that the user predicts, by Ikeda's method or CFD.
+    """Equivalent damping that the user predicts, by Ikeda's method or CFD: in N m s or as a ratio, one of them.
 
-    Attributes
-    ----------
-    method : str
-    amplitude_deg : float
-    damping_n_m_s, damping_ratio : float or None
-        One of them.
-    loading : float or None
-        In the quantity of the campaign; None: at any.
-    axis : str or None
+    The loading is in the quantity of the campaign; None: at any. Nor does axis None restrict it.
     """
 
     method: str
@@ -132,41 +130,25 @@ class PredictedDamping:
 
 @dataclass(frozen=True)
 class Fault:
-    """Something wrong in the manifest.
-
-    Attributes
-    ----------
-    line : int
-        From 1; 0 where it has no line.
-    message : str
-        What is wrong and what to do.
-    """
+    """Something wrong in the manifest: in which line, from 1 (0: it has none), and what to do."""
 
     line: int
     message: str
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f'line {self.line}: {self.message}' if self.line else self.message
 
 
 @dataclass(frozen=True)
 class TrialEntry:
-    """One trial of the manifest; what it does not say is None.
+    """One trial of the manifest, by its line; what it does not say is None.
 
     Attributes
     ----------
-    path : Path
-    line : int
-        Of the entry in the manifest.
-    axis : str
     loading : tuple of str and float, or None
         Quantity, one of ``QUANTITIES``, and value.
-    initial_angle_deg : float or None
-    repeat : int or None
     start, end : float or None
         Bounds of the decay, s.
-    frame, topic : str or None
-    speed_m_s, mass_kg, gm_m, inertia_kg_m2 : float or None
     """
 
     path: Path
@@ -191,16 +173,10 @@ class Manifest:
 
     Attributes
     ----------
-    title : str
-    craft : Craft
-    trials : tuple of TrialEntry
     equations : tuple of str
         Names; empty: those of each axis.
-    objectives : tuple of str
-    search : SearchSettings
     uncertainty : TypeB
         Of what a decay itself cannot show.
-    predictions : tuple of PredictedDamping
     faults : tuple of Fault
         What was left out, and why.
     """
@@ -226,7 +202,7 @@ _PREDICTION = record({'method': _NAME, 'amplitude_deg': _POSITIVE}, {
 })  # fmt: skip
 
 
-def _prediction(value, where):
+def _prediction(value: Any, where: Place) -> PredictedDamping:
     found = _PREDICTION(value, where)
     if ('damping_n_m_s' in found) == ('damping_ratio' in found):
         raise FieldError(where, ' needs damping_n_m_s or damping_ratio, and only one of them')
@@ -242,17 +218,8 @@ _CAMPAIGN = record({}, {
 """What a manifest may say beside its trials."""
 
 
-def read_manifest(path):
-    """Read a manifest.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Manifest
-        With the faults of what was left out. Paths are relative to the manifest's folder.
+def read_manifest(path: str | Path) -> Manifest:
+    """Read a manifest, with the faults of what was left out; paths are relative to its folder.
 
     Raises
     ------
@@ -272,11 +239,11 @@ def read_manifest(path):
         raise InputError(f'{path}, {_fault(error)}') from error
 
 
-def _fault(error):
+def _fault(error: FieldError | LocatedError) -> Fault:
     return Fault(error.line or 0, error.problem)
 
 
-def _manifest_of(root, path):
+def _manifest_of(root: yaml.MappingNode, path: Path) -> Manifest:
     entries = next((value for key, value in root.value if key.value == 'trials'), None)
     if not isinstance(entries, yaml.SequenceNode) or not entries.value:
         raise FieldError('', "'trials:' must list at least one entry with 'file:' or 'pattern:'",
@@ -284,14 +251,14 @@ def _manifest_of(root, path):
     # the trials each by itself: what is wrong with one leaves that one out
     root.value = [(key, value) for key, value in root.value if value is not entries]
     source, place = str(path), Place('')
-    place.faults = []
+    place.faults = unknown = list[FieldError]()
     content = located(root, source)
     plain = _CAMPAIGN(content, place)
     if 'equations' in plain:
-        plain['equations'] = _equations(plain['equations'], place.within(content, 'equations', 'equations'))
+        plain['equations'] = _equations(plain['equations'], place.within(content, 'equations', 'equations'), unknown)
     if 'search' in plain:
         plain['search'] = _search(plain['search'], content)
-    faults, trials = [_fault(error) for error in place.faults], []
+    faults, trials = [_fault(error) for error in unknown], []
     for node in entries.value:
         line = line_of(node)
         try:
@@ -313,11 +280,11 @@ def _manifest_of(root, path):
     )  # fmt: skip
 
 
-def _equations(value, place):
+def _equations(value: Any, place: Place, faults: list[FieldError]) -> tuple[str, ...]:
     """The names that can be used, each once; the others become faults."""
     names = []
     for k, name in enumerate(one_or_more(anything)(value, place)):
-        line = value.lines[k] if isinstance(value, list) else place.line
+        line = value.lines[k] if isinstance(value, LocatedList) else place.line
         try:
             equation_named(shown(name))
             if name not in names:
@@ -326,13 +293,13 @@ def _equations(value, place):
             fault = f"the equation '{shown(name)}' is named twice: leave one out"
         except InputError as error:
             fault = f'{error}; it is left out'
-        place.faults.append(FieldError('', fault, line))
+        faults.append(FieldError('', fault, line))
     if not names:
         raise FieldError('', 'none of the equations can be used: correct their names, or leave the key out', place.line)
     return tuple(names)
 
 
-def _search(values, content):
+def _search(values: dict, content: LocatedDict) -> SearchSettings:
     lines = content['search'].lines
     for key, value in values.items():
         if isinstance(value, dict | list):
@@ -348,7 +315,7 @@ def _search(values, content):
     return settings
 
 
-def _entry(content, line):
+def _entry(content: LocatedDict, line: int) -> dict:
     """One checked entry, by field."""
     place = Place('')
     place.line = line
@@ -360,10 +327,10 @@ def _entry(content, line):
     return plain
 
 
-def _entries(plain, folder, default_axis, line):
+def _entries(plain: dict, folder: Path, default_axis: str | None, line: int) -> list[TrialEntry | Fault]:
     """The trials of one entry, one file or all files of a pattern; a `Fault` for one that cannot be used."""
     if 'file' not in plain:
-        found = []
+        found: list[TrialEntry | Fault] = []
         for path, matched in _matches(plain.pop('pattern'), folder, line):
             try:
                 found.append(_trial(path, plain, matched, default_axis, line))
@@ -371,14 +338,14 @@ def _entries(plain, folder, default_axis, line):
                 found.append(_fault(error))
         return found
     name = plain.pop('file')
-    # not Path.exists, which raises an error for a name that is too long
-    if not os.path.exists(folder / name):
-        problem = f"there is no file '{shown(name)}': check the name, it is relative to the manifest"
-        raise FieldError('', problem, line)
-    return [_trial(folder / name, plain, {}, default_axis, line)]
+    try:
+        path = existing(folder / name, f'{shown(name)}, relative to the manifest')
+    except InputError as error:
+        raise FieldError('', str(error), line) from error
+    return [_trial(path, plain, {}, default_axis, line)]
 
 
-def _trial(path, given, matched, default_axis, line):
+def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, line: int) -> TrialEntry:
     twice = sorted(set(given) & set(matched) - {'axis'})
     if twice:
         raise FieldError('', f"'{twice[0]}' is given both by the pattern and beside it: leave one out", line)
@@ -394,7 +361,7 @@ def _trial(path, given, matched, default_axis, line):
                       **{names.get(key, key): value for key, value in values.items()})  # fmt: skip
 
 
-def pattern_expression(pattern):
+def pattern_expression(pattern: str) -> re.Pattern:
     """Regular expression of a pattern with placeholders and the wildcards ``*`` and ``?``.
 
     Raises
@@ -422,7 +389,7 @@ def pattern_expression(pattern):
     return re.compile(''.join(parts))
 
 
-def _matches(pattern, folder, line):
+def _matches(pattern: str, folder: Path, line: int) -> list[tuple[Path, dict]]:
     """Files that a pattern matches, with what their names say."""
     try:
         expression = pattern_expression(pattern)
@@ -458,7 +425,7 @@ def _matches(pattern, folder, line):
     return found
 
 
-def _relative(path, root, pattern):
+def _relative(path: Path, root: Path, pattern: str) -> str:
     """The path as the pattern writes it, which may climb with ``..``."""
     text = path.as_posix()
     start = root.as_posix()
@@ -467,8 +434,10 @@ def _relative(path, root, pattern):
     return text.removeprefix('./') if not pattern.startswith('./') else f'./{text.removeprefix("./")}'
 
 
-def _without_duplicates(trials, faults):
-    kept, by_file, by_condition = [], {}, {}
+def _without_duplicates(trials: Sequence[TrialEntry], faults: list[Fault]) -> list[TrialEntry]:
+    kept: list[TrialEntry] = []
+    by_file: dict[tuple, int] = {}
+    by_condition: dict[tuple, TrialEntry] = {}
     for trial in trials:
         file = (trial.path.resolve(), trial.axis, trial.start, trial.end)
         complete = None not in (trial.initial_angle_deg, trial.repeat)
@@ -542,22 +511,21 @@ trials:
 """
 
 
-def new_manifest(folder, axis='pitch', name='campaign.yaml', at=None):
+def new_manifest(
+    folder: str | Path, axis: str = 'pitch', name: str = 'campaign.yaml', at: str | Path | None = None
+) -> str:
     """Text of a commented manifest for the trials in a folder.
 
     Parameters
     ----------
     folder : str or Path
+        Of the trials.
     axis : str
         Where the names do not say it.
     name : str
         File name of the manifest, for its first line.
     at : str or Path, optional
         The folder the manifest is to stand in, to which its paths are relative; by default that of the trials.
-
-    Returns
-    -------
-    str
 
     Raises
     ------
@@ -570,7 +538,7 @@ def new_manifest(folder, axis='pitch', name='campaign.yaml', at=None):
     files = [p for p in sorted(folder.iterdir()) if _may_be_trial(p)]
     if not files:
         raise InputError(f'{folder} holds no trial: CSV files, bags or MTi exports (.txt) were looked for')
-    by_pattern = {}
+    by_pattern: dict[str, list[str]] = {}
     for file in files:
         by_pattern.setdefault(pattern_of_name(file.name), []).append(file.name)
     way = '' if at is None else Path(os.path.relpath(os.path.realpath(folder), os.path.realpath(at))).as_posix() + '/'
@@ -589,7 +557,7 @@ def new_manifest(folder, axis='pitch', name='campaign.yaml', at=None):
     )
 
 
-def write_new_manifest(folder, path, axis='pitch'):
+def write_new_manifest(folder: str | Path, path: str | Path, axis: str = 'pitch') -> None:
     """Write `new_manifest` to a file that does not exist yet.
 
     Raises
@@ -603,7 +571,7 @@ def write_new_manifest(folder, path, axis='pitch'):
     write_text(path, new_manifest(folder, axis, path.name, path.parent))
 
 
-def pattern_of_name(name):
+def pattern_of_name(name: str) -> str:
     """The pattern that a file's name suggests: numbers beside the words for angle, repeat and draft."""
     stem, dot, ending = name.rpartition('.')
     if not dot:
@@ -617,15 +585,15 @@ def pattern_of_name(name):
     return f'{stem}{dot}{ending}'
 
 
-def _file_entry(name):
+def _file_entry(name: str) -> str:
     return f'  - file: {_quoted(name)}\n    # initial_angle_deg: 6\n    # draft_factor: 1.0\n    # repeat: 1'
 
 
-def _quoted(text):
+def _quoted(text: str) -> str:
     return yaml.safe_dump(text, default_style="'", width=1000).strip()
 
 
-def _may_be_trial(path):
+def _may_be_trial(path: Path) -> bool:
     if path.name.startswith('.'):
         return False
     if path.is_dir():

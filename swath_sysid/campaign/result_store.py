@@ -4,8 +4,10 @@ import fcntl
 import hashlib
 import json
 import shutil
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, Self
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
@@ -14,31 +16,16 @@ LEFTOVERS = '.writing-*'
 LOCK = '.lock'
 
 
-def key_of(*parts):
-    """Key of a result: the SHA-256 of everything that it depends on.
-
-    Parameters
-    ----------
-    *parts : str, number, None, or lists, tuples and dicts of such
-
-    Returns
-    -------
-    str
-        Hexadecimal.
-    """
+def key_of(*parts: Any) -> str:
+    """Key of a result: the SHA-256, hexadecimal, of all plain data that it depends on."""
     text = json.dumps(parts, sort_keys=True, separators=(',', ':'), allow_nan=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 class ResultStore:
-    """A folder of results by key; each is written whole or not at all.
+    """A folder of results by key, made where it does not exist; each is written whole or not at all.
 
     Killed at any moment, it holds every result that was put before, and no half of one.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Made where it does not exist.
 
     Raises
     ------
@@ -46,7 +33,7 @@ class ResultStore:
         The folder cannot be made.
     """
 
-    def __init__(self, folder):
+    def __init__(self, folder: str | Path) -> None:
         self._folder = Path(folder)
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -54,7 +41,7 @@ class ResultStore:
             raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
 
     @contextmanager
-    def alone(self):
+    def alone(self) -> Iterator[Self]:
         """Hold the store for one process; what a killed one left half-written is cleared away.
 
         Raises
@@ -74,7 +61,7 @@ class ResultStore:
                 shutil.rmtree(leftover, ignore_errors=True)
             yield self
 
-    def get(self, key):
+    def get(self, key: str) -> Any:
         """The result of a key, or None; one that cannot be read counts as not there."""
         try:
             return json.loads(self._path(key).read_text(encoding='utf-8'))
@@ -83,11 +70,11 @@ class ResultStore:
         except OSError as error:
             raise InputError(f'cannot read {self._path(key)}: {error.strerror}; check the disk') from error
 
-    def put(self, key, result):
+    def put(self, key: str, result: Any) -> None:
         """Keep a result: plain data, which comes back bit by bit the same."""
         path = self._path(key)
         path.parent.mkdir(exist_ok=True)
         write_text(path, json.dumps(result, allow_nan=True))
 
-    def _path(self, key):
+    def _path(self, key: str) -> Path:
         return self._folder / key[:2] / f'{key}.json'

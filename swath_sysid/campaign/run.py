@@ -4,14 +4,19 @@ import concurrent.futures
 import math
 import time
 from collections import Counter
+from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 from swath_sysid import __version__
 from swath_sysid.attitude.hull.catalogue import equation_named, equations_of_axis
+from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.scheduled_model import ScheduledModel
-from swath_sysid.attitude.identification.problem import prepare
+from swath_sysid.attitude.identification.identify import IdentificationSettings
+from swath_sysid.attitude.identification.problem import Problem, prepare
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.campaign.evaluation import (
     Condition,
     FitSummary,
@@ -26,13 +31,12 @@ from swath_sysid.campaign.evaluation import (
     judge,
     rank_campaign,
     schedule_of,
-    settings_for,
     settle,
     spread_of_repeats,
 )
 from swath_sysid.campaign.executors import connection_losses
-from swath_sysid.campaign.manifest import Manifest, TrialEntry
-from swath_sysid.campaign.result_store import key_of
+from swath_sysid.campaign.manifest import Craft, Manifest, TrialEntry
+from swath_sysid.campaign.result_store import ResultStore, key_of
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial, source_hash
@@ -46,20 +50,7 @@ ANGLE_STEP_DEG = 0.5
 
 @dataclass(frozen=True)
 class TrialOutcome:
-    """What became of one trial.
-
-    Attributes
-    ----------
-    entry : TrialEntry
-    name : str
-        File name.
-    sha256 : str
-        Empty where the file could not be read.
-    record : Record or None
-    reason : str
-        Why it was left out; empty where it was used.
-    advice : tuple of Advice
-    """
+    """What became of one trial: its record, or the reason why it was left out; no hash where it could not be read."""
 
     entry: TrialEntry
     name: str
@@ -68,7 +59,7 @@ class TrialOutcome:
     reason: str = ''
     advice: tuple[Advice, ...] = ()
 
-    def left_out(self, reason):
+    def left_out(self, reason: object) -> 'TrialOutcome':
         """The same, not used."""
         return replace(self, record=None, reason=f'line {self.entry.line}: {reason}', advice=())
 
@@ -81,11 +72,8 @@ class AxisOutcome:
     ----------
     axis : str
         Name of the series: see `Condition.series`.
-    records : tuple of Record
-    names : tuple of str
-        Of the equations.
     fits : dict of str to tuple of tuple of FitSummary
-        Objective to record to equation.
+        Objective to record to equation, in the order of the names.
     judgements : tuple of tuple of Judgement
         Record to equation, with the simulation objective.
     best : dict of Condition to int
@@ -94,11 +82,8 @@ class AxisOutcome:
         Repeats of a condition jointly.
     by_draft : dict of float to tuple of FitSummary
         All records of a draft jointly.
-    ranking : Ranking
-    schedule : ScheduledModel
-        Of the choice.
-    spreads : tuple of Spread
-        Of the choice, between repeats.
+    schedule, spreads : ScheduledModel and tuple of Spread
+        Of the chosen equation.
     """
 
     axis: str
@@ -114,32 +99,29 @@ class AxisOutcome:
     spreads: tuple[Spread, ...]
 
     @property
-    def motion(self):
+    def motion(self) -> str:
         """``roll`` or ``pitch``."""
         return self.records[0].condition.axis
 
     @property
-    def speed_m_s(self):
+    def speed_m_s(self) -> float:
         """Of all its records."""
         return self.records[0].condition.speed_m_s
 
     @property
-    def choice(self):
+    def choice(self) -> int:
         """Index of the chosen equation."""
         return self.names.index(self.ranking.choice.equation)
 
 
 @dataclass(frozen=True)
 class CampaignOutcome:
-    """A campaign worked off.
+    """A campaign carried out.
 
     Attributes
     ----------
-    manifest : Manifest
     quantity : str
         The quantity that gives the loading.
-    trials : tuple of TrialOutcome
-    axes : tuple of AxisOutcome
     failures : tuple of str
         Tasks that failed, with their reason.
     computed, kept : int
@@ -164,7 +146,7 @@ class Task:
 
     key: str
     label: str
-    function: object
+    function: Callable
     arguments: tuple = field(repr=False)
 
 
@@ -177,21 +159,11 @@ class Progress:
     running: tuple[str, ...]
 
 
-def run_campaign(manifest, store, executor, on_progress=lambda progress: None):
-    """Work a campaign off.
-
-    Parameters
-    ----------
-    manifest : Manifest
-    store : ResultStore
-        Results in it are not computed again.
-    executor : concurrent.futures.Executor
-    on_progress : callable, optional
-        Called with `Progress`.
-
-    Returns
-    -------
-    CampaignOutcome
+def run_campaign(
+    manifest: Manifest, store: ResultStore, executor: concurrent.futures.Executor,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
+) -> CampaignOutcome:
+    """Carry a campaign out; results in the store are not computed again.
 
     Raises
     ------
@@ -218,24 +190,13 @@ def run_campaign(manifest, store, executor, on_progress=lambda progress: None):
     )  # fmt: skip
 
 
-def loading_quantity(manifest):
+def loading_quantity(manifest: Manifest) -> str:
     """The quantity that gives the loading in a campaign: what its first entry that names one uses."""
     return next((t.loading[0] for t in manifest.trials if t.loading is not None), 'draft_factor')
 
 
-def loading_of(entry, trial, craft, quantity):
+def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> float:
     """Loading of a trial in the campaign's quantity.
-
-    Parameters
-    ----------
-    entry : TrialEntry
-    trial : Trial
-    craft : Craft
-    quantity : str
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -263,7 +224,7 @@ def loading_of(entry, trial, craft, quantity):
     )
 
 
-def _prepared(entry, manifest, quantity):
+def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> TrialOutcome:
     """Read, cut and check one trial; whatever is wrong becomes the reason to leave it out."""
     outcome = TrialOutcome(entry, entry.path.name)
     try:
@@ -285,14 +246,14 @@ def _prepared(entry, manifest, quantity):
     return replace(outcome, sha256=sha256, record=record, advice=advice)
 
 
-def _rounded_angle(trial, problem):
+def _rounded_angle(trial: Trial, problem: Problem) -> float:
     """Initial angle that the file states, or at which the decay began, deg."""
     if trial.initial_angle is not None:
         return round(math.degrees(trial.initial_angle), 6)
     return round(math.degrees(problem.scales.amplitude) / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
 
 
-def _without_copies(trials):
+def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
     """Leave out trials with the content, axis and bounds of an earlier one: a copy is not a repeat."""
     found = []
     first: dict[tuple, TrialOutcome] = {}
@@ -307,7 +268,7 @@ def _without_copies(trials):
     return found
 
 
-def _numbered(trials):
+def _numbered(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
     """Give repeats without a number the next free one of their condition; refuse those taken twice."""
     taken: dict[Condition, Counter] = {}
     for t in trials:
@@ -330,31 +291,33 @@ def _numbered(trials):
     return found
 
 
-def _timed(function, arguments):
+def _timed(function: Callable, arguments: tuple) -> tuple[Any, float]:
     """Result in plain data and the processor time that it took, s; runs in the worker."""
     began = time.process_time()
     return _plain(function(*arguments)), time.process_time() - began
 
 
-def _plain(result):
+def _plain(result: Any) -> Any:
     return [r.plain() for r in result] if isinstance(result, tuple) else result.plain()
 
 
 class _Work:
     """Gets results of tasks: from the store, or by the executor and then into the store."""
 
-    def __init__(self, store, executor, on_progress):
+    def __init__(
+        self, store: ResultStore, executor: concurrent.futures.Executor, on_progress: Callable[[Progress], None]
+    ) -> None:
         self._store, self._executor, self._on_progress = store, executor, on_progress
         self._done = self._total = 0
         self.computed = self.kept = 0
         self.cpu_s = 0.0
-        self.failures = []
+        self.failures: list[str] = []
 
-    def expect(self, tasks):
+    def expect(self, tasks: int) -> None:
         """Say how many tasks there are in all."""
         self._total = tasks
 
-    def results(self, tasks):
+    def results(self, tasks: Sequence[Task]) -> dict[str, Any]:
         """Key to plain result of every task that succeeded."""
         tasks = list({task.key: task for task in tasks}.values())
         found, pending = {}, {}
@@ -391,10 +354,11 @@ class _Work:
             ) from error
         return found
 
-    def _finish(self, future, task, found):
+    def _finish(self, future: concurrent.futures.Future, task: Task, found: dict[str, Any]) -> None:
+        fatal: tuple[type[BaseException], ...] = (BrokenProcessPool, *connection_losses())
         try:
             result, cpu_s = future.result()
-        except (BrokenProcessPool, *connection_losses()):
+        except fatal:
             raise
         except InputError as error:
             self._fail(task, str(error))
@@ -407,15 +371,15 @@ class _Work:
             self._count(cpu_s)
             self.computed += 1
 
-    def _fail(self, task, reason):
+    def _fail(self, task: Task, reason: str) -> None:
         self.failures.append(f'{task.label}: {reason}')
         self._count(0.0)
 
-    def _count(self, cpu_s):
+    def _count(self, cpu_s: float) -> None:
         self._done += 1
         self.cpu_s += cpu_s
 
-    def _say(self, pending):
+    def _say(self, pending: dict[concurrent.futures.Future, Task]) -> None:
         running = tuple(task.label for future, task in pending.items() if future.running())
         self._on_progress(Progress(self._done, max(self._total, self._done), running))
 
@@ -423,25 +387,25 @@ class _Work:
 class _AxisPlan:
     """The tasks of one series: an axis at one speed."""
 
-    def __init__(self, axis, manifest, trials, work):
-        used = [t for t in trials if t.record is not None and t.record.condition.series == axis]
-        used.sort(key=lambda t: (t.record.condition, t.record.repeat))
+    def __init__(self, axis: str, manifest: Manifest, trials: Sequence[TrialOutcome], work: _Work) -> None:
+        used = [(t.record, t) for t in trials if t.record is not None and t.record.condition.series == axis]
+        used.sort(key=lambda pair: (pair[0].condition, pair[0].repeat))
         self._axis, self._manifest, self._work = axis, manifest, work
-        self._records = [t.record for t in used]
-        self._ids = {str(t.record): _identity(t) for t in used}
-        self._sources = {str(t.record): {'file': t.name, 'sha256': t.sha256} for t in used}
-        self._names = [e.name for e in _equations(manifest, used[0].record.condition.axis)]
-        self.left_out = {}
+        self._records = [record for record, _ in used]
+        self._ids = {str(record): _identity(t) for record, t in used}
+        self._sources = {str(record): {'file': t.name, 'sha256': t.sha256} for record, t in used}
+        self._names = [e.name for e in _equations(manifest, self._records[0].condition.axis)]
+        self.left_out: dict[str, str] = {}
 
     @property
-    def task_count(self):
+    def task_count(self) -> int:
         """Tasks to come, at most."""
         groups = [g for g in (*self._conditions().values(), *self._drafts().values()) if len(g) > 1]
         return len(self._records) * (len(self._manifest.objectives) * (len(self._names) + 1) + 1) + len(groups) * (
             len(self._names) + 1
         )
 
-    def carry_out(self, quantity):
+    def carry_out(self, quantity: str) -> AxisOutcome | None:
         """Do everything; None where nothing succeeded."""
         single = self._single_fits()
         self._drop_failed(single)
@@ -473,26 +437,26 @@ class _AxisPlan:
             ranking=ranking, schedule=schedule, spreads=tuple(spread for group in spreads for spread in group),
         )  # fmt: skip
 
-    def _settings(self, objective, equation=None):
-        return settings_for(equation, objective, self._manifest.search)
+    def _settings(self, objective: str, equation: str | None = None) -> IdentificationSettings:
+        return IdentificationSettings(equation, objective, self._manifest.search)
 
-    def _conditions(self):
+    def _conditions(self) -> dict[Condition, list[Record]]:
         groups: dict[Condition, list] = {}
         for record in self._records:
             groups.setdefault(record.condition, []).append(record)
         return groups
 
-    def _drafts(self):
+    def _drafts(self) -> dict[float, list[Record]]:
         groups: dict[float, list] = {}
         for record in self._records:
             groups.setdefault(record.condition.loading, []).append(record)
         return dict(sorted(groups.items()))
 
-    def _fit_key(self, record, objective, name):
+    def _fit_key(self, record: Record, objective: str, name: str) -> str:
         terms = equation_named(name).terms
         return key_of('fit', self._ids[str(record)], name, terms, objective, asdict(self._manifest.search))
 
-    def _single_fits(self):
+    def _single_fits(self) -> dict:
         """(record, objective, equation) to key and summary."""
         tasks = {}
         for record in self._records:
@@ -510,10 +474,10 @@ class _AxisPlan:
             if task.key in results
         }
 
-    def _drop_failed(self, single):
+    def _drop_failed(self, single: dict) -> None:
         """Leave out equations that failed on every record, and records on which another failed."""
 
-        def failed(record, name):
+        def failed(record: Record, name: str) -> bool:
             return any((str(record), objective, name) not in single for objective in self._manifest.objectives)
 
         self._names = [n for n in self._names if not all(failed(r, n) for r in self._records)]
@@ -523,7 +487,7 @@ class _AxisPlan:
                 self.left_out[str(record)] = f'the fit of {", ".join(names)} failed; see the failures'
                 self._records.remove(record)
 
-    def _needed(self, tasks):
+    def _needed(self, tasks: dict[Any, Task]) -> dict[Any, Any]:
         """Place to plain result of tasks that must not fail."""
         results = self._work.results(list(tasks.values()))
         for task in tasks.values():
@@ -531,14 +495,14 @@ class _AxisPlan:
                 raise InputError(f'{task.label} failed: {self._work.failures[-1]}')
         return {place: results[task.key] for place, task in tasks.items()}
 
-    def _in_order(self, tasks):
+    def _in_order(self, tasks: dict[Any, Task]) -> dict:
         """Place to key and summaries, in the order of the equations, of tasks that settle them."""
         return {
             place: (tasks[place].key, tuple(map(FitSummary.from_plain, plain)))
             for place, plain in self._needed(tasks).items()
         }
 
-    def _settled(self, single):
+    def _settled(self, single: dict) -> dict[str, dict]:
         """Objective to record to key and summaries, in the order of the equations."""
         tasks = {}
         for record in self._records:
@@ -552,7 +516,7 @@ class _AxisPlan:
             found.setdefault(objective, {})[record] = settled
         return found
 
-    def _together(self, groups, simulated):
+    def _together(self, groups: dict[Any, list[Record]], simulated: dict) -> dict:
         """Condition or draft to summaries, in the order of the equations."""
         settings = self._settings('simulation')
         several = {place: group for place, group in groups.items() if len(group) > 1}
@@ -577,7 +541,7 @@ class _AxisPlan:
             for place, group in groups.items()
         }
 
-    def _judged(self, simulated):
+    def _judged(self, simulated: dict) -> tuple[tuple[Judgement, ...], ...]:
         """Record to judgements, in the order of the records."""
         tasks = {}
         for group in self._conditions().values():
@@ -591,7 +555,7 @@ class _AxisPlan:
         found = self._needed(tasks)
         return tuple(tuple(map(Judgement.from_plain, found[str(record)])) for record in self._records)
 
-    def _provenance(self, group):
+    def _provenance(self, group: Sequence[Record]) -> dict:
         return {
             'software': f'swath_sysid {__version__}',
             'campaign': self._manifest.title,
@@ -601,7 +565,7 @@ class _AxisPlan:
         }
 
 
-def _equations(manifest, axis):
+def _equations(manifest: Manifest, axis: str) -> Sequence[Equation]:
     if manifest.equations:
         return [equation_named(name) for name in manifest.equations]
     chosen = equations_of_axis(axis)
@@ -610,11 +574,11 @@ def _equations(manifest, axis):
     return list(chosen)
 
 
-def _place_name(place):
+def _place_name(place: Condition | float) -> str:
     return str(place) if isinstance(place, Condition) else f'all at {place:g}'
 
 
-def _identity(trial):
+def _identity(trial: TrialOutcome) -> list:
     """All that a prepared record depends on."""
     e = trial.entry
     return [RESULT_FORMAT, __version__, trial.sha256, e.axis, e.start, e.end, e.frame, e.topic]

@@ -35,13 +35,5 @@ FLAGS = {
 
 
 def worded(code: str, message: str) -> str:
-    """A sentence of the core with the flags that do what it advises.
-
-    Parameters
-    ----------
-    code : str
-        Of an `Advice` or `InputError`.
-    message : str
-        The neutral sentence.
-    """
+    """A neutral sentence of the core with the flags, by its code, that do what it advises."""
     return f'{message} ({FLAGS[code]})' if code in FLAGS else message

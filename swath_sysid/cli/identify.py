@@ -14,7 +14,7 @@ from swath_sysid.attitude.identification.sea_motion import heave_of
 from swath_sysid.attitude.identification.search import ALGORITHMS, PRESETS, SearchSettings
 from swath_sysid.attitude.identification.selection import choose
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
-from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import EXIT_POOR_FIT, add_source_arguments, motions_of, trials_of, write_fit
 from swath_sysid.cli.tank_arguments import add_tank_arguments, particulars_of, type_b_of
 from swath_sysid.common.advice import Advice
@@ -152,11 +152,8 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
         )
     write_fit(arguments, found, at_sea_figure, found.is_usable)
     show_advice(found.advice)
-    if arguments.json:
-        advice = (*read_advice, *found.advice)
-        print(json.dumps({**at_sea_as_data(found, time.perf_counter() - began), **warnings_as_data(advice)}, indent=2))
-    else:
-        print('\n'.join(at_sea_in_words(found)))
+    data = {**at_sea_as_data(found, time.perf_counter() - began), **warnings_as_data((*read_advice, *found.advice))}
+    print_result(arguments.json, data, at_sea_in_words(found))
     if arguments.output and not found.is_usable:
         raise InputError(
             f'{arguments.output} was not written, this sea does not determine the hull: record longer, on another '

@@ -1,7 +1,5 @@
 """``swath-sysid manoeuvre``: identify, forecast and simulate a twin-thruster craft."""
 
-import argparse
-import json
 import time
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -11,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import (
     assignment,
     check_model_and_plot,
@@ -22,6 +20,7 @@ from swath_sysid.cli.sources import (
 )
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
+from swath_sysid.formats.input_files import existing
 from swath_sysid.formats.manoeuvring_bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.formats.manoeuvring_csv import FRAMES, read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model, write_manoeuvring_model
@@ -100,9 +99,7 @@ def read_runs(paths: Sequence[str], arguments: Namespace) -> list[ManoeuvringTri
 
 
 def _read(path: str | Path, arguments: Namespace):
-    if not Path(path).exists():
-        raise InputError(f'there is no file {path}: check the name')
-    if is_bag(path):
+    if is_bag(existing(path)):
         trial = read_manoeuvring_bag(
             path, arguments.odometry_topic, arguments.imu_topic, arguments.port_topic, arguments.starboard_topic,
             arguments.thrust_input,
@@ -184,10 +181,7 @@ def _identify(arguments: Namespace):
         for name, figure in figures.items():
             save_figure(figure, folder / f'{name}.png')
     show_advice(condensed(found.advice))
-    if arguments.json:
-        print(json.dumps(data, indent=2))
-    else:
-        print('\n'.join(identification_in_words(found)))
+    print_result(arguments.json, data, identification_in_words(found))
     return 0
 
 
@@ -222,17 +216,15 @@ def _recipe(arguments: Namespace) -> int:
     runs = read_runs(arguments.runs, arguments) if arguments.runs else []
     shares = excitation(runs) if runs else {}
     missing = lacking(shares)
-    if arguments.json:
-        recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in RECIPE]
-        print(json.dumps({'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, indent=2))
-        return 0
-    if not runs:
-        print('Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:')
-        print('\n'.join(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE))
-        return 0
-    print('Share of its motion that is a derivative\'s own (1: no other explains it):')
-    for name, share in shares.items():
-        print(f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough'))
+    recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in RECIPE]
+    if runs:
+        lines = ["Share of its motion that is a derivative's own (1: no other explains it):", *(
+            f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough')
+            for name, share in shares.items())]  # fmt: skip
+    else:
+        lines = ['Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:', *(
+            f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE)]  # fmt: skip
+    print_result(arguments.json, {'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, lines)
     return 0
 
 
@@ -263,11 +255,8 @@ def _forecast(arguments: Namespace):
         save_figure(forecast_figure(scores, arguments.future), arguments.plot)
     advice = condensed([a for run in runs for a in run.advice])
     show_advice(advice)
-    if arguments.json:
-        data = {**forecast_as_data(scores, arguments.future), **warnings_as_data(advice)}
-        print(json.dumps(data, indent=2))
-    else:
-        print('\n'.join(forecast_in_words(scores, arguments.future)))
+    data = {**forecast_as_data(scores, arguments.future), **warnings_as_data(advice)}
+    print_result(arguments.json, data, forecast_in_words(scores, arguments.future))
     return 0
 
 
@@ -361,10 +350,7 @@ def _simulate(arguments: Namespace):
         _write(arguments.output, with_noise(report.manoeuvre, noise, arguments.seed), model)
     if arguments.plot:
         save_figure(test_figure(report, model), arguments.plot)
-    if arguments.json:
-        print(json.dumps(test_as_data(report, model), indent=2))
-    else:
-        print('\n'.join(test_in_words(report)))
+    print_result(arguments.json, test_as_data(report, model), test_in_words(report))
     return 0
 
 
@@ -387,10 +373,8 @@ def _programme(model: Any, arguments: Namespace):
         path = folder / f'{name}.{arguments.format}'
         _write(path, with_noise(manoeuvre, noise, 100 * arguments.seed + number), model)
         written.append({'file': str(path), 'duration_s': float(manoeuvre.time[-1])})
-    if arguments.json:
-        print(json.dumps(finite_or_none({'model': model.name, 'runs': written}), indent=2))
-    else:
-        print('\n'.join(f'{row["file"]}: {row["duration_s"]:.0f} s' for row in written))
+    lines = [f'{row["file"]}: {row["duration_s"]:.0f} s' for row in written]
+    print_result(arguments.json, finite_or_none({'model': model.name, 'runs': written}), lines)
     return 0
 
 
@@ -402,10 +386,3 @@ def _write(path: str | Path, manoeuvre: Manoeuvre, model: Any) -> None:
         write_manoeuvring_bag(path, manoeuvre)
     else:
         raise InputError(f"'{path}' is neither .csv nor a bag (.mcap, .db3, or a folder name): choose one of these")
-
-
-def main(argv: list[str] | None = None) -> int:
-    """The sub-verbs as a program of their own (for trying out)."""
-    parser = argparse.ArgumentParser(prog='manoeuvre')
-    add_arguments(parser)
-    return run(parser.parse_args(argv))

@@ -29,11 +29,11 @@ def run(arguments: Namespace) -> int:
     path = Path(arguments.output or f'{arguments.study}.html')
     check_outputs([Output('--output', path, endings=('html',))])
     if arguments.study == MANOEUVRING_STUDY:
-        study, page_of = run_manoeuvring_study(), manoeuvring_page
+        page = manoeuvring_page(run_manoeuvring_study(), time.perf_counter() - began)
     else:
         with executor_of(arguments.jobs) as executor, progress_of('paper') as progress:
             study = run_decay_study(arguments.study, executor, lambda done, total: progress(done / total))
-        page_of = decay_page
-    write_text(path, page_of(study, time.perf_counter() - began))
+        page = decay_page(study, time.perf_counter() - began)
+    write_text(path, page)
     print(path)
     return 0

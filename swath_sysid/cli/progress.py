@@ -1,8 +1,10 @@
-"""Progress on a terminal as a bar, elsewhere as plain lines; always on standard error."""
+"""What verbs show: progress (a bar on a terminal, else lines) and warnings on standard error, results as asked for."""
 
+import json
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from swath_sysid.cli.advice_words import worded
 from swath_sysid.common.advice import Advice
@@ -41,3 +43,8 @@ def show_advice(advice: Iterable[Advice]) -> None:
     """Print warnings, one a line, on standard error."""
     for item in advice:
         print(f'warning [{item.code}]: {worded(item.code, item.message)}', file=sys.stderr)
+
+
+def print_result(as_json: bool, data: Any, lines: Iterable[str]) -> None:
+    """Print one JSON object where it was asked for, else lines for a reader."""
+    print(json.dumps(data, indent=2) if as_json else '\n'.join(lines))

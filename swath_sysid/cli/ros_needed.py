@@ -7,17 +7,9 @@ from swath_sysid.common.errors import InputError
 
 @contextmanager
 def ros_needed(without: str = '') -> Iterator[None]:
-    """Around imports of rclpy and the nodes.
+    """Around imports of rclpy and the nodes, which raise an `InputError` where ROS is not installed.
 
-    Parameters
-    ----------
-    without : str, optional
-        What the verb does without ROS, for the sentence.
-
-    Raises
-    ------
-    InputError
-        They cannot be imported.
+    The sentence adds what the verb does without it.
     """
     try:
         yield

@@ -116,10 +116,13 @@ def remappings(arguments: Namespace) -> list[str]:
 
 def _read_model(node: str, path: Path) -> None:
     if node == 'identifier':
-        from swath_sysid.formats.model_file import read_model as read
+        from swath_sysid.formats.model_file import read_model
+
+        read_model(path)
     else:
-        from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model as read
-    read(path)
+        from swath_sysid.formats.manoeuvring_model_file import read_manoeuvring_model
+
+        read_manoeuvring_model(path)
 
 
 def _quoted(text: str):

@@ -1,10 +1,9 @@
 """``swath-sysid sea``: the sea that a record's own motion shows."""
-import json
 from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.attitude.prediction.sea_state import sea_state
-from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.formats.sea_state import REMARKS, sea_as_data
@@ -36,9 +35,6 @@ def run(arguments: Namespace) -> int:
     found = sea_state(longest.acceleration, longest.channels['roll'], longest.channels['pitch'], longest.step)
     if arguments.plot:
         save_figure(sea_figure(found), arguments.plot)
-    if arguments.json:
-        data = {**sea_as_data(found), 'remarks': REMARKS, **warnings_as_data(trial.advice)}
-        print(json.dumps(data, indent=2))
-    else:
-        print('\n'.join(sea_in_words(found, arguments.record)))
+    data = {**sea_as_data(found), 'remarks': REMARKS, **warnings_as_data(trial.advice)}
+    print_result(arguments.json, data, sea_in_words(found, arguments.record))
     return 0

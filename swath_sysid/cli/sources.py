@@ -3,7 +3,6 @@
 import math
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import existing
 from swath_sysid.formats.model_file import write_model
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash
@@ -82,14 +82,7 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
 
 
 def read_trials(paths: Sequence[str], arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...]]:
-    """Read the trials of the command line and show the advice on them; of identical files the first counts.
-
-    Returns
-    -------
-    trials : list of Trial
-    advice : tuple of Advice
-        Of all of them.
-    """
+    """Read the trials of the command line and show all advice on them; of identical files the first counts."""
     once, advice = without_copies(paths)
     trials = [read_trial(path, topic=arguments.topic, frame=arguments.frame) for path in once]
     advice = tuple(dict.fromkeys([*advice, *(a for t in trials for a in t.advice)]))
@@ -112,9 +105,7 @@ def without_copies(paths: Sequence[str]) -> tuple[list[str], tuple[Advice, ...]]
     first: dict[str, str] = {}
     advice = []
     for path in paths:
-        if not Path(path).exists():
-            raise InputError(f'there is no file {path}: check the name')
-        original = first.setdefault(source_hash(path), path)
+        original = first.setdefault(source_hash(existing(path)), path)
         if original is not path:
             advice.append(Advice('identical-files', (
                 f'{path} has the same content as {original} and is left out: it would count twice as a repeat that it '

@@ -44,11 +44,6 @@ class _Compiled:
 def accelerated(function: Function) -> Function:
     """Compile with numba (extra ``fast``) at the first call or, without it, return the function itself.
 
-    The same source runs either way; ``test_hull_simulation`` holds both to the same numbers.
-
-    Parameters
-    ----------
-    function : callable
-        Of what numba compiles, called by position.
+    The same source runs either way, called by position; ``test_hull_simulation`` holds both to the same numbers.
     """
     return cast(Function, _Compiled(function)) if HAS_NUMBA else function

@@ -12,13 +12,9 @@ NOT_SEPARABLE = 0.95
 
 @dataclass(frozen=True)
 class ParameterCovariance:
-    """Covariance of the fitted parameters, residual autocorrelation accounted for.
+    """Covariance of the fitted parameters, shape (p, p), residual autocorrelation accounted for.
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (p, p)
-    effective_samples : float
-        Number of independent samples that would leave the same uncertainty.
+    The effective samples are the independent ones that would leave the same uncertainty.
     """
 
     matrix: np.ndarray

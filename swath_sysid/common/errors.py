@@ -21,16 +21,7 @@ class InputError(ValueError):
 
 
 def check_choice(name: str, choices: Collection[str], kind: str) -> None:
-    """Refuse a name that is not among the choices.
-
-    Parameters
-    ----------
-    name : str
-        As given.
-    choices : collection of str
-        All there are.
-    kind : str
-        What the names name: ``'hull'``.
+    """Refuse a name that is not among the choices; the kind, such as ``'hull'``, is what the names name.
 
     Raises
     ------

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swath_sysid.common.latin_hypercube import latin_hypercube
-from swath_sysid.common.stopping import Stagnation, stop_reason
+from swath_sysid.common.stopping import AskAndTell
 
 BLEND = 0.6
 MUTATION_SCALE = 1.0
@@ -28,13 +27,10 @@ MUTATION_SCALE = 1.0
 
 @dataclass(frozen=True)
 class GeneticSettings:
-    """Parameters of the genetic algorithm, by the papers' names.
+    """Parameters of the genetic algorithm, by the papers' names; see the module.
 
     Attributes
     ----------
-    generations, population : int
-    crossover, mutation, genetic_factor, evolution_weight : float
-        See the module.
     final_mutation : float or None
         Where given, mutation falls geometrically from ``mutation`` to this over the budget.
     patience : int
@@ -57,16 +53,8 @@ class GeneticSettings:
     spread_tolerance: float = 1e-4
 
 
-class GeneticSearch:
-    """Minimise by genetic algorithm within bounds.
-
-    Parameters
-    ----------
-    lower, upper : array_like, shape (n,)
-    settings : GeneticSettings
-    seed : int
-    first : array_like, shape (k, n), optional
-        Candidates to include in the first generation.
+class GeneticSearch(AskAndTell):
+    """Minimise by genetic algorithm within bounds; see `AskAndTell`.
 
     Examples
     --------
@@ -79,18 +67,12 @@ class GeneticSearch:
     def __init__(
         self, lower: ArrayLike, upper: ArrayLike, settings: GeneticSettings, seed: int, first: ArrayLike = ()
     ) -> None:
-        self._lower = np.asarray(lower, dtype=float)
-        self._upper = np.asarray(upper, dtype=float)
+        super().__init__(lower, upper, settings, seed, first)
         self._settings = settings
-        self._rng = np.random.default_rng(seed)
-        self._first = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)
         self._elite = max(1, round(settings.genetic_factor * settings.population))
-        self._stagnation = Stagnation(settings.patience, settings.tolerance)
         self._asked = np.empty((0, self._lower.size))
         self._population = np.empty((0, self._lower.size))
         self._values = np.empty(0)
-        self.generation = 0
-        self.evaluations = 0
 
     @property
     def best(self) -> np.ndarray:
@@ -115,22 +97,11 @@ class GeneticSearch:
         values = np.concatenate([self._values[:kept], values])
         order = np.argsort(values, kind='stable')[: self._settings.population]
         self._population, self._values = population[order], values[order]
-        self.evaluations += len(self._asked)
-        self.generation += 1
-        self._stagnation.note(self._values[0])
+        self._count(len(self._asked), self._values[0])
 
     def should_stop(self) -> str | None:
-        """Name of the rule that stops the search, or None; see `stop_reason`."""
-        if not self.generation:
-            return None
-        spread = np.ptp(self._population, axis=0) / (self._upper - self._lower)
-        return stop_reason(self.generation, self._settings, self._stagnation, spread.max())
-
-    def _first_generation(self) -> np.ndarray:
-        sample = latin_hypercube(self._rng, self._settings.population, self._lower.size)
-        population = self._lower + sample * (self._upper - self._lower)
-        population[: len(self._first)] = self._first[: len(population)]
-        return population
+        """Name of the rule that stops the search, or None: ``generations``, ``stagnation`` or ``convergence``."""
+        return self._stop_reason(self._population)
 
     def _children(self) -> np.ndarray:
         count = self._settings.population - self._elite

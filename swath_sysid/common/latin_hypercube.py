@@ -3,18 +3,9 @@ import numpy as np
 
 
 def latin_hypercube(rng: np.random.Generator, count: int, dimensions: int) -> np.ndarray:
-    """Points in the unit cube of which every coordinate hits each of ``count`` equal slices once.
+    """Points in the unit cube, shape (count, dimensions): every coordinate hits each of ``count`` equal slices once.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        A child of it is drawn from, as `scipy.stats.qmc` does.
-    count, dimensions : int
-        Number of points, and of their coordinates.
-
-    Returns
-    -------
-    ndarray, shape (count, dimensions)
+    A child of the generator is drawn from, as `scipy.stats.qmc` does.
 
     Notes
     -----

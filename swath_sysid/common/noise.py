@@ -11,17 +11,9 @@ MODEL_FLOOR = 0.005
 
 
 def weighting_noise(channels: Sequence[np.ndarray]) -> float:
-    """The noise by which the residuals of a channel are weighted.
+    """The noise by which the residuals of a channel, given in each record, are weighted.
 
-    Parameters
-    ----------
-    channels : sequence of ndarray
-        The channel in each record.
-
-    Returns
-    -------
-    float
-        Measured noise and the model floor, added in squares; never zero.
+    Measured noise and the model floor, added in squares; never zero.
     """
     white = np.median([white_noise(c) for c in channels])
     motion = max(float(np.std(c)) for c in channels)
@@ -65,18 +57,9 @@ def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
 
 
 def correlated_information(sensitivity: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """J^T Gamma J for residuals of a given autocovariance.
+    """J^T Gamma J, shape (p, p), for residuals of a given autocovariance, shape (L,), that of `autocovariance`.
 
-    Parameters
-    ----------
-    sensitivity : ndarray, shape (N, p)
-        Derivatives of the residuals by the parameters.
-    covariance : ndarray, shape (L,)
-        Of `autocovariance`.
-
-    Returns
-    -------
-    ndarray, shape (p, p)
+    The sensitivity J, shape (N, p), holds the derivatives of the residuals by the parameters.
     """
     if covariance.size == 1:
         return covariance[0] * sensitivity.T @ sensitivity

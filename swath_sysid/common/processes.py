@@ -40,10 +40,6 @@ def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], 
         Arguments of the function.
     count : int
         Of processes, this one among them.
-
-    Yields
-    ------
-    object
     """
     if count <= 1 or len(tasks) == 1:
         yield from map(function, tasks)
@@ -74,17 +70,7 @@ def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], 
 
 @contextlib.contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """An executor on this many processes; one is this process.
-
-    Parameters
-    ----------
-    count : int
-        Of processes.
-
-    Yields
-    ------
-    concurrent.futures.Executor
-    """
+    """An executor on this many processes; one is this process."""
     if count <= 1:
         yield SerialExecutor()
     else:

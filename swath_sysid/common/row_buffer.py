@@ -6,14 +6,7 @@ import numpy as np
 
 
 class RowBuffer:
-    """The newest rows, contiguous and by number.
-
-    Parameters
-    ----------
-    capacity : int
-        Rows kept.
-    columns : int
-    """
+    """The newest rows, as many as the capacity, contiguous and by number."""
 
     def __init__(self, capacity: int, columns: int) -> None:
         # twice the room: rows move only once in a capacity, and the past is always contiguous
@@ -65,17 +58,9 @@ class RowBuffer:
         return self._rows[first:self._end]
 
     def at(self, numbers: np.ndarray) -> np.ndarray:
-        """Rows by number, linear between two.
+        """Rows by number, which need not be whole, linear between two; shapes (N,) and (N, C).
 
-        Parameters
-        ----------
-        numbers : ndarray, shape (N,)
-            Need not be whole.
-
-        Returns
-        -------
-        ndarray, shape (N, C)
-            NaN where a row is missing or no longer kept.
+        NaN where a row is missing or no longer kept.
         """
         before = np.floor(numbers + 1e-6).astype(int)
         share = np.maximum(numbers - before, 0.0)

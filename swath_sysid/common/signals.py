@@ -15,21 +15,11 @@ SPIKE_THRESHOLD = 10.0
 
 
 def white_noise(values: np.ndarray) -> float:
-    """Standard deviation of the white noise on a smooth signal, by its third differences.
+    """Standard deviation of the white noise on a smooth, evenly sampled signal, shape (N,), by its third differences.
 
     The median absolute third difference over its value for unit noise: third differences of white noise
     have sqrt(20) times its standard deviation. The motion itself hardly enters where it is sampled twenty times a
-    period or more.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        Evenly sampled, finite.
-
-    Returns
-    -------
-    float
-        In the unit of ``values``; zero for fewer than eight.
+    period or more. Zero for fewer than eight values.
     """
     if values.size < 8:
         return 0.0
@@ -41,15 +31,6 @@ def noise_level(values: np.ndarray) -> float:
 
     Repeated values are counted once, and the noise is made larger so that averaging over the grid leaves what
     averaging over the measured values would.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        At an even rate.
-
-    Returns
-    -------
-    float
     """
     if values.size < 8:
         return 0.0
@@ -67,20 +48,11 @@ def quantum(values: np.ndarray) -> float:
 
 
 def spikes(values: np.ndarray) -> np.ndarray:
-    """Mask of the samples, alone or in pairs, that lie far outside their neighbourhood.
+    """Mask of the samples, alone or in pairs, of an even signal, shape (N,), that lie far outside their neighbourhood.
 
     A sample is a spike where it differs from the median of the five around it by more than
     `SPIKE_THRESHOLD` standard deviations of the noise, and by more than twice the range of the
     three nearest to that median: the top of a sparsely sampled swing is none.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        At an even rate.
-
-    Returns
-    -------
-    ndarray of bool, shape (N,)
     """
     if values.size < SPIKE_NEIGHBOURS:
         return np.zeros(values.size, dtype=bool)
@@ -105,17 +77,8 @@ def without_spikes(values: np.ndarray) -> np.ndarray:
 def prominent_maxima(values: np.ndarray, least: float) -> np.ndarray:
     """Maxima that stand out: `scipy.signal.find_peaks` of a prominence, without the 35 MB that loading it takes.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        Finite.
-    least : float
-        Height above the higher of the two lowest values between a maximum and the next higher one on either side.
-
-    Returns
-    -------
-    ndarray of int
-        Their indices, increasing; of a plateau, its middle.
+    Their indices, increasing, of finite values, shape (N,); of a plateau, its middle. A maximum stands out by its
+    height above the higher of the two lowest values between it and the next higher one on either side.
     """
     begins = np.flatnonzero(np.diff(values, prepend=np.nan))
     ends = np.append(begins, values.size)[1:] - 1

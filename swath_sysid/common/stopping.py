@@ -1,67 +1,93 @@
-"""Named reasons for which a search stops."""
-
+"""What searches with ask and tell share, and the named reasons for which they stop."""
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from swath_sysid.common.latin_hypercube import latin_hypercube
 
 
-class StopRules(Protocol):
-    """The settings of a search that end it; see `stop_reason`."""
+class SearchBudget(Protocol):
+    """The settings of a search that end it, and the size of its population; see `GeneticSettings`."""
 
     @property
     def generations(self) -> int:
-        """Budget."""
+        """Most of them."""
+
+    @property
+    def population(self) -> int:
+        """Candidates in each."""
+
+    @property
+    def patience(self) -> int:
+        """Generations without improvement."""
+
+    @property
+    def tolerance(self) -> float:
+        """Relative improvement."""
 
     @property
     def spread_tolerance(self) -> float:
         """Share of the search range."""
 
 
-class Stagnation:
-    """Counts how long the best value has not improved by a relative amount.
+class AskAndTell:
+    """A search within bounds that never calls the objective.
 
     Parameters
     ----------
-    generations : int
-        How many generations without improvement are too many; 0 never stops.
-    tolerance : float
-        Relative improvement that counts.
+    lower, upper : array_like, shape (n,)
+        Bounds.
+    budget : SearchBudget
+        What ends it.
+    seed : int
+        Of its random numbers.
+    first : array_like, shape (k, n), optional
+        Candidates to include in the first generation.
     """
 
-    def __init__(self, generations: int, tolerance: float) -> None:
-        self._patience = generations
-        self._tolerance = tolerance
+    def __init__(self, lower: ArrayLike, upper: ArrayLike, budget: SearchBudget, seed: int, first: ArrayLike) -> None:
+        self._lower, self._upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+        self._range = self._upper - self._lower
+        self._budget = budget
+        self._rng = np.random.default_rng(seed)
+        self._first = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)
         self._reference = np.inf
         self._waited = 0
+        self.generation = 0
+        self.evaluations = 0
 
-    def note(self, best_value: float) -> None:
-        """Take the best value of one more generation."""
-        if best_value < self._reference - self._tolerance * abs(self._reference) or not np.isfinite(self._reference):
+    def _first_generation(self) -> np.ndarray:
+        population = self._lower + latin_hypercube(self._rng, self._budget.population, self._lower.size) * self._range
+        population[: len(self._first)] = self._first[: len(population)]
+        return population
+
+    def _count(self, evaluations: int, best_value: float) -> None:
+        """Count one more generation, of so many evaluations, and whether its best value is an improvement."""
+        self.generation += 1
+        self.evaluations += evaluations
+        improvement = self._budget.tolerance * abs(self._reference)
+        if best_value < self._reference - improvement or not np.isfinite(self._reference):
             self._reference = best_value
             self._waited = 0
         else:
             self._waited += 1
 
-    @property
-    def exhausted(self) -> bool:
-        """Whether patience is over."""
-        return self._patience > 0 and self._waited >= self._patience
+    def _stop_reason(self, candidates: np.ndarray) -> str | None:
+        """Name of the rule that ends the search now, or None.
 
-
-def stop_reason(generation: int, settings: StopRules, stagnation: Stagnation, spread: float) -> str | None:
-    """Name of the rule that ends the search now, or None.
-
-    ``generations``: the budget is spent. ``stagnation``: the best value has not improved for
-    ``settings.patience`` generations. ``convergence``: the population has drawn together to
-    ``settings.spread_tolerance`` of the search range in every variable.
-    """
-    if generation >= settings.generations:
-        return 'generations'
-    if stagnation.exhausted:
-        return 'stagnation'
-    if spread < settings.spread_tolerance:
-        return 'convergence'
-    return None
+        ``generations``: the budget is spent. ``stagnation``: the best value has not improved for ``patience``
+        generations (0: never). ``convergence``: the candidates have drawn together to ``spread_tolerance`` of the
+        search range in every variable.
+        """
+        if not self.generation:
+            return None
+        if self.generation >= self._budget.generations:
+            return 'generations'
+        if 0 < self._budget.patience <= self._waited:
+            return 'stagnation'
+        spread = (np.ptp(candidates, axis=0) / self._range).max()
+        return 'convergence' if spread < self._budget.spread_tolerance else None
 
 
 class Cancelled(Exception):  # noqa: N818 - an outcome, not an error

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swath_sysid.common.latin_hypercube import latin_hypercube
-from swath_sysid.common.stopping import Stagnation, stop_reason
+from swath_sysid.common.stopping import AskAndTell
 
 INERTIA_WEIGHT, ACCELERATION = 0.7298, 1.49618
 """Share of its velocity that a particle keeps, and its pull to its own best place and to the swarm's, by that paper."""
@@ -17,16 +16,12 @@ INERTIA_WEIGHT, ACCELERATION = 0.7298, 1.49618
 
 @dataclass(frozen=True)
 class SwarmSettings:
-    """Parameters of the swarm.
+    """Parameters of the swarm; the stop rules are those of `GeneticSettings`.
 
     Attributes
     ----------
-    generations, population : int
-        Iterations and particles.
     fastest : float
         Greatest velocity as a share of the range.
-    patience, tolerance, spread_tolerance
-        Stop rules, as `GeneticSettings`.
     """
 
     generations: int = 300
@@ -37,27 +32,18 @@ class SwarmSettings:
     spread_tolerance: float = 1e-4
 
 
-class ParticleSwarm:
+class ParticleSwarm(AskAndTell):
     """Minimise by particle swarm within bounds; the same use as `GeneticSearch`."""
 
     def __init__(
         self, lower: ArrayLike, upper: ArrayLike, settings: SwarmSettings, seed: int, first: ArrayLike = ()
     ) -> None:
-        self._lower = np.asarray(lower, dtype=float)
-        self._upper = np.asarray(upper, dtype=float)
-        self._range = self._upper - self._lower
-        self._settings = settings
-        self._rng = np.random.default_rng(seed)
-        sample = latin_hypercube(self._rng, settings.population, self._lower.size)
-        self._place = self._lower + sample * self._range
-        given = np.clip(np.reshape(first, (-1, self._lower.size)), self._lower, self._upper)[: settings.population]
-        self._place[: len(given)] = given
+        super().__init__(lower, upper, settings, seed, first)
+        self._fastest = settings.fastest * self._range
+        self._place = self._first_generation()
         self._velocity = self._rng.uniform(-0.1, 0.1, self._place.shape) * self._range
         self._own_best = self._place.copy()
         self._own_value = np.full(settings.population, np.inf)
-        self._stagnation = Stagnation(settings.patience, settings.tolerance)
-        self.generation = 0
-        self.evaluations = 0
 
     @property
     def best(self) -> np.ndarray:
@@ -81,26 +67,20 @@ class ParticleSwarm:
         better = values < self._own_value
         self._own_best[better] = self._place[better]
         self._own_value[better] = values[better]
-        self.evaluations += len(values)
-        self.generation += 1
-        self._stagnation.note(self.best_value)
+        self._count(len(values), self.best_value)
 
     def should_stop(self) -> str | None:
-        """Name of the rule that stops the search, or None; see `stop_reason`."""
-        if not self.generation:
-            return None
-        spread = (np.ptp(self._own_best, axis=0) / self._range).max()
-        return stop_reason(self.generation, self._settings, self._stagnation, spread)
+        """Name of the rule that stops the search, or None: ``generations``, ``stagnation`` or ``convergence``."""
+        return self._stop_reason(self._own_best)
 
     def _move(self) -> None:
-        s = self._settings
         own, swarm = self._rng.random((2, *self._place.shape))
         self._velocity = (
             INERTIA_WEIGHT * self._velocity
             + ACCELERATION * own * (self._own_best - self._place)
             + ACCELERATION * swarm * (self.best - self._place)
         )
-        self._velocity = np.clip(self._velocity, -s.fastest * self._range, s.fastest * self._range)
+        self._velocity = np.clip(self._velocity, -self._fastest, self._fastest)
         self._place = self._place + self._velocity
         outside = (self._place < self._lower) | (self._place > self._upper)
         self._velocity[outside] *= -0.5

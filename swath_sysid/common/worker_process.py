@@ -37,12 +37,8 @@ class WorkerError(RuntimeError):
 class WorkerProcess:
     """The process, as its parent uses it: from one thread at a time.
 
-    Parameters
-    ----------
-    warm_up : callable
-        Run in the process when it starts; importable there, as all functions given.
-    clock : callable
-        Seconds that only go forward, for `CANCEL_PATIENCE`.
+    The warm-up is run in it when it starts, and must be importable there, as all functions given; the clock gives
+    seconds that only go forward, for `CANCEL_PATIENCE`.
     """
 
     def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float]) -> None:

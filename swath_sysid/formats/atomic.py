@@ -2,6 +2,7 @@
 import os
 import shutil
 import tempfile
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -9,22 +10,12 @@ from swath_sysid.common.errors import InputError
 
 
 @contextmanager
-def replacing(path):
+def replacing(path: str | Path) -> Iterator[Path]:
     """A temporary name to write a file or a folder under, which takes the final name at the end.
 
     The temporary file lies in a hidden folder beside the final place, under its final name.
     If the block raises, nothing is left behind and what was at `path` before stays. A symbolic link
     stays one: what it points at is replaced.
-
-    Parameters
-    ----------
-    path : str or Path
-        Where the file or folder shall be at the end.
-
-    Yields
-    ------
-    Path
-        Where to write; nothing is there yet.
 
     Raises
     ------
@@ -61,13 +52,13 @@ def replacing(path):
         shutil.rmtree(workshop, ignore_errors=True)
 
 
-def write_text(path, text):
+def write_text(path: str | Path, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all; see `replacing`."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding='utf-8')
 
 
-def _flush_to_disk(path):
+def _flush_to_disk(path: Path) -> None:
     """Wait until the content is on the disk: a rename may outlive a power cut that the content does not."""
     with open(path, 'rb+') as file:
         os.fsync(file.fileno())

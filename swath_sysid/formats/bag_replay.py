@@ -1,6 +1,8 @@
 """A bag as it is published again: its topics, its serialised messages in the order of recording, and their times."""
 import heapq
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rosbags.interfaces import QosDurability
 
@@ -37,7 +39,7 @@ class ReplaySettings:
     listeners: int = 0
     in_step: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.rate > 0.0:
             raise InputError(f'the rate must be greater than zero, not {self.rate}')
         if not self.wait >= 0.0:
@@ -48,33 +50,19 @@ class ReplaySettings:
 
 @dataclass(frozen=True)
 class RecordedTopic:
-    """A topic of a bag.
-
-    Attributes
-    ----------
-    kind : str
-        Message type.
-    is_latched : bool
-        Whether a late subscriber gets the last message.
-    """
+    """A topic of a bag, by its message type; of a latched one a late subscriber gets the last message."""
 
     kind: str
     is_latched: bool
 
     @property
-    def is_imu(self):
+    def is_imu(self) -> bool:
         """Whether it holds IMU messages."""
         return self.kind == IMU_TYPE
 
 
-def recorded_topics(readers) -> dict[str, RecordedTopic]:
-    """The topics of a bag by name, but /clock.
-
-    Parameters
-    ----------
-    readers : list
-        Of `opened_bag`.
-    """
+def recorded_topics(readers: Sequence[Any]) -> dict[str, RecordedTopic]:
+    """The topics of a bag, opened by `opened_bag`, by name, but /clock."""
     found: dict[str, RecordedTopic] = {}
     for connection in (connection for reader in readers for connection in reader.connections):
         offered = connection.ext.offered_qos_profiles
@@ -86,24 +74,8 @@ def recorded_topics(readers) -> dict[str, RecordedTopic]:
     return found
 
 
-def merged_messages(readers, topics):
-    """The messages of some topics in the order of recording.
-
-    Parameters
-    ----------
-    readers : list
-        Of `opened_bag`.
-    topics : collection of str
-        Those to read.
-
-    Yields
-    ------
-    time_ns : int
-        Of reception.
-    topic : str
-    raw : bytes
-        Serialised.
-    """
+def merged_messages(readers: Sequence[Any], topics: Collection[str]) -> Iterator[tuple[int, str, bytes]]:
+    """The messages of some topics in the order of recording: time of reception, ns, topic, serialised message."""
     streams = [
         ((received, number, connection.topic, bytes(raw)) for connection, received, raw in reader.messages(
             [c for c in reader.connections if c.topic in topics]
@@ -118,24 +90,18 @@ def merged_messages(readers, topics):
 class Timeline:
     """Bag time against the clock on the wall.
 
-    Attributes
-    ----------
-    begun : float
-        Wall time at which the first message is published, s.
-    first_ns : int
-        Its bag time.
-    rate : float
-        Times real time.
+    The first message, of a bag time in ns, is published at a wall time, s; from there on it runs at so many times real
+    time.
     """
 
     begun: float
     first_ns: int
     rate: float
 
-    def wall_time(self, time_ns):
+    def wall_time(self, time_ns: int) -> float:
         """When a message is due, s."""
         return self.begun + (time_ns - self.first_ns) * NANOSECOND / self.rate
 
-    def bag_time(self, now):
+    def bag_time(self, now: float) -> int:
         """Bag time, ns, at a wall time."""
         return self.first_ns + round((now - self.begun) * self.rate / NANOSECOND)

@@ -1,9 +1,11 @@
 """Rosbag2 bags: IMU topics as trials, and trials as IMU topics."""
 import tempfile
 from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rosbags.rosbag2 import Reader
@@ -15,6 +17,7 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mcap_checksums import MAGIC as MCAP_MAGIC
 from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
 from swath_sysid.formats.messages import (
@@ -55,7 +58,6 @@ class ImuRecord:
         Empty where the record is not a bag.
     in_craft_axes : bool
         Whether frame and mounting of the sensor were taken into account already.
-    advice : tuple of Advice
     """
 
     stamps: np.ndarray
@@ -66,10 +68,10 @@ class ImuRecord:
     in_craft_axes: bool = False
     advice: tuple[Advice, ...] = ()
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.stamps)
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[ImuReading]:
         """One `ImuReading` after the other."""
         parts = ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE
         for first in range(0, len(self), READINGS_AT_ONCE):
@@ -78,7 +80,7 @@ class ImuRecord:
             yield from map(ImuReading, stamps, *(values[:, part].tolist() for part in parts))
 
 
-def is_bag(path):
+def is_bag(path: str | Path) -> bool:
     """Whether something is a rosbag2 bag: a folder of storage files, or one such file."""
     path = Path(path)
     if path.is_dir():
@@ -86,7 +88,10 @@ def is_bag(path):
     return _storage_kind(path) is not None
 
 
-def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
+def read_bag(
+    path: str | Path, topic: str | None = None, frame: str | None = None,
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Trial:
     """Read a trial from an IMU topic of a rosbag2 bag.
 
     Time is that of the header stamps, from the first message. Angles come from the orientation
@@ -116,7 +121,7 @@ def read_bag(path, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
         (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice)
 
 
-def read_imu(path, topic=None) -> ImuRecord:
+def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
     """Read the messages of an IMU topic of a rosbag2 bag, as they are.
 
     The whole part of a truncated bag is read, and advice says so.
@@ -169,23 +174,16 @@ def read_imu(path, topic=None) -> ImuRecord:
     return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
 
 
-def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id='imu_link'):
-    """Write a trial as an IMU would have sent it.
+def write_imu_bag(
+    path: str | Path, trial: Trial, *, start_stamp_ns: int = 0, topic: str = '/imu/data', frame_id: str = 'imu_link'
+) -> None:
+    """Write a trial, in the axes of the craft, as an IMU would have sent it, the first sample with the stamp given.
 
     Body rates and orientation are those of the trial's angles and Euler rates, the orientation
     without yaw; an angle or rate that the trial does not hold is taken as zero, unless it holds none
     of roll and pitch. An Imu message has no place for heave.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
-    trial : Trial
-        In the axes of the craft.
-    start_stamp_ns : int
-        Stamp of the first sample.
-    topic, frame_id : str
-        Of the messages.
+    The path is ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
 
     Raises
     ------
@@ -199,25 +197,16 @@ def write_imu_bag(path, trial, *, start_stamp_ns=0, topic='/imu/data', frame_id=
             add(topic, IMU_TYPE, stamp, sender.of_values(stamp, values))
 
 
-def imu_values(trial):
-    """The numbers of the messages that an IMU in the craft's axes would have sent, without yaw.
+def imu_values(trial: Trial) -> np.ndarray:
+    """The numbers of the messages, shape (N, 37), that an IMU in the craft's axes would have sent, without yaw.
 
     An angle or rate that the trial does not hold is zero, unless it holds none of them: then the
     covariance says that it is not measured.
-
-    Parameters
-    ----------
-    trial : Trial
-        In the axes of the craft.
-
-    Returns
-    -------
-    ndarray, shape (N, 37)
     """
     count = trial.time.size
     values = np.zeros((count, IMU_VALUES))
 
-    def known(channel):
+    def known(channel: np.ndarray | None) -> np.ndarray:
         return np.zeros(count) if channel is None else channel
 
     roll, pitch, roll_rate, pitch_rate, yaw_rate = map(
@@ -244,13 +233,13 @@ class _ImuDecoder:
     sends it), so that a block of them is an array already.
     """
 
-    def __init__(self):
-        self.frame_ids = {}
+    def __init__(self) -> None:
+        self.frame_ids: dict[str, None] = {}
         self.damaged = 0
-        self._waiting = []
-        self._blocks = []
+        self._waiting: list[tuple[int, Any]] = []
+        self._blocks: list[tuple[np.ndarray, ...]] = []
 
-    def add(self, received, raw):
+    def add(self, received: Any, raw: Any) -> None:
         # a broken database holds anything, also nothing
         if not isinstance(received, int) or not isinstance(raw, bytes | memoryview):
             self.damaged += 1
@@ -259,13 +248,13 @@ class _ImuDecoder:
         if len(self._waiting) == MESSAGES_AT_ONCE:
             self._decode()
 
-    def arrays(self):
+    def arrays(self) -> tuple[np.ndarray, ...]:
         """Stamps, times of arrival, and values of all messages so far."""
         self._decode()
         empty = np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, IMU_VALUES))
         return tuple(np.concatenate(parts) for parts in zip(empty, *self._blocks, strict=True))
 
-    def _decode(self):
+    def _decode(self) -> None:
         alike = defaultdict(list)
         for received, raw in self._waiting:
             alike[raw[:4], raw[12:16], len(raw)].append((received, raw))
@@ -280,11 +269,11 @@ class _ImuDecoder:
             ids = np.unique(table['frame_id']) if np.any(table['frame_id'] != first) else [first]
             self.frame_ids.update(dict.fromkeys(frame_id.decode('utf-8', 'replace') for frame_id in ids))
             stamps = table['sec'].astype(np.int64) * 1_000_000_000 + table['nanosec']
-            received = np.array([time for time, _ in messages], dtype=np.int64)
-            self._blocks.append((stamps, received, table['values'].astype(float)))
+            times = np.array([time for time, _ in messages], dtype=np.int64)
+            self._blocks.append((stamps, times, table['values'].astype(float)))
 
 
-def _imu_layout(encoding, name_length, size):
+def _imu_layout(encoding: bytes, name_length: bytes, size: int) -> np.dtype | None:
     """Where the numbers stand in a serialised Imu message, None if it is none (CDR, OMG formal/02-06-51)."""
     if encoding[:2] not in (b'\0\0', b'\0\1') or len(name_length) < 4:
         return None
@@ -303,19 +292,11 @@ def _imu_layout(encoding, name_length, size):
 
 
 @contextmanager
-def opened_bag(path):
+def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Advice]]]:
     """The open readers of everything in a bag, in the order of recording, and advice about its state.
 
-    Parameters
-    ----------
-    path : str or Path
-        A bag folder, or a single .mcap or .db3 file; of one that was cut off, what is whole can be read.
-
-    Yields
-    ------
-    readers : list
-        Each with ``connections`` and ``messages(connections)``, as those of rosbags.
-    advice : list of Advice
+    The path is a bag folder, or a single .mcap or .db3 file; of one that was cut off, what is whole can be read.
+    Readers have ``connections`` and ``messages(connections)``, as those of rosbags.
 
     Raises
     ------
@@ -326,16 +307,12 @@ def opened_bag(path):
         yield _open_bag(Path(path), stack)
 
 
-def _open_bag(path, stack):
+def _open_bag(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
     """Readers of everything in a bag, opened, and advice about its state."""
-    if not path.exists():
-        raise InputError(f'there is no bag {path}: check the name')
-    if path.is_dir():
-        return _open_folder(path, stack)
-    return _open_storage(path, stack)
+    return (_open_folder if existing(path).is_dir() else _open_storage)(path, stack)
 
 
-def _open_folder(path, stack):
+def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
     files = _storage_files(path)
     problem = 'its metadata.yaml is missing'
     if (path / METADATA_FILE).is_file():
@@ -360,11 +337,9 @@ def _open_folder(path, stack):
     return readers, advice
 
 
-def _open_storage(path, stack):
-    try:
+def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
+    with reading(path):
         kind = _storage_kind(path)
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     if kind is None:
         raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
     open_storage = Reader.STORAGE_PLUGINS[kind]
@@ -387,7 +362,7 @@ def _open_storage(path, stack):
 
 
 @contextmanager
-def _opened(storage):
+def _opened(storage: Any) -> Iterator[Any]:
     storage.open()
     try:
         yield storage
@@ -395,20 +370,20 @@ def _opened(storage):
         storage.close()
 
 
-def _storage_files(folder):
+def _storage_files(folder: Path) -> list[Path]:
     """The storage files in a folder, in the order in which a recorder numbers them."""
     return sorted((file for file in folder.iterdir() if file.suffix in STORAGES and file.is_file()),
                   key=lambda file: (len(file.name), file.name))
 
 
-def _storage_kind(path):
+def _storage_kind(path: Path) -> str | None:
     """The ending that a storage file with these first bytes should have, None for any other file."""
     with open(path, 'rb') as file:
         start = file.read(16)
     return next((ending for magic, ending in MAGIC.items() if start.startswith(magic)), None)
 
 
-def _choose_topic(path, readers, topic):
+def _choose_topic(path: str | Path, readers: Sequence[Any], topic: str | None) -> str:
     """The IMU topic to read."""
     types = {c.topic: c.msgtype for reader in readers for c in reader.connections}
     filled = {c.topic for reader in readers for c in reader.connections if c.msgcount and c.msgtype == IMU_TYPE}
@@ -431,14 +406,14 @@ def _choose_topic(path, readers, topic):
     raise InputError(f'{path} holds no topic of type {IMU_TYPE} (topics in it: {held}): record one')
 
 
-def _damage(path, error):
+def _damage(path: str | Path, error: object) -> Advice:
     return Advice('damaged-bag', (
         f'{path} is damaged ({_reason(path, error)}): what is whole was read; let the recorder finish before its '
         f'power goes'
     ))
 
 
-def _reason(path, error):
+def _reason(path: str | Path, error: object) -> str:
     """What a library said of a file, short and on one line."""
     words = ' '.join(str(error).replace(f' {path}', '').split()).rstrip('.')
     return words[:120] or type(error).__name__

@@ -1,8 +1,10 @@
 """CSV trials: a line of column names that say their units, and lines of numbers."""
 import math
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from swath_sysid.attitude.motion.time_base import check_time_base, motion_period
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import reading
 from swath_sysid.formats.tables import (
     ANGLE_UNITS,
     EPOCH_SECONDS,
@@ -82,7 +85,9 @@ WRITTEN_UNITS = {'roll': 'rad', 'pitch': 'rad', 'roll_rate': 'rad_s', 'pitch_rat
                  'accel_x': 'm_s2', 'accel_y': 'm_s2', 'accel_z': 'm_s2', 'yaw_rate': 'rad_s', 'heave': 'm'}
 
 
-def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
+def read_csv(
+    path: str | Path, frame: str | None = None, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Trial:
     """Read a trial from a CSV file.
 
     Columns are found by name, in any order; capitals, spaces, brackets and slashes do not matter:
@@ -109,13 +114,10 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     A quantity that stands in two columns is read where both agree. Frame and mounting, where they are not given, are
     those that the file states. Parameters and errors are those of `swath_sysid.formats.reading.read_trial`.
     """
-    path = Path(path)
-    try:
+    with reading(path):
         head = read_head(path)
         columns, unitless = _find_columns(path, head.names)
         values, advice = read_columns(path, head, [column.index for column in columns])
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     _check_units(path, columns, values)
     readings = _agreeing(path, columns, values)
     if unitless:
@@ -134,19 +136,12 @@ def read_csv(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
     start = _first_finite(values[columns.index(times[0])]) * times[0].scale
     moved = trial.time + (start - trial.time[0]) if times[0].unit == 's' else trial.time
-    found = check_time_base(moved, swinging, path, times[0].name, times[0].unit)
+    found = check_time_base(moved, swinging, str(path), times[0].name, times[0].unit)
     return replace(trial, advice=(*trial.advice, *found))
 
 
-def write_csv(path, trial):
-    """Write a trial as a CSV file that `read_csv` reads back exactly.
-
-    Parameters
-    ----------
-    path : str or Path
-        Replaced whole or not at all.
-    trial : Trial
-        Each of its channels becomes a column.
+def write_csv(path: str | Path, trial: Trial) -> None:
+    """Write every channel of a trial as a CSV file, whole or not at all, that `read_csv` reads back exactly.
 
     Raises
     ------
@@ -169,7 +164,7 @@ class Column:
     scale: float
 
 
-def _find_columns(path, names):
+def _find_columns(path: str | Path, names: Sequence[str]) -> tuple[list[Column], list[str]]:
     """The columns to read, those of the time first, and the names of those that lack a unit."""
     known = known_columns(QUANTITIES)
     bare = {alias for aliases, _, units in QUANTITIES for alias in aliases if '' not in units}
@@ -192,7 +187,7 @@ def _find_columns(path, names):
     return columns, unitless
 
 
-def _refuse_doubled(path, names):
+def _refuse_doubled(path: str | Path, names: Sequence[str]) -> None:
     """Refuse a table in which a column that is read stands twice."""
     plain = [plain_name(name) for name in names]
     twice = next((name for place, name in enumerate(names) if plain[place] in plain[:place]), None)
@@ -200,7 +195,7 @@ def _refuse_doubled(path, names):
         raise InputError(f"{path} has two columns '{shown(twice)}': leave one out, or rename it")
 
 
-def _agreeing(path, columns, values):
+def _agreeing(path: str | Path, columns: Sequence[Column], values: Iterable[np.ndarray]) -> dict[str, np.ndarray]:
     """Reading to values in SI units, of the first column of each; columns that contradict it are refused."""
     readings, first = {}, {}
     for column, row in zip(columns, values, strict=True):
@@ -214,7 +209,7 @@ def _agreeing(path, columns, values):
     return readings
 
 
-def _agree(one, other):
+def _agree(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether two columns say the same, as far as rounding and a few broken packets allow."""
     apart = np.abs(one - other)
     known = np.isfinite(apart)
@@ -224,7 +219,7 @@ def _agree(one, other):
     return float(np.percentile(apart[known], 90)) <= max(SAME_SHARE * float(size), SAME_AT_LEAST)
 
 
-def _refuse_contradicting_orientation(path, readings):
+def _refuse_contradicting_orientation(path: str | Path, readings: dict[str, np.ndarray]) -> None:
     """Hold roll and pitch against the quaternion."""
     if not all(part in readings for part in QUATERNION):
         return
@@ -235,7 +230,7 @@ def _refuse_contradicting_orientation(path, readings):
                              f'wrong')
 
 
-def _check_units(path, columns, values):
+def _check_units(path: str | Path, columns: Sequence[Column], values: Iterable[np.ndarray]) -> None:
     """Refuse angles that are called rad and can only be degrees."""
     for column, row in zip(columns, values, strict=True):
         limit = LARGEST_ANGLES.get(column.reading)
@@ -249,7 +244,7 @@ def _check_units(path, columns, values):
                              f"than an angle in rad can be: if it is in degrees, call it '{shown(name)}'")
 
 
-def _small_angle_advice(columns, values):
+def _small_angle_advice(columns: Sequence[Column], values: Iterable[np.ndarray]) -> tuple[Advice, ...]:
     """Advice (``hardly-moves``) where all angles are declared in degrees but move as little as angles in rad do."""
     angles = {column.name: row[np.isfinite(row)] for column, row in zip(columns, values, strict=True)
               if column.reading in LARGEST_ANGLES and column.unit == 'deg'}
@@ -266,7 +261,7 @@ def _small_angle_advice(columns, values):
     )),)
 
 
-def _sample_rate(path, remarks):
+def _sample_rate(path: str | Path, remarks: dict[str, str]) -> float:
     rate = remark_number(path, remarks, 'sample_rate_hz')
     if rate is None or not 0.0 < rate < math.inf:
         raise InputError(f"{path} numbers its samples and does not say how many come a second: put a line "
@@ -274,7 +269,7 @@ def _sample_rate(path, remarks):
     return rate
 
 
-def _refuse_without_time(path, names, plain):
+def _refuse_without_time(path: str | Path, names: Sequence[str], plain: Sequence[str]) -> NoReturn:
     """Say what is wrong where no time column was found."""
     for name, simple in zip(names, plain, strict=True):
         if simple in TIME_NAMES:
@@ -284,7 +279,7 @@ def _refuse_without_time(path, names, plain):
                      f'timestamp_), found {listed_names(names)}; name the columns so')
 
 
-def _time_columns(plain, names):
+def _time_columns(plain: Sequence[str], names: Sequence[str]) -> list[Column]:
     """The column (or the two columns, seconds and nanoseconds) of the time, by any of its names."""
     for alias in TIME_NAMES:
         for unit, scale in {**TIME_UNITS, SAMPLES: 1.0}.items():
@@ -300,7 +295,7 @@ def _time_columns(plain, names):
     return []
 
 
-def _time(parts):
+def _time(parts: Sequence[np.ndarray]) -> np.ndarray:
     """Seconds, from the first sample where the column counts from an epoch."""
     seconds = parts[0]
     start = _first_finite(seconds)
@@ -311,24 +306,27 @@ def _time(parts):
     return time - _first_finite(time)
 
 
-def _first_finite(values):
+def _first_finite(values: np.ndarray) -> float:
     finite = np.flatnonzero(np.isfinite(values))
     return values[finite[0]] if finite.size else 0.0
 
 
-def _installation(path, remarks, frame, mounting):
+def _installation(
+    path: str | Path, remarks: dict[str, str], frame: str | None, mounting: tuple[float, float, float]
+) -> Installation:
     """The mounting of the sensor: as given, else as the file states."""
     if remarks.get('mounting_deg') and not any(mounting):
         parts = re.split(r'[,;\s]+', remarks['mounting_deg'].strip('[]() '))
         try:
-            mounting = tuple(float(part) * ANGLE_UNITS['deg'] for part in parts)
+            roll, pitch, yaw = (float(part) * ANGLE_UNITS['deg'] for part in parts)
+            mounting = roll, pitch, yaw
         except ValueError as error:
             raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which is not three "
                              f'angles: write it as 180, 0, 0') from error
     return Installation(frame or remarks.get('frame', 'flu').lower(), mounting)
 
 
-def _initial_angle(path, remarks):
+def _initial_angle(path: str | Path, remarks: dict[str, str]) -> float | None:
     angle = remark_number(path, remarks, 'initial_angle_rad')
     if angle is None and (degrees := remark_number(path, remarks, 'initial_angle_deg')) is not None:
         return degrees * ANGLE_UNITS['deg']

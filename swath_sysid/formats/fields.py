@@ -6,13 +6,20 @@ on, or raises `FieldError`.
 
 import difflib
 import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.untrusted_yaml import dumped, plain_content, shown, text_of
+
+Built = TypeVar('Built')
+Check = Callable[[Any, Any], Any]
+"""Of a value and the `Place` where it stands."""
 
 LONGEST_TEXT = 200
 LONGEST_WORD = 40
@@ -26,21 +33,16 @@ STD_ROUNDING = 1e-6
 
 
 class Place(str):
-    """Where a value stands, as errors say it.
+    """Where a value stands, as errors say it: in which line, and how the value is written there.
 
-    Attributes
-    ----------
-    line : int or None
-        In the file.
-    written : str or None
-        The value as it is written there.
-    faults : list of FieldError or None
-        Where unknown names are noted and left out; None: they are refused.
+    Unknown names are noted among the faults and left out; where these are None they are refused.
     """
 
-    line = written = faults = None
+    line: int | None = None
+    written: str | None = None
+    faults: 'list[FieldError] | None' = None
 
-    def within(self, container, key, name):
+    def within(self, container: Any, key: Any, name: str) -> 'Place':
         """The place of an item of a mapping or list that may carry its lines."""
         place = Place(f'{self}, {name}' if self else name)
         lines = getattr(container, 'lines', None)
@@ -51,25 +53,18 @@ class Place(str):
 
 
 class FieldError(InputError):
-    """What is wrong with a field.
+    """What is wrong with a field: the line, and the sentence without it."""
 
-    Attributes
-    ----------
-    line : int or None
-    problem : str
-        The sentence without the line.
-    """
-
-    def __init__(self, where, problem, line=None):
+    def __init__(self, where: str, problem: str, line: int | None = None) -> None:
         self.line = line or getattr(where, 'line', None)
         self.problem = f'{where}{problem}' if where else problem.lstrip(': ')
         super().__init__(self.problem if self.line is None else f'{self.problem} (line {self.line})')
 
 
-def number(lowest=-math.inf, highest=math.inf, above=None):
+def number(lowest: float = -math.inf, highest: float = math.inf, above: float | None = None) -> Check:
     """A finite number, within limits, as float."""
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         # a bool is an int to Python
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise FieldError(where, f": '{shown(value)}' is not a number")
@@ -84,10 +79,10 @@ def number(lowest=-math.inf, highest=math.inf, above=None):
     return check
 
 
-def text(longest=LONGEST_TEXT, as_written=False):
+def text(longest: int = LONGEST_TEXT, as_written: bool = False) -> Check:
     """A text on one line that is not too long; where it is taken as written, 007 is one and nothing is none."""
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         if as_written:
             value = getattr(where, 'written', None) or value
         if not isinstance(value, str):
@@ -99,10 +94,10 @@ def text(longest=LONGEST_TEXT, as_written=False):
     return check
 
 
-def one_of(choices, kind=None):
+def one_of(choices: Collection[str], kind: str | None = None) -> Check:
     """One of some texts; errors may call them by their kind."""
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         if not isinstance(value, str) or value not in choices:
             if kind is not None:
                 raise FieldError('', f"there is no {kind} '{shown(value)}': choose from {', '.join(choices)}",
@@ -114,10 +109,10 @@ def one_of(choices, kind=None):
     return check
 
 
-def whole(lowest):
+def whole(lowest: int) -> Check:
     """A whole number from a lowest on."""
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         found = number(lowest)(value, where)
         if found != int(found):
             raise FieldError(where, f' must be a whole number from {lowest}, not {shown(value)}')
@@ -126,10 +121,10 @@ def whole(lowest):
     return check
 
 
-def one_or_more(description):
+def one_or_more(description: Check) -> Check:
     """A list of like items, of which a single one may stand alone."""
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         items = value if isinstance(value, list) else [value]
         if not items or isinstance(value, dict):
             raise FieldError(where, f": '{shown(value)}' must be a list of names")
@@ -138,24 +133,24 @@ def one_or_more(description):
     return check
 
 
-def anything(value, where):
+def anything(value: Any, where: object) -> Any:
     """Whatever it is; checked elsewhere."""
     return value
 
 
-def if_known(description, unknown=math.nan):
+def if_known(description: Check, unknown: Any = math.nan) -> Check:
     """What a description says, or null for what is not known."""
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         return unknown if value is None else description(value, where)
 
     return check
 
 
-def list_of(description, length=None):
+def list_of(description: Check, length: int | None = None) -> Check:
     """A list of like items, as list."""
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         if not isinstance(value, list) or length not in (None, len(value)):
             counted = '' if length is None else f' of {length} items'
             raise FieldError(where, f": '{shown(value)}' must be a list{counted}")
@@ -164,18 +159,12 @@ def list_of(description, length=None):
     return check
 
 
-def record(required, optional=None):
-    """Named fields, each with its description; all those required, and none else.
-
-    Parameters
-    ----------
-    required, optional : dict of str to callable
-        Descriptions by the name of the field.
-    """
+def record(required: Mapping[str, Check], optional: Mapping[str, Check] | None = None) -> Check:
+    """Named fields, each with its description by name; all those required, and none else but those optional."""
     optional = optional or {}
     known = {**required, **optional}
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         if not isinstance(value, dict):
             raise FieldError(where, f": '{shown(value)}' must be names and values; fields are {', '.join(known)}")
         found, where = {}, where if isinstance(where, Place) else Place(where)
@@ -199,20 +188,13 @@ def record(required, optional=None):
     return check
 
 
-def table_of(names, kind, description):
-    """Some of the names of a kind, each with the same description; a dict in the order given.
+def table_of(names: Collection[str], kind: str, description: Check | dict[str, Check]) -> Check:
+    """Some of the names of a kind, with one description for all or one a name; a dict in the order given.
 
-    Parameters
-    ----------
-    names : collection of str
-        Those that may occur.
-    kind : str
-        What a name stands for, in the errors.
-    description : callable, or dict of str to callable
-        One for all, or one a name.
+    The kind is what errors call a name.
     """
 
-    def check(value, where):
+    def check(value: Any, where: str) -> Any:
         if not isinstance(value, dict):
             raise FieldError(where, f": '{shown(value)}' must map names to values")
         found = {}
@@ -228,30 +210,22 @@ def table_of(names, kind, description):
     return check
 
 
-def quantities_of(units, kind):
-    """Values with standard deviation and unit, by name.
-
-    Parameters
-    ----------
-    units : dict of str to str
-        Of every name there is.
-    kind : str
-        What a name stands for, in the errors.
-    """
+def quantities_of(units: Mapping[str, str], kind: str) -> Check:
+    """Values with standard deviation and the unit of each name there is, by name; errors call a name by its kind."""
     return table_of(units, kind, {
         name: record({'value': number(), 'std': if_known(number(lowest=0.0)), 'unit': one_of((unit,))})
         for name, unit in units.items()
     })  # fmt: skip
 
 
-def mapping(value, where):
+def mapping(value: Any, where: str) -> dict:
     """Anything by name; what it holds is plain data already."""
     if not isinstance(value, dict):
         raise FieldError(where, f": '{shown(value)}' must map names to values")
     return value
 
 
-def metrics(value, where):
+def metrics(value: Any, where: str) -> dict:
     """How well a model fits: numbers, texts or null by name, also by name of a name."""
     for name, item in mapping(value, where).items():
         if isinstance(item, dict):
@@ -275,7 +249,6 @@ class ModelFormat:
         What to do about a file that is none, or of another version.
     required, optional : dict of str to callable
         The other fields, by name; see `record`.
-    version : int
     kind : str
         What errors call such a file.
     """
@@ -288,7 +261,7 @@ class ModelFormat:
     version: int = 1
     kind: str = 'model file'
 
-    def content(self, text, source):
+    def content(self, text: str, source: str) -> dict:
         """The checked fields of a text, by name.
 
         Raises
@@ -307,21 +280,21 @@ class ModelFormat:
         headed = {'format': anything, 'version': anything, 'frame': one_of((self.frame,))}
         return record(headed | self.required, self.optional)(content, source)
 
-    def text(self, **fields):
+    def text(self, **fields: Any) -> str:
         """The text of a file that holds these fields."""
         return dumped({'format': self.format, 'version': self.version, 'frame': self.frame, **fields})
 
-    def read(self, path, read_text):
+    def read(self, path: str | Path, read_text: Callable[[str, str], Built]) -> Built:
         """What `read_text`, of a text and its source, makes of a file."""
         return read_text(text_of(path), str(path))
 
-    def write(self, path, text, read_text):
+    def write(self, path: str | Path, text: str, read_text: Callable[[str, str], Built]) -> None:
         """Write a file, whole or not at all, and not what its readers would refuse."""
         read_text(text, f'{path} is not written: what it would hold')
         write_text(path, text)
 
 
-def built(build, where):
+def built(build: Callable[[], Built], where: str) -> Built:
     """What the core makes of it, with the place added to its errors."""
     try:
         return build()
@@ -329,27 +302,10 @@ def built(build, where):
         raise InputError(f'{where}: {error}') from error
 
 
-def covariance(rows, names, where):
-    """The covariance of some quantities: finite, symmetric, positive semidefinite.
+def covariance(rows: object, names: Sequence[str], where: str) -> np.ndarray:
+    """The covariance of named quantities, shape (n, n), as the file has it: finite, symmetric, positive semidefinite.
 
-    Parameters
-    ----------
-    rows : object
-        As the file has it. A quantity whose variance is not known has nothing but null in its row
-        and column.
-    names : sequence of str
-        Of the quantities.
-    where : str
-        Named in the errors.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        NaN where not known.
-
-    Raises
-    ------
-    InputError
+    A quantity whose variance is not known has nothing but null in its row and column, and NaN in the result.
     """
     size = len(names)
     if not isinstance(rows, list) or [len(row) if isinstance(row, list) else -1 for row in rows] != [size] * size:
@@ -365,7 +321,7 @@ def covariance(rows, names, where):
     return found
 
 
-def _check_positive(matrix, names, where):
+def _check_positive(matrix: np.ndarray, names: Sequence[str], where: str) -> None:
     variances = np.diag(matrix)
     for name, variance in zip(names, variances.tolist(), strict=True):
         if variance < 0.0:
@@ -382,22 +338,8 @@ def _check_positive(matrix, names, where):
         raise InputError(f'{where}: some combination has a negative variance: this is not a covariance matrix')
 
 
-def check_std(stated, variances, where):
-    """Refuse standard deviations that contradict their covariance.
-
-    Parameters
-    ----------
-    stated : dict of str to float
-        NaN where not known.
-    variances : ndarray, shape (n,)
-        The diagonal of the covariance, in the same order.
-    where : str
-        Named in the errors.
-
-    Raises
-    ------
-    InputError
-    """
+def check_std(stated: Mapping[str, float], variances: np.ndarray, where: str) -> None:
+    """Refuse standard deviations that contradict the diagonal of their covariance, in one order; NaN: not known."""
     for (name, std), variance in zip(stated.items(), variances.tolist(), strict=True):
         expected = math.sqrt(variance) if variance == variance else math.nan
         if not (math.isclose(std, expected, rel_tol=STD_ROUNDING) or std != std and expected != expected):

@@ -1,4 +1,9 @@
 """What the predictor publishes, as messages, live and in a bag."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import multiply, quaternion
@@ -34,21 +39,16 @@ from swath_sysid.formats.topics import (
 )
 from swath_sysid.pipeline.forecast_messages import UNKNOWN_PLACE_VARIANCE, UNKNOWN_RATE_VARIANCE
 
+if TYPE_CHECKING:
+    from swath_sysid.attitude.prediction.forecast import Forecast
+    from swath_sysid.pipeline.forecast_messages import AttitudeForecast
+    from swath_sysid.pipeline.forecast_pipeline import PipelineStep
+
 _NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [UNKNOWN_RATE_VARIANCE] * 3)
 
 
-def forecast_topics(leads, points, frames_at=()) -> list[str]:
-    """Every topic that is published.
-
-    Parameters
-    ----------
-    leads : sequence of float
-        s.
-    points : sequence of str
-        Names.
-    frames_at : sequence of float
-        See `ForecastMessages`.
-    """
+def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Sequence[float] = ()) -> list[str]:
+    """Every topic that is published, for leads, s, named points, and frames at leads as `ForecastMessages` has them."""
     of_points = [
         topic for point in points for topic in (
             point_horizon_topic(point), *(point_lead_topic(point, lead) for lead in leads),
@@ -64,55 +64,44 @@ def forecast_topics(leads, points, frames_at=()) -> list[str]:
 class ForecastMessages:
     """The messages of one predictor.
 
-    Parameters
-    ----------
-    frame_id : str
-        Of the craft; the level frame that moves with its mean is ``FRAME_level``.
-    frames_at : sequence of float
-        Leads, s, whose predicted frames go to ``/tf``, beside ``FRAME_now``.
+    The frame is that of the craft; the level frame that moves with its mean is ``FRAME_level``. The frames predicted at
+    some leads, s, go to ``/tf``, beside ``FRAME_now``.
     """
 
-    def __init__(self, frame_id, frames_at=()):
+    def __init__(self, frame_id: str, frames_at: Sequence[float] = ()) -> None:
         self.frame_id = frame_id
         self._frames_at = frames_at
         self._level = f'{frame_id}_level'
         self.imu = ImuMessage(frame_id)
-        self._templates = {}
+        self._templates: dict[tuple, Template] = {}
 
-    def attitude(self, forecast):
+    def attitude(self, forecast: AttitudeForecast) -> bytes:
         """The message of an `AttitudeForecast`."""
         return self.imu.filled(forecast)
 
-    def of(self, step):
-        """What a step of the pipeline leads to, but for ``forecast/next``.
-
-        Parameters
-        ----------
-        step : PipelineStep
-            Of one sample.
-
-        Yields
-        ------
-        (str, bytes)
-            Topic and message.
-        """
+    def of(self, step: PipelineStep) -> Iterator[tuple[str, bytes]]:
+        """Topic and message of all that a step of the pipeline leads to, but for ``forecast/next``."""
         for lead, forecast in step.attitudes():
             yield lead_topic(lead), self.attitude(forecast)
-        if step.horizon is not None:
-            yield HORIZON_TOPIC, horizon_message(step.trajectory(), self.frame_id)
+        if (trajectory := step.trajectory()) is not None:
+            yield HORIZON_TOPIC, horizon_message(trajectory, self.frame_id)
         if step.quiescence is not None:
             yield QUIESCENCE_TOPIC, number_message(step.quiescence, TYPES[QUIESCENCE_TOPIC])
         yield from self._at_points(step)
         if step.sea is not None:
             yield SEA_TOPIC, text_message(sea_as_yaml(step.sea, step.stamp_ns))
         if self._frames_at and step.forecast is not None and step.next is not None:
-            yield FRAMES_TOPIC, serialised(make(TYPES[FRAMES_TOPIC], list(self._transforms(step))))
+            yield FRAMES_TOPIC, serialised(make(
+                TYPES[FRAMES_TOPIC], list(self._transforms(step.forecast, step.next, step.heading[0], step.stamp_ns))
+            ))  # fmt: skip
 
-    def _transforms(self, step):
+    def _transforms(
+        self, forecast: Forecast, now: AttitudeForecast, yaw: float, stamp_ns: int
+    ) -> Iterator[Any]:
         """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""
-        forecast, yaw = step.forecast, step.heading[0]
-        without_heading = multiply(quaternion(0.0, 0.0, -yaw), step.next.orientation)
-        yield self._transform(f'{self.frame_id}_now', step.stamp_ns, 0.0, without_heading)
+        x, y, z, w = now.orientation
+        without_heading = multiply(quaternion(0.0, 0.0, -yaw), (x, y, z, w))
+        yield self._transform(f'{self.frame_id}_now', stamp_ns, 0.0, without_heading)
         heaving = [motion for motion in forecast.points.values() if not any(motion.place)]
         for lead in self._frames_at:
             place = int(np.abs(forecast.leads - lead).argmin())
@@ -120,16 +109,16 @@ class ForecastMessages:
                 float(forecast.axes[axis].angle[place]) if axis in forecast.axes else 0.0 for axis in ('roll', 'pitch')
             )
             heave = float(heaving[0].mean[place, 0]) if heaving else 0.0
-            yield self._transform(frame_at(self.frame_id, lead), step.stamp_ns, heave, quaternion(roll, pitch, 0.0))
+            yield self._transform(frame_at(self.frame_id, lead), stamp_ns, heave, quaternion(roll, pitch, 0.0))
 
-    def _transform(self, child, stamp_ns, heave, orientation):
+    def _transform(self, child: str, stamp_ns: int, heave: float, orientation: Sequence[float]) -> Any:
         return make(
             'geometry_msgs/msg/TransformStamped', header(stamp_ns, self._level), child,
             make('geometry_msgs/msg/Transform', make('geometry_msgs/msg/Vector3', 0.0, 0.0, heave),
                  make('geometry_msgs/msg/Quaternion', *orientation)),
         )  # fmt: skip
 
-    def _at_points(self, step):
+    def _at_points(self, step: PipelineStep) -> Iterator[tuple[str, bytes]]:
         for point in step.points():
             yield point_lead_topic(point.name, point.lead), self._filled(_odometry, point.name, point.stamp_ns, (
                 *point.position, *point.orientation, *point.pose_covariance.ravel().tolist(),
@@ -145,24 +134,25 @@ class ForecastMessages:
             return
         leads_ns = tuple(np.round(horizon.leads * SECOND_NS).astype(int).tolist())
         for name, motion in horizon.points.items():
-            deviation = np.sqrt(np.diagonal(motion.covariance, axis1=1, axis2=2)[:, :3])
+            deviation = np.sqrt(np.diagonal(np.asarray(motion.covariance), axis1=1, axis2=2)[:, :3])
             values = np.stack([motion.mean, deviation], axis=2).ravel()
             yield point_horizon_topic(name), self._filled(_point_horizon, leads_ns, step.stamp_ns, values)
         if step.quiescence is not None:
             calm = horizon.calm
-            times = () if calm is None else (round(calm.begin * SECOND_NS), round(calm.end * SECOND_NS))
-            points = [trajectory_point(time, [calm.probability]) for time in times]
+            points = [] if calm is None else [
+                trajectory_point(round(time * SECOND_NS), [calm.probability]) for time in (calm.begin, calm.end)
+            ]  # fmt: skip
             yield CALM_TOPIC, serialised(make(
                 TRAJECTORY, header(step.stamp_ns, self._level), ['probability'], points
             ))  # fmt: skip
 
-    def _filled(self, message_of, key, stamp_ns, values):
+    def _filled(self, message_of: Callable, key: Any, stamp_ns: int, values: Any) -> bytes:
         if (message_of, key) not in self._templates:
             self._templates[message_of, key] = Template(lambda v: message_of(v, self._level, key), len(values))
         return self._templates[message_of, key].filled(stamp_ns, values)
 
 
-def _odometry(v, level, point):
+def _odometry(v: np.ndarray, level: str, point: str) -> Any:
     vector = 'geometry_msgs/msg/Vector3'
     pose = make('geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', *v[:3]),
                 make('geometry_msgs/msg/Quaternion', *v[3:7]))  # fmt: skip
@@ -173,12 +163,12 @@ def _odometry(v, level, point):
     )  # fmt: skip
 
 
-def _acceleration(v, level, _):
+def _acceleration(v: np.ndarray, level: str, _: str) -> Any:
     vector = 'geometry_msgs/msg/Vector3'
     both = make('geometry_msgs/msg/Accel', make(vector, *v[:3]), make(vector, 0.0, 0.0, 0.0))
     return make(ACCELERATION, header(0, level), make('geometry_msgs/msg/AccelWithCovariance', both, v[3:39]))
 
 
-def _point_horizon(v, level, leads_ns):
+def _point_horizon(v: np.ndarray, level: str, leads_ns: Sequence[int]) -> Any:
     points = [trajectory_point(lead, *row) for lead, row in zip(leads_ns, v.reshape(-1, 3, 2), strict=True)]
     return make(TRAJECTORY, header(0, level), ['heave', 'heave_std'], points)

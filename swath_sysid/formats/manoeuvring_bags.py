@@ -1,7 +1,9 @@
 """Rosbag2 records of manoeuvres: odometry, IMU, and thrusters as VRX names them or as a JointState."""
 
 import re
+from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +24,13 @@ from swath_sysid.formats.messages import (
 )
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.topics import IMU, ODOMETRY
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState
+
+Table = dict[str, np.ndarray]
+Series = tuple[np.ndarray, np.ndarray]
+"""Times, s, and values."""
 
 JOINTS = 'sensor_msgs/msg/JointState'
 NUMBERS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
@@ -47,7 +54,8 @@ LONGEST_HOLD = 1.0
 
 
 def read_manoeuvring_bag(
-    path, odometry=None, imu=None, port=None, starboard=None, thrust_input=None
+    path: str | Path, odometry: str | None = None, imu: str | None = None, port: str | None = None,
+    starboard: str | None = None, thrust_input: str | None = None,
 ) -> ManoeuvringTrial:
     """Read a record of a manoeuvre from a bag.
 
@@ -95,30 +103,20 @@ def read_manoeuvring_bag(
     time = np.round(time - start, SAME_TIME)
     everything = np.unique(np.concatenate([time, *(t for t, _ in series.values())]))
 
-    def on_all(times, values):
+    def on_all(times: np.ndarray, values: np.ndarray) -> np.ndarray:
         found = np.full(everything.size, np.nan)
         found[np.searchsorted(everything, times)] = values
         return found
 
+    channels: dict[str, Any] = {name: on_all(times, values) for name, (times, values) in series.items()}
     return ManoeuvringTrial(
-        everything, on_all(time, left), on_all(time, right), thrust_input,
-        **{name: on_all(times, values) for name, (times, values) in series.items()}, frame='enu', source=str(path),
+        everything, on_all(time, left), on_all(time, right), thrust_input, **channels, frame='enu', source=str(path),
         advice=tuple(advice),
     )  # fmt: skip
 
 
-def holds_manoeuvres(path):
-    """Whether a bag holds odometry and thrust, and whether it holds an IMU.
-
-    Parameters
-    ----------
-    path : str or Path
-        A bag.
-
-    Returns
-    -------
-    manoeuvres, imu : bool
-    """
+def holds_manoeuvres(path: str | Path) -> tuple[bool, bool]:
+    """Whether a bag holds odometry and thrust, and whether it holds an IMU."""
     path = Path(path)
     with opened_bag(path) as (readers, _):
         topics = _topics_by_type(readers)
@@ -127,7 +125,7 @@ def holds_manoeuvres(path):
     return bool(topics.get(ODOMETRY) and (sides or topics.get(JOINTS))), bool(topics.get(IMU))
 
 
-def write_manoeuvring_bag(path, manoeuvre, *, start_stamp_ns=0):
+def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp_ns: int = 0) -> None:
     """Write a simulated manoeuvre as VRX would have recorded it.
 
     Topics ``/wamv/thrusters/left/thrust`` and ``right/thrust`` (std_msgs/Float64), ``/wamv/odometry``
@@ -156,14 +154,17 @@ def write_manoeuvring_bag(path, manoeuvre, *, start_stamp_ns=0):
             add('/wamv/sensors/imu/imu/data', IMU, stamp, imu.of_values(stamp, values))
 
 
-def _topics_by_type(readers):
+def _topics_by_type(readers: Sequence[Any]) -> dict[str, set[str]]:
     topics: dict[str, set[str]] = {}
     for connection in (connection for reader in readers for connection in reader.connections):
         topics.setdefault(connection.msgtype, set()).add(connection.topic)
     return topics
 
 
-def _choose(path, topics, odometry, imu, port, starboard):
+def _choose(
+    path: str | Path, topics: dict[str, set[str]], odometry: str | None, imu: str | None, port: str | None,
+    starboard: str | None,
+) -> dict[str, str]:
     """Topic of each role."""
     chosen = {'odometry': _only(path, topics.get(ODOMETRY, set()), odometry, ODOMETRY)}
     if imu or topics.get(IMU):
@@ -194,7 +195,7 @@ def _choose(path, topics, odometry, imu, port, starboard):
                      'several-topics')  # fmt: skip
 
 
-def _only(path, topics, given, msgtype):
+def _only(path: str | Path, topics: Collection[str], given: str | None, msgtype: str) -> str:
     if given is not None:
         if given not in topics:
             raise InputError(f'{path} has no topic {given} of {msgtype}: it has {_listed(topics)}')
@@ -206,11 +207,11 @@ def _only(path, topics, given, msgtype):
     return next(iter(topics))
 
 
-def _listed(topics):
+def _listed(topics: Collection[str]) -> str:
     return ', '.join(sorted(topics)) or 'none'
 
 
-def _read(path, readers, topics, advice):
+def _read(path: str | Path, readers: Sequence[Any], topics: Collection[str], advice: list[Advice]) -> dict[str, Table]:
     """Stamps (NaN without a header), times of arrival, s, and numbers of the messages of some topics."""
     store = typestore()
     rows: dict[str, list[tuple]] = {topic: [] for topic in topics}
@@ -244,7 +245,7 @@ def _read(path, readers, topics, advice):
     return tables
 
 
-def _numbers(message, msgtype, names):
+def _numbers(message: Any, msgtype: str, names: dict[str, list[int]]) -> tuple[float, ...]:
     if msgtype == ODOMETRY:
         reading = odometry_reading(message)
         return tuple(getattr(reading, name) for name in MOTION)
@@ -259,7 +260,7 @@ def _numbers(message, msgtype, names):
     return (float(message.data),)
 
 
-def _joints(message):
+def _joints(message: Any) -> list[int]:
     places = []
     for side, pattern in SIDES.items():
         found = [k for k, name in enumerate(message.name) if pattern.search(name)]
@@ -271,7 +272,7 @@ def _joints(message):
     return places
 
 
-def _clock_offset(odometry, path, advice):
+def _clock_offset(odometry: Table, path: str | Path, advice: list[Advice]) -> float | None:
     """What to add to times of arrival so that they compare with header stamps; None: use arrival throughout."""
     difference = odometry['stamps'] - odometry['received']
     if not np.all(np.isfinite(difference)) or np.ptp(odometry['stamps']) == 0.0:
@@ -285,14 +286,16 @@ def _clock_offset(odometry, path, advice):
     return float(np.quantile(difference, 0.9))
 
 
-def _times(table, offset):
+def _times(table: Table, offset: float | None) -> np.ndarray:
     if offset is None:
         return table['received']
     stamps = table['stamps']
     return stamps if np.all(np.isfinite(stamps)) else table['received'] + offset
 
 
-def _thrust(chosen, tables, times, path):
+def _thrust(
+    chosen: dict[str, str], tables: dict[str, Table], times: dict[str, np.ndarray], path: str | Path
+) -> tuple[tuple[Series, Series], bool]:
     if 'joints' in chosen:
         table = tables[chosen['joints']]['values']
         if table.shape[1] != 3:
@@ -303,10 +306,11 @@ def _thrust(chosen, tables, times, path):
             values = values / max(np.max(np.abs(values)), 1e-9)
         clock = times[chosen['joints']]
         return ((clock, values[:, 0]), (clock, values[:, 1])), effort
-    return tuple((times[chosen[s]], tables[chosen[s]]['values'][:, 0]) for s in SIDES), False
+    port, starboard = ((times[chosen[s]], tables[chosen[s]]['values'][:, 0]) for s in SIDES)
+    return (port, starboard), False
 
 
-def _together(port, starboard):
+def _together(port: Series, starboard: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Both thrusters at every message of either, the other held for a while."""
     time = np.unique(np.concatenate([port[0], starboard[0]]))
     held = []
@@ -320,14 +324,14 @@ def _together(port, starboard):
     return time[known], held[0][known], held[1][known]
 
 
-def _motion(values, time, path, advice):
+def _motion(values: np.ndarray, time: np.ndarray, path: str | Path, advice: list[Advice]) -> dict[str, np.ndarray]:
     """Channels of the odometry; a twist that is in world axes is turned into body axes."""
     x, y, yaw, surge, sway, rate = values.T
     span = max(1, round(TWIST_SPAN / max(float(np.median(np.diff(time))), 1e-6))) if time.size > 1 else 1
     if time.size > 4 * span and np.ptp(x) + np.ptp(y) > 2.0:
         cosine, sine = np.cos(yaw), np.sin(yaw)
 
-        def missed(east, north):
+        def missed(east: np.ndarray, north: np.ndarray) -> float:
             """Median distance of the integrated velocity from the change of position."""
             way = [np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time))]) for v in (east, north)]
             return np.median(np.hypot(*((w[span:] - w[:-span]) - (p[span:] - p[:-span])

@@ -1,10 +1,12 @@
 """CSV records of manoeuvres: thrusters, speeds, yaw, position."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import reading
 from swath_sysid.formats.tables import (
     ANGLE_UNITS,
     EPOCH_SECONDS,
@@ -21,6 +23,8 @@ from swath_sysid.formats.tables import (
     shown,
     write_table,
 )
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
 
 SPEED_UNITS = {'m_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0}
@@ -49,7 +53,7 @@ LARGEST_COMMAND = 1.5
 """A command beyond is not normalised."""
 
 
-def read_manoeuvring_csv(path, frame=None) -> ManoeuvringTrial:
+def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> ManoeuvringTrial:
     """Read a record of a manoeuvre.
 
     Columns, in any order: ``time_s``; ``port_thrust_n`` and ``starboard_thrust_n``, or ``port_command`` and
@@ -71,13 +75,10 @@ def read_manoeuvring_csv(path, frame=None) -> ManoeuvringTrial:
     InputError
         The file cannot be read, or lacks time, thrust or motion; the sentence names what was looked for.
     """
-    path = Path(path)
-    try:
+    with reading(path):
         head = read_head(path)
         columns = _find_columns(path, head.names)
         values, advice = read_columns(path, head, [index for index, _ in columns.values()])
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     found = {name: row * scale for row, (name, (_, scale)) in zip(values, columns.items(), strict=True)}
     thrust_input, port, starboard = _thrusters(path, found, head.remarks)
     frame = (frame or head.remarks.get('frame', '')).lower() or None
@@ -98,18 +99,8 @@ def read_manoeuvring_csv(path, frame=None) -> ManoeuvringTrial:
     )  # fmt: skip
 
 
-def write_manoeuvring_csv(path, manoeuvre, model):
-    """Write a simulated manoeuvre as `read_manoeuvring_csv` reads it, in ENU.
-
-    Parameters
-    ----------
-    path : str or Path
-        Replaced whole or not at all.
-    manoeuvre : Manoeuvre
-        What is written.
-    model : ManoeuvringModel
-        Says whether the inputs are forces or commands.
-    """
+def write_manoeuvring_csv(path: str | Path, manoeuvre: Manoeuvre, model: ManoeuvringModel) -> None:
+    """Write a simulated manoeuvre as `read_manoeuvring_csv` reads it, in ENU; the inputs are of the model's kind."""
     kind = 'thrust_n' if model.thrust_input == FORCE else 'command'
     columns = {
         'time_s': manoeuvre.time, f'port_{kind}': manoeuvre.port, f'starboard_{kind}': manoeuvre.starboard,
@@ -120,7 +111,7 @@ def write_manoeuvring_csv(path, manoeuvre, model):
     write_table(path, remarks, {name: np.round(values, 9) for name, values in columns.items()})
 
 
-def _find_columns(path, names):
+def _find_columns(path: str | Path, names: Sequence[str]) -> dict[str, tuple[int, float]]:
     known, columns = known_columns(QUANTITIES), dict[str, tuple[int, float]]()
     for index, name in enumerate(map(plain_name, names)):
         if name in known:
@@ -140,7 +131,9 @@ def _find_columns(path, names):
     return columns
 
 
-def _thrusters(path, found, remarks):
+def _thrusters(
+    path: str | Path, found: dict[str, np.ndarray], remarks: dict[str, str]
+) -> tuple[str, np.ndarray, np.ndarray]:
     if 'port_thrust' in found and 'starboard_thrust' in found:
         return FORCE, found['port_thrust'], found['starboard_thrust']
     if 'port_pwm' in found and 'starboard_pwm' in found:

@@ -1,9 +1,12 @@
 """Between ROS messages of surge, sway and yaw and plain values, without ROS; encoders return the serialised message."""
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised, stamp_ns
 from swath_sysid.formats.topics import ODOMETRY, PATH
-from swath_sysid.manoeuvring.prediction.pipeline import OdometryReading
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState, OdometryReading
 
 PLANAR = (0, 1, 5)
 """Rows of x, y, yaw (and of their rates) in a covariance of six."""
@@ -12,17 +15,10 @@ LARGEST_VARIANCE = 1e4
 """A larger one in odometry stands for a quantity that is not measured."""
 
 
-def odometry_message(state, frame_id, child_frame_id, stamp=None):
+def odometry_message(state: ManoeuvreState, frame_id: str, child_frame_id: str, stamp: int | None = None) -> bytes:
     """The nav_msgs/Odometry of a `ManoeuvreState`; heave, roll and pitch are zero, with zero variance.
 
-    Parameters
-    ----------
-    state : ManoeuvreState
-        Measured or forecast.
-    frame_id, child_frame_id : str
-        Of the message.
-    stamp : int, optional
-        ns; by default that of the state.
+    The stamp, ns, is by default that of the state.
     """
     vector = 'geometry_msgs/msg/Vector3'
     twist = make(
@@ -36,7 +32,7 @@ def odometry_message(state, frame_id, child_frame_id, stamp=None):
     ))  # fmt: skip
 
 
-def path_message(path, stamp, frame_id):
+def path_message(path: Iterable[ManoeuvreState], stamp: float, frame_id: str) -> bytes:
     """The nav_msgs/Path of states, each pose with the stamp that it is for."""
     poses = [
         make('geometry_msgs/msg/PoseStamped', header(round(state.stamp * SECOND_NS), frame_id), _pose(state))
@@ -45,7 +41,7 @@ def path_message(path, stamp, frame_id):
     return serialised(make(PATH, header(round(stamp * SECOND_NS), frame_id), poses))
 
 
-def _pose(state):
+def _pose(state: ManoeuvreState) -> Any:
     half = 0.5 * state.heading
     return make(
         'geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', float(state.x), float(state.y), 0.0),
@@ -53,14 +49,14 @@ def _pose(state):
     )  # fmt: skip
 
 
-def _of_six(block):
+def _of_six(block: np.ndarray) -> np.ndarray:
     """Covariance of x, y, yaw as one of six, shape (36,)."""
     full = np.zeros((6, 6))
     full[np.ix_(PLANAR, PLANAR)] = block
     return full.ravel()
 
 
-def odometry_reading(message):
+def odometry_reading(message: Any) -> OdometryReading:
     """The `OdometryReading` of a nav_msgs/Odometry."""
     pose, twist = message.pose.pose, message.twist.twist
     q = pose.orientation

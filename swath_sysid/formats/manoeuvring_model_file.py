@@ -1,6 +1,7 @@
 """The model file of a manoeuvring craft: YAML, versioned, checked on reading."""
 
 from dataclasses import asdict, fields
+from pathlib import Path
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:
     )  # fmt: skip
 
 
-def manoeuvring_from_yaml(text, source='the model') -> IdentifiedManoeuvringModel:
+def manoeuvring_from_yaml(text: str, source: str = 'the model') -> IdentifiedManoeuvringModel:
     """The model of a model file's text; see `swath_sysid.formats.model_file.description_from_yaml`."""
     content = FORMAT.content(text, source)
     names = tuple(content['identified'])
@@ -100,7 +101,7 @@ def manoeuvring_from_yaml(text, source='the model') -> IdentifiedManoeuvringMode
     )  # fmt: skip
 
 
-def _forecast_of(content, where):
+def _forecast_of(content: dict | None, where: str) -> ForecastNoise | None:
     if content is None:
         return None
     found = {name: np.array(values) for name, values in content.items() if name != 'scale'}
@@ -110,7 +111,7 @@ def _forecast_of(content, where):
     return ForecastNoise(**found, scale=np.array(content['scale'], dtype=float))
 
 
-def _model_of(content):
+def _model_of(content: dict) -> ManoeuvringModel:
     values = {name: plain['value'] for name, plain in content['parameters'].items()}
     model = ManoeuvringModel(
         parameter_values(values), thrust_input=content['thrust_input'], name=content['name'],
@@ -120,11 +121,11 @@ def _model_of(content):
     return model
 
 
-def write_manoeuvring_model(path, identified):
+def write_manoeuvring_model(path: str | Path, identified: IdentifiedManoeuvringModel) -> None:
     """Write a model file; see `swath_sysid.formats.model_file.write_model`."""
     FORMAT.write(path, manoeuvring_to_yaml(identified), manoeuvring_from_yaml)
 
 
-def read_manoeuvring_model(path):
+def read_manoeuvring_model(path: str | Path) -> IdentifiedManoeuvringModel:
     """Read a model file; see `manoeuvring_from_yaml`."""
     return FORMAT.read(path, manoeuvring_from_yaml)

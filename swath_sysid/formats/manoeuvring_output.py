@@ -1,5 +1,8 @@
 """What manoeuvring_predictor would have published on a record, written as mcap without ROS."""
 
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
 import numpy as np
 
 from swath_sysid.common.errors import InputError
@@ -7,25 +10,22 @@ from swath_sysid.formats.manoeuvring_messages import odometry_message, path_mess
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.output_bag import writing_output_bag
 from swath_sysid.formats.topics import PATH_TOPIC, manoeuvring_lead_topic
-from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, OdometryReading
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.prediction.pipeline import (
+    ManoeuvreOutlook,
+    ManoeuvreOutlookSettings,
+    OdometryReading,
+    OutlookStep,
+)
 
 
-def play_manoeuvres(trial, settings, identified=None):
-    """Forecasts on a trial, as the live node makes them; same trial, same numbers.
+def play_manoeuvres(
+    trial: ManoeuvringTrial, settings: ManoeuvreOutlookSettings, identified: IdentifiedManoeuvringModel | None = None
+) -> Iterator[tuple[float, OutlookStep]]:
+    """Forecasts on a trial of a bag, in ENU, as the live node makes them, each with its time; same trial, same numbers.
 
-    Parameters
-    ----------
-    trial : ManoeuvringTrial
-        Of a bag, in ENU, with everything that an odometry holds.
-    settings : ManoeuvreOutlookSettings
-        Those of the live node.
-    identified : IdentifiedManoeuvringModel, optional
-        By default none: then there are no forecasts.
-
-    Yields
-    ------
-    float, OutlookStep
-        Time and forecasts, where some were due.
+    Without a model there are none.
 
     Raises
     ------
@@ -41,14 +41,14 @@ def play_manoeuvres(trial, settings, identified=None):
                          f'{identified.model.thrust_input}: state it if that was mistaken',
                          'thrust-input-differs')  # fmt: skip
     outlook = ManoeuvreOutlook(settings, identified)
-    rate = np.nan
+    rate, yaw_rate = np.nan, np.asarray(trial.yaw_rate)
     for k, stamp in enumerate(trial.time.tolist()):
         for side in ('port', 'starboard'):
             value = float(getattr(trial, side)[k])
             if np.isfinite(value):
                 outlook.add_thrust(stamp, side, value)
-        if np.isfinite(trial.yaw_rate[k]):
-            rate = float(trial.yaw_rate[k])
+        if np.isfinite(yaw_rate[k]):
+            rate = float(yaw_rate[k])
             outlook.add_yaw_rate(stamp, rate)
         motion = {name: float(getattr(trial, name)[k]) for name in names}
         if np.all(np.isfinite([*motion.values(), rate])):
@@ -57,22 +57,8 @@ def play_manoeuvres(trial, settings, identified=None):
                 yield stamp, step
 
 
-def write_forecasts(path, forecasts, leads):
-    """Write forecasts as mcap on the topics of manoeuvring_predictor.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``NAME.mcap``.
-    forecasts : iterable of (float, OutlookStep)
-        Stamp, s, and what was forecast then.
-    leads : sequence of float
-        s.
-
-    Returns
-    -------
-    int
-        Number of forecasts.
+def write_forecasts(path: str | Path, forecasts: Iterable[tuple[float, OutlookStep]], leads: Sequence[float]) -> int:
+    """Write forecasts, of a stamp, s, each, as mcap on the topics of manoeuvring_predictor; returns their number.
 
     Raises
     ------

@@ -6,6 +6,9 @@ content. Chunks, the data section and the summary have a check sum each; zero is
 import os
 import struct
 from binascii import crc32
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
 
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
@@ -19,7 +22,7 @@ CHUNK_CHECKSUM_AT = 24
 BLOCK_BYTES = 1 << 20
 
 
-def _records(file):
+def _records(file: BinaryIO) -> Iterator[tuple[int, int, int]]:
     """Code, place and length of the content of one record after the other, to the footer; the file may be moved in."""
     at, code = len(MAGIC), None
     file.seek(at)
@@ -31,26 +34,16 @@ def _records(file):
         file.seek(at)
 
 
-def _number(file, at, size=4):
+def _number(file: BinaryIO, at: int, size: int = 4) -> int:
     file.seek(at)
     return int.from_bytes(file.read(size), 'little')
 
 
-def damage_of(path):
+def damage_of(path: Path) -> str:
     """Whether records go beyond the file, and which check sums of the data section and of the summary do not hold.
 
     Check sums of the chunks are checked where the chunks are read. Lengths are checked first, because a
-    corrupt one would have as much memory allocated.
-
-    Parameters
-    ----------
-    path : Path
-        Of a whole mcap file.
-
-    Returns
-    -------
-    str
-        Empty where nothing is wrong.
+    corrupt one would have as much memory allocated. Empty where nothing is wrong.
     """
     with open(path, 'rb') as file:
         size = file.seek(0, os.SEEK_END)
@@ -68,17 +61,11 @@ def damage_of(path):
     return ''
 
 
-def add_checksums(path):
-    """Write the check sums into an mcap file that has none, so that a flipped byte does not pass for a measurement.
-
-    Parameters
-    ----------
-    path : Path
-        Of a whole mcap file.
-    """
+def add_checksums(path: Path) -> None:
+    """Write the check sums into a whole mcap file that has none: a flipped byte is not to pass for a measurement."""
     with open(path, 'rb+') as file:
 
-        def write(at, total):
+        def write(at: int, total: int) -> None:
             file.seek(at)
             file.write(total.to_bytes(4, 'little'))
 
@@ -91,15 +78,10 @@ def add_checksums(path):
         write(end, _sum_of(file, _number(file, end + 4 + len(MAGIC) - FOOTER_BYTES + HEAD.size, 8), end))
 
 
-def copy_whole_records(path, target):
+def copy_whole_records(path: Path, target: Path) -> None:
     """Copy an mcap file up to its last whole record, without chunks of which the check sum does not hold or an index.
 
     Of a plain chunk that was cut off, its own records follow: they may also stand alone.
-
-    Parameters
-    ----------
-    path, target : Path
-        Read and written.
     """
     size = path.stat().st_size
     with open(path, 'rb') as source, open(target, 'wb') as copy:
@@ -118,7 +100,7 @@ def copy_whole_records(path, target):
         copy.write(HEAD.pack(FOOTER, 20) + bytes(20) + MAGIC)
 
 
-def _chunk_holds(content):
+def _chunk_holds(content: bytes) -> bool:
     """Whether the check sum of a chunk holds, or it has none."""
     expected = int.from_bytes(content[CHUNK_CHECKSUM_AT:CHUNK_CHECKSUM_AT + 4], 'little')
     try:
@@ -127,7 +109,7 @@ def _chunk_holds(content):
         return False
 
 
-def _unpacked(content):
+def _unpacked(content: bytes) -> bytes:
     """The records in a chunk."""
     at = CHUNK_CHECKSUM_AT + 8
     end = at + int.from_bytes(content[at - 4:at], 'little')
@@ -135,7 +117,7 @@ def _unpacked(content):
     return DECOMPRESSORS[compression](content[end + 8:end + 8 + size], int.from_bytes(content[16:24], 'little'))
 
 
-def _sum_of(file, start, end):
+def _sum_of(file: BinaryIO, start: int, end: int) -> int:
     """CRC-32 of a part of a file."""
     file.seek(start)
     total, left = 0, end - start

@@ -3,8 +3,12 @@
 Encoders return the serialised message. rclpy publishes such bytes as they are and bags hold them, so that nodes and
 play-through send the same. The same values give the same bytes: padding is zero.
 """
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, lru_cache
 from struct import Struct
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +17,12 @@ from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.topics import IMU, STRING, TRAJECTORY, TYPES, WINDOW_TOPIC
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+    from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
 
 SECOND_NS = 1_000_000_000
 FLOAT64 = 8
@@ -30,24 +40,24 @@ _STAMP = Struct('<iI')
 
 
 @cache
-def typestore():
+def typestore() -> Any:
     """The message types of ROS 2 Jazzy."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def serialised(message):
+def serialised(message: Any) -> bytes:
     """The bytes of a message of the `typestore`."""
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
 
 
-def make(kind, *values, **fields):
+def make(kind: str, *values: Any, **fields: Any) -> Any:
     """A message of the `typestore`, from its fields in their order, or by name."""
     return typestore().types[kind](*values, **fields)
 
 
-def header(stamp_ns, frame_id):
+def header(stamp_ns: int, frame_id: str) -> Any:
     """A std_msgs/Header."""
     seconds, rest = divmod(int(stamp_ns), SECOND_NS)
     return make('std_msgs/msg/Header', make('builtin_interfaces/msg/Time', seconds, rest), frame_id)
@@ -56,17 +66,11 @@ def header(stamp_ns, frame_id):
 class Template:
     """A serialised message in which stamp and doubles are replaced: messages of one shape differ in nothing else.
 
-    Serialising each costs 20 us to 1 ms, this 5 us.
-
-    Parameters
-    ----------
-    message_of : callable
-        Makes a message that begins with a header from its doubles, in the order of the message's fields.
-    count : int
-        Number of doubles.
+    Serialising each costs 20 us to 1 ms, this 5 us. The function given makes a message that begins with a header
+    from its doubles, so many of them, in the order of the message's fields.
     """
 
-    def __init__(self, message_of, count):
+    def __init__(self, message_of: Callable[[np.ndarray], Any], count: int) -> None:
         marks = 1e300 * (1.0 + 1e-6 * np.arange(count))
         self._raw = bytearray(serialised(message_of(marks)))
         # CDR places doubles at multiples of eight bytes, counted from behind the encapsulation header
@@ -74,7 +78,7 @@ class Template:
         self._doubles = np.frombuffer(self._raw, '<f8', size, ENCAPSULATION_BYTES)
         self._places = np.flatnonzero(np.isin(self._doubles, marks))
 
-    def filled(self, stamp_ns, values):
+    def filled(self, stamp_ns: int, values: Any) -> bytes:
         """The message's bytes with this stamp and these doubles."""
         _STAMP.pack_into(self._raw, ENCAPSULATION_BYTES, *divmod(stamp_ns, SECOND_NS))
         self._doubles[self._places] = values
@@ -82,14 +86,9 @@ class Template:
 
 
 class ImuMessage:
-    """The sensor_msgs/Imu messages of one sender.
+    """The sensor_msgs/Imu messages of one sender."""
 
-    Parameters
-    ----------
-    frame_id : str
-    """
-
-    def __init__(self, frame_id):
+    def __init__(self, frame_id: str) -> None:
         vector = 'geometry_msgs/msg/Vector3'
         self._template = Template(lambda v: make(
             IMU, header(0, frame_id),
@@ -97,11 +96,11 @@ class ImuMessage:
             make(vector, *v[RATES]), v[RATES_COVARIANCE], make(vector, *v[FORCE]), v[FORCE_COVARIANCE],
         ), IMU_VALUES)  # fmt: skip
 
-    def of_values(self, stamp_ns, values):
+    def of_values(self, stamp_ns: int, values: Any) -> bytes:
         """The message of a stamp and 37 numbers in the order of the message definition."""
         return self._template.filled(stamp_ns, values)
 
-    def filled(self, forecast):
+    def filled(self, forecast: AttitudeForecast) -> bytes:
         """The message of an `AttitudeForecast`."""
         return self.of_values(forecast.stamp_ns, (
             *forecast.orientation, *forecast.orientation_covariance, *forecast.rates, *forecast.rates_covariance,
@@ -109,7 +108,7 @@ class ImuMessage:
         ))  # fmt: skip
 
 
-def imu_reading(message):
+def imu_reading(message: Any) -> ImuReading:
     """The `ImuReading` of a sensor_msgs/Imu."""
     turn, rates, force = message.orientation, message.angular_velocity, message.linear_acceleration
     return ImuReading(
@@ -123,26 +122,26 @@ def imu_reading(message):
     )
 
 
-def stamp_ns(stamp):
+def stamp_ns(stamp: Any) -> int:
     """A builtin_interfaces/Time in nanoseconds."""
     return stamp.sec * SECOND_NS + stamp.nanosec
 
 
-def raw_stamp_ns(raw):
+def raw_stamp_ns(raw: bytes) -> int:
     """The stamp, in nanoseconds, of a serialised message that begins with a header, without reading the rest."""
     seconds, rest = _STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
     return seconds * SECOND_NS + rest
 
 
-def horizon_message(horizon, frame_id):
+def horizon_message(horizon: HorizonForecast, frame_id: str) -> bytes:
     """The trajectory_msgs/JointTrajectory of a `HorizonForecast`."""
     values = np.concatenate([horizon.positions, horizon.velocities], axis=1).ravel()
     return _horizon_template(horizon.columns, horizon.leads_ns, frame_id).filled(horizon.stamp_ns, values)
 
 
 @lru_cache(maxsize=4)
-def _horizon_template(columns, leads_ns, frame_id):
-    def message_of(values):
+def _horizon_template(columns: tuple[str, ...], leads_ns: tuple[int, ...], frame_id: str) -> Template:
+    def message_of(values: Any) -> Any:
         rows = values.reshape(len(leads_ns), 2, len(columns))
         points = [trajectory_point(lead, *row) for lead, row in zip(leads_ns, rows, strict=True)]
         return make(TRAJECTORY, header(0, frame_id), list(columns), points)
@@ -150,14 +149,16 @@ def _horizon_template(columns, leads_ns, frame_id):
     return Template(message_of, 2 * len(columns) * len(leads_ns))
 
 
-def trajectory_point(time_ns, positions, velocities=(), accelerations=()):
+def trajectory_point(
+    time_ns: int, positions: ArrayLike, velocities: ArrayLike = (), accelerations: ArrayLike = ()
+) -> Any:
     """A trajectory_msgs/JointTrajectoryPoint without efforts."""
     arrays = [np.asarray(part, dtype=float) for part in (positions, velocities, accelerations, ())]
     duration = make('builtin_interfaces/msg/Duration', *divmod(time_ns, SECOND_NS))
     return make('trajectory_msgs/msg/JointTrajectoryPoint', *arrays, duration)
 
 
-def trajectory_values(message):
+def trajectory_values(message: Any) -> tuple[int, list[int], list[str], list[float]]:
     """Stamp and times from it, ns, columns, and the positions of each time in turn, of a JointTrajectory."""
     return (
         stamp_ns(message.header.stamp), [stamp_ns(point.time_from_start) for point in message.points],
@@ -165,7 +166,7 @@ def trajectory_values(message):
     )
 
 
-def window_message(table, frame_id):
+def window_message(table: MotionTable, frame_id: str) -> bytes:
     """The sensor_msgs/PointCloud2 of a `MotionTable`: a row a sample."""
     rows = np.ascontiguousarray(table.rows, dtype='<f8')
     size = FLOAT64_BYTES * len(COLUMNS)
@@ -178,7 +179,7 @@ def window_message(table, frame_id):
     ))  # fmt: skip
 
 
-def window_table(message):
+def window_table(message: Any) -> MotionTable:
     """The `MotionTable` of a sensor_msgs/PointCloud2, whatever order its columns have.
 
     Raises
@@ -207,17 +208,17 @@ def window_table(message):
     return MotionTable(rows, stamp_ns(message.header.stamp))
 
 
-def text_message(text):
+def text_message(text: str) -> bytes:
     """A std_msgs/String."""
     return serialised(make(STRING, text))
 
 
-def number_message(value, kind='std_msgs/msg/Float64'):
+def number_message(value: float, kind: str = 'std_msgs/msg/Float64') -> bytes:
     """A std_msgs/Float64, or Float32."""
     return serialised(make(kind, float(value)))
 
 
-def coefficients_message(models):
+def coefficients_message(models: Mapping[str, IdentifiedModel]) -> bytes:
     """The std_msgs/Float64MultiArray of models by axis, with the labels of rows and columns."""
     axes, values = coefficients(models)
     dimension, columns = 'std_msgs/msg/MultiArrayDimension', len(COEFFICIENT_NAMES)
@@ -228,18 +229,10 @@ def coefficients_message(models):
     return serialised(make('std_msgs/msg/Float64MultiArray', layout, values.ravel()))
 
 
-def diagnostics_message(stamp_ns, statuses, hardware_id=''):
-    """A diagnostic_msgs/DiagnosticArray.
-
-    Parameters
-    ----------
-    stamp_ns : int
-        Of the header.
-    statuses : sequence of (int, str, str, dict of str to str)
-        Level, name, message and values of each.
-    hardware_id : str
-        Of every status.
-    """
+def diagnostics_message(
+    stamp_ns: int, statuses: Iterable[tuple[int, str, str, Mapping[str, str]]], hardware_id: str = ''
+) -> bytes:
+    """A diagnostic_msgs/DiagnosticArray of level, name, message and values of each status, all of one hardware id."""
     return serialised(make('diagnostic_msgs/msg/DiagnosticArray', header(stamp_ns, ''), [
         make('diagnostic_msgs/msg/DiagnosticStatus', level, name, message, hardware_id,
               [make('diagnostic_msgs/msg/KeyValue', key, value) for key, value in values.items()])

@@ -6,6 +6,9 @@ its ``axes`` are then the models of the middle draft, for readers without schedu
 """
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,12 +58,12 @@ FORMAT = ModelFormat(
 """What a model file holds; null stands for what is not known."""
 
 
-def model_to_yaml(models) -> str:
+def model_to_yaml(models: Mapping[str, IdentifiedModel]) -> str:
     """Text of a model file that holds models by axis."""
     return _dumped(models)
 
 
-def scheduled_to_yaml(schedules) -> str:
+def scheduled_to_yaml(schedules: Mapping[str, ScheduledModel]) -> str:
     """Text of a model file that holds schedules by axis, and their middle models for readers without schedules."""
     plain = {
         axis: {
@@ -75,31 +78,21 @@ def scheduled_to_yaml(schedules) -> str:
     return _dumped({axis: schedule.reference for axis, schedule in schedules.items()}, schedule=plain)
 
 
-def _dumped(models, **more):
+def _dumped(models: Mapping[str, IdentifiedModel], **more: Any) -> str:
     return FORMAT.text(axes={axis: _axis_to_plain(identified) for axis, identified in models.items()}, **more)
 
 
-def model_from_yaml(text, source='the model'):
+def model_from_yaml(text: str, source: str = 'the model') -> dict[str, IdentifiedModel]:
     """Models of a model file's text, by axis; see `description_from_yaml`."""
     return description_from_yaml(text, source)[0]
 
 
-def description_from_yaml(text, source='the model'):
-    """Models and schedules of a model file's text, which need not be of this software.
+def description_from_yaml(
+    text: str, source: str = 'the model'
+) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
+    """Models and schedules, by axis, of a model file's text, which may be any text; errors name its source.
 
-    Parameters
-    ----------
-    text : str
-        Any text whatever.
-    source : str
-        Named in the errors.
-
-    Returns
-    -------
-    models : dict of str to IdentifiedModel
-        By axis.
-    schedules : dict of str to ScheduledModel
-        By axis; empty where the text holds none.
+    The schedules are empty where the text holds none.
 
     Raises
     ------
@@ -117,7 +110,7 @@ def description_from_yaml(text, source='the model'):
     return models, {axis: _scheduled(item, axis, f'{source}, schedule of {axis}') for axis, item in schedule.items()}
 
 
-def _scheduled(plain, axis, where):
+def _scheduled(plain: dict, axis: str, where: str) -> ScheduledModel:
     models = [
         _identified(item['model'], axis, f'{where}, model {number}') for number, item in enumerate(plain['models'], 1)
     ]
@@ -127,7 +120,7 @@ def _scheduled(plain, axis, where):
     )
 
 
-def _identified(plain, axis, where):
+def _identified(plain: dict, axis: str, where: str) -> IdentifiedModel:
     ratios = plain['ratios']
     smallest, largest = plain['valid_amplitude_rad']
     if not smallest <= largest:
@@ -143,7 +136,7 @@ def _identified(plain, axis, where):
     )  # fmt: skip
 
 
-def _model_of(plain, axis):
+def _model_of(plain: dict, axis: str) -> DecayModel:
     ratios = plain['ratios']
     model = DecayModel.from_terms(
         Equation(plain['equation'], tuple(ratios)), {name: ratio['value'] for name, ratio in ratios.items()},
@@ -153,7 +146,7 @@ def _model_of(plain, axis):
     return model
 
 
-def write_model(path, models):
+def write_model(path: str | Path, models: Mapping[str, IdentifiedModel]) -> None:
     """Write a model file, whole or not at all; see `model_to_yaml`.
 
     Raises
@@ -164,12 +157,12 @@ def write_model(path, models):
     FORMAT.write(path, model_to_yaml(models), description_from_yaml)
 
 
-def write_scheduled(path, schedules):
+def write_scheduled(path: str | Path, schedules: Mapping[str, ScheduledModel]) -> None:
     """Write a model file with a schedule, as `write_model`; see `scheduled_to_yaml`."""
     FORMAT.write(path, scheduled_to_yaml(schedules), description_from_yaml)
 
 
-def read_description(path):
+def read_description(path: str | Path) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
     """Read models and schedules of a model file; see `description_from_yaml`.
 
     Raises
@@ -180,12 +173,12 @@ def read_description(path):
     return FORMAT.read(path, description_from_yaml)
 
 
-def read_model(path):
+def read_model(path: str | Path) -> dict[str, IdentifiedModel]:
     """Read the models of a model file; see `read_description`."""
     return read_description(path)[0]
 
 
-def ratios_as_data(identified):
+def ratios_as_data(identified: Any) -> dict[str, dict]:
     """Value, standard deviation and unit of each ratio, of whatever has a model and its deviations."""
     return {
         name: {'value': value, 'std': identified.std[name], 'unit': RATIO_UNITS[name]}
@@ -193,7 +186,7 @@ def ratios_as_data(identified):
     }
 
 
-def _axis_to_plain(identified):
+def _axis_to_plain(identified: Any) -> dict:
     model = identified.model
     return {
         'equation': model.equation.name,

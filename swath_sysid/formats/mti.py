@@ -1,5 +1,6 @@
 """Xsens MTi text exports, as MT Manager writes them."""
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from swath_sysid.attitude.motion.attitude import tilt_angles
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.input_files import reading
 from swath_sysid.formats.tables import listed_names, read_columns, read_head
 
 SAMPLE_TIME_FINE_HZ = 10_000
@@ -32,14 +34,16 @@ MATRIX_LAST_ROW = ('Mat[3][1]', 'Mat[3][2]', 'Mat[3][3]')
 LOOKED_FOR = 'Roll, Pitch, Quat_q0..3, Mat[3][1..3], Gyr_X, Gyr_Y'
 
 
-def is_mti(names):
+def is_mti(names: Sequence[str]) -> bool:
     """Whether a table with columns of these names is an MTi export."""
     if 'SampleTimeFine' in names or 'PacketCounter' in names:
         return True
     return 'Counter' in names and any(name in names for name in (*READINGS, *MATRIX_LAST_ROW))
 
 
-def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
+def read_mti(
+    path: str | Path, frame: str | None = None, mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Trial:
     """Read a trial from an Xsens MTi text export.
 
     Time comes from SampleTimeFine (0.1 ms), or else from PacketCounter and the update rate that
@@ -47,8 +51,7 @@ def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
     first sample. Without a frame it is taken as delivered, in ENU. Parameters and errors are those of
     `swath_sysid.formats.reading.read_trial`.
     """
-    path = Path(path)
-    try:
+    with reading(path):
         head = read_head(path)
         wanted = [name for name in ('SampleTimeFine', *COUNTERS, *READINGS, *MATRIX_LAST_ROW) if name in head.names]
         if not any(name in wanted for name in (*READINGS, *MATRIX_LAST_ROW) if not name.startswith('Acc')):
@@ -58,15 +61,13 @@ def read_mti(path, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
             raise InputError(f'{path} holds no time: looked for SampleTimeFine, PacketCounter, '
                              f'found {listed_names(head.names)}; export one of them in MT Manager')
         values, advice = read_columns(path, head, [head.names.index(name) for name in wanted])
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     columns = dict(zip(wanted, values, strict=True))
     time = _time(path, columns, head.remarks)
     return assemble_trial(
         time, _readings(columns), Installation(frame or 'flu', mounting), source=str(path), advice=advice)
 
 
-def _readings(columns):
+def _readings(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What the sensor read, by our names and in SI units."""
     readings = {reading: columns[name] for name, reading in READINGS.items() if name in columns}
     for angle in ('roll', 'pitch', 'yaw'):
@@ -77,7 +78,7 @@ def _readings(columns):
     return readings
 
 
-def _time(path, columns, remarks):
+def _time(path: str | Path, columns: dict[str, np.ndarray], remarks: dict[str, str]) -> np.ndarray:
     """Seconds from the first sample."""
     if 'SampleTimeFine' in columns:
         ticks = _unwrapped(columns['SampleTimeFine'], SAMPLE_TIME_FINE_WRAP)
@@ -91,7 +92,7 @@ def _time(path, columns, remarks):
     return _unwrapped(counter, PACKET_COUNTER_WRAP) / rate
 
 
-def update_rate(remarks):
+def update_rate(remarks: dict[str, str]) -> float | None:
     """The update rate that the comment lines give, Hz, or None."""
     for key in ('update rate', 'sample rate', 'output rate'):
         number = re.match(r'\d+([.,]\d+)?', remarks.get(key, ''))
@@ -100,7 +101,7 @@ def update_rate(remarks):
     return None
 
 
-def _unwrapped(counter, period):
+def _unwrapped(counter: np.ndarray, period: int) -> np.ndarray:
     """A counter that starts again at `period`, from its first value on, without the jumps."""
     unwrapped = counter.copy()
     counted = np.isfinite(counter)

@@ -1,7 +1,11 @@
 """Writing rosbag2 bags without ROS: of what sensors send, and of what the nodes publish."""
+from __future__ import annotations
+
 import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -29,23 +33,22 @@ from swath_sysid.formats.topics import (
     type_of,
 )
 
+if TYPE_CHECKING:
+    import numpy as np
+
+    from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+    from swath_sysid.pipeline.play_through import Played
+
 STORAGES = {'.mcap': StoragePlugin.MCAP, '.db3': StoragePlugin.SQLITE3}
 FOR_EVER = QosTime(9223372036, 854775807)
 
 
 @contextmanager
-def writing_bag(path):
+def writing_bag(path: str | Path) -> Iterator[Callable]:
     """A rosbag2 bag being written, which takes its final name at the end; nothing is left if the block raises.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
-
-    Yields
-    ------
-    callable
-        Adds a message: topic, type, time, ns, and bytes; and, for a new topic, the QoS offered.
+    The path is ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap). What is yielded adds a
+    message: topic, type, time, ns, and bytes; and, for a new topic, the QoS offered.
 
     Raises
     ------
@@ -59,7 +62,7 @@ def writing_bag(path):
         with Writer(folder, version=9, storage_plugin=STORAGES[kind or '.mcap']) as writer:
             connections = {}
 
-            def add(topic, msgtype, time_ns, raw, qos=()):
+            def add(topic: str, msgtype: str, time_ns: int, raw: bytes, qos: Sequence[Qos] = ()) -> None:
                 if topic not in connections:
                     connections[topic] = writer.add_connection(
                         topic, msgtype, typestore=typestore(), offered_qos_profiles=list(qos))
@@ -73,21 +76,10 @@ def writing_bag(path):
 
 
 @contextmanager
-def writing_output_bag(path, *, frame_id='base_link', frames_at=()):
-    """An `OutputBag` that takes its final name at the end; see `writing_bag`.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``NAME.mcap``.
-    frame_id : str
-        Of all messages of attitude with a header.
-    frames_at : sequence of float
-        See `ForecastMessages`.
-
-    Yields
-    ------
-    OutputBag
+def writing_output_bag(
+    path: str | Path, *, frame_id: str = 'base_link', frames_at: Sequence[float] = ()
+) -> Iterator[OutputBag]:
+    """An `OutputBag`, ``NAME.mcap``, that takes its final name at the end; see `writing_bag` and `ForecastMessages`.
 
     Raises
     ------
@@ -103,30 +95,24 @@ def writing_output_bag(path, *, frame_id='base_link', frames_at=()):
 class OutputBag:
     """What the nodes publish, as messages of a bag being written; see `writing_output_bag`."""
 
-    def __init__(self, add, forecasts):
+    def __init__(self, add: Callable, forecasts: ForecastMessages) -> None:
         self._add = add
         self._forecasts = forecasts
-        self._described = {}
+        self._described: dict[str, tuple[str, str, list[Qos]]] = {}
         self.counts: dict[str, int] = {}
 
-    def add(self, topic, time_ns, raw):
+    def add(self, topic: str, time_ns: int, raw: bytes) -> None:
         """A serialised message on a topic of the nodes."""
         if topic not in self.counts:
-            qos = offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)
-            self._described[topic] = f'/{topic.lstrip("/")}', type_of(topic), [qos]
+            qos = [offered_qos(topic in LATCHED_TOPICS, topic != IMU_TOPIC)]
+            self._described[topic] = f'/{topic.lstrip("/")}', type_of(topic), qos
             self.counts[topic] = 0
         name, msgtype, qos = self._described[topic]
         self._add(name, msgtype, time_ns, raw, qos)
         self.counts[topic] += 1
 
-    def add_played(self, played):
-        """Everything that one step of a play-through published.
-
-        Parameters
-        ----------
-        played : Played
-            In the order of publishing.
-        """
+    def add_played(self, played: Played) -> None:
+        """Everything that one step of a play-through, a `Played`, published, in that order."""
         time_ns, step = played.stamp_ns, played.step
         if played.models is not None:
             self.add_models(time_ns, played.models)
@@ -137,21 +123,21 @@ class OutputBag:
         if played.window is not None:
             self.add(WINDOW_TOPIC, time_ns, window_message(played.window, self._forecasts.frame_id))
 
-    def add_imu(self, time_ns, values):
+    def add_imu(self, time_ns: int, values: np.ndarray) -> None:
         """The IMU message itself, of 37 numbers in the order of the message definition."""
         self.add(IMU_TOPIC, time_ns, self._forecasts.imu.of_values(time_ns, values))
 
-    def add_models(self, time_ns, models):
+    def add_models(self, time_ns: int, models: Mapping[str, IdentifiedModel]) -> None:
         """Models by axis, as ``model/description`` and ``model/coefficients``."""
         self.add(DESCRIPTION_TOPIC, time_ns, text_message(model_to_yaml(models)))
         self.add(COEFFICIENTS_TOPIC, time_ns, coefficients_message(models))
 
-    def add_diagnostics(self, time_ns, statuses):
+    def add_diagnostics(self, time_ns: int, statuses: Iterable[tuple[int, str, str, Mapping[str, str]]]) -> None:
         """Statuses as `diagnostics_message` takes them."""
         self.add(DIAGNOSTICS_TOPIC, time_ns, diagnostics_message(time_ns, statuses))
 
 
-def offered_qos(latched, reliable) -> Qos:
+def offered_qos(latched: bool, reliable: bool) -> Qos:
     """What a bag says of the publisher of a topic: transient local if latched, best effort if not reliable."""
     return Qos(
         QosHistory.KEEP_LAST, 1 if latched else 10,

@@ -2,8 +2,10 @@
 import errno
 import os
 import stat
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.tables import read_head
@@ -22,7 +24,8 @@ class Output:
     ----------
     option : str
         As the command line names it, for messages.
-    path : str or Path
+    path : str, Path or None
+        None: not asked for.
     is_folder : bool
         Whether it is a folder to write into, which may exist already.
     is_recording : bool
@@ -32,21 +35,16 @@ class Output:
     """
 
     option: str
-    path: str | Path | None
+    path: Any
     is_folder: bool = False
     is_recording: bool = False
     endings: tuple[str, ...] = ()
 
 
-def check_outputs(outputs, inputs=()):
+def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None] = ()) -> None:
     """Refuse outputs that cannot be written, or would destroy what is read or was measured.
 
-    Parameters
-    ----------
-    outputs : iterable of Output
-        All of one command; those of which the path is None were not asked for.
-    inputs : iterable of str or Path
-        All files and folders that the command reads, None among them left aside.
+    Both are all of one command; inputs that are None are left aside.
 
     Raises
     ------
@@ -56,12 +54,12 @@ def check_outputs(outputs, inputs=()):
         something else; or its folder is missing or may not be written to.
     """
     outputs = [output for output in outputs if output.path is not None]
-    inputs = [Path(path) for path in inputs if path is not None and os.path.lexists(_name(path))]
+    read = [Path(path) for path in inputs if path is not None and os.path.lexists(_name(path))]
     for place, output in enumerate(outputs):
         _check_name(output)
         _check_ending(output)
         _check_target(output)
-        for path in inputs:
+        for path in read:
             _refuse_input(output, path)
         for other in outputs[:place]:
             if _are_same(output.path, other.path):
@@ -75,20 +73,8 @@ def check_outputs(outputs, inputs=()):
             )
 
 
-def refuse_inputs_among(paths, inputs):
-    """Refuse to write files of fixed names where one of them, or a folder of them, holds what is read.
-
-    Parameters
-    ----------
-    paths : iterable of Path
-        Files and folders that will be written.
-    inputs : iterable of str or Path
-        Files and folders that are read.
-
-    Raises
-    ------
-    InputError
-    """
+def refuse_inputs_among(paths: Iterable[Path], inputs: Iterable[str | Path]) -> None:
+    """Refuse to write files and folders of fixed names where one of them is, or holds, what is read."""
     for path in paths:
         for read in inputs:
             if _are_same(path, read) or Path(os.path.realpath(path)) in Path(os.path.realpath(read)).parents:
@@ -97,7 +83,7 @@ def refuse_inputs_among(paths, inputs):
                 )
 
 
-def _name(path):
+def _name(path: str | Path) -> str | Path:
     """The path, where the system can look for it at all."""
     try:
         os.lstat(path)
@@ -108,7 +94,7 @@ def _name(path):
     return path
 
 
-def _check_name(output):
+def _check_name(output: Output) -> None:
     if not str(output.path).strip():
         raise InputError(f'{output.option} is empty: give a name')
     try:
@@ -122,20 +108,20 @@ def _check_name(output):
             raise InputError(f'cannot write {shown}: {error.strerror}; choose another name') from error
 
 
-def _check_ending(output):
+def _check_ending(output: Output) -> None:
     ending = Path(output.path).suffix.lower().lstrip('.')
     if output.endings and ending not in output.endings:
         raise InputError(
             f"{output.option} cannot be written as '{output.path}': end the name in .{', .'.join(output.endings)}")
 
 
-def _is_bag(path):
+def _is_bag(path: str | Path) -> bool:
     from swath_sysid.formats.bags import is_bag
 
     return is_bag(path)
 
 
-def _check_target(output):
+def _check_target(output: Output) -> None:
     path = Path(output.path)
     if output.is_folder:
         if path.exists() and not path.is_dir():
@@ -155,7 +141,7 @@ def _check_target(output):
             raise InputError(f'{output.option} {path} is {what}: give the name of a file')
 
 
-def _refuse_input(output, path):
+def _refuse_input(output: Output, path: Path) -> None:
     if not output.is_folder and _are_same(output.path, path):
         raise InputError(f'{output.option} {output.path} is read by this command, and would be lost: choose another '
                          f'name')
@@ -167,7 +153,7 @@ def _refuse_input(output, path):
                              f'outside of it')
 
 
-def _check_folder(output):
+def _check_folder(output: Output) -> None:
     folder = Path(os.path.realpath(output.path))
     if not output.is_folder:
         folder = folder.parent
@@ -179,7 +165,7 @@ def _check_folder(output):
         raise InputError(f'cannot write {output.path}: {folder} is not writable; choose another folder')
 
 
-def _are_same(first, second):
+def _are_same(first: str | Path, second: str | Path) -> bool:
     if os.path.realpath(first) == os.path.realpath(second):
         return True
     try:
@@ -188,7 +174,7 @@ def _are_same(first, second):
         return False
 
 
-def _is_recording(path):
+def _is_recording(path: str | Path) -> bool:
     """Whether a file that exists holds a recording: a storage file of a bag, or a table with a time."""
     path = Path(path)
     try:

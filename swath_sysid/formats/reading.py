@@ -1,15 +1,22 @@
 """Reading trials, whatever file they are in."""
+from __future__ import annotations
+
 import hashlib
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
+from swath_sysid.formats.input_files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
 from swath_sysid.formats.tables import read_head
+
+if TYPE_CHECKING:
+    from swath_sysid.formats.bags import ImuRecord
 
 FOREIGN = {
     b'#ROSBAG V': 'a ROS 1 bag: convert it with rosbags-convert --src OLD.bag --dst NEW',
@@ -24,7 +31,10 @@ FOREIGN = {
 HASH_BYTES = 1 << 20
 
 
-def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Trial:
+def read_trial(
+    path: str | Path, *, topic: str | None = None, frame: str | None = None,
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Trial:
     """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
 
     What it is shows from its content, not from its name.
@@ -49,10 +59,8 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Tri
     """
     from swath_sysid.formats.bags import is_bag, read_bag
 
-    path = Path(path)
-    try:
-        if not path.exists():
-            raise InputError(f'there is no file {path}: check the name')
+    with reading(path):
+        path = existing(path)
         if not path.is_file() and not path.is_dir():
             raise InputError(f'{path} is not a regular file: give a trial file or a bag folder')
         if is_bag(path):
@@ -63,12 +71,13 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Tri
             raise InputError(f'{path} is not a bag, so it has no topic {topic}: leave the topic out, or give a bag')
         _refuse_foreign(path)
         head = read_head(path)
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
 
 
-def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
+def read_readings(
+    path: str | Path, topic: str | None = None, *, frame: str = 'flu',
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> ImuRecord:
     """The messages of an IMU: those of a bag as they are, of other trials as an IMU would have sent them.
 
     Parameters and errors are those of `read_trial`; frame and mounting are not applied to bags.
@@ -86,18 +95,8 @@ def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
     return ImuRecord(stamps, imu_values(replace(trial, yaw_rate=None)), in_craft_axes=True, advice=trial.advice)
 
 
-def source_hash(path) -> str:
-    """The SHA-256 of a file, or of the names and contents of the files in a bag folder.
-
-    Parameters
-    ----------
-    path : str or Path
-        Of a file or a bag folder.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
+def source_hash(path: str | Path) -> str:
+    """The SHA-256, hexadecimal, of a file, or of the names and contents of the files in a bag folder.
 
     Raises
     ------
@@ -106,25 +105,23 @@ def source_hash(path) -> str:
     """
     path = Path(path)
     digest = hashlib.sha256()
-    try:
+    with reading(path):
         if path.is_dir():
             for file in sorted(file for file in path.iterdir() if file.is_file()):
                 digest.update(f'{file.name}\0{file.stat().st_size}\0'.encode())
                 _add_content(digest, file)
         else:
             _add_content(digest, path)
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}') from error
     return digest.hexdigest()
 
 
-def _add_content(digest, path):
+def _add_content(digest: Any, path: str | Path) -> None:
     with open(path, 'rb') as file:
         while block := file.read(HASH_BYTES):
             digest.update(block)
 
 
-def _refuse_foreign(path):
+def _refuse_foreign(path: str | Path) -> None:
     with open(path, 'rb') as file:
         start = file.read(16)
     for magic, what in FOREIGN.items():

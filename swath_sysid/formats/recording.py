@@ -1,6 +1,7 @@
 """A recording of the topics of the contract, as one mcap file that is whole at any time."""
 import os
 import shutil
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +19,9 @@ OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PAT
 
 
 class Recording:
-    """One mcap file that is being written; whole in itself once a second, and named at the end.
+    """One mcap file, ``NAME.mcap``, that is being written; whole in itself once a second, and named at the end.
 
     While it grows it lies in the folder ``NAME.recording``, which stays, readable, if the process is killed.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``NAME.mcap``.
 
     Raises
     ------
@@ -33,7 +29,7 @@ class Recording:
         The name does not end in .mcap, something has it already, or the folder cannot be written to.
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         if self.path.suffix != '.mcap':
             raise InputError(f"recordings are mcap: give an output name that ends in .mcap, not '{path}'")
@@ -49,22 +45,22 @@ class Recording:
             self._writer.open()
         except OSError as error:
             raise InputError(f'cannot write {path}: {error.strerror}; choose another folder') from error
-        self.counts = {}
+        self.counts: dict[str, int] = {}
 
-    def add_topic(self, topic, kind, latched, reliable):
+    def add_topic(self, topic: str, kind: str, latched: bool, reliable: bool) -> Callable[[int, bytes], None]:
         """Begin with a topic; returns a function that takes time, ns, and serialised message."""
         connection = self._writer.add_connection(
             topic, kind, typestore=self._store, offered_qos_profiles=[offered_qos(latched, reliable)]
         )
         self.counts[topic] = 0
 
-        def write(time_ns, raw):
+        def write(time_ns: int, raw: bytes) -> None:
             self._writer.write(connection, time_ns, raw)
             self.counts[topic] += 1
 
         return write
 
-    def save(self):
+    def save(self) -> None:
         """Bring what has come to the disk, as a whole chunk."""
         storage: Any = self._writer.storage
         if storage.chunk.bio.tell():
@@ -72,7 +68,7 @@ class Recording:
             storage.bio.flush()
             os.fsync(storage.bio.fileno())
 
-    def close(self):
+    def close(self) -> None:
         """Finish the file and give it its name."""
         self._writer.close()
         add_checksums(self._folder / f'{self._folder.name}.mcap')
@@ -80,16 +76,8 @@ class Recording:
         shutil.rmtree(self._folder)
 
 
-def is_ours(topic, kinds):
-    """Whether a topic is one of the contract, in any namespace.
-
-    Parameters
-    ----------
-    topic : str
-        Full name.
-    kinds : sequence of str
-        Its message types; a topic of several does not count.
-    """
+def is_ours(topic: str, kinds: Sequence[str]) -> bool:
+    """Whether a topic, of one message type alone, is one of the contract, in any namespace."""
     if len(kinds) != 1:
         return False
     name = f'/{topic.strip("/")}'

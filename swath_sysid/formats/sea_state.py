@@ -1,5 +1,6 @@
 """A sea state as plain data: what the verb ``sea`` prints and the topic ``sea/state`` holds."""
 import math
+from typing import Any
 
 import numpy as np
 import yaml
@@ -27,27 +28,13 @@ _UNITS = {
 _OF_THE_SPECTRUM = ('frequency', 'spectrum')
 
 
-def sea_as_data(state):
-    """Names with units, to numbers and lists; what is not known is None.
-
-    Parameters
-    ----------
-    state : SeaState
-        Of a record, or of the rows so far.
-    """
+def sea_as_data(state: SeaState) -> dict:
+    """Names with units, to numbers and lists, of a sea state; what is not known is None."""
     return finite_or_none({f'{name}_{unit}': getattr(state, name) for name, unit in _UNITS.items()})
 
 
-def sea_as_yaml(report, stamp_ns) -> str:
-    """The text on ``sea/state``: `sea_as_data` without the spectrum.
-
-    Parameters
-    ----------
-    report : SeaReport
-        With a sea state, or why there is none.
-    stamp_ns : int
-        Of the newest sample.
-    """
+def sea_as_yaml(report: SeaReport, stamp_ns: int) -> str:
+    """The text on ``sea/state`` at the newest stamp: `sea_as_data` without the spectrum, or why there is none."""
     data = {} if report.state is None else sea_as_data(report.state)
     numbers = {name: _rounded(value) for name, value in data.items() if not name.startswith(_OF_THE_SPECTRUM)}
     return yaml.safe_dump(
@@ -57,7 +44,7 @@ def sea_as_yaml(report, stamp_ns) -> str:
     )  # fmt: skip
 
 
-def sea_from_yaml(text):
+def sea_from_yaml(text: str) -> SeaReport:
     """The `SeaReport` that `sea_as_yaml` wrote; of a spectrum nothing is known.
 
     Raises
@@ -76,12 +63,12 @@ def sea_from_yaml(text):
         raise InputError(f'{SEA_TOPIC}: this was not written by this software ({error!r})') from error
 
 
-def _number(value):
+def _number(value: Any) -> Any:
     """Of plain data: what is not known is NaN."""
     return tuple(map(_number, value)) if isinstance(value, list) else math.nan if value is None else float(value)
 
 
-def _rounded(value):
+def _rounded(value: Any) -> Any:
     """To six figures, for people."""
     if isinstance(value, list):
         return [_rounded(element) for element in value]

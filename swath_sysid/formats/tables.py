@@ -1,7 +1,10 @@
 """Tables in text files: named columns of numbers, whatever separates them, however damaged."""
 import io
 import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -79,16 +82,11 @@ class TableHead:
     offset: int
 
 
-def read_head(path) -> TableHead:
+def read_head(path: str | Path) -> TableHead:
     """What stands above the numbers of a table.
 
     The names are on the first line that is not a comment; if that line is numbers already, on the
     last comment line (as numpy.savetxt writes them).
-
-    Parameters
-    ----------
-    path : Path
-        Of the table.
 
     Raises
     ------
@@ -129,25 +127,16 @@ def read_head(path) -> TableHead:
     )
 
 
-def read_columns(path, head, indices):
-    """Some columns of a table, as numbers.
+def read_columns(path: str | Path, head: TableHead, indices: Sequence[int]) -> tuple[np.ndarray, tuple[Advice, ...]]:
+    """Some columns of a table, by their places from 0, as numbers: shape (len(indices), N), and advice.
 
-    Empty cells and text become NaN, rows that end early are filled with NaN.
+    Empty cells and text become NaN, rows that end early are filled with NaN; advice ``text-in-numbers``,
+    ``short-rows``.
 
-    Parameters
-    ----------
-    path : Path
-        Of the table.
-    head : TableHead
-        Of `read_head`.
-    indices : sequence of int
-        Which columns, from 0.
-
-    Returns
-    -------
-    columns : ndarray, shape (len(indices), N)
-    advice : tuple of Advice
-        Codes ``text-in-numbers``, ``short-rows``.
+    Raises
+    ------
+    InputError
+        A line is too long for a table.
     """
     parser = _BlockParser(head, tuple(indices))
     with _opened(path) as file:
@@ -161,17 +150,10 @@ def read_columns(path, head, indices):
     return parser.columns(), parser.advice()
 
 
-def write_table(path, remarks, columns):
+def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> None:
     """Write a table that `read_columns` reads back exactly, whole or not at all.
 
-    Parameters
-    ----------
-    path : str or Path
-        Of the CSV file.
-    remarks : dict of str to object
-        Comment lines above; those of which the value is None are left out.
-    columns : dict of str to ndarray, shape (N,)
-        By name.
+    Remarks are comment lines above; those of which the value is None are left out. Columns, shape (N,), are by name.
     """
     values = [np.asarray(column, dtype=float) for column in columns.values()]
     with replacing(path) as temporary, open(temporary, 'w', encoding='utf-8') as file:
@@ -182,26 +164,25 @@ def write_table(path, remarks, columns):
             file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
 
 
-def plain_name(name):
+def plain_name(name: str) -> str:
     """``Roll rate [deg/s]`` as ``roll_rate_deg_s``."""
     plain = name.lower().replace('°', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
     plain = re.sub('[^a-z0-9]+', '_', plain).strip('_')
     return re.sub('_(per|p)_', '_', plain)
 
 
-def known_columns(quantities):
+def known_columns(
+    quantities: Iterable[tuple[Sequence[str], str, Mapping[str, float]]]
+) -> dict[str, tuple[str, str, float]]:
     """Every name that a column may have, to reading, unit and size of the unit in SI.
 
-    Parameters
-    ----------
-    quantities : iterable of (tuple of str, str, dict of str to float)
-        Names before the unit, reading, and units with their size.
+    Quantities have their names before the unit, the reading, and units with their size.
     """
     return {f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
             for aliases, reading, units in quantities for alias in aliases for unit, scale in units.items()}
 
 
-def remark_number(path, remarks, key):
+def remark_number(path: str | Path, remarks: Mapping[str, Any], key: str) -> float | None:
     """The number in a ``# key: value`` line, None where there is none."""
     if not remarks.get(key):
         return None
@@ -212,13 +193,13 @@ def remark_number(path, remarks, key):
                          f'correct that line') from error
 
 
-def listed_names(names):
+def listed_names(names: Sequence[str]) -> str:
     """The names of columns, fit for one line of a message."""
     listed = ', '.join(shown(name) for name in names[:12])
     return f'{listed} and {len(names) - 12} more' if len(names) > 12 else listed
 
 
-def shown(text):
+def shown(text: str) -> str:
     """Text from a file, short and printable."""
     clear = ''.join(letter if letter.isprintable() else '?' for letter in text)
     return clear if len(clear) <= 40 else clear[:40] + '...'
@@ -227,7 +208,7 @@ def shown(text):
 class _BlockParser:
     """Parses a table block by block: fast where it is clean, cell by cell where it is not."""
 
-    def __init__(self, head, indices):
+    def __init__(self, head: TableHead, indices: Sequence[int]) -> None:
         self.head = head
         self.indices = indices
         self.blocks = [np.empty((len(indices), 0))]
@@ -237,7 +218,7 @@ class _BlockParser:
         self.short_rows = 0
         self.first_short: int | None = None
 
-    def parse(self, block):
+    def parse(self, block: bytes) -> None:
         text = self._plain(block)
         lines = text.split('\n')
         for attempt in (self._parse_fast, self._parse_with_empty_cells):
@@ -251,10 +232,10 @@ class _BlockParser:
         self.blocks.append(parsed.T)
         self.line += len(lines) - (not lines[-1])
 
-    def columns(self):
+    def columns(self) -> np.ndarray:
         return np.concatenate(self.blocks, axis=1)
 
-    def advice(self):
+    def advice(self) -> tuple[Advice, ...]:
         advice = []
         if self.first_text is not None:
             line, column, cell = self.first_text
@@ -269,7 +250,7 @@ class _BlockParser:
             )))
         return tuple(advice)
 
-    def _plain(self, block):
+    def _plain(self, block: bytes) -> str:
         text = block.decode('latin-1')
         if '\r' in text:
             text = text.replace('\r\n', '\n').replace('\r', '\n')
@@ -279,13 +260,13 @@ class _BlockParser:
             text = text.replace('"', '')
         return text.replace(',', '.') if self.head.decimal_comma else text
 
-    def _parse_fast(self, text):
+    def _parse_fast(self, text: str) -> np.ndarray:
         if not text or text.isspace():
             return np.empty((0, len(self.indices)))
         return np.loadtxt(
             text.split('\n'), delimiter=self.head.delimiter, usecols=self.indices, comments=None, ndmin=2)
 
-    def _parse_with_empty_cells(self, text):
+    def _parse_with_empty_cells(self, text: str) -> np.ndarray:
         mark = self.head.delimiter
         if mark is None:
             raise ValueError('white space cannot hold an empty cell')
@@ -293,7 +274,7 @@ class _BlockParser:
             text = text.replace(2 * mark, f'{mark}nan{mark}')
         return self._parse_fast(text.replace(f'{mark}\n', f'{mark}nan\n').replace(f'\n{mark}', f'\nnan{mark}'))
 
-    def _parse_cells(self, lines):
+    def _parse_cells(self, lines: Sequence[str]) -> np.ndarray:
         rows = []
         needed = max(self.indices) + 1
         for number, line in enumerate(lines, self.line):
@@ -308,7 +289,7 @@ class _BlockParser:
             rows.append([self._number(cells[index], number, index) for index in self.indices])
         return np.array(rows, dtype=float).reshape(-1, len(self.indices))
 
-    def _number(self, cell, line, index):
+    def _number(self, cell: str, line: int, index: int) -> float:
         try:
             return float(cell)
         except ValueError:
@@ -318,7 +299,7 @@ class _BlockParser:
             return np.nan
 
 
-def _opened(path):
+def _opened(path: str | Path) -> BinaryIO:
     """A file of text as UTF-8, whatever it was written in."""
     file = open(path, 'rb')  # noqa: SIM115 - handed on
     start = file.read(64)
@@ -338,7 +319,7 @@ def _opened(path):
                          f'UTF-8') from error
 
 
-def _encoding_without_mark(start):
+def _encoding_without_mark(start: bytes) -> str | None:
     """UTF-16 that nothing announces: every other byte of Latin text is zero."""
     if len(start) < 8 or start.count(0) < 0.4 * len(start):
         return None
@@ -347,7 +328,7 @@ def _encoding_without_mark(start):
     return None
 
 
-def _refuse_extra_cells(path, sample, names, delimiter):
+def _refuse_extra_cells(path: str | Path, sample: str, names: Sequence[str], delimiter: str | None) -> None:
     """Refuse rows with more cells than names: decimal commas between commas, or columns without a name."""
     if delimiter != ',':
         return
@@ -359,45 +340,45 @@ def _refuse_extra_cells(path, sample, names, delimiter):
                          f'commas, export it with semicolons between them; else name every column')
 
 
-def _has_decimal_commas(sample, delimiter):
+def _has_decimal_commas(sample: str, delimiter: str | None) -> bool:
     """Whether a cell holds a comma and none a comma beside a point, as numbers with thousands marked do."""
     cells = [cell for line in sample.splitlines()[:EXTRA_ROWS] for cell in line.split(delimiter) if ',' in cell]
     return bool(cells) and not any('.' in cell for cell in cells)
 
 
-def _text(raw):
+def _text(raw: bytes) -> str:
     try:
         return raw.decode('utf-8-sig')
     except UnicodeDecodeError:
         return raw.decode('latin-1')
 
 
-def _is_comment(raw):
+def _is_comment(raw: bytes) -> bool:
     return _text(raw).strip().startswith(COMMENT_MARKS)
 
 
-def _without_mark(line):
+def _without_mark(line: str) -> str:
     for mark in COMMENT_MARKS:
         if line.startswith(mark):
             return line[len(mark):].strip()
     return line
 
 
-def _is_numbers(line):
+def _is_numbers(line: str) -> bool:
     cells = [cell for cell in re.split(r'[;\t ]|,', line.replace('"', '')) if cell]
     return all(re.fullmatch(r'[-+]?[\d.]+([eE][-+]?\d+)?|[-+]?nan|[-+]?inf', cell, re.IGNORECASE) for cell in cells)
 
 
-def _delimiter(line):
+def _delimiter(line: str) -> str | None:
     return next((mark for mark in (';', '\t', ',') if mark in line), None)
 
 
-def _delimiter_of_numbers(line, delimiter_of_names):
+def _delimiter_of_numbers(line: str, delimiter_of_names: str | None) -> str | None:
     """The delimiter of the names, unless the numbers below use another one."""
     present = line.split(delimiter_of_names)
     return delimiter_of_names if len(present) > 1 or not line else _delimiter(line)
 
 
-def _remarks(comments):
+def _remarks(comments: Iterable[str]) -> dict[str, str]:
     pairs = (_without_mark(line).partition(':') for line in comments)
     return {key.strip().lower(): value.strip() for key, colon, value in pairs if colon}

@@ -40,47 +40,41 @@ LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPI
 """Transient local: a late subscriber gets the last one."""
 
 
-def lead_topic(lead):
-    """Topic of the attitude forecasts at one lead: 0.5 s is on ``forecast/lead_0_5s``.
-
-    Parameters
-    ----------
-    lead : float
-        s.
-    """
+def lead_topic(lead: float) -> str:
+    """Topic of the attitude forecasts at one lead, s: 0.5 s is on ``forecast/lead_0_5s``."""
     return _at(LEADS, lead)
 
 
-def point_lead_topic(point, lead):
+def point_lead_topic(point: str, lead: float) -> str:
     """Topic of a named point's motion at one lead, s: ``forecast/bow/lead_2_0s``."""
     return _at(f'forecast/{point}/lead_', lead)
 
 
-def point_acceleration_topic(point, lead):
+def point_acceleration_topic(point: str, lead: float) -> str:
     """Topic of a named point's acceleration at one lead, s: ``forecast/bow/acceleration_2_0s``."""
     return _at(f'forecast/{point}/acceleration_', lead)
 
 
-def point_horizon_topic(point):
+def point_horizon_topic(point: str) -> str:
     """Topic of a named point's motion over the horizon: ``forecast/bow/horizon``."""
     return f'forecast/{point}/horizon'
 
 
-def frame_at(frame_id, lead):
+def frame_at(frame_id: str, lead: float) -> str:
     """Name of the craft's predicted frame at a lead, s: ``base_link_in_1_0s``."""
     return _at(f'{frame_id}_in_', lead)
 
 
-def manoeuvring_lead_topic(lead):
+def manoeuvring_lead_topic(lead: float) -> str:
     """Topic of the forecasts of surge, sway and yaw at one lead, s: 0.5 s is on ``manoeuvring/lead_0_5s``."""
     return _at(MANOEUVRING_LEADS, lead)
 
 
-def _at(beginning, lead):
+def _at(beginning: str, lead: float) -> str:
     return f'{beginning}{str(float(lead)).replace(".", "_")}s'
 
 
-def type_of(topic):
+def type_of(topic: str) -> str:
     """Message type of a topic that a node publishes."""
     if topic in TYPES:
         return TYPES[topic]

@@ -11,6 +11,8 @@ given twice. Dates stay text.
 import os
 import re
 import stat
+from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -44,21 +46,14 @@ _DIRECTIVE = re.compile(r'^%', re.MULTILINE)
 _BRANCHES = (yaml.SequenceStartEvent, yaml.MappingStartEvent)
 
 
-def shown(value):
+def shown(value: object) -> str:
     """A value as an error message shows it: on one line, at most 80 characters."""
     text = ' '.join(str(value)[: 4 * LONGEST_SHOWN].split())
     return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
 
 
-def text_of(path, what='model file') -> str:
-    """Text of a file.
-
-    Parameters
-    ----------
-    path : str or Path
-        Of the file.
-    what : str
-        What it should be, for the errors.
+def text_of(path: str | Path, what: str = 'model file') -> str:
+    """Text of a file, of which the errors say what it should be.
 
     Raises
     ------
@@ -87,15 +82,8 @@ def text_of(path, what='model file') -> str:
         raise InputError(f'{path} is not a {what}: it is not text in UTF-8') from error
 
 
-def plain_content(text, source):
-    """Plain data of a YAML text; names are texts, numbers finite.
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-    source : str
-        Named in the errors.
+def plain_content(text: str, source: str) -> Any:
+    """Plain data of any YAML text, whose source the errors name; names are texts, numbers finite.
 
     Raises
     ------
@@ -106,7 +94,7 @@ def plain_content(text, source):
     return None if root is None else located(root, source)
 
 
-def parsed(text, source):
+def parsed(text: str, source: str) -> yaml.Node | None:
     """The nodes of a YAML text, each with its line, for messages that name lines; None for a text without content.
 
     Tags are not set: `_scalar_value` says what a scalar is. Parameters and errors are those of `plain_content`, but for
@@ -143,7 +131,7 @@ def parsed(text, source):
     return root
 
 
-def _scalar_value(node):
+def _scalar_value(node: yaml.ScalarNode) -> str | int | float | bool | None:
     """The value of a scalar node: text, finite number, bool, or None; the error does not say where it stands."""
     text = node.value
     if node.style not in (None, ''):
@@ -169,7 +157,7 @@ def _scalar_value(node):
     return value
 
 
-def dumped(content):
+def dumped(content: Any) -> str:
     """The text of plain data, without anchors, that `plain_content` reads back as it is.
 
     Numbers that are not finite become null: not known.
@@ -180,7 +168,7 @@ def dumped(content):
 
 
 class _PlainDumper(yaml.SafeDumper):
-    def ignore_aliases(self, data):
+    def ignore_aliases(self, data: Any) -> bool:
         return True
 
 
@@ -188,7 +176,7 @@ class _PlainDumper(yaml.SafeDumper):
 _PlainDumper.add_implicit_resolver('tag:yaml.org,2002:float', _LIKE_A_NUMBER, list('-+.0123456789'))
 
 
-def _check_text(text, source):
+def _check_text(text: str, source: str) -> None:
     too_large = f'{source} is larger than {LARGEST_TEXT // 1024} kB: this is not a file of this software'
     if len(text) > LARGEST_TEXT:
         raise InputError(too_large)
@@ -203,7 +191,7 @@ def _check_text(text, source):
         raise InputError(f'{source}: directives (lines that begin with %) are not understood: leave them out')
 
 
-def _check_event(event, values, depth, source):
+def _check_event(event: Any, values: int, depth: int, source: str) -> None:
     wrong = None
     if event.anchor is not None:
         wrong = 'anchors (&) and aliases (*) are not understood: write the values out'
@@ -217,33 +205,20 @@ def _check_event(event, values, depth, source):
         raise InputError(f'{source}, line {line_of(event)}: {wrong}')
 
 
-def _node_of(event):
+def _node_of(event: Any) -> yaml.Node:
     if isinstance(event, yaml.ScalarEvent):
         return yaml.ScalarNode(None, event.value, event.start_mark, style=event.style)
     kind = yaml.MappingNode if isinstance(event, yaml.MappingStartEvent) else yaml.SequenceNode
     return kind(None, [], event.start_mark)
 
 
-def located(node, source, name=None):
-    """Plain data of a node, whose mappings and lists carry the lines of what they hold.
-
-    Parameters
-    ----------
-    node : yaml.Node
-        Of `parsed`.
-    source : str
-        Named in the errors.
-    name : str, optional
-        The field it belongs to.
-
-    Returns
-    -------
-    LocatedDict, LocatedList, str, int, float, bool or None
+def located(node: yaml.Node, source: str, name: str | None = None) -> Any:
+    """Plain data of a node of `parsed`, whose mappings and lists carry the lines of what they hold.
 
     Raises
     ------
     LocatedError
-        As `plain_content`, for what concerns names and numbers.
+        As `plain_content`, for what concerns names and numbers; it names the source and the field.
     """
     # recursion is safe here: the depth is limited
     if isinstance(node, yaml.ScalarNode):
@@ -271,8 +246,9 @@ def located(node, source, name=None):
 class LocatedDict(dict):
     """A mapping with the line of each name, and its value as it is written."""
 
-    def __init__(self):
-        self.lines, self.written = {}, {}
+    def __init__(self) -> None:
+        self.lines: dict[str, int] = {}
+        self.written: dict[str, Any] = {}
 
 
 class LocatedList(list):
@@ -284,12 +260,12 @@ class LocatedList(list):
 class LocatedError(InputError):
     """What is wrong with a value, and where it stands."""
 
-    def __init__(self, source, name, line, problem):
+    def __init__(self, source: str, name: str | None, line: int, problem: str) -> None:
         place = '' if name is None else f', {shown(name)}'
         super().__init__(f'{source}, line {line}{place}: {problem}')
         self.line, self.problem = line, problem if name is None else f'{shown(name)}: {problem}'
 
 
-def line_of(marked):
+def line_of(marked: Any) -> int:
     """The line of a node or an event, from 1."""
     return marked.start_mark.line + 1

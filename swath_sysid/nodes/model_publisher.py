@@ -30,7 +30,7 @@ class ModelPublisher:
         self._coefficients = watched_publisher(node, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, health)
 
     def known(self) -> dict[str, IdentifiedModel]:
-        """The models in the file, by axis; none where there is no file, or it cannot be used."""
+        """The models in the file, by axis; empty if the file does not exist or cannot be used."""
         return self._file.read() or {}
 
     def publish(self, models: dict[str, IdentifiedModel]) -> str:

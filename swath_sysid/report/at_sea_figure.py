@@ -9,6 +9,7 @@ import numpy as np
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, RESIDUAL, SERIES, new_figure, quiet
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
@@ -34,7 +35,7 @@ def at_sea_figure(found: AtSeaIdentification) -> Figure:
     return figure
 
 
-def _in_hertz(axes, hertz):
+def _in_hertz(axes: Axes, hertz: np.ndarray):
     """The range of the frequencies, with plain numbers."""
     ticks = (_TICKS * 10.0 ** np.arange(-4, 3)[:, None]).ravel()
     ticks = ticks[(ticks >= hertz[0]) & (ticks <= hertz[-1])]
@@ -43,7 +44,7 @@ def _in_hertz(axes, hertz):
     axes.set_xticks([], minor=True)
 
 
-def _spectrum(axes, found):
+def _spectrum(axes: Axes, found: AtSeaIdentification):
     spectra, hertz = found.spectra, found.spectra.frequency / (2.0 * np.pi)
     unit = np.degrees(1.0) ** 2 * 2.0 * np.pi
     axes.loglog(hertz, unit * spectra.measured, color=MEASURED, linewidth=1.0, label='measured')
@@ -55,7 +56,7 @@ def _spectrum(axes, found):
     axes.legend(frameon=False, fontsize='small', loc='lower left')
 
 
-def _excitation(axes, found):
+def _excitation(axes: Axes, found: AtSeaIdentification):
     spectra, hertz = found.spectra, found.spectra.frequency / (2.0 * np.pi)
     axes.loglog(hertz, spectra.excitation, color=MEASURED, linewidth=1.0, label='needed by the hull')
     axes.loglog(hertz, spectra.fitted_excitation, '--', color=RESIDUAL, linewidth=1.4, label='fitted sea')
@@ -68,7 +69,7 @@ def _excitation(axes, found):
     axes.legend(frameon=False, fontsize='small', loc='lower left')
 
 
-def _marks(axes, found):
+def _marks(axes: Axes, found: AtSeaIdentification):
     """Natural frequency with two standard deviations; peak of the excitation."""
     natural = 1.0 / found.natural_period
     spread = 2.0 * found.natural_period_std / found.natural_period
@@ -76,7 +77,7 @@ def _marks(axes, found):
     axes.axvline(1.0 / found.peak_period, color=RESIDUAL, linewidth=0.8, linestyle=':')
 
 
-def _response(axes, found):
+def _response(axes: Axes, found: AtSeaIdentification):
     hertz = found.spectra.frequency / (2.0 * np.pi)
     own = _magnification(hertz, found.natural_period, found.damping_ratio)
     covariance = found.estimate_covariance
@@ -100,12 +101,12 @@ def _response(axes, found):
     axes.legend(frameon=False, fontsize='small', loc='lower left')
 
 
-def _magnification(hertz, period, damping):
+def _magnification(hertz: np.ndarray, period: float, damping: float):
     u = hertz * period
     return 1.0 / np.sqrt((1.0 - u * u) ** 2 + (2.0 * damping * u) ** 2)
 
 
-def _decrement(axes, found):
+def _decrement(axes: Axes, found: AtSeaIdentification):
     d = found.decrement
     axes.plot(d.lag, np.degrees(d.measured), color=MEASURED, linewidth=1.4, label='random decrement, measured')
     axes.plot(d.lag, np.degrees(d.fitted), '--', color=MODEL, linewidth=1.2, label='of the fitted spectrum')

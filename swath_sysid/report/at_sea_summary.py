@@ -9,6 +9,8 @@ from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.report.fit_summary import ratio_lines, short_name, warnings_as_data
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
 
 SEAS = {'heave': 'the sea as the vertical acceleration shows it', 'jonswap': 'a JONSWAP sea with a free tail'}
@@ -47,7 +49,7 @@ def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> d
     })  # fmt: skip
 
 
-def _correlation(covariance):
+def _correlation(covariance: np.ndarray):
     return float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
 
 

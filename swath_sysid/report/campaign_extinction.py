@@ -1,5 +1,9 @@
 """A tank's standard output of a campaign: conditions, peaks, extinction curves, damping in dimensions, uncertainty."""
+from __future__ import annotations
+
 import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -28,6 +32,11 @@ from swath_sysid.report.extinction_tables import (
 from swath_sysid.report.figures import MEASURED, SERIES, new_panel, two_std_band
 from swath_sysid.report.tables import Column, Table, digits
 
+if TYPE_CHECKING:
+    from swath_sysid.campaign.evaluation import Condition, FitSummary
+    from swath_sysid.campaign.manifest import PredictedDamping
+    from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
+
 PARTICULARS = {
     'length_m': 'length [m]', 'beam_m': 'breadth [m]', 'depth_m': 'depth [m]', 'draft_m': 'draft [m]',
     'displacement_kg': 'displacement [kg]', 'kg_m': 'KG [m]', 'gm_transverse_m': 'GM transverse [m]',
@@ -37,7 +46,7 @@ PARTICULARS = {
 }  # fmt: skip
 
 
-def conditions_table(outcome):
+def conditions_table(outcome: CampaignOutcome) -> Table:
     """What was tried, in which water, under which conditions: as the manifest says."""
     craft = outcome.manifest.craft
     rows = [
@@ -46,7 +55,7 @@ def conditions_table(outcome):
     ]  # fmt: skip
     if craft.depth_m is not None and craft.draft_m is not None:
         rows.append(('freeboard [m]', f'{craft.depth_m - craft.draft_m:g}'))
-    for speed in sorted({t.entry.speed_m_s for t in outcome.trials} - {None}):
+    for speed in sorted({t.entry.speed_m_s for t in outcome.trials if t.entry.speed_m_s is not None}):
         number = '' if craft.length_m is None else f', Froude number {froude_number(speed, craft.length_m):.3g}'
         rows.append(('speed [m/s]', f'{speed:g}{number}'))
     return Table(
@@ -55,7 +64,7 @@ def conditions_table(outcome):
     )  # fmt: skip
 
 
-def particulars_of(outcome, condition):
+def particulars_of(outcome: CampaignOutcome, condition: Condition) -> Particulars:
     """What is known of the craft in one condition: beside its trials, or at the design draft of the craft itself."""
     craft, entries = outcome.manifest.craft, [
         t.entry for t in outcome.trials if t.record is not None and t.record.condition == condition
@@ -68,13 +77,13 @@ def particulars_of(outcome, condition):
     if outcome.quantity == 'displacement_kg':
         by_craft['mass_kg'] = condition.loading
 
-    def known(key):
+    def known(key: str):
         return next((v for e in entries if (v := getattr(e, key)) is not None), by_craft.get(key))
 
     return Particulars(known('mass_kg'), known('gm_m'), known('inertia_kg_m2'), craft.length_m, craft.beam_m)
 
 
-def _conditions(outcome, axis):
+def _conditions(outcome: CampaignOutcome, axis: AxisOutcome):
     """Condition, its records, extinction curve or None, joint fit, inertia and particulars."""
     for condition, fits in sorted(axis.together.items()):
         members = [k for k, r in enumerate(axis.records) if r.condition == condition]
@@ -89,20 +98,14 @@ def _conditions(outcome, axis):
         yield condition, members, peaks, curve, fit, particulars.inertia_of(fit.model), particulars
 
 
-def bands_of(fit):
+def bands_of(fit: FitSummary) -> AmplitudeBands:
     """Frequency and damping over amplitude of a kept fit, with their standard deviations."""
     curves = AmplitudeCurves(*map(np.array, (fit.amplitude, fit.frequency, fit.damping_ratio)))
     return AmplitudeBands(curves, np.array(fit.frequency_std), np.array(fit.damping_ratio_std))
 
 
-def extinction_tables(outcome, axis):
-    """Tables of one axis: damping with its budget, extinction curves, and every peak.
-
-    Returns
-    -------
-    dict of str to Table
-        ``damping``, ``extinction``, ``peaks``.
-    """
+def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, Table]:
+    """Tables of one axis: ``damping`` with its budget, ``extinction`` curves, and ``peaks``, every one."""
     damping, curves, labelled = [], [], []
     for condition, members, peaks, curve, fit, inertia, particulars in _conditions(outcome, axis):
         place = condition.loading, condition.initial_angle_deg
@@ -131,7 +134,7 @@ def extinction_tables(outcome, axis):
     }  # fmt: skip
 
 
-def extinction_drawings(outcome, axis):
+def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
     """Decrement and equivalent damping against amplitude, a figure a loading."""
     found = []
     by_loading: dict[float, list] = {}
@@ -153,7 +156,7 @@ def extinction_drawings(outcome, axis):
     return found
 
 
-def _extinction_figure(items, title, axis):
+def _extinction_figure(items: Sequence[tuple], title: str, axis: AxisOutcome):
     figure, axes = new_panel(
         WIDTH, HEIGHT, title=title, xlabel=f'{axis.motion} mean amplitude [deg]',
         ylabel='decrement of half a cycle [deg]',
@@ -173,7 +176,7 @@ def _extinction_figure(items, title, axis):
     return figure
 
 
-def _damping_figure(outcome, items, title, axis):
+def _damping_figure(outcome: CampaignOutcome, items: Sequence[tuple], title: str, axis: AxisOutcome):
     """In N m s where the inertia is known in every condition of the loading, else as a ratio."""
     dimensional = all(inertia is not None for *_, inertia, _ in items)
     symbol = {'roll': 'B44', 'pitch': 'B55'}[axis.motion]
@@ -213,11 +216,13 @@ def _damping_figure(outcome, items, title, axis):
     return figure
 
 
-def _predicted(prediction, fit, inertia, dimensional):
+def _predicted(prediction: PredictedDamping, fit: FitSummary, inertia: float | None, dimensional: bool):
     """A prediction in the unit of the figure; None where the inertia that this takes is not known."""
     frequency = float(np.interp(np.radians(prediction.amplitude_deg), fit.amplitude, fit.frequency))
-    if dimensional:
-        return prediction.damping_n_m_s or prediction.damping_ratio * 2.0 * inertia * frequency
-    if prediction.damping_ratio is None and inertia is not None:
-        return prediction.damping_n_m_s / (2.0 * inertia * frequency)
-    return prediction.damping_ratio
+    moment, ratio = prediction.damping_n_m_s, prediction.damping_ratio
+    given = moment if dimensional else ratio
+    if given is not None or inertia is None:
+        return given
+    if ratio is not None:
+        return ratio * 2.0 * inertia * frequency
+    return None if moment is None else moment / (2.0 * inertia * frequency)

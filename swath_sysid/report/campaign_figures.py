@@ -1,7 +1,10 @@
 """The figures of a campaign; each small, so that a page can lay them out for its width."""
 
+from __future__ import annotations
+
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -26,6 +29,12 @@ from swath_sysid.report.figures import (
     two_std_band,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from swath_sysid.campaign.evaluation import Condition, FitSummary
+    from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
+
 WIDTH, HEIGHT = 4.6, 3.1
 LINE_STYLES = ('-', '--', ':', '-.')
 MAX_POINTS = 500
@@ -44,7 +53,7 @@ STYLE: Any = {
 }
 
 
-def campaign_drawings(outcome, axis):
+def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, list[Drawing]]:
     """Section name to the list of `Drawing` of one axis of a `CampaignOutcome`."""
     with matplotlib.rc_context(STYLE):
         return {
@@ -57,12 +66,12 @@ def campaign_drawings(outcome, axis):
         }
 
 
-def _thinned(*arrays):
+def _thinned(*arrays: np.ndarray):
     step = max(1, arrays[0].size // MAX_POINTS)
     return [a[::step] for a in arrays]
 
 
-def decay_drawings(outcome, axis):
+def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
     """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
     loadings = sorted({c.loading for c in axis.best})
     several = len(loadings) > 1
@@ -93,11 +102,11 @@ def decay_drawings(outcome, axis):
     return found
 
 
-def _loading(outcome, condition):
+def _loading(outcome: CampaignOutcome, condition: Condition):
     return f'{LOADING_NAMES[outcome.quantity]} {condition.loading:g}'
 
 
-def against_angle(outcome, axis):
+def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
     """Each ratio against initial angle, a curve a draft, with the single repeats behind."""
     found = []
     loadings = sorted({c.loading for c in axis.together})
@@ -121,30 +130,32 @@ def against_angle(outcome, axis):
     return found
 
 
-def _ratios(axes, axis, term, conditions, against, label, **style):
+def _ratios(
+    axes: Axes, axis: AxisOutcome, term: str, conditions: Sequence[Condition], against: str, label: str, **style: Any
+):
     """A ratio of the joint fits with two standard deviations, against what the conditions differ in."""
     values = np.array([axis.together[c][axis.choice].ratio(term) for c in conditions])
     axes.errorbar([getattr(c, against) for c in conditions], values[:, 0], TWO_STD * values[:, 1], marker='o',
                   markersize=4, capsize=3, label=label, **style)  # fmt: skip
 
 
-def legend_below(axes):
+def legend_below(axes: Axes) -> None:
     """Below the axes, where no curve can run through it."""
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
 
 
-def _ratio_panel(term, below):
+def _ratio_panel(term: str, below: str):
     return new_panel(WIDTH, HEIGHT, xlabel=below, ylabel=f'{term} [{RATIO_UNITS[term]}]')
 
 
-def _finish_ratio(axes):
+def _finish_ratio(axes: Axes):
     low, high = axes.get_ylim()
     if low < 0 < high and low > -0.2 * high:
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
     legend_below(axes)
 
 
-def against_draft(outcome, axis):
+def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
     """Each ratio against loading: a curve an angle, and the scheduled model with its band."""
     schedule = axis.schedule
     if len(schedule.loadings) < 2:
@@ -168,7 +179,7 @@ def against_draft(outcome, axis):
     return found
 
 
-def amplitude_drawings(axis):
+def amplitude_drawings(axis: AxisOutcome) -> list[Drawing]:
     """Natural period and equivalent damping against amplitude, all conditions on one axis."""
     found = []
     loadings = sorted({c.loading for c in axis.together})
@@ -198,7 +209,7 @@ def amplitude_drawings(axis):
     return found
 
 
-def _curve(fit, quantity):
+def _curve(fit: FitSummary, quantity: str):
     frequency, frequency_std = np.array(fit.frequency), np.array(fit.frequency_std)
     if quantity == 'period':
         period = 2.0 * np.pi / frequency
@@ -206,7 +217,7 @@ def _curve(fit, quantity):
     return np.array(fit.damping_ratio), np.array(fit.damping_ratio_std)
 
 
-def _fit_to_curves(axes):
+def _fit_to_curves(axes: Axes):
     """Limits by the curves: a band that is wide where nothing was measured shall not hide them."""
     values = np.concatenate([line.get_ydata() for line in axes.lines])
     values = values[np.isfinite(values)]
@@ -216,7 +227,7 @@ def _fit_to_curves(axes):
         axes.set_ylim(low - margin, high + margin)
 
 
-def record_drawings(outcome, axis):
+def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
     """Measured and identified motion with residual of every record."""
     found = []
     for record, fits in zip(axis.records, axis.fits['simulation'], strict=True):
@@ -246,7 +257,7 @@ def record_drawings(outcome, axis):
     return found
 
 
-def correlation_drawings(outcome, axis):
+def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
     """Correlations between the ratios of the chosen equation, a figure a draft."""
     found = []
     for loading, fits in axis.by_draft.items():

@@ -1,15 +1,22 @@
 """The page of a campaign: one HTML file that needs nothing else, dark and light, narrow, wide and printed."""
 
+from __future__ import annotations
+
 import html
 import io
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from swath_sysid.report.figures import MEASURED
+
+if TYPE_CHECKING:
+    from swath_sysid.report.tables import Table
 
 STYLE_SHEET = """
 :root{color-scheme:light dark;--paper:#ffffff;--ink:#1f2933;--faint:#5c6b7a;--line:#d8dee4;--panel:#f6f8fa;
@@ -69,14 +76,14 @@ white-space:normal}
 NARROW, NARROW_WIDE = 820, 1330
 
 
-def style_sheet():
+def style_sheet() -> str:
     """The page's style."""
     widths = {'table:not(.few)': NARROW, 'table.wide': NARROW_WIDE}
     cards = (CARDS % (width, *([table] * 9)) for table, width in widths.items())
     return STYLE_SHEET + ''.join(cards)
 
 
-def escaped(text):
+def escaped(text: object) -> str:
     """Text for HTML."""
     return html.escape(str(text)).replace(' %', '\u00a0%')
 
@@ -90,7 +97,7 @@ class Drawing:
     figure: Figure
 
     @cached_property
-    def svg(self):
+    def svg(self) -> str:
         """The same text every time."""
         text = io.StringIO()
         with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': self.name}):
@@ -98,15 +105,10 @@ class Drawing:
         return text.getvalue()
 
 
-def page(title, sections):
+def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]]) -> str:
     """A whole page.
 
-    Parameters
-    ----------
-    title : str
-        Plain text.
-    sections : iterable of (str, str, sequence of str)
-        Anchor, name and parts, HTML, of each; one whose parts are all empty is left out.
+    Sections have an anchor, a name and parts, HTML; one whose parts are all empty is left out. All other text is plain.
     """
     kept = [(anchor, escaped(name), parts) for anchor, name, parts in sections if any(parts)]
     contents = ''.join(f'<li><a href="#{anchor}">{name}</a></li>' for anchor, name, _ in kept)
@@ -123,17 +125,17 @@ def page(title, sections):
     )
 
 
-def paragraph(text, kind=''):
+def paragraph(text: object, kind: str = '') -> str:
     """A paragraph of plain text."""
     return f'<p class="{kind}">{escaped(text)}</p>' if kind else f'<p>{escaped(text)}</p>'
 
 
-def bullets(lines):
+def bullets(lines: Sequence[str]) -> str:
     """A list of plain lines; nothing where there are none."""
     return f'<ul>{"".join(f"<li>{escaped(line)}</li>" for line in lines)}</ul>' if lines else ''
 
 
-def table_as_html(table):
+def table_as_html(table: Table) -> str:
     """A table; on a narrow screen every row becomes a card."""
     size = 'wide' if len(table.columns) > MANY_COLUMNS else 'few' if len(table.columns) <= FEW_COLUMNS else ''
     kind = f' class="{size}"' if size else ''
@@ -154,7 +156,7 @@ def table_as_html(table):
     )
 
 
-def inline(drawing):
+def inline(drawing: Drawing) -> str:
     """A drawing as a figure of the page: its ink takes the page's colour, its names are its own."""
     name, caption = drawing.name.replace('.', '_'), escaped(drawing.caption)
     body = drawing.svg[drawing.svg.index('<svg') :]
@@ -167,11 +169,11 @@ def inline(drawing):
     return f'<figure>{body.strip()}<figcaption>{caption}</figcaption></figure>'
 
 
-def _responsive(attributes, caption):
+def _responsive(attributes: str, caption: str):
     kept = re.sub(r'\b(?:width|height)="[^"]*"\s*', '', attributes)
     return f'<svg {kept} role="img" aria-label="{caption}">'
 
 
-def figures(drawings):
+def figures(drawings: Sequence[Drawing]) -> str:
     """A grid of drawings; nothing where there are none."""
     return f'<div class="figures">{"".join(map(inline, drawings))}</div>' if drawings else ''

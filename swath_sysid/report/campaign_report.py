@@ -1,7 +1,10 @@
 """The report of a campaign: a page, the same tables as CSV, the figures as SVG, and the model file."""
 
+from __future__ import annotations
+
 import html
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy
@@ -31,31 +34,24 @@ from swath_sysid.report.campaign_tables import (
 )
 from swath_sysid.report.tables import table_as_csv
 
+if TYPE_CHECKING:
+    from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
+    from swath_sysid.common.advice import Advice
+    from swath_sysid.report.campaign_page import Drawing
+    from swath_sysid.report.tables import Table
+
 PAGE, MODEL = 'report.html', 'model.yaml'
 TABLES, FIGURES = 'tables', 'figures'
 REPORTED = (PAGE, MODEL, TABLES, FIGURES)
 """What a report writes into its folder."""
 
 
-def write_report(outcome, folder, wall_s):
-    """Write everything that a campaign found.
+def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) -> Path:
+    """Write everything that a campaign found, into a folder that is made where it does not exist; returns the page.
 
     ``report.html``, ``tables/*.csv``, ``figures/*.svg`` and ``model.yaml``, each whole or not at all.
-    The tables depend on the trials and settings alone, not on when and where they were made.
-
-    Parameters
-    ----------
-    outcome : CampaignOutcome
-        Of all trials.
-    folder : str or Path
-        Made where it does not exist.
-    wall_s : float
-        How long this run took.
-
-    Returns
-    -------
-    Path
-        Of the page.
+    The tables depend on the trials and settings alone, not on when and where they were made; ``wall_s`` is how long
+    this run took.
     """
     folder = Path(folder)
     try:
@@ -88,7 +84,7 @@ def write_report(outcome, folder, wall_s):
     return folder / PAGE
 
 
-def campaign_tables(outcome):
+def campaign_tables(outcome: CampaignOutcome) -> list[Table]:
     """Every `Table` of a `CampaignOutcome`, as `write_report` writes them."""
     tables = [conditions_table(outcome), trials_table(outcome), fits_table(outcome), coefficients_long_table(outcome)]
     for axis in outcome.axes:
@@ -97,7 +93,7 @@ def campaign_tables(outcome):
     return tables
 
 
-def _axis_tables(outcome, axis):
+def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
     """The tables that the page shows of one axis, by name."""
     tables = {
         'ranking': ranking_table(axis),
@@ -113,7 +109,7 @@ def _axis_tables(outcome, axis):
     return tables
 
 
-def _in_short(outcome):
+def _in_short(outcome: CampaignOutcome):
     used = sum(t.record is not None for t in outcome.trials)
     parts = [paragraph(f'{outcome.manifest.craft.name}: {used} of {len(outcome.trials)} trials used.')]
     for axis in outcome.axes:
@@ -132,7 +128,7 @@ def _in_short(outcome):
     return parts
 
 
-def _order_statement(axis):
+def _order_statement(axis: AxisOutcome):
     groups = [*(f for fits in axis.fits.values() for f in fits), *axis.together.values(), *axis.by_draft.values()]
     wrong = [pair for fits in groups for pair in out_of_order(fits)]
     if wrong:
@@ -143,7 +139,7 @@ def _order_statement(axis):
     return f'No equation fits worse than one that it contains, in any of {len(groups)} rows: the searches converged.'
 
 
-def _axis_sections(outcome, axis, drawings):
+def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[str, list[Drawing]]):
     """Anchor, name and parts of every section of an axis."""
     tables = {name: table_as_html(table) for name, table in _axis_tables(outcome, axis).items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
@@ -164,7 +160,7 @@ def _axis_sections(outcome, axis, drawings):
     )
 
 
-def _warnings(outcome):
+def _warnings(outcome: CampaignOutcome):
     left_out = [f'{t.name}: {t.reason}' for t in outcome.trials if t.record is None]
     lines = [f'Manifest, {fault}' for fault in outcome.manifest.faults]
     lines += [f'Left out: {line}' for line in left_out]
@@ -183,7 +179,7 @@ def _warnings(outcome):
     return [bullets(lines) or paragraph('None.')]
 
 
-def _without_numbers(advice):
+def _without_numbers(advice: Advice):
     """The same message for all conditions, without the figure that differs."""
     return (
         advice.message
@@ -193,11 +189,11 @@ def _without_numbers(advice):
     )
 
 
-def _sentence(text):
+def _sentence(text: str):
     return f'{text[0].upper()}{text[1:]}'
 
 
-def _how_made(outcome, wall_s):
+def _how_made(outcome: CampaignOutcome, wall_s: float):
     search = outcome.manifest.search
     lines = [
         f'swath_sysid {__version__}, numpy {numpy.__version__}, scipy {scipy.__version__}, matplotlib '

@@ -1,5 +1,10 @@
 """The tables of a campaign."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
@@ -7,31 +12,35 @@ from swath_sysid.attitude.identification.forecast_check import LEADS, next_step
 from swath_sysid.campaign.evaluation import beyond_noise, noise_statement, term_values, tied_best
 from swath_sysid.report.tables import Column, Table, digits, percent
 
+if TYPE_CHECKING:
+    from swath_sysid.campaign.evaluation import Condition, Record
+    from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome, TrialOutcome
+
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
 LEAD_NAMES = {0.25: 'a quarter period', 0.5: 'half a period', 1.0: 'one period'}
 CHECKED_SAMPLES = 10
 SCHEDULE_POINTS = 9
 
 
-def _or_dash(value):
+def _or_dash(value: Any):
     return '-' if value in (None, '') else str(value)
 
 
-def _text_or_number(value):
+def _text_or_number(value: Any):
     return value if isinstance(value, str) else f'{value:.4g}'
 
 
-def trials_table(outcome):
+def trials_table(outcome: CampaignOutcome) -> Table:
     """Every trial of the manifest, used or not, with the reason."""
     best = {str(axis.records[index]) for axis in outcome.axes for index in axis.best.values()}
 
-    def of_record(value):
+    def of_record(value: Callable[[Record], Any]):
         return lambda t: None if t.record is None else value(t.record)
 
-    def used(t):
+    def used(t: TrialOutcome):
         return 'no' if t.record is None else 'best' if str(t.record) in best else 'yes'
 
-    def segment(name):
+    def segment(name: str):
         return of_record(lambda r: getattr(r.problem.segments[0], name))
 
     table = Table.of(
@@ -60,7 +69,9 @@ def trials_table(outcome):
     return table
 
 
-def _condition_columns(outcome, condition=lambda item: item[0].condition):
+def _condition_columns(
+    outcome: CampaignOutcome, condition: Callable[[Any], Condition] = lambda item: item[0].condition
+):
     """Angle, loading and repeat; by default of items that begin with a record."""
     return (
         ('initial angle [deg]', lambda item: condition(item).initial_angle_deg, digits(4)),
@@ -69,7 +80,7 @@ def _condition_columns(outcome, condition=lambda item: item[0].condition):
     )
 
 
-def objective_table(outcome, axis, objective):
+def objective_table(outcome: CampaignOutcome, axis: AxisOutcome, objective: str) -> Table:
     """Objective values by condition and equation of the best repeats, as the papers give them."""
     fits = axis.fits[objective]
     best = [(axis.records[index], fits[index]) for index in axis.best.values()]
@@ -87,14 +98,14 @@ def objective_table(outcome, axis, objective):
     return table
 
 
-def fits_table(outcome):
+def fits_table(outcome: CampaignOutcome) -> Table:
     """Every fit of every record: the long table, for other programs."""
     items = [
         (record, objective, fit) for axis in outcome.axes for objective, fits in axis.fits.items()
         for record, own in zip(axis.records, fits, strict=True) for fit in own
     ]  # fmt: skip
 
-    def of_fit(*names):
+    def of_fit(*names: tuple[str, str]):
         return ((heading, lambda item, name=name: getattr(item[2], name)) for heading, name in names)
 
     angle, loading, repeat = (column[:2] for column in _condition_columns(outcome))
@@ -114,7 +125,7 @@ def fits_table(outcome):
     )  # fmt: skip
 
 
-def coefficients_long_table(outcome):
+def coefficients_long_table(outcome: CampaignOutcome) -> Table:
     """Every ratio of every fit by the simulation objective: records, conditions, drafts."""
     rows = []
     for axis in outcome.axes:
@@ -133,7 +144,7 @@ def coefficients_long_table(outcome):
     return Table('coefficients', 'Coefficients', 'All levels.', tuple(map(Column, names)), tuple(rows))
 
 
-def ranking_table(axis):
+def ranking_table(axis: AxisOutcome) -> Table:
     """Equations over the whole campaign."""
     best = axis.ranking.ranked[0].criterion
     table = Table.of(
@@ -153,7 +164,7 @@ def ranking_table(axis):
     return table
 
 
-def _ratio_columns(terms, pair):
+def _ratio_columns(terms: Iterable[str], pair: Callable[[Any, str], tuple[float, float]]):
     """Value and standard deviation of each term, which `pair` gives of an item and a term."""
     return (
         column for term in terms for column in (
@@ -163,7 +174,7 @@ def _ratio_columns(terms, pair):
     )  # fmt: skip
 
 
-def coefficient_table(outcome, axis):
+def coefficient_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     """Ratios of the chosen equation: repeats together, and all records of a draft together."""
     items = [
         *((c.loading, c.initial_angle_deg, fits[axis.choice]) for c, fits in axis.together.items()),
@@ -179,7 +190,7 @@ def coefficient_table(outcome, axis):
     )  # fmt: skip
 
 
-def spread_table(outcome, axis):
+def spread_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     """How the repeats agree, beside what single fits state."""
     angle, loading, _ = _condition_columns(outcome, lambda s: s.condition)
     return Table.of(
@@ -195,7 +206,7 @@ def spread_table(outcome, axis):
     )  # fmt: skip
 
 
-def spread_statement(axis):
+def spread_statement(axis: AxisOutcome) -> str:
     """One sentence on how the repeats agree in period and damping; empty where nothing was repeated."""
     by_quantity = {
         name: [s.spread / abs(s.mean) for s in axis.spreads if s.quantity == name]
@@ -210,7 +221,7 @@ def spread_statement(axis):
     )
 
 
-def errors_table(outcome, axis, every_equation=False):
+def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bool = False) -> Table:
     """Errors of next step, simulated motion and forecasts, of the choice or of every equation."""
     items = [
         (record, judged) for record, own in zip(axis.records, axis.judgements, strict=True)
@@ -232,7 +243,7 @@ def errors_table(outcome, axis, every_equation=False):
     )  # fmt: skip
 
 
-def next_step_table(outcome, axis):
+def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     """The papers' check: ten samples of measured and next-step rate of one record."""
     index = axis.best[_design_condition(axis)]
     record, fit = axis.records[index], axis.fits['simulation'][index][axis.choice]
@@ -253,14 +264,14 @@ def next_step_table(outcome, axis):
     )  # fmt: skip
 
 
-def _design_condition(axis):
+def _design_condition(axis: AxisOutcome):
     """The largest angle at the middle loading."""
     loadings = sorted({c.loading for c in axis.best})
     middle = loadings[len(loadings) // 2]
     return max((c for c in axis.best if c.loading == middle), key=lambda c: c.initial_angle_deg)
 
 
-def schedule_table(outcome, axis):
+def schedule_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     """The ratios of the scheduled model at its loadings and between."""
     s = axis.schedule
     between = np.unique(np.round([*s.loadings, *np.linspace(s.loadings[0], s.loadings[-1], SCHEDULE_POINTS)], 9))

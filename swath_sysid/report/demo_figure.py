@@ -9,9 +9,10 @@ from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE
 from swath_sysid.report.figures import MEASURED, new_figure, quiet
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from swath_sysid.pipeline.demonstration import Demonstration, Verdict
+    from swath_sysid.pipeline.demonstration import Demonstration, LeadForecasts, Verdict
 
 BEFORE, AFTER, BAND = '#e08e2b', '#0b8a83', '#9fd8d2'
 NORMAL_90 = 1.6449
@@ -36,7 +37,7 @@ def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
     return figure
 
 
-def _draw_run(axes, demonstration, limit):
+def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
     forecasts = next(f for f in demonstration.forecasts if f.lead == demonstration.period_lead)
     begin = demonstration.releases[0] - 4.0
     with_model = forecasts.time - forecasts.lead >= demonstration.model_time
@@ -72,7 +73,7 @@ def _draw_run(axes, demonstration, limit):
     axes.legend(frameon=False, loc='upper center', ncols=4, fontsize='small', bbox_to_anchor=(0.5, 1.1))
 
 
-def _draw_lead(axes, demonstration, forecasts, limit):
+def _draw_lead(axes: Axes, demonstration: Demonstration, forecasts: LeadForecasts, limit: float):
     first, second = demonstration.releases
     moving = (demonstration.time >= second - 0.5) & (demonstration.time <= demonstration.end(1))
     axes.plot(
@@ -98,7 +99,7 @@ def _draw_lead(axes, demonstration, forecasts, limit):
     axes.set_ylim(-limit, limit)
 
 
-def _headline(demonstration, verdict):
+def _headline(demonstration: Demonstration, verdict: Verdict):
     return (
         f'{demonstration.hull}: the next natural period of {demonstration.axis}, forecast with '
         f'{100 * verdict.after:.0f} % error once a release was seen (without the model: {100 * verdict.unaided:.0f} %)'

@@ -1,5 +1,9 @@
 """A tank's standard output as tables: peaks, extinction curve, damping in dimensions, uncertainty."""
+from __future__ import annotations
+
 import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -7,6 +11,10 @@ from swath_sysid.attitude.identification.extinction import extinction_of, measur
 from swath_sysid.common.errors import InputError
 from swath_sysid.report.fit_summary import short_name
 from swath_sysid.report.tables import Column, Table, digits
+
+if TYPE_CHECKING:
+    from swath_sysid.attitude.identification.extinction import Extinction, Particulars, Peaks, TankQuantity, TypeB
+    from swath_sysid.attitude.identification.identify import Identification
 
 DEGREE = math.pi / 180.0
 CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2))
@@ -17,16 +25,8 @@ SOURCES = {
 }  # fmt: skip
 
 
-def peaks_table(name, labelled):
-    """Every turning point with its decrement; angles in deg.
-
-    Parameters
-    ----------
-    name : str
-        Of the file, without ending.
-    labelled : sequence of (str, Peaks)
-        A record's name and its turning points.
-    """
+def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
+    """Every turning point with its decrement, angles in deg, of records with their names; the name is the file's."""
     rows = []
     for label, peaks in labelled:
         measured = (
@@ -49,19 +49,14 @@ def peaks_table(name, labelled):
     return Table(name, 'Peaks and decrements', note, columns, tuple(rows))
 
 
-def curve_rows(extinction, model_terms, inertia):
+def curve_rows(
+    extinction: Extinction, model_terms: Mapping[str, tuple[float, float]], inertia: float | None
+) -> list[tuple]:
     """Rows of the extinction curve, then of the damping that it and the fitted motion mean.
 
-    Parameters
-    ----------
-    extinction : Extinction
-        With its standard deviations.
-    model_terms : dict of str to (float, float)
-        Name to value and standard deviation of the fitted ratios.
-    inertia : float or None
-        With added inertia, kg m^2; None: not known.
+    Of each fitted ratio the value and the standard deviation are given; the inertia, with added inertia, is in kg m^2.
     """
-    rows = [
+    rows: list[tuple] = [
         (name, unit, float(value * scale), float(std * scale), None, None, None, '')
         for (name, unit, scale), value, std in zip(CURVE_TERMS, extinction.coefficients, extinction.std, strict=True)
     ]
@@ -90,7 +85,9 @@ CURVE_NOTE = (
 )
 
 
-def curve_table(name, extinction, model_terms, inertia):
+def curve_table(
+    name: str, extinction: Extinction, model_terms: Mapping[str, tuple[float, float]], inertia: float | None
+) -> Table:
     """The extinction curve and the damping that it means, as a table; see `curve_rows`."""
     rows = tuple(curve_rows(extinction, model_terms, inertia))
     return Table(name, 'Extinction curve and damping terms', CURVE_NOTE, CURVE_COLUMNS, rows)
@@ -103,13 +100,13 @@ QUANTITY_COLUMNS = (
 )  # fmt: skip
 
 
-def quantity_row(quantity):
+def quantity_row(quantity: TankQuantity) -> tuple:
     """One `TankQuantity` as the values of ``QUANTITY_COLUMNS``."""
     type_b = (quantity.type_b.get(source) for source in SOURCES)
     return quantity.name, quantity.unit, quantity.value, quantity.expanded, quantity.fit, quantity.repeats, *type_b
 
 
-def quantities_table(name, amplitude, quantities):
+def quantities_table(name: str, amplitude: float, quantities: Iterable[TankQuantity]) -> Table:
     """Period and equivalent damping at one amplitude, rad, with the uncertainty budget."""
     note = (
         f'At {math.degrees(amplitude):.3g} deg. Standard uncertainties; the expanded one U = 2 times their root sum '
@@ -119,7 +116,7 @@ def quantities_table(name, amplitude, quantities):
     return Table(name, 'Damping and its uncertainty', note, QUANTITY_COLUMNS, rows)
 
 
-def tank_tables(identification, particulars, type_b):
+def tank_tables(identification: Identification, particulars: Particulars, type_b: TypeB) -> list[Table]:
     """The tables of one `Identification`: peaks, extinction curve where the records hold one, damping."""
     model, axis = identification.model, identification.model.axis
     labelled = [

@@ -19,9 +19,10 @@ from swath_sysid.report.figures import (
 from swath_sysid.report.fit_summary import short_name
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from swath_sysid.attitude.identification.identify import Identification
+    from swath_sysid.attitude.identification.identify import Identification, RecordFit
 
 MAX_PANELS = 12
 
@@ -48,7 +49,7 @@ def fit_figure(identification: Identification) -> Figure:
     return figure
 
 
-def _draw_motion(motion_axes, residual_axes, record, legend):
+def _draw_motion(motion_axes: Axes, residual_axes: Axes, record: RecordFit, legend: bool):
     motion = record.motion
     measured, label = measured_channel(motion)
     simulated = record.rate if motion.angle is None else record.angle
@@ -64,7 +65,7 @@ def _draw_motion(motion_axes, residual_axes, record, legend):
         motion_axes.legend(frameon=False, loc='upper right', ncols=2, fontsize='small')
 
 
-def _draw_curves(frequency_axes, damping_axes, identification):
+def _draw_curves(frequency_axes: Axes, damping_axes: Axes, identification: Identification):
     bands = identification.bands
     amplitude = np.degrees(bands.curves.amplitude)
     period = 2 * np.pi / bands.curves.frequency
@@ -78,13 +79,13 @@ def _draw_curves(frequency_axes, damping_axes, identification):
         axes.set_xlabel(f'{identification.model.axis} amplitude [deg]')
 
 
-def _band(axes, amplitude, value, std):
+def _band(axes: Axes, amplitude: np.ndarray, value: np.ndarray, std: np.ndarray):
     two_std_band(axes, amplitude, value, std, color=BAND, alpha=0.6, label='two standard deviations')
     axes.plot(amplitude, value, color=MODEL)
     axes.legend(frameon=False, fontsize='small')
 
 
-def _headline(identification):
+def _headline(identification: Identification):
     model = identification.model
     terms = ',  '.join(f'{n} {v:.4g} ± {identification.std[n]:.2g}' for n, v in model.terms.items())
     headline = f'R² {identification.r2:.5f},  period {model.natural_period:.3f} s'

@@ -19,16 +19,9 @@ if TYPE_CHECKING:
 
 
 def fit_as_data(identification: Identification, wall_s: float | None = None, inertia: float | None = None) -> dict:
-    """What ``identify --json`` prints: plain numbers, strings, lists and dicts.
+    """What ``identify --json`` prints: plain numbers, strings, lists and dicts; how long it took, s, among them.
 
-    Parameters
-    ----------
-    identification : Identification
-        Of one or several records.
-    wall_s : float, optional
-        How long it took.
-    inertia : float, optional
-        I', to add the coefficients in the published form.
+    An inertia I' adds the coefficients in the published form.
     """
     model = identification.model
     segments = [[record.segment.start, record.segment.end] for record in identification.records]

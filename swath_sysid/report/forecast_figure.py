@@ -1,7 +1,8 @@
 """The picture of a forecast's skill: error against lead, a stretch with its fans, reliability."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, new_figure, quiet
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from swath_sysid.attitude.motion.trial import Trial
@@ -37,7 +39,7 @@ def forecast_figure(trial: Trial, run: Run, skill: Skill) -> Figure:
     return figure
 
 
-def _error(axes, axis, leads, scores):
+def _error(axes: Axes, axis: str, leads: np.ndarray, scores: Any):
     # the forecast alone has its colour
     others = [colour for colour in (*SERIES, MEASURED) if colour != MODEL]
     colours = dict(zip([n for n in scores.nrmse if n != 'forecast'], others, strict=False))
@@ -56,12 +58,12 @@ def _error(axes, axis, leads, scores):
     _legend(axes)
 
 
-def _legend(axes, **place):
+def _legend(axes: Axes, **place: Any):
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=7, frameon=False, **place)
 
 
-def _spaced(trial, run, skill):
+def _spaced(trial: Trial, run: Run, skill: Skill):
     """Steps about the middle of what was scored, one after the other's horizon."""
     first, last = (trial.time[0] + skill.warmup, trial.time[0] + min(skill.until, trial.time[-1] - trial.time[0]))
     middle = 0.5 * (first + last)
@@ -73,7 +75,7 @@ def _spaced(trial, run, skill):
     return spaced
 
 
-def _stretch(axes, axis, trial, steps):
+def _stretch(axes: Axes, axis: str, trial: Trial, steps: Sequence[Any]):
     shown = [s for s in steps if axis in s.horizon.axes]
     about = [s.stamp for s in shown] or [trial.time[0]]
     span = (trial.time >= about[0] - 5.0) & (trial.time <= about[-1] + 10.0)
@@ -97,7 +99,7 @@ def _stretch(axes, axis, trial, steps):
     _legend(axes, loc='upper right')
 
 
-def _reliability(axes, skill, scores, with_quiescence):
+def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
     axes.plot([0, 1], [0, 1], color=MEASURED, linewidth=0.8, linestyle=':')
     shades = [SERIES[k % len(SERIES)] for k in range(skill.leads.size)]
     for lead, held, colour in zip(skill.leads, scores.coverage, shades, strict=True):

@@ -1,7 +1,8 @@
 """The skill of forecasts as plain data."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.quiescence import ATTITUDE
@@ -40,7 +41,7 @@ def skill_as_data(skill: Skill) -> dict:
     return finite_or_none(data)
 
 
-def _points_as_data(points):
+def _points_as_data(points: Mapping[str, Mapping[str, Any]]):
     if not points:
         return {}
     return {'points': {
@@ -49,7 +50,7 @@ def _points_as_data(points):
     }}  # fmt: skip
 
 
-def _scores_as_data(scores, unit):
+def _scores_as_data(scores: Any, unit: str):
     return {
         f'deviation_{unit}': scores.deviation,
         'counted': scores.counted,

@@ -1,5 +1,9 @@
 """Pictures of manoeuvring: trajectories, histories, derivatives, residuals, standard tests."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
@@ -9,19 +13,23 @@ from swath_sysid.manoeuvring.motion.trial import CHANNELS
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
 from swath_sysid.report.manoeuvring_summary import short
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+    from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
+    from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
+    from swath_sysid.manoeuvring.motion.trial import Run
+    from swath_sysid.manoeuvring.prediction.skill import ForecastScores
+
 LABELS = ('surge (m/s)', 'sway (m/s)', 'yaw rate (deg/s)')
 SIZES = np.array([1.0, 1.0, np.degrees(1.0)])
 MAX_PARAMETERS = 30
 
 
-def run_figures(found, window=20.0):
-    """Trajectory and time histories, measured and freely simulated in windows, s, of every run.
-
-    Returns
-    -------
-    dict of str to Figure
-        File name without ending to figure.
-    """
+def run_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[str, Figure]:
+    """Trajectory and histories of every run, measured and simulated in windows, s; by file name without ending."""
     figures = {}
     for label, runs, currents in (
         ('identification', found.identified_on, found.currents),
@@ -34,17 +42,12 @@ def run_figures(found, window=20.0):
     return figures
 
 
-def summary_figures(found, window=20.0):
-    """Derivatives with error bars, and residuals.
-
-    Returns
-    -------
-    dict of str to Figure
-    """
+def summary_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[str, Figure]:
+    """Derivatives with error bars, and residuals; by file name without ending."""
     return {'derivatives': _derivatives_figure(found), 'residuals': _residuals_figure(found, window)}
 
 
-def test_figure(report, model):
+def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
     """Track, histories, and, where a test makes one, its curve."""
     figure = new_figure(10, 6)
     track_axes, *others = _grid(figure)
@@ -78,7 +81,7 @@ def test_figure(report, model):
     return figure
 
 
-def forecast_figure(scores, future):
+def forecast_figure(scores: ForecastScores, future: str) -> Figure:
     """Errors against lead, a panel a quantity, a line a method."""
     figure = new_figure(12, 6.5)
     panels = figure.subplots(2, 3).ravel()
@@ -98,7 +101,7 @@ def forecast_figure(scores, future):
     return figure
 
 
-def _grid(figure):
+def _grid(figure: Figure):
     grid = figure.add_gridspec(4, 2, width_ratios=(1.1, 1.4))
     histories = [quiet(figure.add_subplot(grid[row, 1])) for row in range(4)]
     for axes in histories[:-1]:
@@ -108,7 +111,7 @@ def _grid(figure):
     return [figure.add_subplot(grid[:, 0]), *histories]
 
 
-def _run_figure(run, simulated, label):
+def _run_figure(run: Run, simulated: Any, label: str):
     figure = new_figure(12, 6.5)
     track_axes, *histories = _grid(figure)
     time = run.time - run.time[0]
@@ -136,14 +139,14 @@ def _run_figure(run, simulated, label):
     return figure
 
 
-def _draw_thrust(axes, time, inputs, thrust_input):
+def _draw_thrust(axes: Axes, time: np.ndarray, inputs: Any, thrust_input: str):
     axes.step(time, inputs.port, where='post', color=SERIES[0], label='port')
     axes.step(time, inputs.starboard, where='post', color=SERIES[2], label='starboard')
     axes.set(ylabel='thrust (N)' if thrust_input == 'force' else 'command', xlabel='time (s)')
     axes.legend(frameon=False, ncols=2, fontsize='small')
 
 
-def _draw_track(axes, run):
+def _draw_track(axes: Axes, run: Run):
     if run.x is not None and run.y is not None:
         axes.plot(run.x, run.y, color=MEASURED, linewidth=0.8)
         axes.plot(run.x[0], run.y[0], 'o', color=MEASURED, markersize=5)
@@ -155,7 +158,7 @@ def _draw_track(axes, run):
     axes.text(0.5, 0.5, 'no position in this run', ha='center', va='center', color=MEASURED)
 
 
-def _derivatives_figure(found):
+def _derivatives_figure(found: ManoeuvringIdentification):
     items = [(n, d) for n, d in found.derivatives.items()][:MAX_PARAMETERS]
     figure, axes = new_panel(8, 1.6 + 0.32 * len(items), title='identified parameters')
     for row, (_, derivative) in enumerate(items):
@@ -172,12 +175,12 @@ def _derivatives_figure(found):
     return figure
 
 
-def _unit(name):
+def _unit(name: str):
     parameter = PARAMETERS[INDEX[name]]
     return '' if parameter.kind not in HULL and parameter.unit == '-' else parameter.unit
 
 
-def _residuals_figure(found, window):
+def _residuals_figure(found: ManoeuvringIdentification, window: float):
     figure = new_figure(11, 6)
     rows = figure.subplots(3, 2, gridspec_kw={'width_ratios': (2.2, 1)})
     groups = [('identification', found.identified_on, found.currents, RESIDUAL),
@@ -210,5 +213,5 @@ def _residuals_figure(found, window):
     return figure
 
 
-def _file_name(source):
+def _file_name(source: str):
     return ''.join(letter if letter.isalnum() or letter in '-_' else '_' for letter in short(source).rsplit('.', 1)[0])

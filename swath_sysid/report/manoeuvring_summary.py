@@ -1,6 +1,10 @@
 """Manoeuvring results in words and in plain data."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
 from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.formats.plain_data import finite_or_none
@@ -8,11 +12,18 @@ from swath_sysid.manoeuvring.hull.terms import PARAMETERS
 from swath_sysid.manoeuvring.identification.shooting import CURRENT
 from swath_sysid.report.fit_summary import warnings_as_data
 
+if TYPE_CHECKING:
+    from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+    from swath_sysid.manoeuvring.hull.standard_tests import ManoeuvringTest
+    from swath_sysid.manoeuvring.hull.terms import Parameter
+    from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
+    from swath_sysid.manoeuvring.prediction.skill import ForecastScores
+
 MAX_ALIKE = 2
 """So many warnings of one kind are shown before the others are only counted."""
 
 
-def condensed(advice):
+def condensed(advice: Iterable[Advice]) -> tuple[Advice, ...]:
     """Warnings without repetitions, as a tuple; of many runs with the same, the first few and how many more."""
     advice = tuple(dict.fromkeys(advice))
     shown: list[Advice] = []
@@ -29,12 +40,12 @@ def condensed(advice):
     return tuple(shown)
 
 
-def identification_as_data(found, wall_s=None):
+def identification_as_data(found: ManoeuvringIdentification, wall_s: float | None = None) -> dict:
     """What ``manoeuvre identify --json`` prints of a `ManoeuvringIdentification`; ``wall_s`` is how long it took."""
     model = found.model
     std = dict(zip(found.names, found.covariance.diagonal() ** 0.5, strict=True))
 
-    def both(pick):
+    def both(pick: Callable):
         validation = None if found.validation is None else pick(found.validation)
         return {'identification': pick(found.identification), 'validation': validation}
 
@@ -70,7 +81,7 @@ def identification_as_data(found, wall_s=None):
     })  # fmt: skip
 
 
-def _currents_by_run(found):
+def _currents_by_run(found: ManoeuvringIdentification):
     """East and north by run; None where all have the model's."""
     if not found.has_currents_by_run:
         return None
@@ -78,11 +89,11 @@ def _currents_by_run(found):
             for run, (east, north) in zip(found.identified_on, found.currents.tolist(), strict=True)}  # fmt: skip
 
 
-def terms_in_words():
+def terms_in_words() -> list[str]:
     """A line for each parameter of the catalogue: name, unit, meaning."""
     sides = {'X': 'surge force', 'Y': 'sway force', 'N': 'yaw moment'}
 
-    def meaning(p):
+    def meaning(p: Parameter):
         by = ' '.join(f'd{f.lower()}/dt' if f.isupper() else f for f in p.factors)
         return _MEANINGS.get(p.name) or (f'{sides[p.row]} by {by}' if by else f'steady {sides[p.row]}')
 
@@ -105,7 +116,7 @@ _MEANINGS = {
 }  # fmt: skip
 
 
-def identification_in_words(found):
+def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
     """Lines for a reader."""
     model = found.model
     held = f', {len(found.validated_on)} held out for validation' if found.validated_on else ''
@@ -140,13 +151,13 @@ def identification_in_words(found):
     return lines
 
 
-def test_as_data(report, model):
+def test_as_data(report: ManoeuvringTest, model: ManoeuvringModel) -> dict:
     """What ``manoeuvre simulate --json`` prints."""
     curve = {name: values.tolist() for name, values in report.curve.items()}
     return finite_or_none({'test': report.name, 'model': model.name, 'numbers': report.numbers, 'curve': curve})
 
 
-def test_in_words(report):
+def test_in_words(report: ManoeuvringTest) -> list[str]:
     """Lines for a reader."""
     lines = [report.name.replace('-', ' ')]
     for name, value in report.numbers.items():
@@ -156,10 +167,10 @@ def test_in_words(report):
     return lines
 
 
-def forecast_as_data(scores, future):
+def forecast_as_data(scores: ForecastScores, future: str) -> dict:
     """What ``manoeuvre forecast --json`` prints: root mean square errors by method, quantity and lead."""
 
-    def by_lead(values):
+    def by_lead(values: Iterable[float]):
         return {f'{lead:g}': float(value) for lead, value in zip(scores.leads, values, strict=True)}
 
     return finite_or_none({
@@ -171,7 +182,7 @@ def forecast_as_data(scores, future):
     })  # fmt: skip
 
 
-def forecast_in_words(scores, future):
+def forecast_in_words(scores: ForecastScores, future: str) -> list[str]:
     """A table a quantity: methods by leads."""
     lines = [f'{scores.count} forecasts, thrust to come {future}; root mean square errors by lead']
     heads = ''.join(f'{lead:>9g} s' for lead in scores.leads)
@@ -189,7 +200,7 @@ def forecast_in_words(scores, future):
     return lines
 
 
-def short(source):
+def short(source: str) -> str:
     """Name of a run for titles: the last part of its path."""
     return PurePath(source).name or source
 
@@ -200,7 +211,7 @@ _UNITS = {
 }  # fmt: skip
 
 
-def _label_and_unit(name):
+def _label_and_unit(name: str):
     for ending, unit in _UNITS.items():
         if name.endswith(ending):
             return name.removesuffix(ending).replace('_', ' '), unit

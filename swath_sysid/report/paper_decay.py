@@ -1,5 +1,8 @@
 """The page of a study of free decays: its tables and figures in its order, printed and obtained side by side."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,7 +11,7 @@ from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_POWERS
 from swath_sysid.report.campaign_page import bullets, page, paragraph, table_as_html
 from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.paper_decay_figures import drawn
-from swath_sysid.report.paper_decay_numbers import checked_models, next_step_errors
+from swath_sysid.report.paper_decay_numbers import checked_models, next_step_errors, printed_steps
 from swath_sysid.report.paper_decay_tables import (
     claims,
     coefficients,
@@ -19,8 +22,11 @@ from swath_sysid.report.paper_decay_tables import (
     search_settings,
 )
 
+if TYPE_CHECKING:
+    from swath_sysid.campaign.papers.decay_study import DecayStudy
 
-def decay_page(study, wall_s):
+
+def decay_page(study: DecayStudy, wall_s: float) -> str:
     """HTML of a `DecayStudy`; ``wall_s`` is how long carrying it out again took."""
     p = study.publication
     sections = [
@@ -39,7 +45,7 @@ def decay_page(study, wall_s):
     return page(f'{p.title}: the study and its repetition', sections)
 
 
-def _in_short(study, wall_s):
+def _in_short(study: DecayStudy, wall_s: float):
     p, records = study.publication, study.records
     pairs = sum(
         big != small and equation_named(big).contains(equation_named(small))
@@ -67,12 +73,12 @@ def _in_short(study, wall_s):
     ]
 
 
-def _bias(study):
+def _bias(study: DecayStudy):
     shares = [study.chosen(r).exact.ratios['b1'] / r.hull.terms['b1'] for r in study.records]
     return f'its linear damping is {np.median(shares):.3g} times that of the hull (median of the records)'
 
 
-def _how_simulated(study):
+def _how_simulated(study: DecayStudy):
     powers = ', '.join(f'{t} by the power {DRAFT_POWERS[t]:g}' for t in equation_named(study.publication.chosen).terms)
     return (
         'The measured records were not published. Here they are simulated: the printed hull, with the same ratios at '
@@ -81,7 +87,7 @@ def _how_simulated(study):
     )
 
 
-def _limits(study):
+def _limits(study: DecayStudy):
     p = study.publication
     lines = [
         "I' and every coefficient multiplied by one number give the same motion, so that I' cannot come out of a free "
@@ -120,10 +126,10 @@ def _limits(study):
     return lines
 
 
-def _limits_of_the_check(study):
+def _limits_of_the_check(study: DecayStudy):
     record, models = checked_models(study)
     found = [100.0 * np.median(next_step_errors(study, record, ratios)) for ratios in models]
-    _, measured, _, errors = np.array(study.publication.next_step.rows).T
+    _, measured, _, errors = np.array(printed_steps(study).rows).T
     steps = 100.0 * np.abs(np.diff(measured) / measured[1:])
     lines = [
         f"The check one step ahead does not distinguish models: the study's method errs by {found[0]:.3g} % there, the "

@@ -1,5 +1,8 @@
 """The figures of a study of free decays, as the study orders them."""
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -13,8 +16,15 @@ from swath_sysid.report.campaign_page import Drawing, figures
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, TWO_STD, new_panel
 from swath_sysid.report.paper_decay_numbers import BY, GENETIC, HULL, OURS, coefficient, coefficient_names
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-def drawn(study, kind):
+    from swath_sysid.attitude.hull.decay_model import DecayModel
+    from swath_sysid.attitude.motion.trial import AxisMotion
+    from swath_sysid.campaign.papers.decay_study import DecayStudy
+
+
+def drawn(study: DecayStudy, kind: str) -> str:
     """The figures of one kind; nothing where the study has none."""
     with matplotlib.rc_context(STYLE):
         drawings = [
@@ -24,11 +34,11 @@ def drawn(study, kind):
     return figures(drawings)
 
 
-def _panel(**labels):
+def _panel(**labels: str):
     return new_panel(WIDTH, HEIGHT, **labels)
 
 
-def _decays(study, spec):
+def _decays(study: DecayStudy, spec: dict[str, Any]):
     figure, axes = _panel(xlabel='time since release [s]', ylabel=f'{study.publication.axis} rate [rad/s]')
     for factor in DRAFT_FACTORS:
         motion = study.at(factor, spec['angle_deg']).problem.motions[0]
@@ -37,7 +47,7 @@ def _decays(study, spec):
     return [Drawing('decays', f'rates of the three drafts, released from {spec["angle_deg"]:g} deg', figure)]
 
 
-def _motion(study, spec):
+def _motion(study: DecayStudy, spec: dict[str, Any]):
     record = study.at(spec['draft_factor'], spec['angle_deg'])
     motion, state = record.problem.motions[0], record.ours.initial_states[0]
     searched = record.hull.from_terms(
@@ -58,12 +68,12 @@ def _motion(study, spec):
     return found
 
 
-def _simulated(model, state: InitialState, motion):
+def _simulated(model: DecayModel, state: InitialState, motion: AxisMotion):
     angle, rate = simulate(model.with_trim(state.trim), state.x + state.trim, state.rate, motion.time)
     return {'angle': angle, 'rate': rate}
 
 
-def _objective_by_equation(study, spec):
+def _objective_by_equation(study: DecayStudy, spec: dict[str, Any]):
     p = study.publication
     found = []
     for angle in sorted({r.angle_deg for r in study.records}):
@@ -82,7 +92,7 @@ def _objective_by_equation(study, spec):
     return found
 
 
-def _against_angle(study, spec):
+def _against_angle(study: DecayStudy, spec: dict[str, Any]):
     found = []
     for name in spec['coefficients']:
         for by, words in BY.items():
@@ -101,7 +111,7 @@ def _against_angle(study, spec):
     return found
 
 
-def _one_curve(axes, study, name, by, k, factor):
+def _one_curve(axes: Axes, study: DecayStudy, name: str, by: str, k: int, factor: float):
     """Draw a draft's curve with that of the hull; the values that the figure has to show."""
     records = sorted((r for r in study.records if r.draft_factor == factor), key=lambda r: r.angle_deg)
     angles = [r.angle_deg for r in records]
@@ -118,13 +128,13 @@ def _one_curve(axes, study, name, by, k, factor):
     return np.concatenate([hull[np.isfinite(hull)], values[known], [0.0]])
 
 
-def _limit(axes, shown):
+def _limit(axes: Axes, shown: np.ndarray):
     low, high = float(np.min(shown)), float(np.max(shown))
     margin = 0.12 * (high - low) or 0.1
     axes.set_ylim(low - margin, high + margin)
 
 
-def _all_coefficients(study, spec):
+def _all_coefficients(study: DecayStudy, spec: dict[str, Any]):
     factor = spec['draft_factor']
     records = sorted((r for r in study.records if r.draft_factor == factor), key=lambda r: r.angle_deg)
     found = []

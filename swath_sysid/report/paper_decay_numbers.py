@@ -1,9 +1,20 @@
 """What is compared in a study of free decays: coefficients, trends, and rates one step ahead."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification.forecast_check import next_step
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS
+from swath_sysid.common.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
+    from swath_sysid.campaign.papers.publication import PrintedTable
 
 STEADY = 0.2
 """A curve that changes by less than this share of its largest value hardly changes."""
@@ -12,24 +23,11 @@ GENETIC, OURS, HULL = 'genetic', 'ours', 'hull'
 BY = {GENETIC: "the study's method", OURS: 'the simulated motion'}
 
 
-def coefficient(study, record, name, by):
-    """A printed coefficient of one record, with the study's inertia given.
+def coefficient(study: DecayStudy, record: StudiedRecord, name: str, by: str) -> tuple[float, float]:
+    """A printed coefficient of one record, with the study's inertia: N, W, x, C1 to C3, or I' of the search alone.
 
-    Parameters
-    ----------
-    study : DecayStudy
-        With the inertia.
-    record : StudiedRecord
-        Of the study.
-    name : str
-        N, W, x, C1 to C3, or I', which only the search has.
-    by : str
-        ``genetic``, ``ours`` or ``hull``: what was simulated.
-
-    Returns
-    -------
-    value, std : float
-        NaN where the equation has none.
+    Value and standard deviation, ``genetic``, ``ours`` or of the ``hull`` that was simulated; NaN where the equation
+    has none.
     """
     nothing = float('nan'), float('nan')
     if name == "I'":
@@ -46,13 +44,13 @@ def coefficient(study, record, name, by):
     return nothing
 
 
-def coefficient_names(study):
+def coefficient_names(study: DecayStudy) -> list[str]:
     """Names of the coefficients of the chosen equation, as the study orders them."""
     used = {COEFFICIENTS[t][0] for t in equation_named(study.publication.chosen).terms}
     return [name for name in ('N', 'W', 'x', 'C1', 'C2', 'C3') if name in used]
 
 
-def trend_of(values):
+def trend_of(values: ArrayLike) -> str:
     """``falls``, ``rises``, ``steady`` or ``neither`` of values along a curve."""
     values = np.asarray(values, dtype=float)
     if np.ptp(values) <= STEADY * np.abs(values).max():
@@ -61,7 +59,7 @@ def trend_of(values):
     return 'falls' if (steps <= 0.0).all() else 'rises' if (steps >= 0.0).all() else 'neither'
 
 
-def next_step_errors(study, record, ratios):
+def next_step_errors(study: DecayStudy, record: StudiedRecord, ratios: dict[str, float] | None) -> np.ndarray:
     """Relative errors of the rate one step ahead where the study looks, or where it turns fastest; shape (N,).
 
     ``ratios`` None: of the rate that stays as it is.
@@ -70,28 +68,33 @@ def next_step_errors(study, record, ratios):
     return np.abs(checked[2] - checked[1]) / np.abs(checked[1])
 
 
-def next_steps(study, record, ratios):
+def printed_steps(study: DecayStudy) -> PrintedTable:
+    """The table of the rate one step ahead, of a study that has one."""
+    table = study.publication.next_step
+    if table is None:
+        raise InputError(f'{study.publication.title} prints no rate one step ahead')
+    return table
+
+
+def next_steps(
+    study: DecayStudy, record: StudiedRecord, ratios: dict[str, float] | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time since release, measured and predicted rate at the times that the study prints."""
-    motion = record.problem.motions[0]
+    motion, printed = record.problem.motions[0], printed_steps(study)
     model = record.hull.with_trim(record.problem.states[0].trim)
     found = next_step(model.from_terms(equation_named(study.publication.chosen), ratios or {}, trim=model.trim), motion)
-    predicted = found.predicted if ratios else motion.rate[:-1]
+    predicted = found.predicted if ratios else np.asarray(motion.rate)[:-1]
     since = found.time - motion.time[0]
-    times = [row[0] for row in study.publication.next_step.rows]
-    at = [int(np.argmin(np.abs(since - t))) for t in times]
+    at = [int(np.argmin(np.abs(since - t))) for t, *_ in printed.rows]
     return since[at], found.measured[at], predicted[at]
 
 
-def checked_models(study):
+def checked_models(study: DecayStudy) -> tuple[StudiedRecord, tuple]:
     """The record on which the study checks one step ahead, and the ratios that are checked there.
 
-    Returns
-    -------
-    record : StudiedRecord
-    ratios : tuple
-        By the study's method and by the simulated motion, dict of str to float; None: the rate stays as it is.
+    By the study's method and by the simulated motion, dict of str to float; None: the rate stays as it is.
     """
-    printed = study.publication.next_step
+    printed = printed_steps(study)
     record = study.at(printed.draft_factor, printed.angle_deg)
     ours = dict(zip(record.ours.terms, record.ours.ratios, strict=True))
     return record, (study.chosen(record).genetic.ratios, ours, None)

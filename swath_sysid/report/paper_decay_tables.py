@@ -1,4 +1,9 @@
 """The tables of a study of free decays, printed and obtained side by side."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, SWARM
@@ -11,9 +16,13 @@ from swath_sysid.report.paper_decay_numbers import (
     coefficient,
     next_step_errors,
     next_steps,
+    printed_steps,
     trend_of,
 )
 from swath_sysid.report.tables import Column, Table, digits
+
+if TYPE_CHECKING:
+    from swath_sysid.campaign.papers.decay_study import DecayStudy
 
 ROUNDING = 1e-9
 """Ratios to inertia below this are zero, to the rounding of a search."""
@@ -24,7 +33,7 @@ NAMES = {
 }  # fmt: skip
 
 
-def particulars(study):
+def particulars(study: DecayStudy) -> Table:
     """The craft and its trials."""
     p = study.publication
     angles = sorted({r.angle_deg for r in study.records})
@@ -38,14 +47,14 @@ def particulars(study):
     return Table('particulars', p.craft['name'], 'As printed.', (Column('what'), Column('value')), tuple(rows))
 
 
-def equations(study):
+def equations(study: DecayStudy) -> Table:
     """The equations and their terms."""
     rows = tuple((e, ' '.join(equation_named(e).terms)) for e in study.publication.equations)
     note = 'b: damping over inertia, linear, quadratic, cubic; r: restoring over inertia; s: sine and sine squared.'
     return Table('equations', 'Equations', note, (Column('equation'), Column('terms')), rows)
 
 
-def search_settings(study):
+def search_settings(study: DecayStudy) -> Table:
     """The settings of both searches."""
     preset = PRESETS[study.publication.name]
     g = preset.genetic
@@ -62,11 +71,11 @@ def search_settings(study):
     return Table('search', 'Search', note, (Column('setting'), *shown), rows)
 
 
-def _plain(value):
+def _plain(value: Any):
     return '-' if value is None else f'{value:g}' if isinstance(value, float) else str(value)
 
 
-def objective_values(study):
+def objective_values(study: DecayStudy) -> Table:
     """The least objective values, printed and obtained."""
     p = study.publication
     rows: list[tuple] = []
@@ -90,7 +99,7 @@ def objective_values(study):
     return Table('objective', 'Objective values by equation, angle and draft', note, columns, tuple(rows), marks)
 
 
-def coefficients(study):
+def coefficients(study: DecayStudy) -> Table:
     """The coefficients of the chosen equation on one record, by each method."""
     printed = study.publication.coefficients
     record = study.at(printed.draft_factor, printed.angle_deg)
@@ -125,21 +134,21 @@ def coefficients(study):
     return Table('coefficients', 'Coefficients of the chosen equation', note, columns, tuple(rows))
 
 
-def _ratio_shown(value):
+def _ratio_shown(value: Any):
     return '0' if abs(value) < ROUNDING else digits(6)(value)
 
 
-def _inertia_is_assumed(study):
+def _inertia_is_assumed(study: DecayStudy):
     return "I'" not in study.publication.coefficients.published_form
 
 
-def _in_words(name, factor):
+def _in_words(name: str, factor: float):
     return f"{1.0 / factor:g} {name}/I'" if factor != 1.0 else f"{name}/I'"
 
 
-def next_step_table(study):
+def next_step_table(study: DecayStudy) -> Table:
     """The rate one step ahead at the times that the study prints."""
-    printed, (record, models) = study.publication.next_step, checked_models(study)
+    printed, (record, models) = printed_steps(study), checked_models(study)
     _, measured, by_search = next_steps(study, record, models[0])
     by_ours, unchanged = (next_steps(study, record, ratios)[2] for ratios in models[1:])
     rows = []
@@ -163,7 +172,7 @@ def next_step_table(study):
     return Table('next_step', 'Rate one step ahead', note, columns, tuple(rows))
 
 
-def claims(study):
+def claims(study: DecayStudy) -> Table:
     """What the study concludes, and whether it holds here."""
     rows: list[tuple] = []
     marks: dict[tuple[int, int], str] = {}
@@ -183,8 +192,8 @@ def claims(study):
     return Table('claims', 'Conclusions of the study, and whether they hold here', note, columns, tuple(rows), marks)
 
 
-def _claim_least(study, claim):
-    def share(tables):
+def _claim_least(study: DecayStudy, claim: dict[str, Any]):
+    def share(tables: Iterable[dict[str, float]]):
         least = [t[claim['equation']] <= min(t.values()) * (1.0 + 1e-7) for t in tables]
         return sum(least), len(least)
 
@@ -193,7 +202,7 @@ def _claim_least(study, claim):
     return f'in {here} of {count} records; in the printed table in {printed}', '-', '-', _verdict(here, count)
 
 
-def _claim_next_step(study, claim):
+def _claim_next_step(study: DecayStudy, claim: dict[str, Any]):
     record, models = checked_models(study)
     found = [100.0 * next_step_errors(study, record, ratios).max() for ratios in models]
     return (
@@ -202,7 +211,7 @@ def _claim_next_step(study, claim):
     )  # fmt: skip
 
 
-def _claim_trend(study, claim):
+def _claim_trend(study: DecayStudy, claim: dict[str, Any]):
     drafts = claim.get('draft_factors', DRAFT_FACTORS)
     angles = claim.get('angles_deg', sorted({r.angle_deg for r in study.records}))
     curves = [[(f, a) for a in angles] for f in drafts]
@@ -221,14 +230,14 @@ def _claim_trend(study, claim):
     return *(_curves(found[by]) for by in (GENETIC, OURS, HULL)), verdict
 
 
-def _curves(found):
+def _curves(found: tuple[int, list[str]]):
     holds, trends = found
     if len(trends) == 1:
         return trends[0]
     return f'{holds} of {len(trends)} curves ({", ".join(trends)})'
 
 
-def _verdict(holds, count):
+def _verdict(holds: int, count: int):
     return 'yes' if holds == count else 'no' if holds == 0 else f'in {holds} of {count}'
 
 

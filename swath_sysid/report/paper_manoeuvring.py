@@ -1,4 +1,8 @@
 """The page of the study of a catamaran's manoeuvring: printed and obtained values side by side, in its order."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import matplotlib
 import numpy as np
 
@@ -8,11 +12,14 @@ from swath_sysid.report.campaign_page import Drawing, bullets, figures, page, pa
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
 from swath_sysid.report.tables import Column, Table, digits
 
+if TYPE_CHECKING:
+    from swath_sysid.campaign.papers.manoeuvring_study import ManoeuvringStudy
+
 TALL = 1.2 * HEIGHT
 FIGURE_OF_RUN = {'identification': '4', 'validation': '5'}
 
 
-def manoeuvring_page(study, wall_s):
+def manoeuvring_page(study: ManoeuvringStudy, wall_s: float) -> str:
     """HTML of the study carried out again; see `ManoeuvringStudy`."""
     with matplotlib.rc_context(STYLE):
         tracks, iterations = figures(_trajectories(study) + _turns(study)), figures(_iterations(study))
@@ -28,17 +35,17 @@ def manoeuvring_page(study, wall_s):
     return page(f'{study.content["title"]}: the study and its repetition', sections)
 
 
-def _errors(study, run):
+def _errors(study: ManoeuvringStudy, run: str):
     """Root mean square distance of the tracks of the study's method, and of ours, from the true one, m."""
     exact, _ = study.runs[run]
     return [track_error(study.simulated(model, run), exact) for model in (study.estimated, study.ours.model)]
 
 
-def _unknown(study):
+def _unknown(study: ManoeuvringStudy):
     return [d for d in study.derivatives if d.std > abs(d.truth)]
 
 
-def _in_short(study, wall_s):
+def _in_short(study: ManoeuvringStudy, wall_s: float):
     (here, ours_here), (other, ours_other) = (_errors(study, run) for run in FIGURE_OF_RUN)
     free = [d for d in study.derivatives if np.isfinite(d.std)]
     return [
@@ -51,7 +58,7 @@ def _in_short(study, wall_s):
     ]
 
 
-def _resemblance(study):
+def _resemblance(study: ManoeuvringStudy):
     near = [d for d in study.derivatives if abs(d.printed - d.mariner) < 0.1 * abs(d.mariner)]
     return (
         f'{len(near)} of the printed values ({", ".join(d.name for d in near)}) lie within 10 % of those of the '
@@ -60,7 +67,7 @@ def _resemblance(study):
     )
 
 
-def _craft(study):
+def _craft(study: ManoeuvringStudy):
     names = {
         'length_m': 'length [m]', 'breadth_m': 'breadth [m]', 'height_m': 'height [m]', 'draft_m': 'draft [m]',
         'displacement_kg': 'displacement [kg]', 'deduction': 'thrust deduction', 'moment_factor': 'moment factor',
@@ -81,7 +88,7 @@ def _craft(study):
     return Table('craft', 'WAM-V', 'As printed, or assumed where it is not.', columns, tuple(rows))
 
 
-def _how_simulated(study):
+def _how_simulated(study: ManoeuvringStudy):
     assumed = study.content['assumed']
     return (
         'The measured runs were not published. Here they are simulated of the printed derivatives: an approach with '
@@ -94,7 +101,7 @@ def _how_simulated(study):
     )
 
 
-def _derivatives(study):
+def _derivatives(study: ManoeuvringStudy):
     rows = tuple(
         (d.name, d.printed, d.truth, d.estimate, d.std, d.ours, d.ours_std, d.lower, d.upper, d.mariner)
         for d in study.derivatives
@@ -114,7 +121,7 @@ def _derivatives(study):
     return Table('derivatives', 'Non-dimensional derivatives', note, columns, rows, marks)
 
 
-def _models(study, run):
+def _models(study: ManoeuvringStudy, run: str):
     return [
         (study.runs[run][1], 'measured', dict(color=MEASURED, linewidth=0.7, alpha=0.8)),
         (study.simulated(study.estimated, run), "study's method", dict(color=MODEL, linestyle='--')),
@@ -122,7 +129,7 @@ def _models(study, run):
     ]
 
 
-def _trajectories(study):
+def _trajectories(study: ManoeuvringStudy):
     found = []
     for run, number in FIGURE_OF_RUN.items():
         title = f'{run}, {study.content["runs"][run][1]:g} N starboard'
@@ -135,7 +142,7 @@ def _trajectories(study):
     return found
 
 
-def _turns(study):
+def _turns(study: ManoeuvringStudy):
     found = []
     for run in FIGURE_OF_RUN:
         figure = new_figure(WIDTH, 1.5 * HEIGHT)
@@ -151,7 +158,7 @@ def _turns(study):
     return found
 
 
-def _iterations(study):
+def _iterations(study: ManoeuvringStudy):
     found = []
     for row in ('Y', 'N'):
         title = f'{row} derivatives'
@@ -168,7 +175,7 @@ def _iterations(study):
     return found
 
 
-def _claims(study):
+def _claims(study: ManoeuvringStudy):
     here, other = (_errors(study, run)[0] for run in FIGURE_OF_RUN)
     rows = (
         ('the simulated trajectory agrees with the measured one', f'to {here:.2g} m', 'yes'),

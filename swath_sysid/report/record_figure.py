@@ -13,8 +13,10 @@ from swath_sysid.report.fit_summary import short_name
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from swath_sysid.attitude.motion.segmentation import DecaySegment
     from swath_sysid.attitude.motion.trial import AxisMotion
 
 MAX_POINTS = 20000
@@ -39,7 +41,7 @@ def record_figure(motions: Sequence[AxisMotion]) -> Figure:
     return figure
 
 
-def _draw_motion(axes, motion, decays):
+def _draw_motion(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment]):
     measured, label = measured_channel(motion)
     time, values = _thinned(motion.time, np.degrees(measured))
     axes.plot(time, values, color=MEASURED, linewidth=0.9)
@@ -58,7 +60,7 @@ def _draw_motion(axes, motion, decays):
     axes.set(xlabel='time [s]', ylabel=label)
 
 
-def _draw_turning_points(axes, motion, decay):
+def _draw_turning_points(axes: Axes, motion: AxisMotion, decay: DecaySegment):
     inside = motion.between(decay.start, decay.end)
     if inside.size < 3:
         return
@@ -66,7 +68,7 @@ def _draw_turning_points(axes, motion, decay):
     axes.plot(points.time, np.degrees(points.value), '.', color=MODEL, markersize=4)
 
 
-def _thinned(time, values):
+def _thinned(time: np.ndarray, values: np.ndarray):
     """The samples, or the smallest and largest of each stretch in order of time."""
     if time.size <= MAX_POINTS:
         return time, values
@@ -78,7 +80,7 @@ def _thinned(time, values):
     return time[at], values[at]
 
 
-def _draw_spectrum(axes, motion, decays):
+def _draw_spectrum(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment]):
     signal = even_signal(motion)
     points = find_turning_points(motion)
     if signal.value.size < 16 or points.time.size < 2:

@@ -18,15 +18,7 @@ if TYPE_CHECKING:
 
 
 def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
-    """What ``inspect --json`` prints.
-
-    Parameters
-    ----------
-    trial : Trial
-        The whole record.
-    motions : sequence of AxisMotion
-        The axes to describe.
-    """
+    """What ``inspect --json`` prints of a whole record and the motions of it that are to be described."""
     interval = float(np.median(np.diff(trial.time)))
     return finite_or_none({
         'source': trial.source,
@@ -41,7 +33,7 @@ def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     })  # fmt: skip
 
 
-def _axis_as_data(motion):
+def _axis_as_data(motion: AxisMotion):
     decays = find_decays(motion)
     values, _ = measured_channel(motion)
     advice = [*check_motion(motion, decays)]
@@ -74,12 +66,7 @@ def record_in_words(
 ) -> list[str]:
     """Lines for a reader; see `record_as_data`.
 
-    Parameters
-    ----------
-    trial, motions : Trial and sequence of AxisMotion
-        What is described.
-    worded : callable
-        Of the code and the message of an advice; returns the message as the reader is to see it.
+    ``worded`` makes of the code and the message of an advice what the reader is to see.
     """
     data = record_as_data(trial, motions)
     lines = [

@@ -2,8 +2,9 @@
 import csv
 import io
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import Any, Self
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,6 @@ class Table:
     ----------
     name : str
         File name without ending.
-    title, note : str
-    columns : tuple of Column
     rows : tuple of tuple
         Raw values, as the CSV file holds them.
     marks : dict of (int, int) to str
@@ -38,16 +37,16 @@ class Table:
     marks: dict = field(default_factory=dict)
 
     @classmethod
-    def of(cls, name, title, note, items, *columns):
+    def of(cls, name: str, title: str, note: str, items: Iterable[Any], *columns: tuple) -> Self:
         """A table of like items: each column is a heading, the value of an item, and how it is shown."""
         rows = tuple(tuple(value(item) for _, value, *_ in columns) for item in items)
         return cls(name, title, note, tuple(Column(heading, *show) for heading, _, *show in columns), rows)
 
 
-def digits(count):
+def digits(count: int) -> Callable[[Any], str]:
     """A function that shows numbers with this many significant digits."""
 
-    def show(value):
+    def show(value: Any) -> str:
         if value is None or (isinstance(value, float) and math.isnan(value)):
             return '-'
         return f'{float(f"{value:.{count}g}"):.12g}'
@@ -55,12 +54,12 @@ def digits(count):
     return show
 
 
-def percent(value):
+def percent(value: float | None) -> str:
     """A share, shown in percent."""
     return '-' if value is None or math.isnan(value) else f'{100.0 * value:.3g} %'
 
 
-def table_as_csv(table):
+def table_as_csv(table: Table) -> str:
     """Text of a CSV file, its numbers with all their digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
@@ -69,7 +68,7 @@ def table_as_csv(table):
     return text.getvalue()
 
 
-def table_in_words(table):
+def table_in_words(table: Table) -> list[str]:
     """Aligned lines of text; columns without any value are left out."""
     shown = [
         ['-' if value is None else column.show(value) for column, value in zip(table.columns, row, strict=True)]
@@ -81,6 +80,6 @@ def table_in_words(table):
     return [table.title, *('  ' + '  '.join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)]
 
 
-def table_as_data(table):
+def table_as_data(table: Table) -> list[dict[str, Any]]:
     """Rows as dicts by column name."""
     return [dict(zip((c.name for c in table.columns), row, strict=True)) for row in table.rows]

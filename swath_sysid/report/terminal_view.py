@@ -23,14 +23,12 @@ class ViewState:
 
     Attributes
     ----------
-    title, stage : str
     now : float
         Stamp of the newest sample.
     time, angle : ndarray
         Recently measured.
     forecast_time, forecast_angle : ndarray
         Recent forecasts at the lead that is drawn.
-    drawn_lead : float
     leads : tuple of (float, float, float)
         Lead, newest forecast, and root mean square of the errors that came due lately (NaN: none).
     model : tuple of str
@@ -110,7 +108,7 @@ def line(state: ViewState) -> str:
     return f'{state.stage}: {angle}; forecast {ahead or "none"}'
 
 
-def _forecasts(state):
+def _forecasts(state: ViewState):
     table = Table.grid(padding=(0, 2))
     table.add_row(Text('ahead', 'dim'), Text('forecast', 'dim'), Text('lately wrong by', 'dim'))
     for lead, angle, error in state.leads:
@@ -121,7 +119,7 @@ def _forecasts(state):
     return table
 
 
-def _diagnostics(state):
+def _diagnostics(state: ViewState):
     table = Table.grid(padding=(0, 2))
     for level, name, message in state.diagnostics:
         word, colour = LEVELS[min(level, len(LEVELS) - 1)]

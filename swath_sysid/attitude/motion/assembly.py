@@ -49,10 +49,6 @@ def assemble_trial(
     advice : sequence of Advice
         Of the reader.
 
-    Returns
-    -------
-    Trial
-
     Raises
     ------
     InputError

@@ -3,6 +3,7 @@
 Every function takes the components as floats or as arrays that broadcast, and returns the
 like: a node calls them once a sample, a reader once a record, and each formula stands once. For
 floats it is evaluated with the functions of `math`, as numpy takes ten times as long over a number.
+Angles are in rad, rates in rad/s; quaternions are x, y, z, w.
 
 Orientations turn body vectors into world vectors. Euler angles are those of REP-103:
 yaw about z, then pitch about the new y, then roll about the new x. Body rates are what
@@ -66,15 +67,6 @@ def is_orientation(x: Value, y: Value, z: Value, w: Value) -> Value:
 
     Drivers that know no orientation send zeros, and broken packets send anything: a quaternion whose
     squared norm is not within `UNIT_TOLERANCE` of one, or not finite, is invalid.
-
-    Parameters
-    ----------
-    x, y, z, w : float or ndarray
-        Of the quaternion.
-
-    Returns
-    -------
-    bool or ndarray of bool
     """
     if type(x) is float and type(w) is float:
         return _is_unit(x, y, z, w)
@@ -87,19 +79,9 @@ def _is_unit(x: Value, y: Value, z: Value, w: Value) -> Value:
 
 
 def euler_angles(x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, Value]:
-    """Roll, pitch and yaw of a quaternion, NaN where it is invalid.
+    """Roll, pitch and yaw of a quaternion, NaN where it is invalid; roll is zero where the x axis is vertical.
 
-    Where the x axis points straight up or down, roll is set to zero.
-
-    Parameters
-    ----------
-    x, y, z, w : float or ndarray
-        Of the quaternion.
-
-    Returns
-    -------
-    roll, pitch, yaw : float or ndarray
-        rad; roll and yaw in [-pi, pi], pitch in [-pi/2, pi/2].
+    Roll and yaw lie in [-pi, pi], pitch in [-pi/2, pi/2].
 
     Notes
     -----
@@ -126,21 +108,9 @@ def _euler_angles(
 
 
 def tilt_angles(up_x: Value, up_y: Value, up_z: Value) -> tuple[Value, Value]:
-    """Roll and pitch of the world's upward direction seen in body axes (FLU).
+    """Roll and pitch of the world's upward direction, of any length, seen in body axes (FLU).
 
-    Parameters
-    ----------
-    up_x, up_y, up_z : float or ndarray
-        The last row of the rotation matrix from body to world, times any positive number.
-
-    Returns
-    -------
-    roll, pitch : float or ndarray
-        rad.
-
-    Notes
-    -----
-    [1]_, section 2.2.1, the last row of the rotation matrix.
+    That is the last row of the rotation matrix from body to world: [1]_, section 2.2.1.
     """
     return _tilt_angles(_Arrays, up_x, up_y, up_z)
 
@@ -150,39 +120,15 @@ def _tilt_angles(f: type[_Arrays] | type[_Floats], up_x: Value, up_y: Value, up_
 
 
 def up_in_body(roll: Value, pitch: Value) -> tuple[Value, Value, Value]:
-    """The world's upward direction seen in body axes (FLU): the inverse of `tilt_angles`.
+    """The world's upward direction seen in body axes (FLU), a unit vector: the inverse of `tilt_angles`.
 
     Times gravity, what an accelerometer at rest reads.
-
-    Parameters
-    ----------
-    roll, pitch : float or ndarray
-        rad.
-
-    Returns
-    -------
-    x, y, z : float or ndarray
-        A unit vector: the last row of the rotation matrix from body to world.
     """
     return -np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)
 
 
 def quaternion(roll: Value, pitch: Value, yaw: Value) -> Quaternion:
-    """The quaternion of roll, pitch and yaw.
-
-    Parameters
-    ----------
-    roll, pitch, yaw : float or ndarray
-        rad.
-
-    Returns
-    -------
-    x, y, z, w : float or ndarray
-
-    Notes
-    -----
-    [1]_, section 2.2.2 (unit quaternions from Euler angles).
-    """
+    """The quaternion of roll, pitch and yaw: [1]_, section 2.2.2 (unit quaternions from Euler angles)."""
     f = _for_angles(roll, pitch, yaw)
     sin_roll, cos_roll = f.sin(roll / 2), f.cos(roll / 2)
     sin_pitch, cos_pitch = f.sin(pitch / 2), f.cos(pitch / 2)
@@ -198,22 +144,8 @@ def quaternion(roll: Value, pitch: Value, yaw: Value) -> Quaternion:
 def euler_rates(
     roll: Value, pitch: Value, rate_x: Value, rate_y: Value, rate_z: Value
 ) -> tuple[Value, Value, Value]:
-    """Euler rates of body rates, NaN where the x axis is vertical (they do not exist there).
+    """Rates of roll, pitch and yaw of body rates, NaN where the x axis is vertical (they do not exist there).
 
-    Parameters
-    ----------
-    roll, pitch : float or ndarray
-        rad.
-    rate_x, rate_y, rate_z : float or ndarray
-        Body rates, rad/s.
-
-    Returns
-    -------
-    roll_rate, pitch_rate, yaw_rate : float or ndarray
-        rad/s.
-
-    Notes
-    -----
     [1]_, section 2.2.1 (attitude transformation).
     """
     f = _for_angles(roll, pitch)
@@ -226,22 +158,8 @@ def euler_rates(
 def body_rates(
     roll: Value, pitch: Value, roll_rate: Value, pitch_rate: Value, yaw_rate: Value
 ) -> tuple[Value, Value, Value]:
-    """Body rates of Euler rates: the inverse of `euler_rates`.
+    """Body rates of Euler rates, the inverse of `euler_rates`.
 
-    Parameters
-    ----------
-    roll, pitch : float or ndarray
-        rad.
-    roll_rate, pitch_rate, yaw_rate : float or ndarray
-        rad/s.
-
-    Returns
-    -------
-    rate_x, rate_y, rate_z : float or ndarray
-        rad/s.
-
-    Notes
-    -----
     [1]_, section 2.2.1 (inverse of the attitude transformation).
     """
     f = _for_angles(roll, pitch)
@@ -257,30 +175,12 @@ def swap_body_axes(x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
     """A body vector from FRD (forward, right, down) to FLU (forward, left, up), or back.
 
     Holds for rates and for specific force alike: half a turn about x.
-
-    Parameters
-    ----------
-    x, y, z : float or ndarray
-        Of the vector.
-
-    Returns
-    -------
-    x, y, z : float or ndarray
     """
     return x, -y, -z
 
 
 def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
     """An orientation from FRD in NED to FLU in ENU, or back.
-
-    Parameters
-    ----------
-    x, y, z, w : float or ndarray
-        Of the quaternion.
-
-    Returns
-    -------
-    x, y, z, w : float or ndarray
 
     Notes
     -----
@@ -294,21 +194,7 @@ def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
 
 
 def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
-    """The quaternion product ``first second``: the rotation `second`, then `first`.
-
-    Parameters
-    ----------
-    first, second : tuple of 4 floats or ndarrays
-        x, y, z, w.
-
-    Returns
-    -------
-    x, y, z, w : float or ndarray
-
-    Notes
-    -----
-    [1]_, section 2.2.2 (quaternion product).
-    """
+    """The quaternion product ``first second``, the rotation `second`, then `first`: [1]_, section 2.2.2."""
     (ax, ay, az, aw), (bx, by, bz, bw) = first, second
     return (
         aw * bx + ax * bw + ay * bz - az * by,
@@ -319,36 +205,13 @@ def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
 
 
 def conjugate(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
-    """The inverse of a unit quaternion.
-
-    Parameters
-    ----------
-    x, y, z, w : float or ndarray
-        Of the quaternion.
-
-    Returns
-    -------
-    x, y, z, w : float or ndarray
-    """
+    """The inverse of a unit quaternion."""
     return -x, -y, -z, w
 
 
 def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
     """A vector turned by a unit quaternion.
 
-    Parameters
-    ----------
-    rotation : tuple of 4 floats or ndarrays
-        x, y, z, w.
-    x, y, z : float or ndarray
-        Of the vector.
-
-    Returns
-    -------
-    x, y, z : float or ndarray
-
-    Notes
-    -----
     ``v + 2 w (u x v) + 2 u x (u x v)`` with u the vector part: [1]_, section 2.2.2, as
     ``R = I + 2 w S(u) + 2 S(u)^2``.
     """

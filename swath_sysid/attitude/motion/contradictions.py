@@ -27,14 +27,7 @@ DOUBTFUL_CODES = FROZEN_CODES | {'accelerations-scaled', 'gravity-missing'}
 
 @dataclass(frozen=True)
 class Contradiction(Advice):
-    """A record or a sensor that contradicts itself, with what would mend it.
-
-    Attributes
-    ----------
-    code, message : str
-    axis : str or None
-        ``roll`` or ``pitch`` where only that is concerned.
-    """
+    """A record or a sensor that contradicts itself, with what would mend it; the axis where only one is concerned."""
 
     axis: str | None = None
 
@@ -47,12 +40,7 @@ class Contradiction(Advice):
 def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
     """Refuse a record whose angles, rates and accelerations contradict each other plainly.
 
-    Parameters
-    ----------
-    trial : Trial
-        Its advice holds what contradicts itself.
-    axis : str, optional
-        Contradictions that concern only the other axis are ignored; by default both axes count.
+    Contradictions that concern only another axis than the one given are ignored.
 
     Raises
     ------

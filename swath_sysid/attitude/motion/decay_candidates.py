@@ -347,17 +347,7 @@ def _leading(mask: np.ndarray) -> int:
 
 
 def find_falls(motion: AxisMotion) -> list[Fall]:
-    """Every fall of a motion on every grid, whether the grid suits its period or not.
-
-    Parameters
-    ----------
-    motion : AxisMotion
-        Without long pauses.
-
-    Returns
-    -------
-    list of Fall
-    """
+    """Every fall of a motion without long pauses, on every grid, whether the grid suits its period or not."""
     falls: list[Fall] = []
     for signal in pyramid(even_signal(motion)):
         least = prominence_of(signal)
@@ -408,7 +398,7 @@ def split_into_falls(
 
 
 def bridged_swings(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
-    """Mask of the swings that touch a gap long enough to hide a turning point.
+    """Mask of the swings that touch a gap long enough to hide a turning point, shape (M - 1,).
 
     Parameters
     ----------
@@ -416,10 +406,6 @@ def bridged_swings(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
         Turning points, s.
     signal : EvenSignal
         Its smoothing carries the straight line across a gap a few samples beyond it.
-
-    Returns
-    -------
-    ndarray of bool, shape (M - 1,)
     """
     bridged = np.zeros(time.size - 1, dtype=bool)
     reach = SMOOTHED_SAMPLES * signal.interval

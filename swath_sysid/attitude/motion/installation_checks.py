@@ -54,14 +54,7 @@ PARTS = ANGLES, RATES, ('accel_x', 'accel_y', 'accel_z')
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a stretch of data says of the installation.
-
-    Attributes
-    ----------
-    contradictions : tuple of Contradiction
-    decided : frozenset of str
-        The codes for which there was enough to judge by.
-    """
+    """What a stretch of data says of the installation, and the codes for which there was enough to judge by."""
 
     contradictions: tuple[Contradiction, ...] = ()
     decided: frozenset[str] = frozenset()
@@ -80,14 +73,8 @@ def judge(
     angles, rates, force : ndarray, shape (N, 3)
         Roll, pitch, yaw, rad; their rates, rad/s; specific force in the axes of the craft, m/s^2. All as the
         installation makes them; NaN where not known.
-    installation : Installation
-        What frame and mounting were taken to be.
-    interval : float
-        s between the samples of the sensor.
-
-    Returns
-    -------
-    Judgement
+    installation, interval : Installation and float
+        What frame and mounting were taken to be; s between the samples of the sensor.
     """  # fmt: skip
     if time.size < MIN_BINS:
         return Judgement()
@@ -166,14 +153,9 @@ def contradictions_in(
     time : ndarray, shape (N,)
         s, increasing.
     channels : dict of str to ndarray, shape (N,)
-        Any of ``roll``, ``pitch``, ``yaw``, ``roll_rate``, ``pitch_rate``, ``yaw_rate``, ``accel_x``, ``accel_y``,
-        ``accel_z``, as the installation makes them.
+        Any of roll, pitch and yaw, their rates, and the accelerations, as the installation makes them.
     installation : Installation
         What frame and mounting were taken to be.
-
-    Returns
-    -------
-    tuple of Contradiction
     """
     if time.size < MIN_BINS:
         return ()

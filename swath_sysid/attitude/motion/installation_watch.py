@@ -36,13 +36,7 @@ _values_of = itemgetter(*[CraftSample._fields.index(name) for names in PARTS for
 
 
 class InstallationCheck:
-    """The judgement of a running sensor: what it has been found to contradict, until it no longer does.
-
-    Parameters
-    ----------
-    installation : Installation
-        What frame and mounting are taken to be.
-    """
+    """The judgement of a running sensor: what it has been found to contradict, until it no longer does."""
 
     def __init__(self, installation: Installation) -> None:
         self._installation = installation

@@ -48,20 +48,9 @@ UNITS = {'angle': 'deg', 'rate': 'deg/s'}
 
 
 def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = None) -> tuple[Advice, ...]:
-    """Look at a whole record.
+    """Look at a whole record, and the decays that `find_decays` found in it; looked for where not given.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        The record.
-    decays : sequence of DecaySegment, optional
-        Those that `find_decays` found in it; looked for where not given.
-
-    Returns
-    -------
-    tuple of Advice
-        ``too-small``, ``forced-motion`` or ``no-decay`` where it holds no free decay,
-        ``gaps`` and ``saturation``.
+    Advice ``too-small``, ``forced-motion`` or ``no-decay`` where it holds no free decay, ``gaps`` and ``saturation``.
     """
     decays = find_decays(motion) if decays is None else decays
     advice = [] if decays else [explain_absence(motion)]
@@ -77,22 +66,11 @@ def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = Non
 
 
 def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]:
-    """Look at a decay before a model is fitted to it.
+    """Look at a decay of a record before a model is fitted to it.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        The record.
-    segment : DecaySegment
-        The decay in it.
-
-    Returns
-    -------
-    tuple of Advice
-        ``too-few-cycles``, ``too-small``, ``low-rate``, ``gaps``, ``saturation``,
-        ``coarse-quantisation``, ``spikes``; and where the user gave the bounds,
-        ``forced-motion``, ``late-start`` and ``disturbed-tail``. What segmentation itself found is in
-        ``segment.advice``.
+    Advice ``too-few-cycles``, ``too-small``, ``low-rate``, ``gaps``, ``saturation``, ``coarse-quantisation`` and
+    ``spikes``; where the user gave the bounds, ``forced-motion``, ``late-start`` and ``disturbed-tail``. What
+    segmentation itself found is in ``segment.advice``.
     """
     inside = motion.between(segment.start, segment.end)
     if inside.size < 3:
@@ -179,7 +157,7 @@ def _saturation(motion: AxisMotion, period: float) -> tuple[Advice, ...]:
 
 
 def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
-    """Count the swings that are cut off at the largest or smallest value.
+    """Count the swings that are cut off at the largest or smallest value, and the largest magnitude of the levels.
 
     A swing is cut off where several samples equal the extreme exactly and the sample before
     them was still moving fast: by more than three steps of the resolution, which the top of a
@@ -191,12 +169,6 @@ def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
         Angle or rate.
     longest : float
         Samples: more at the extreme than these were held there.
-
-    Returns
-    -------
-    count : int
-    level : float
-        Largest magnitude of the cut-off levels, unit of ``value``.
     """
     count, level = 0, 0.0
     fast = 3.0 * quantum(value)

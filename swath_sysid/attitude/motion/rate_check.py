@@ -61,18 +61,12 @@ def rates_against_angles(
 
     Parameters
     ----------
-    comparison : RateComparison
-        Of the rates with the derivatives of the angles.
-    interval : float
-        s between the samples of the sensor.
+    comparison, interval : RateComparison and float
+        Of the rates with the derivatives of the angles; s between the samples of the sensor.
     accelerations : int
         Sign with which the accelerations follow the tilt; 0: not known.
     installation : Installation
         What frame and mounting were taken to be.
-
-    Returns
-    -------
-    list of Contradiction
     """
     evidenced = comparison.evidenced
     if any(not comparison.at_once[j, j] >= FOLLOWS for j in evidenced):

@@ -115,10 +115,6 @@ def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> RateCom
     rates : ndarray, shape (N, 3)
         Rates of roll, pitch and yaw as measured, rad/s.
 
-    Returns
-    -------
-    RateComparison
-
     Notes
     -----
     Correlations, gain and delay are those of the cross-spectrum: J. S. Bendat, A. G. Piersol, Random Data, 4th

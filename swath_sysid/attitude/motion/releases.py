@@ -35,14 +35,10 @@ FINEST_STEPS = 80
 
 @dataclass(frozen=True)
 class Release:
-    """A release.
+    """A release: when (record time, s), and since when the craft was held.
 
     Attributes
     ----------
-    time : float
-        Record time, s.
-    hold_start : float
-        Since when the craft was held, s.
     angle, trim : float
         Where it was held and about what it then moved, rad.
     period : float
@@ -57,18 +53,9 @@ class Release:
 
 
 def find_releases(motion: AxisMotion, smallest: float) -> tuple[Release, ...]:
-    """Every release of a motion, in order of time.
+    """Every release of a motion, in order of time; without an angle none is found.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        Without an angle none is found.
-    smallest : float
-        Smallest angle from trim that counts as a hold, rad.
-
-    Returns
-    -------
-    tuple of Release
+    The smallest angle from trim that counts as a hold is in rad.
     """
     if motion.angle is None or motion.size < 50:
         return ()
@@ -128,18 +115,10 @@ def kink_time(
     ----------
     motion : AxisMotion
         With an angle, a rate or both.
-    earliest, latest : float
-        Record time between which it is sought, s.
-    period : float
-        Natural period, s.
-    towards : float
-        Sign of the jump.
-    level : float
-        Angle from trim before it, rad.
-
-    Returns
-    -------
-    float or None
+    earliest, latest, period : float
+        Record time between which it is sought, and natural period, s.
+    towards, level : float
+        Sign of the jump, and angle from trim before it, rad.
     """
     channels = [
         (values, max(noise_level(values), 1e-9), order)

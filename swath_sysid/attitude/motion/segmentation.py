@@ -160,17 +160,9 @@ class DecaySegment:
 
 
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
-    """Find the free decays of a record.
+    """The free decays in the angle of a record, or in its rate where no angle was measured.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        Its angle is searched, or its rate where no angle was measured.
-
-    Returns
-    -------
-    tuple of DecaySegment
-        The one with the most motion first, none overlapping; empty where there is none.
+    The one with the most motion first, none overlapping; empty where there is none.
     """
     decays: list[Fall] = []
     releases: list[Release] = []
@@ -192,10 +184,6 @@ def find_decay(motion: AxisMotion, start: float | None = None, end: float | None
         Record time, s. What is given is taken as it is; what is not is found: the end of
         the first decay after ``start``, the start of the last before ``end``.
 
-    Returns
-    -------
-    DecaySegment
-
     Raises
     ------
     InputError
@@ -211,15 +199,7 @@ def find_decay(motion: AxisMotion, start: float | None = None, end: float | None
 def decay_or_absence(
     motion: AxisMotion, start: float | None = None, end: float | None = None
 ) -> DecaySegment | Advice:
-    """As `find_decay`, but the answer of `explain_absence` where nothing decays freely.
-
-    Parameters
-    ----------
-    motion : AxisMotion
-        The whole record.
-    start, end : float, optional
-        Bounds of the decay in the record's time, s.
-    """
+    """As `find_decay`, but the answer of `explain_absence` where nothing decays freely."""
     inside = _between(motion, start, end)
     if start is not None and end is not None:
         return _measured(inside, float(start), float(end))
@@ -236,20 +216,9 @@ def decay_or_absence(
 
 
 def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
-    """Whether a decay is over, for one who watches a record grow.
+    """Whether a decay that was found in a record is over, for one who watches the record grow.
 
-    Parameters
-    ----------
-    segment : DecaySegment
-        Found in ``motion``.
-    motion : AxisMotion
-        The record so far.
-
-    Returns
-    -------
-    bool
-        True once it has met the noise, a disturbance or its faint tail, has fallen to
-        `FINISHED`, or lies more than a period back.
+    It has met the noise, a disturbance or its faint tail, has fallen to `FINISHED`, or lies more than a period back.
     """
     over = segment.ending in ('noise-floor', 'faded', 'disturbed')
     fallen = segment.final_amplitude <= FINISHED * segment.initial_amplitude
@@ -257,18 +226,7 @@ def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
 
 
 def explain_absence(motion: AxisMotion) -> Advice:
-    """Say why a record holds no free decay and what to do.
-
-    Parameters
-    ----------
-    motion : AxisMotion
-        A record in which none was found.
-
-    Returns
-    -------
-    Advice
-        ``too-small``, ``forced-motion`` or ``no-decay``.
-    """
+    """Say why a record holds no free decay and what to do: ``too-small``, ``forced-motion`` or ``no-decay``."""
     signal = even_signal(motion)
     name, reach = _name(motion), float(np.ptp(signal.value))
     if reach < SMALLEST_REACH * SMALLEST_SWING[signal.quantity]:

@@ -49,14 +49,7 @@ class StampSettings:
 
 
 class Placed(NamedTuple):
-    """Whether a sample follows those before it.
-
-    Attributes
-    ----------
-    kept : bool
-    reasons : tuple of str
-        From `STAMP_REASONS`: what is to be counted. One may be about the sample before.
-    """
+    """Whether a sample follows those before it, and what is to be counted, which may be about the one before."""
 
     kept: bool
     reasons: tuple[str, ...] = ()
@@ -71,10 +64,6 @@ class StampOrder:
     A stamp that does not follow (a second or more back, or far ahead) is suspect: it is left out
     until the next one shows whether it was a stray packet, or of another publisher, or whether
     the clock has moved.
-
-    Parameters
-    ----------
-    settings : StampSettings
     """
 
     def __init__(self, settings: StampSettings | None = None) -> None:

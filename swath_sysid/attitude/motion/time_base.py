@@ -89,7 +89,7 @@ def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str)
 
 
 def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:
-    """The mean period of a motion by its upward crossings of the median, None where it hardly swings.
+    """The mean period, s, of a motion by its upward crossings of the median, None where it hardly swings.
 
     Parameters
     ----------
@@ -97,11 +97,6 @@ def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CY
         s, and the unit of the motion, NaN where missing.
     min_cycles : int
         Fewer whole cycles show no period.
-
-    Returns
-    -------
-    float or None
-        s.
     """
     known = np.isfinite(motion)
     if np.count_nonzero(known) < 4:

@@ -18,20 +18,14 @@ FURTHER_CHANNELS = ('yaw_rate', 'heave')
 
 @dataclass(frozen=True)
 class AxisMotion:
-    """The motion about one axis, every sample finite.
+    """The motion about one axis, roll or pitch, every sample finite; its source is for messages.
 
     Attributes
     ----------
-    axis : str
-        ``roll`` or ``pitch``.
     time : ndarray, shape (N,)
         Seconds, strictly increasing, not necessarily even.
-    angle : ndarray, shape (N,), or None
-        rad; None where the sensor gave no angle.
-    rate : ndarray, shape (N,), or None
-        Euler rate, rad/s; None where the sensor gave no rate.
-    source : str
-        Where it came from, for messages.
+    angle, rate : ndarray, shape (N,), or None
+        rad, and Euler rate, rad/s; None where the sensor gave none.
     """
 
     axis: str
@@ -80,29 +74,18 @@ class Trial:
 
     All channels are arrays of shape (N,) in SI units, or None where not measured. NaN
     marks a missing value. Angles and rates are Euler angles and their time derivatives
-    (body axes x forward, y port, z up); accelerations are specific force in body axes,
-    so that a craft at rest reads about +9.81 m/s^2 on z.
+    (body axes x forward, y port, z up; the yaw rate is positive to port); accelerations are
+    specific force in body axes, so that a craft at rest reads about +9.81 m/s^2 on z; heave is
+    positive up.
 
     Attributes
     ----------
     time : ndarray, shape (N,)
         Seconds, strictly increasing.
-    roll, pitch : ndarray or None
-        rad.
-    roll_rate, pitch_rate : ndarray or None
-        Euler rates, rad/s.
-    accel_x, accel_y, accel_z : ndarray or None
-        m/s^2.
-    yaw_rate : ndarray or None
-        Euler rate, rad/s, positive to port.
-    heave : ndarray or None
-        m, positive up.
     source : str
         The file (or topic) the trial was read from.
-    draft : float or None
-        m, where known.
-    initial_angle : float or None
-        rad, where known.
+    draft, initial_angle : float or None
+        m and rad, where known.
     advice : tuple of Advice
         What the reader had to repair or leave out.
     """

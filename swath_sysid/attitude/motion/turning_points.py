@@ -98,12 +98,8 @@ class TurningPoints:
 
     Attributes
     ----------
-    time : ndarray, shape (M,)
-        s.
-    value : ndarray, shape (M,)
-        rad, or rad/s where ``quantity`` is ``rate``.
-    quantity : str
-        ``angle``, or ``rate`` where no angle was measured.
+    time, value : ndarray, shape (M,)
+        s; rad, or rad/s where ``quantity`` is ``rate``, because no angle was measured.
     noise : float
         Standard deviation of the noise of one value.
     """
@@ -125,19 +121,10 @@ class TurningPoints:
 
 
 def find_turning_points(motion: AxisMotion, period: float | None = None) -> TurningPoints:
-    """Find the maxima and minima of a motion that stand out of its noise.
+    """The maxima and minima of a motion's angle (its rate, without one) that stand out of its noise.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        Of its quantities the angle is used, or the rate where no angle was measured.
-    period : float, optional
-        s; sets the smoothing. Without it, the slowest period on which most of the motion swings.
-
-    Returns
-    -------
-    TurningPoints
-        Empty where nothing turns.
+    Smoothed for a period, s; without it, for the slowest period on which most of the motion swings. Empty where nothing
+    turns.
     """
     levels = pyramid(even_signal(motion))
     best = turning_points_of(next(levels))
@@ -166,20 +153,11 @@ def mean_period(points: TurningPoints) -> float:
 
 
 def centre_of_decay(value: np.ndarray) -> float:
-    """Value about which a decay swings, from its turning points.
+    """Value about which a decay swings, from its successive turning points, shape (M,), M >= 1.
 
     The limit of a geometric sequence from three successive terms (Aitken's delta-squared
     process) is exact for linear damping; the median over the decay, weighted by the
     swings, resists noise and damping that changes with the amplitude.
-
-    Parameters
-    ----------
-    value : ndarray, shape (M,)
-        Successive turning points, M >= 1.
-
-    Returns
-    -------
-    float
     """
     value = np.asarray(value, dtype=float)
     if value.size < 3:
@@ -201,19 +179,9 @@ def weighted_median(value: np.ndarray, weight: np.ndarray) -> float:
 
 
 def find_gaps(motion: AxisMotion, longer_than: float | None = None) -> np.ndarray:
-    """Find the stretches without samples.
+    """Begin and end, s, of the stretches without samples, shape (K, 2).
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        Of which the times are looked at.
-    longer_than : float, optional
-        s; by default one and a half times the median sample interval.
-
-    Returns
-    -------
-    ndarray, shape (K, 2)
-        Begin and end of each, s.
+    Those longer than a limit, s, by default one and a half times the median sample interval.
     """
     if motion.size < 3:
         return np.empty((0, 2))
@@ -223,13 +191,7 @@ def find_gaps(motion: AxisMotion, longer_than: float | None = None) -> np.ndarra
 
 
 def split_at_pauses(motion: AxisMotion) -> list[AxisMotion]:
-    """Split a motion where the recording paused for long.
-
-    Returns
-    -------
-    list of AxisMotion
-        In order of time; the motion itself where it never paused.
-    """
+    """The parts of a motion, in order of time, between which the recording paused for long."""
     if motion.size < 3:
         return [motion]
     steps = np.diff(motion.time)
@@ -242,14 +204,7 @@ def split_at_pauses(motion: AxisMotion) -> list[AxisMotion]:
 def even_signal(motion: AxisMotion) -> EvenSignal:
     """The angle of a motion (or its rate, without an angle) on an even grid, without lone spikes.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        Gaps in it are bridged by straight lines.
-
-    Returns
-    -------
-    EvenSignal
+    Gaps in it are bridged by straight lines.
     """
     quantity, value = ('rate', motion.rate) if motion.angle is None else ('angle', motion.angle)
     value = np.asarray(value, dtype=float)
@@ -273,17 +228,7 @@ def even_signal(motion: AxisMotion) -> EvenSignal:
 
 
 def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
-    """The signal as it is, then smoothed, on ever coarser grids.
-
-    Parameters
-    ----------
-    signal : EvenSignal
-        On its finest grid.
-
-    Yields
-    ------
-    EvenSignal
-    """
+    """The signal on its finest grid as it is, then smoothed, on ever coarser grids."""
     yield signal
     level = signal
     while level.value.size >= MIN_PER_PERIOD // 2:
@@ -322,17 +267,7 @@ def prominence_of(signal: EvenSignal) -> float:
 
 
 def turning_points_of(signal: EvenSignal) -> TurningPoints:
-    """Maxima and minima of one grid, placed between samples by the parabola through three.
-
-    Parameters
-    ----------
-    signal : EvenSignal
-        On one grid.
-
-    Returns
-    -------
-    TurningPoints
-    """
+    """Maxima and minima of one grid, placed between samples by the parabola through three."""
     value = signal.value
     least = prominence_of(signal)
     if value.size < 3 or least == 0.0:

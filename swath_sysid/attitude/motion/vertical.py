@@ -22,7 +22,7 @@ _LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))
 
 
 def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray) -> Value:
-    """Acceleration along the world's vertical, upwards, without gravity.
+    """Acceleration along the world's vertical, upwards, without gravity, m/s^2.
 
     Parameters
     ----------
@@ -30,11 +30,6 @@ def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray)
         rad.
     specific_force : ndarray, shape (3,) or (N, 3)
         In the craft's axes, m/s^2.
-
-    Returns
-    -------
-    ndarray
-        m/s^2.
     """
     upwards = sum(up * force for up, force in zip(up_in_body(roll, pitch), specific_force.T, strict=True))
     return upwards - STANDARD_GRAVITY
@@ -71,10 +66,7 @@ def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: floa
 class LeakyIntegrals:
     """Causal integrals of the vertical acceleration that forget: what is known now of velocity and heave.
 
-    Parameters
-    ----------
-    step : float
-        s between rows.
+    Rows come every ``step`` s.
     """
 
     COUNT = len(_LEAKS)
@@ -89,13 +81,7 @@ class LeakyIntegrals:
         self._states = [[0.0] * len(chain) for chain in _LEAKS]
 
     def take(self, acceleration: float) -> None:
-        """One row more.
-
-        Parameters
-        ----------
-        acceleration : float
-            m/s^2; NaN is held to be zero.
-        """
+        """One row more, m/s^2; NaN is held to be zero."""
         new = acceleration if acceleration == acceleration else 0.0
         for kept, states in zip(self._kept, self._states, strict=True):
             value = new
@@ -108,13 +94,7 @@ class LeakyIntegrals:
         return np.array([states[-1] for states in self._states])
 
     def of(self, acceleration: np.ndarray) -> np.ndarray:
-        """The integrals of a whole stretch from rest, shape (N, COUNT).
-
-        Parameters
-        ----------
-        acceleration : ndarray, shape (N,)
-            m/s^2, finite.
-        """
+        """The integrals, shape (N, COUNT), of a whole stretch of finite accelerations, m/s^2, from rest."""
         from scipy.signal import lfilter
 
         columns = []

@@ -1,10 +1,13 @@
 """What a target can express of a craft, and how far standard tests differ because of the rest."""
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 from xml.sax.saxutils import escape
 
 import numpy as np
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.standard_tests import run_test
 from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR, THRUST
 
@@ -27,7 +30,9 @@ class Export:
     advice: tuple[Advice, ...]
 
 
-def expressed(model, expressible, **implied):
+def expressed(
+    model: ManoeuvringModel, expressible: Collection[str], **implied: float
+) -> tuple[ManoeuvringModel, tuple[str, ...]]:
     """The model as a target has it, and the names of the terms that differ there.
 
     Parameters
@@ -38,10 +43,6 @@ def expressed(model, expressible, **implied):
         Hull terms of the target; inertia and what the sender of forces applies are always kept.
     **implied : float
         Terms that the target does not take as numbers but has from its own equations.
-
-    Returns
-    -------
-    ManoeuvringModel, tuple of str
     """
     kept = {*expressible, *INERTIAL, *SENDERS}
     neutral = {p.name: p.neutral for p in PARAMETERS if p.kind != SENSOR and p.name not in kept}
@@ -49,7 +50,7 @@ def expressed(model, expressible, **implied):
     return reduced, tuple(name for name in NAMES if reduced[name] != model[name])
 
 
-def losses(model, expressible, target, **implied) -> tuple[Advice, ...]:
+def losses(model: ManoeuvringModel, expressible: Collection[str], target: str, **implied: float) -> tuple[Advice, ...]:
     """Advice on the terms that a target changes, with the standard tests of the craft with and without them."""
     reduced, changed = expressed(model, expressible, **implied)
     if not changed:
@@ -64,7 +65,7 @@ def losses(model, expressible, target, **implied) -> tuple[Advice, ...]:
     return tuple(found)
 
 
-def change(name, whole, part):
+def change(name: str, whole: float, part: float) -> str:
     """Words for a number of the model and as exported."""
     if not (np.isfinite(whole) and np.isfinite(part)):
         return f'{name} {whole:.4g} and {part:.4g}, not reached by both'
@@ -72,7 +73,7 @@ def change(name, whole, part):
     return f'{name} {whole:.4g} and {part:.4g}{share}'
 
 
-def added_mass_diverges(model):
+def added_mass_diverges(model: ManoeuvringModel) -> bool:
     """Whether added mass that is applied by the acceleration of the step before outgrows the craft's own."""
     own = np.diag([model['m'], model['m'], model['Iz']])
     added = np.array([
@@ -83,7 +84,7 @@ def added_mass_diverges(model):
     return bool(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(own, added)))) >= 1.0)
 
 
-def added_mass_advice(model):
+def added_mass_advice(model: ManoeuvringModel) -> tuple[Advice, ...]:
     """Advice where the plugins' explicit added mass would diverge, as a tuple."""
     if not added_mass_diverges(model):
         return ()
@@ -91,7 +92,7 @@ def added_mass_advice(model):
                    'step before and diverges; identify again with the mass as weighed'),)  # fmt: skip
 
 
-def force_lines(model):
+def force_lines(model: ManoeuvringModel) -> list[str]:
     """Sentences on the forces that thrusters are to be sent, and where they act."""
     lines = [f'input: {model.thrust_input}, at most {model.largest_input:.6g}; send each thruster the force in N of',
              '(1 - deduction) (1 -+ balance, port - and starboard +) curve(input), with curve(c) = gain full_input',
@@ -100,12 +101,12 @@ def force_lines(model):
     return [*lines, *(f'{p.name}: {model[p.name]:.8g}' for p in PARAMETERS if p.kind == THRUST and p.name in SENDERS)]
 
 
-def effective_lever(model):
+def effective_lever(model: ManoeuvringModel) -> float:
     """Arm of the forces that are sent, m: the deduction acts on the force ahead only, the moment factor on yaw only."""
     return model['lever'] * (1.0 + model['moment_factor']) / (1.0 - model['deduction'])
 
 
-def xml_comment(lines):
+def xml_comment(lines: Iterable[str]) -> str:
     """Lines as one XML comment; two hyphens in a row are not allowed within."""
     body = '\n'.join(f'  {line}' for line in lines)
     while '--' in body:
@@ -113,7 +114,7 @@ def xml_comment(lines):
     return f'<!--\n{body}\n-->'
 
 
-def elements(values, indent):
+def elements(values: Mapping[str, Any], indent: int) -> str:
     """``<name>value</name>`` a line; mappings within as elements within."""
     margin = ' ' * indent
     return '\n'.join(
@@ -121,5 +122,5 @@ def elements(values, indent):
         else f'{margin}<{name}>{escape(_plain(value))}</{name}>' for name, value in values.items())  # fmt: skip
 
 
-def _plain(value):
+def _plain(value: Any) -> str:
     return value if isinstance(value, str) else f'{value + 0.0:.10g}'

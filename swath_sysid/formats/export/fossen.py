@@ -4,10 +4,13 @@ Axes are Fossen's: x forward, y starboard, z down, yaw rate positive to starboar
 y port, z up the derivatives of a symmetric craft keep their numbers; N0, the lever's sign and pitch change theirs.
 """
 import math
+from collections.abc import Iterable, Mapping, Sequence
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.export.expressible import Export, losses
 from swath_sysid.formats.export.gazebo import inertia_of
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR
 
 PYTHON, MATLAB = 'python', 'matlab'
@@ -90,26 +93,16 @@ end
 '''
 
 
-def _python_matrix(rows):
+def _python_matrix(rows: Iterable[Sequence[str]]) -> str:
     return 'np.array([\n' + ''.join(f'    [{", ".join(row)}],\n' for row in rows) + '])'
 
 
-def _matlab_matrix(rows):
+def _matlab_matrix(rows: Iterable[Sequence[str]]) -> str:
     return '[\n' + '\n'.join('    ' + ', '.join(f'({entry})' for entry in row) for row in rows) + '\n]'
 
 
-def fossen(model, language=PYTHON, function='craft') -> Export:
-    """Text of a manoeuvring model.
-
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        As identified.
-    language : str
-        Of `LANGUAGES`.
-    function : str
-        Name of the MATLAB function, which its file is to bear.
-    """
+def fossen(model: ManoeuvringModel, language: str = PYTHON, function: str = 'craft') -> Export:
+    """Text of a manoeuvring model in one of `LANGUAGES`; a MATLAB function bears the name of its file."""
     advice = losses(model, EXPRESSIBLE, "Fossen's form")
     east, north = model.current
     head = ['Surge, sway and yaw of an identified craft: nu = (u, v, r), body x forward, y starboard, z down.',
@@ -131,7 +124,10 @@ def fossen(model, language=PYTHON, function='craft') -> Export:
     return Export(text, advice)
 
 
-def fossen_attitude(models, inertias, language=PYTHON, function='craft'):
+def fossen_attitude(
+    models: Mapping[str, IdentifiedModel], inertias: Mapping[str, float], language: str = PYTHON,
+    function: str = 'craft',
+) -> Export:
     """Text of decay models: inertia, damping and restoring of each axis; see `fossen` and `gazebo_attitude`."""
     head = ['Roll and pitch of an identified craft: I dw/dt + D(w) + G(x) = exciting moment, N m.',
             'Body x forward, y starboard, z down: pitch is positive bow up. Angles in rad, rates in rad/s.',
@@ -158,11 +154,11 @@ def fossen_attitude(models, inertias, language=PYTHON, function='craft'):
     return Export('\n'.join(parts) + ('' if language == PYTHON else '\nend\n'), ())
 
 
-def _commented(lines, mark):
+def _commented(lines: Iterable[str], mark: str) -> str:
     return ''.join(f'{mark} {line}\n' for line in lines)
 
 
-def _matlab_name(name):
+def _matlab_name(name: str) -> str:
     if not (name.isascii() and name.isidentifier() and name[0] != '_'):
         raise InputError(f"MATLAB takes no function name '{name}', which is that of the file: begin its name with "
                          'a letter, then letters, digits and underscores', 'no-function-name')  # fmt: skip

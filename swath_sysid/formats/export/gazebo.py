@@ -9,12 +9,15 @@ Such a craft has it in the link's ``fluid_added_mass``, which DART integrates wi
 forces of it are taken off the plugin's derivatives.
 """
 import math
+from collections.abc import Iterable, Mapping
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from scipy.signal import find_peaks
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -30,6 +33,7 @@ from swath_sysid.formats.export.expressible import (
     losses,
     xml_comment,
 )
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.thrust import thrust_curve
 
 ADDED_MASS = {'Xu_dot': 'xDotU', 'Yv_dot': 'yDotV', 'Yr_dot': 'yDotR', 'Nv_dot': 'nDotV', 'Nr_dot': 'nDotR'}
@@ -49,14 +53,8 @@ CRESTS = 3
 """After the release, up to which a decay is compared."""
 
 
-def gazebo(model) -> Export:
-    """SDF of a manoeuvring model.
-
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        As identified.
-    """
+def gazebo(model: ManoeuvringModel) -> Export:
+    """SDF of a manoeuvring model."""
     within_link = added_mass_diverges(model) and model['Yr_dot'] == model['Nv_dot']
     advice = (*losses(model, ELEMENTS, "gz-sim's Hydrodynamics"), *(() if within_link else added_mass_advice(model)))
     reduced, _ = expressed(model, ELEMENTS)
@@ -82,7 +80,7 @@ def gazebo(model) -> Export:
     return Export(text, advice)
 
 
-def _without_coriolis_of_the_link(derivatives):
+def _without_coriolis_of_the_link(derivatives: Mapping[str, float]) -> dict[str, float]:
     """The plugin's derivatives beside added mass of the link; DART adds ``-C_A(nu) nu`` itself (Fossen 2021, 3.3)."""
     x, y, cross = derivatives['xDotU'], derivatives['yDotV'], derivatives['yDotR']
     return {name: value for name, value in derivatives.items() if name not in ADDED_MASS.values()} | {
@@ -94,16 +92,16 @@ def _without_coriolis_of_the_link(derivatives):
     }
 
 
-def _hydrodynamics(derivatives, current=(0.0, 0.0)):
+def _hydrodynamics(derivatives: Mapping[str, float], current: tuple[float, float] = (0.0, 0.0)) -> str:
     """The plugin; what is zero, its default, is left out."""
-    values = {'link_name': 'base_link', 'disable_coriolis': 'true'}
+    values: dict[str, Any] = {'link_name': 'base_link', 'disable_coriolis': 'true'}
     values |= {name: value for name, value in derivatives.items() if value}
     if any(current):
         values['default_current'] = f'{current[0]:.6g} {current[1]:.6g} 0'
     return _plugin('gz-sim-hydrodynamics-system', 'gz::sim::systems::Hydrodynamics', values)
 
 
-def _thruster(model, joint, side):
+def _thruster(model: ManoeuvringModel, joint: str, side: float) -> str:
     """The plugin with velocity control: its PID control would turn the craft about x by the propeller's torque."""
     limits = thrust_curve(np.array([model.largest_input, -model.largest_input]), model.values)
     most, least = (1.0 - model['deduction']) * (1.0 + side * model['balance']) * limits
@@ -111,11 +109,13 @@ def _thruster(model, joint, side):
         'joint_name': joint, 'velocity_control': 'true', 'max_thrust_cmd': most, 'min_thrust_cmd': least})  # fmt: skip
 
 
-def _plugin(file, name, values):
+def _plugin(file: str, name: str, values: Mapping[str, Any]) -> str:
     return f'    <plugin filename="{file}" name="{name}">\n{elements(values, 6)}\n    </plugin>'
 
 
-def _sdf(name, notes, inertial, moments, plugins):
+def _sdf(
+    name: str, notes: Iterable[str], inertial: Mapping[str, Any], moments: dict[str, float], plugins: Iterable[str]
+) -> str:
     """SDF of one link; moments of inertia that are not known are the largest known one, which SDF accepts."""
     all_moments = dict.fromkeys(('ixx', 'iyy', 'izz'), max(moments.values())) | moments
     products = dict.fromkeys(('ixy', 'ixz', 'iyz'), 0.0)
@@ -126,15 +126,8 @@ def _sdf(name, notes, inertial, moments, plugins):
             '  </model>\n</sdf>\n')  # fmt: skip
 
 
-def gazebo_attitude(models, inertias) -> Export:
-    """SDF of the roll and pitch damping of decay models.
-
-    Parameters
-    ----------
-    models : mapping of str to IdentifiedModel
-        By axis.
-    inertias : mapping of str to float
-        Axis to inertia with added inertia, kg m^2.
+def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str, float]) -> Export:
+    """SDF of the roll and pitch damping of decay models by axis, with the inertia of each, kg m^2, with added inertia.
 
     Raises
     ------
@@ -159,7 +152,7 @@ def gazebo_attitude(models, inertias) -> Export:
     return Export(_sdf('craft', notes, {}, moments, [_hydrodynamics(derivatives)]), tuple(advice))
 
 
-def inertia_of(axis, inertias):
+def inertia_of(axis: str, inertias: Mapping[str, float]) -> float:
     """Inertia of an axis, kg m^2; InputError where there is none."""
     if axis not in inertias:
         raise InputError(f'a decay shows only ratios to the inertia: give the inertia of {axis} in kg m^2, with '
@@ -167,14 +160,14 @@ def inertia_of(axis, inertias):
     return inertias[axis]
 
 
-def gazebo_decay(model):
+def gazebo_decay(model: DecayModel) -> DecayModel:
     """A decay model as gz-sim has it: linear and quadratic damping, and the stiffness of small angles by buoyancy."""
     kept = {name: value for name, value in model.terms.items() if name in EXPRESSED_TERMS}
     return DecayModel.from_terms(Equation('exported', EXPRESSED_TERMS), kept | {'r1': model.natural_frequency**2},
                                  trim=model.trim, friction_rate=model.friction_rate, axis=model.axis)  # fmt: skip
 
 
-def _attitude_losses(axis, identified, inertia):
+def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> list[Advice]:
     """Advice on restoring, which the craft's shape is to give, and on a decay without the terms that gz-sim lacks."""
     model = identified.model
     if not np.isfinite(model.natural_frequency):
@@ -196,7 +189,7 @@ def _attitude_losses(axis, identified, inertia):
     return found
 
 
-def crest(model, angle):
+def crest(model: DecayModel, angle: float) -> tuple[float, float]:
     """Time, s, and height above trim, rad, of the last compared crest of a decay from rest; NaN where there is none."""
     time = np.linspace(0.0, 2.0 * CRESTS * model.natural_period, 4001)
     motion = simulate(model, model.trim + angle, 0.0, time)[0] - model.trim

@@ -1,5 +1,6 @@
 """Parameters of Nav2's MPPI controller and velocity smoother, from simulated runs of the craft."""
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import yaml
@@ -7,7 +8,8 @@ import yaml
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.export.expressible import Export
-from swath_sysid.manoeuvring.hull.simulation import simulate
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
 
 STEP = 0.1
 DURATION = 180.0
@@ -19,7 +21,7 @@ SHARES = (0.25, 0.5, 0.75)
 RISE = 1.0 - math.exp(-1.0)
 
 
-def nav2(model):
+def nav2(model: ManoeuvringModel) -> Export:
     """Parameters of Nav2 and a table of what the craft does, as an `Export`.
 
     Raises
@@ -66,7 +68,7 @@ def nav2(model):
     return Export('\n'.join(head) + '\n' + yaml.safe_dump(content, sort_keys=False), advice)
 
 
-def _simplified(rows):
+def _simplified(rows: Sequence[dict]) -> tuple[Advice, ...]:
     fastest = rows[-1]
     change = fastest['turning_speed_m_s'] / fastest['speed_m_s'] - 1.0
     return (Advice('motion-simplified', 'Nav2 moves a craft along its heading at the speed asked for: this one drifts '
@@ -74,14 +76,14 @@ def _simplified(rows):
                    f'speed changes by {change:+.0%} in the hardest turn at the highest speed'),)  # fmt: skip
 
 
-def _held(model, port, starboard, speed=0.0, before=0.0):
+def _held(model: ManoeuvringModel, port: float, starboard: float, speed: float = 0.0, before: float = 0.0) -> Manoeuvre:
     """Run in still water under inputs that follow on one step, `STEP`, of ``before``, which has acted for long."""
     steps = round(DURATION / STEP)
     left, right = (np.append(before, np.full(steps, value)) for value in (port, starboard))
     return simulate(model, left, right, STEP, (speed, 0.0, 0.0), current=(0.0, 0.0))
 
 
-def _row(model, share):
+def _row(model: ManoeuvringModel, share: float) -> dict:
     """Straight speed, the hardest turn to port, and the stop from that speed at a mean input."""
     full = model.largest_input
     base = share * full
@@ -96,7 +98,7 @@ def _row(model, share):
             'stopping_distance_m': way, 'stopping_time_s': time, 'turn': turn}  # fmt: skip
 
 
-def _until_stopped(model, speed, before):
+def _until_stopped(model: ManoeuvringModel, speed: float, before: float) -> tuple[float, float]:
     """Time, s, and way, m, under full astern; NaN where it does not stop."""
     full = model.largest_input
     run = _held(model, -full, -full, speed, before)
@@ -108,11 +110,11 @@ def _until_stopped(model, speed, before):
     return float(run.time[end] - STEP), way
 
 
-def _mean_rise(values, delay):
+def _mean_rise(values: np.ndarray, delay: float) -> float:
     """Mean slope of a response to a step until it has come to 63 % of its end, the delay taken off."""
     reached = np.flatnonzero(values >= RISE * values[-1])
     return float(RISE * values[-1] / max((reached[0] - 1) * STEP - delay, STEP)) if reached.size else float('nan')
 
 
-def _rounded(value):
+def _rounded(value: float) -> float:
     return float(f'{value:.5g}')

@@ -1,22 +1,28 @@
 """Parameters for FMUs: SSV 1.0 (System Structure Parameter Values) of the SSP standard, for co-simulation."""
 import re
+from collections.abc import Mapping, Sequence
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.formats.export.expressible import Export
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS
 
 NAMESPACE = 'http://ssp-standard.org/SSP1/'
+Row = tuple[str, float, float | None, str]
+"""Name, value, standard deviation, unit."""
+
 NEWTON = {'kg': 1, 'm': 1, 's': -2}
 
 
-def ssv(identified):
+def ssv(identified: IdentifiedManoeuvringModel) -> Export:
     """Every parameter of a manoeuvring model with unit and standard deviation, as an `Export`."""
     model = identified.model
     std = dict(zip(identified.names, np.sqrt(np.diag(identified.covariance)).tolist(), strict=True))
-    rows = [(p.name, model[p.name], std.get(p.name), p.unit) for p in PARAMETERS]
+    rows: list[Row] = [(p.name, model[p.name], std.get(p.name), p.unit) for p in PARAMETERS]
     rows += [(f'current_{name}', value, std.get(f'current_{name}'), 'm/s')
              for name, value in zip(('east', 'north'), model.current, strict=True)]  # fmt: skip
     rows += [('largest_input', model.largest_input, None, '-' if model.thrust_input == 'command' else 'N')]
@@ -24,9 +30,9 @@ def ssv(identified):
                           f'forward, y port, z up, world x east, y north; inputs: {model.thrust_input}', rows)
 
 
-def ssv_attitude(models):
+def ssv_attitude(models: Mapping[str, IdentifiedModel]) -> Export:
     """Every ratio of decay models with unit and standard deviation, as an `Export`; no inertia is needed."""
-    rows = []
+    rows: list[Row] = []
     for axis, identified in models.items():
         model = identified.model
         rows += [(f'{axis}.{name}', value, identified.std[name], RATIO_UNITS[name])
@@ -38,7 +44,7 @@ def ssv_attitude(models):
                           '+ r3 x^3 + s1 sin x + s2 sin^2 x), x = angle - trim', rows)  # fmt: skip
 
 
-def _parameter_set(name, description, rows):
+def _parameter_set(name: str, description: str, rows: Sequence[Row]) -> Export:
     parameters, units = [], dict.fromkeys(unit for *_, unit in rows)
     for parameter, value, std, unit in rows:
         known = std is not None and np.isfinite(std)
@@ -57,7 +63,7 @@ def _parameter_set(name, description, rows):
         '  <ssv:Units>', *bases, '  </ssv:Units>', '</ssv:ParameterSet>', '']), ())  # fmt: skip
 
 
-def _base_units(unit):
+def _base_units(unit: str) -> dict[str, int]:
     """Base units to powers of a unit such as ``N s2/m2`` or ``1/(rad s^2)``."""
     powers: dict[str, int] = {}
     above, _, below = unit.partition('/')

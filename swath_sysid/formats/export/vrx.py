@@ -14,6 +14,7 @@ from swath_sysid.formats.export.expressible import (
     losses,
     xml_comment,
 )
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 
 ELEMENTS = {
     'Xu_dot': 'xDotU', 'Yv_dot': 'yDotV', 'Nr_dot': 'nDotR',
@@ -21,7 +22,7 @@ ELEMENTS = {
 }  # fmt: skip
 
 
-def vrx(model):
+def vrx(model: ManoeuvringModel) -> Export:
     """The plugin's SDF for a manoeuvring model, as an `Export`."""
     implied = {'Xvr': -model['Xu_dot'], 'Yur': model['Yv_dot']}
     advice = (*losses(model, ELEMENTS, "VRX's SimpleHydrodynamics", **implied), *added_mass_advice(model))

@@ -1,0 +1,30 @@
+"""Files that are read: whether they are there, and what the system refuses, each in one sentence."""
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from swath_sysid.common.errors import InputError
+
+
+def existing(path: str | Path, named: str = '') -> Path:
+    """The path of a file or folder that is there; the error may name it otherwise.
+
+    Raises
+    ------
+    InputError
+        It is not there.
+    """
+    # not Path.exists, which raises an error for a name that is too long
+    if not os.path.exists(path):
+        raise InputError(f'file not found: {named or path}')
+    return Path(path)
+
+
+@contextmanager
+def reading(path: str | Path) -> Iterator[None]:
+    """Around the reading of a file: what the system refuses becomes an `InputError`."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from error
