@@ -3,6 +3,8 @@
 Gravity is removed by the orientation.  What is integrated is known above a lowest frequency only, so heave and velocity
 are about their mean: the level about which the craft heaves.
 """
+from itertools import accumulate
+
 import numpy as np
 from scipy import fft
 
@@ -115,12 +117,10 @@ class LeakyIntegrals:
         acceleration : ndarray, shape (N,)
             m/s^2, finite.
         """
-        from scipy.signal import lfilter
-
         columns = []
         for kept in self._kept:
             value = acceleration
             for factor in kept:
-                value = lfilter([self._step], [1.0, -factor], value)
+                value = np.array([*accumulate((self._step * value).tolist(), lambda before, new: factor * before + new)])
             columns.append(value)
         return np.stack(columns, axis=1)
