@@ -43,12 +43,15 @@ class WorkerProcess:
         Run in the process when it starts; importable there, as all functions given.
     clock : callable
         Seconds that only go forward, for `CANCEL_PATIENCE`.
+    is_resting : bool
+        Start it with the first work, not now.
     """
 
-    def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float]) -> None:
+    def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float], is_resting: bool = False) -> None:
         self._warm_up, self._clock = warm_up, clock
-        self._ready = False
-        self._start()
+        self._ready, self._is_resting = False, is_resting
+        if not is_resting:
+            self._start()
 
     @property
     def pid(self) -> int:
@@ -60,6 +63,8 @@ class WorkerProcess:
 
         One that never got ready is started again with the next work only, not for ever.
         """
+        if self._is_resting:
+            return False
         try:
             if not self._ready and self._connection.poll():
                 self._note_ready()
@@ -96,6 +101,8 @@ class WorkerProcess:
             The process has died.
         """
         sent, asked_at = False, None
+        if self._is_resting:
+            self._start()
         while True:
             if self._ready and not sent and not is_cancelled():
                 self._connection.send(work)
@@ -122,14 +129,23 @@ class WorkerProcess:
 
     def restart(self) -> str:
         """Start another process in place of this one; how this one had ended, in words."""
-        code = self._process.poll()
-        self._process.kill()
+        code = None
+        if not self._is_resting:
+            code = self._process.poll()
+            self._process.kill()
         self.end()
         self._start()
         return f'with code {code}' if code is not None else 'unexpectedly'
 
+    def rest(self) -> None:
+        """End the process until there is work again."""
+        self.end()
+        self._is_resting = True
+
     def end(self) -> None:
         """End the process, which has `CANCEL_PATIENCE` to do so itself."""
+        if self._is_resting:
+            return
         self._connection.close()
         try:
             self._process.wait(CANCEL_PATIENCE)
@@ -153,6 +169,7 @@ class WorkerProcess:
                 # out of the terminal's process group: Ctrl-C is the parent's, which then closes the socket
                 start_new_session=True,
             )
+        self._is_resting = False
         self._connection.send((self._warm_up, (), False))
 
     def _note_ready(self) -> None:

@@ -121,6 +121,11 @@ class LeakyIntegrals:
         for kept in self._kept:
             value = acceleration
             for factor in kept:
-                value = np.array([*accumulate((self._step * value).tolist(), lambda before, new: factor * before + new)])
+                value = _leaky_sum(self._step * value, factor)
             columns.append(value)
         return np.stack(columns, axis=1)
+
+
+def _leaky_sum(values: np.ndarray, kept: float) -> np.ndarray:
+    """As scipy.signal.lfilter([1], [1, -kept], values), which takes 20 MB to load."""
+    return np.array([*accumulate(values.tolist(), lambda before, new: kept * before + new)])

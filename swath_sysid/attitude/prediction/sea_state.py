@@ -181,7 +181,7 @@ def _peak_interval(frequency, spectrum, segments, seed):
 
 
 def cross_spectra(channels, step, rows):
-    """Spectra, one-sided, and cross spectra of channels, averaged over halfway overlapping segments (Welch 1967).
+    """Spectra and cross spectra, one-sided, averaged over halfway overlapping segments (Welch 1967).
 
     Parameters
     ----------
