@@ -4,8 +4,9 @@
 
 Each line is `swath-sysid run` with its workers, which hears a replayed simulated sea of two axes over ROS, with the
 defaults or with `config/small.yaml`. Memory is the proportional set size of all its processes after that, and the most
-while `identifier/identify` fits the last minute; processor time is that of the second half; starting is the processor
-time until the sensor is heard. Memory hardly depends on what else the machine does; processor time rises on a busy one.
+while `identifier/identify` fits the last minute, with what numba compiles in its cache; processor time is that of the
+second half; starting is the processor time until the sensor is heard. Memory hardly depends on what else the machine
+does; processor time rises on a busy one.
 """
 import argparse
 import platform
@@ -37,6 +38,7 @@ assert client.wait_for_service(60.0), 'the identifier does not answer'
 rclpy.spin_until_future_complete(node, client.call_async(Trigger.Request()))
 """
 PATIENCE = 120.0
+COMPILING = 25.0
 
 
 def write_sea(path, rate, duration):
@@ -122,6 +124,8 @@ def main():
     arguments = parser.parse_args()
     lines = ['| ' + ' | '.join(COLUMNS) + ' |', '|' + '---|' * len(COLUMNS)]
     print('\n'.join(lines), flush=True)
+    # after an installation numba compiles, once, which takes time and memory
+    measured(arguments.rates[0], (), True, COMPILING)
     for name in arguments.parameters:
         for with_numba in (True, False):
             for rate in arguments.rates:

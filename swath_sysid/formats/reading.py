@@ -47,7 +47,7 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Tri
         its unit or contradicts another, a value is one that its unit cannot have, or there is no time, no roll or
         pitch motion, or too little of it.
     """
-    from swath_sysid.formats.bags import is_bag, read_bag
+    from swath_sysid.formats.bags import MAGIC, is_bag, read_bag
 
     path = Path(path)
     try:
@@ -63,9 +63,16 @@ def read_trial(path, *, topic=None, frame=None, mounting=(0.0, 0.0, 0.0)) -> Tri
             raise InputError(f'{path} is not a bag, so it has no topic {topic}: leave the topic out, or give a bag')
         _refuse_foreign(path)
         head = read_head(path)
+        return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from error
-    return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
+    except InputError as error:
+        if path.is_file() and path.suffix in MAGIC.values() and not is_bag(path):
+            raise InputError(
+                f'{path} is named as a bag but is none, and no trial as text either: copy or download it again (a '
+                'few lines of text may stand for a file that git lfs pull brings)'
+            ) from error
+        raise
 
 
 def read_readings(path, topic=None, *, frame='flu', mounting=(0.0, 0.0, 0.0)):
