@@ -112,6 +112,7 @@ class IdentificationNode(Node):
         answer = await work()
         self._ended = None
         self.health.end(*answer)
+        self._diagnostics.publish()
         self.get_logger().info(answer[1])
         ended.set_result(answer)
         self.when_free()
@@ -137,8 +138,7 @@ class IdentificationNode(Node):
 
     async def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success, response.message = self.busy, 'nothing is running'
-        if self._ended is not None:
-            ended = self._ended
+        if (ended := self._ended) is not None:
             self.stop_waiting()
             self.worker.cancel()
             await ended
