@@ -3,9 +3,10 @@
     python benchmark/small_computers.py --write docs/small_computers.md
 
 Each line is `swath-sysid run` with its workers, which hears a replayed simulated sea of two axes over ROS, with the
-defaults or with `config/small.yaml`. Memory is the proportional set size of all its processes at the end; processor
-time is that of the second half; starting is the processor time until the sensor is heard. Memory hardly depends on
-what else the machine does; processor time rises on a busy one.
+defaults or with `config/small.yaml`. Memory is the proportional set size of all its processes after that, and the most
+while `identifier/identify` fits the last minute, with what numba compiles in its cache; processor time is that of the
+second half; starting is the processor time until the sensor is heard. Memory hardly depends on what else the machine
+does; processor time rises on a busy one.
 """
 import argparse
 import platform
@@ -25,9 +26,19 @@ from swath_sysid.formats.bags import write_imu_bag
 
 RATES = (50, 100, 200)
 PARAMETERS = {'small.yaml': ('--params-file', str(ROOT / 'config' / 'small.yaml')), 'defaults': ()}
-COLUMNS = ('parameters', 'numba', 'rate, Hz', 'memory, MB', 'of it nodes and workers, MB', 'processor, % of one core',
-           'to start, s of processor')
+COLUMNS = ('parameters', 'numba', 'rate, Hz', 'memory, MB', 'of it nodes and workers, MB', 'while it identifies, MB',
+           'processor, % of one core', 'to start, s of processor')
+IDENTIFY = """
+import rclpy
+from std_srvs.srv import Trigger
+rclpy.init()
+node = rclpy.create_node('asks')
+client = node.create_client(Trigger, 'identifier/identify')
+assert client.wait_for_service(60.0), 'the identifier does not answer'
+rclpy.spin_until_future_complete(node, client.call_async(Trigger.Request()))
+"""
 PATIENCE = 120.0
+COMPILING = 25.0
 
 
 def write_sea(path, rate, duration):
@@ -60,8 +71,22 @@ def spent(pid):
     return sum(processor_seconds(each) for each in tree(pid))
 
 
+def most_while_identifying(pid, env):
+    """Largest memory of all processes, MB, while the last minute is identified."""
+    most = 0.0
+    asking = subprocess.Popen([sys.executable, '-c', IDENTIFY], env=env)
+    while asking.poll() is None:
+        try:
+            most = max(most, sum(proportional_mb(each) for each in tree(pid)))
+        except (FileNotFoundError, ProcessLookupError):
+            pass  # a process has just ended
+        time.sleep(0.1)
+    assert asking.returncode == 0
+    return most
+
+
 def measured(rate, options, with_numba, duration):
-    """Memory of each process, MB, share of a core, and processor time to start, s."""
+    """Memory of each process and the most while identifying, MB, share of a core, and processor time to start, s."""
     with tempfile.TemporaryDirectory() as folder:
         write_sea(Path(folder, 'sea.mcap'), rate, duration)
         env = environment()
@@ -82,7 +107,8 @@ def measured(rate, options, with_numba, duration):
             time.sleep(0.4 * duration)
             assert sensor.poll() is None, 'the sensor ended before the measurement'
             share = (spent(run.pid) - half) / (time.monotonic() - begun)
-            return [proportional_mb(pid) for pid in tree(run.pid)], share, start
+            memory = [proportional_mb(pid) for pid in tree(run.pid)]
+            return memory, most_while_identifying(run.pid, env), share, start
         finally:
             for process in (sensor, run):
                 process.send_signal(signal.SIGINT)
@@ -98,12 +124,15 @@ def main():
     arguments = parser.parse_args()
     lines = ['| ' + ' | '.join(COLUMNS) + ' |', '|' + '---|' * len(COLUMNS)]
     print('\n'.join(lines), flush=True)
+    # after an installation numba compiles, once, which takes time and memory
+    measured(arguments.rates[0], (), True, COMPILING)
     for name in arguments.parameters:
         for with_numba in (True, False):
             for rate in arguments.rates:
-                memory, share, start = measured(rate, PARAMETERS[name], with_numba, arguments.seconds)
+                memory, most, share, start = measured(rate, PARAMETERS[name], with_numba, arguments.seconds)
                 cells = (name, 'yes' if with_numba else 'no', rate, f'{sum(memory):.0f}',
-                         ' + '.join(f'{each:.0f}' for each in memory), f'{100.0 * share:.1f}', f'{start:.1f}')
+                         ' + '.join(f'{each:.0f}' for each in memory), f'{most:.0f}', f'{100.0 * share:.1f}',
+                         f'{start:.1f}')
                 lines.append('| ' + ' | '.join(map(str, cells)) + ' |')
                 print(lines[-1], flush=True)
     if arguments.write:

@@ -42,6 +42,12 @@ def test_every_verb_has_help(verb, capsys):
     assert callable(module_of(verb).run)
 
 
+def test_the_bare_command_names_the_verbs(capsys):
+    with pytest.raises(SystemExit):
+        main([])
+    assert set(VERBS) <= set(capsys.readouterr().out.split())
+
+
 def test_identify_prints_one_json_object(trial_file, capsys):
     assert main(['identify', str(trial_file), '--axis', 'pitch', '--equation', 'swath-pitch-2', '--json']) == 0
     found = json.loads(capsys.readouterr().out)

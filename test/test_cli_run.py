@@ -1,6 +1,7 @@
 """The verb run: what it hands to ROS, and what it says where there is none."""
 import argparse
 import builtins
+from pathlib import Path
 
 import pytest
 
@@ -18,7 +19,9 @@ def test_nothing_asked_for_is_nothing_handed_on():
     assert run.ros_arguments(parsed()) == []
 
 
-def test_everything_asked_for_is_handed_on():
+def test_everything_asked_for_is_handed_on(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('p.yaml').write_text('{}')
     arguments = parsed(
         '--params-file', 'p.yaml', '--model', 'm.yaml', '--namespace', '/craft/', '--imu-topic', '/sensor/imu',
         '--use-sim-time', '--ros-args', '-p', 'seed:=2', '--log-level', 'warn',
@@ -72,8 +75,7 @@ def test_it_says_where_nobody_has_decided_how_far_the_nodes_are_heard(environmen
 
 @pytest.mark.dds
 @pytest.mark.parametrize(('words', 'sentence'), [
-    (['--params-file', '/nowhere/p.yaml'], 'params file'), (['--ros-args', '-p', 'seed'], 'parameter override'),
-    (['--ros-args', '-p', 'seed:=-1'], 'seed'),
+    (['--ros-args', '-p', 'seed'], 'parameter override'), (['--ros-args', '-p', 'seed:=-1'], 'seed'),
 ])
 def test_wrong_arguments_are_one_sentence_and_exit_code_2(words, sentence, capfd):
     pytest.importorskip('rclpy')
@@ -89,6 +91,15 @@ def test_a_model_that_is_none_is_refused_before_anything_starts(node, tmp_path):
         with pytest.raises(InputError):
             run.ros_arguments(parsed(*node, '--model', str(name)))
     assert run.ros_arguments(parsed(*node, '--model', str(tmp_path / 'later.yaml')))
+
+
+@pytest.mark.parametrize(('text', 'said'), [(None, 'no file|cannot read|not found'), ('imu_buffer: [oops', 'p.yaml')])
+def test_a_parameter_file_that_is_none_is_refused_before_ros_sees_it(text, said, tmp_path):
+    path = tmp_path / 'p.yaml'
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(InputError, match=said):
+        run.ros_arguments(parsed('--params-file', str(path)))
 
 
 def test_the_page_beside_the_nodes_hears_the_same_names(monkeypatch):

@@ -52,6 +52,7 @@ def test_frame_and_mounting_reach_every_reader(tmp_path):
     ('axis.csv', b'time_s,heave_m\n' + b'0,1\n' * 20, 'no roll or pitch motion'),
     ('nan.csv', b'time_s,roll_rad\n' + b''.join(b'%d,nan\n' % n for n in range(50)), '0 rows of 50'),
     ('two.csv', b'time_s,roll_rad\n0,1\n1,2\n', '2 rows'),
+    ('text.mcap', b'version https://git-lfs.github.com/spec/v1\n', 'named as a bag but is none'),
     ('cut.mcap', b'\x89MCAP0\r\n\x01', 'damaged'),
 ])
 def test_what_cannot_be_read_is_one_sentence(tmp_path, name, content, said):

@@ -45,7 +45,13 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
 def test_the_nodes_load_only_what_small_computers_have_memory_for():
     """scipy.stats, which filterpy imports, takes 30 MB in every process."""
     pytest.importorskip('rclpy')
-    assert loaded_by('swath_sysid.nodes.all_in_one') & HEAVY <= {'numba'}
+    assert loaded_by('swath_sysid.nodes.all_in_one') & (HEAVY | {'scipy.optimize'}) == set()
+
+
+@pytest.mark.parametrize('module', ['attitude.prediction.sea_fit', 'attitude.identification.refit'])
+def test_the_workers_learn_without_scipy_signal(module):
+    """It takes 20 MB, in each."""
+    assert 'scipy.signal' not in loaded_by(f'swath_sysid.{module} as work; work.warm_up()')
 
 
 def test_the_buffer_computes_without_the_large_libraries():

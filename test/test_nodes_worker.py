@@ -166,6 +166,16 @@ def test_an_idle_worker_that_is_killed_is_started_again(worker):
     assert worker.pid != killed and submit(worker, double, 8).wait().result == 16
 
 
+def test_a_process_that_is_there_only_while_it_is_needed(python_path):
+    worker = Worker(warm_up, longest_idle=0.1)
+    try:
+        for value in (3, 4):
+            assert submit(worker, double, value).wait().result == 2 * value
+            wait_until(lambda: not is_alive(worker.pid))
+    finally:
+        worker.close()
+
+
 def test_closing_ends_what_runs(python_path):
     worker = Worker(warm_up)
     ending = submit(worker, deaf, reports=True)

@@ -1,9 +1,10 @@
 """The sea from own motion: closed forms, simulated seas, and a buoy's own processing."""
 import numpy as np
 import pytest
+from scipy import signal
 
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
-from swath_sysid.attitude.prediction.sea_state import sea_report, sea_state
+from swath_sysid.attitude.prediction.sea_state import cross_spectra, sea_report, sea_state
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
@@ -30,6 +31,15 @@ def jonswap_record(height, period, direction, seed):
     along, across = series(1j * number * np.cos(direction) * parts), series(1j * number * np.sin(direction) * parts)
     mean_period = np.sqrt(density.sum() / (density * frequency**2).sum())
     return (series(-((2.0 * np.pi * frequency) ** 2) * parts), across, -along), mean_period
+
+
+@pytest.mark.parametrize('rows', [2000, 1999])
+def test_the_spectra_are_those_of_scipy(rows):
+    channels = np.random.default_rng(4).normal(size=(3, COUNT)) + 5.0
+    frequency, spectra = cross_spectra(channels, STEP, rows)
+    expected = [[signal.csd(a, b, fs=1.0 / STEP, nperseg=rows) for b in channels] for a in channels]
+    np.testing.assert_allclose(frequency, expected[0][0][0])
+    np.testing.assert_allclose(spectra, [[pair[1] for pair in row] for row in expected], atol=1e-12)
 
 
 def test_one_wave_has_its_own_height_and_period():

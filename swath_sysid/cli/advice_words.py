@@ -4,7 +4,7 @@ FLAGS = {
     'late-start': '--start',
     'disturbed-tail': '--end',
     'several-decays': '--start and --end',
-    'forced-motion': '--start and --end',
+    'forced-motion': '--at-sea, or --start and --end',
     'no-decay': '--start and --end',
     'poor-fit': '--start and --end',
     'sea-not-fitted': '--start and --end',

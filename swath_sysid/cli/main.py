@@ -60,7 +60,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     argv = sys.argv[1:] if argv is None else argv
     verb = next((word for word in argv if not word.startswith('-')), None)
-    arguments = build_parser(verb).parse_args(argv)
+    arguments = build_parser(verb).parse_args(argv or ['--help'])
     try:
         return module_of(arguments.verb).run(arguments)
     except InputError as error:

@@ -14,7 +14,7 @@ from swath_sysid.page.server import LOCAL_NAMES, check_installed, served
 
 PORT = 8484
 
-NICENESS = 5
+NICENESS = 10
 """Where the processor is short the nodes come first."""
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from swath_sysid.cli.ros_needed import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.topics import IMU_TOPIC
+from swath_sysid.formats.untrusted_yaml import plain_content, text_of
 from swath_sysid.start import verb_command
 
 NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
@@ -87,6 +88,8 @@ def ros_arguments(arguments: Namespace) -> list[str]:
     """
     given = []
     if arguments.params_file:
+        # ROS would log a line of its own before its sentence
+        plain_content(text_of(arguments.params_file, 'parameter file'), arguments.params_file)
         given += ['--params-file', arguments.params_file]
     if arguments.model:
         node = arguments.only or 'identifier'

@@ -12,7 +12,9 @@ HAS_NUMBA = find_spec('numba') is not None and os.environ.get('NUMBA_DISABLE_JIT
 
 
 def compiler() -> Any:
-    """The module numba, loaded now; None where it is not installed, or not for this version of numpy."""
+    """The module numba, loaded now; None where it is not installed or wanted, or not for this version of numpy."""
+    if not HAS_NUMBA:
+        return None
     try:
         import numba
     except ImportError:

@@ -38,13 +38,14 @@ class WorkerProcess:
     """The process, as its parent uses it: from one thread at a time.
 
     The warm-up is run in it when it starts, and must be importable there, as all functions given; the clock gives
-    seconds that only go forward, for `CANCEL_PATIENCE`.
+    seconds that only go forward, for `CANCEL_PATIENCE`. A process that is resting starts with the first work, not now.
     """
 
-    def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float]) -> None:
+    def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float], is_resting: bool = False) -> None:
         self._warm_up, self._clock = warm_up, clock
-        self._ready = False
-        self._start()
+        self._ready, self._is_resting = False, is_resting
+        if not is_resting:
+            self._start()
 
     @property
     def pid(self) -> int:
@@ -56,6 +57,8 @@ class WorkerProcess:
 
         One that never got ready is started again with the next work only, not for ever.
         """
+        if self._is_resting:
+            return False
         try:
             if not self._ready and self._connection.poll():
                 self._note_ready()
@@ -92,6 +95,8 @@ class WorkerProcess:
             The process has died.
         """
         sent, asked_at = False, None
+        if self._is_resting:
+            self._start()
         while True:
             if self._ready and not sent and not is_cancelled():
                 self._connection.send(work)
@@ -118,14 +123,23 @@ class WorkerProcess:
 
     def restart(self) -> str:
         """Start another process in place of this one; how this one had ended, in words."""
-        code = self._process.poll()
-        self._process.kill()
+        code = None
+        if not self._is_resting:
+            code = self._process.poll()
+            self._process.kill()
         self.end()
         self._start()
         return f'with code {code}' if code is not None else 'unexpectedly'
 
+    def rest(self) -> None:
+        """End the process until there is work again."""
+        self.end()
+        self._is_resting = True
+
     def end(self) -> None:
         """End the process, which has `CANCEL_PATIENCE` to do so itself."""
+        if self._is_resting:
+            return
         self._connection.close()
         try:
             self._process.wait(CANCEL_PATIENCE)
@@ -149,6 +163,7 @@ class WorkerProcess:
                 # out of the terminal's process group: Ctrl-C is the parent's, which then closes the socket
                 start_new_session=True,
             )
+        self._is_resting = False
         self._connection.send((self._warm_up, (), False))
 
     def _note_ready(self) -> None:

@@ -57,7 +57,7 @@ def read_trial(
         its unit or contradicts another, a value is one that its unit cannot have, or there is no time, no roll or
         pitch motion, or too little of it.
     """
-    from swath_sysid.formats.bags import is_bag, read_bag
+    from swath_sysid.formats.bags import MAGIC, is_bag, read_bag
 
     with reading(path):
         path = existing(path)
@@ -70,8 +70,16 @@ def read_trial(
         if topic:
             raise InputError(f'{path} is not a bag, so it has no topic {topic}: leave the topic out, or give a bag')
         _refuse_foreign(path)
-        head = read_head(path)
-    return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
+        try:
+            head = read_head(path)
+            return (read_mti if is_mti(head.names) else read_csv)(path, frame, mounting)
+        except InputError as error:
+            if path.suffix in MAGIC.values():
+                raise InputError(
+                    f'{path} is named as a bag but is none, and no trial as text either: copy or download it again (a '
+                    'few lines of text may stand for a file that git lfs pull brings)'
+                ) from error
+            raise
 
 
 def read_readings(

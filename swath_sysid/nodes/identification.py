@@ -51,7 +51,7 @@ class IdentificationNode(Node):
         self, warm_up: Callable[[], None], identify: Sequence[str] = ('~/identify',),
         rollback: Sequence[str] = ('~/rollback',),
     ) -> None:
-        """Start the worker, which first runs ``warm_up()``, and offer the services under these names."""
+        """Make the worker, which first runs ``warm_up()``, and offer the services under these names."""
         # an async service holds its group while it waits: in the node's own it would lock out all else
         waiting: dict[str, Any] = {'callback_group': ReentrantCallbackGroup(), 'qos_profile': SERVICES}
         for service in identify:
@@ -60,7 +60,8 @@ class IdentificationNode(Node):
             self.create_service(Trigger, service, self._on_rollback, qos_profile=SERVICES)
         self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self.reports)
-        self.worker = Worker(warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED))
+        self.worker = Worker(
+            warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), self.parameters['worker_idle_s'])
 
     def change(self, settings: Any) -> None:
         """Settings have changed; may be overridden."""
@@ -111,6 +112,7 @@ class IdentificationNode(Node):
         answer = await work()
         self._ended = None
         self.health.end(*answer)
+        self._diagnostics.publish()
         self.get_logger().info(answer[1])
         ended.set_result(answer)
         self.when_free()
@@ -136,8 +138,7 @@ class IdentificationNode(Node):
 
     async def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success, response.message = self.busy, 'nothing is running'
-        if self._ended is not None:
-            ended = self._ended
+        if (ended := self._ended) is not None:
             self.stop_waiting()
             self.worker.cancel()
             await ended

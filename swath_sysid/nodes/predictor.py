@@ -62,7 +62,9 @@ class Predictor(Node):
 
     def _on_imu(self, message: Imu) -> None:
         """Forecast from a sample, or where others wait behind it, from the newest ones only."""
-        self._take_models()
+        if self._take_models():
+            # who has just seen the model must not read for a period that there is none
+            self._diagnostics.publish()
         messages = [message, *waiting(self._subscription, self.parameters['queue_depth'])]
         readings = [imu_reading(each) for each in messages]
         forecast_from = readings[0 if self.parameters['in_step'] else -1].stamp_ns - PASSED_OVER_NS
@@ -82,14 +84,16 @@ class Predictor(Node):
             return
         self._forecasts.publish(step)
 
-    def _take_models(self) -> None:
-        """Use what came on model/description, once it is read."""
+    def _take_models(self) -> bool:
+        """Use what came on model/description, once it is read; whether something came."""
+        before = self._described
         for description in self._intake.taken():
             self._described = description
             self._load()
             self.health.note_model(perf_counter())
             known = ', '.join(f'{axis} {held.model.equation.name}' for axis, held in description[0].items()) or 'none'
             self.get_logger().info(f'new model: {known}')
+        return self._described is not before
 
     def _refuse_model(self, sentence: str) -> None:
         self.health.note_refused_model(sentence)

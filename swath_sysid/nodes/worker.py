@@ -32,14 +32,19 @@ class Worker:
         Run in the process when it starts; importable there, as all functions given.
     on_death : callable, optional
         Called (from the worker's thread) when the process died and was started again.
+    longest_idle : float
+        s without work after which the process is ended, to be started with the next; 0: it stays ready from now on.
     """
 
-    def __init__(self, warm_up: Callable[[], None], on_death: Callable[[], None] | None = None):
+    def __init__(
+        self, warm_up: Callable[[], None], on_death: Callable[[], None] | None = None, longest_idle: float = 0.0
+    ):
         self._on_death = on_death
+        self._longest_idle = longest_idle
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._unfinished: list[_Job] = []
         self._closing = threading.Event()
-        self._process = WorkerProcess(warm_up, time.monotonic)
+        self._process = WorkerProcess(warm_up, time.monotonic, is_resting=longest_idle > 0.0)
         self._thread = threading.Thread(target=self._serve, name='worker', daemon=True)
         self._thread.start()
 
@@ -82,15 +87,19 @@ class Worker:
         self._process.end()
 
     def _serve(self) -> None:
+        worked = time.monotonic()
         while not self._closing.is_set():
             try:
                 job = self._jobs.get(timeout=IDLE_PERIOD)
             except queue.Empty:
-                if self._process.died_idle():
+                if self._longest_idle and time.monotonic() - worked > self._longest_idle:
+                    self._process.rest()
+                elif self._process.died_idle():
                     self._revive()
                 continue
             if job is not None:
                 result, error = self._do(job)
+                worked = time.monotonic()
                 self._unfinished.remove(job)
                 job.on_end(result, error)
 

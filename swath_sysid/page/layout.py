@@ -72,9 +72,11 @@ def _guide(desk: Desk) -> Update:
         sentence = _text('text-h6', 'sentence')
         cure = _text('text-body1 text-weight-medium text-red-6', 'cure')
         with ui.row().classes('gap-2'):
-            for name, (label, meaning) in BUTTONS.items():
-                ui.button(label, on_click=lambda name=name: desk.press(name)).props(
+            buttons = {
+                name: ui.button(label, on_click=lambda name=name: desk.press(name)).props(
                     f'no-caps {"" if name == "accept" else "outline"} data-name={name}').tooltip(meaning)
+                for name, (label, meaning) in BUTTONS.items()
+            }
             record = ui.button(on_click=lambda: desk.press('record')).props('no-caps outline data-name=record')
         answers = _text('text-caption opacity-70', 'answers').classes('whitespace-pre-line')
 
@@ -85,6 +87,7 @@ def _guide(desk: Desk) -> Update:
         cure.text = f'{guidance.fault}: {guidance.cure}' if guidance.fault else ''
         record.text = 'Stop recording' if view.is_recording else 'Record to a bag'
         answers.text = '\n'.join(view.answers)
+        buttons['accept'].enabled = bool(view.model)
 
     return update
 
@@ -182,7 +185,7 @@ def _text(classes: str, name: str) -> Any:
 
 def _fill_motion(chart: Any, motion: dict[str, list], smallest: float) -> None:
     reach = reach_of(motion, smallest)
-    chart.options['yAxis'] |= {'min': -reach, 'max': reach}
+    chart.options['yAxis'] |= {'min': -reach, 'max': reach, 'interval': 0.5 * reach}
     chart.options['xAxis']['max'] = math.ceil(max((time for time, _ in motion['forecast'][-1:]), default=0.0) - 0.5)
     _fill(chart, motion_series(motion))
 

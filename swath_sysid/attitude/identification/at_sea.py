@@ -21,7 +21,6 @@ deviation, sqrt(2) std, by `hull.amplitude`.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
 
 from swath_sysid.attitude.hull.amplitude import amplitude_curves
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
@@ -463,6 +462,8 @@ class _Fit:
 
     def _refined(self, start):
         fixed = start[:0] if self.held is None else self.held
+        from scipy.optimize import minimize
+
         result = minimize(
             lambda rest: self(np.concatenate([fixed, rest])), start[fixed.size:], method='BFGS',
             options={'gtol': 1e-2, 'maxiter': 300},

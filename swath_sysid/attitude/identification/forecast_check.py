@@ -133,21 +133,16 @@ def measured_states(motion, period):
     first : int
         The first sample with enough past.
     """
-    from scipy.signal import lfilter, savgol_coeffs
-
     interval = motion.sample_interval
     window = int(STATE_PERIODS * period / interval)
     angle, rate = with_angle_and_rate(motion)
     if window < 5:
         return angle, rate, 0
     window = min(window, motion.size)
-    value = savgol_coeffs(window, 2, pos=window - 1, use='conv')
-    if motion.rate is None:
-        slope = savgol_coeffs(window, 2, deriv=1, delta=interval, pos=window - 1, use='conv')
-        rate = lfilter(slope, 1.0, angle)
-    else:
-        rate = lfilter(value, 1.0, rate)
-    return lfilter(value, 1.0, angle), rate, window - 1
+    # what the samples before weigh in the parabola's value and slope at the newest one (Savitzky and Golay 1964)
+    value, slope, _ = np.linalg.pinv(np.vander(-interval * np.arange(window), 3, increasing=True))
+    rate = np.convolve(angle, slope) if motion.rate is None else np.convolve(rate, value)
+    return np.convolve(angle, value)[:motion.size], rate[:motion.size], window - 1
 
 
 def _relative(error, measured):

@@ -8,7 +8,6 @@ perturbed copies that a Jacobian needs, are simulated side by side.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, interpolate, places_in_steps, runge_kutta_population
 from swath_sysid.attitude.hull.terms import TERM_NAMES
@@ -226,6 +225,8 @@ class MotionFit:
             if not np.array_equal(held['jacobian'][0], values):
                 residuals(values)
             return held['jacobian'][1]
+
+        from scipy.optimize import least_squares
 
         return least_squares(
             residuals, parameters[chosen], jacobian, bounds=bounds,

@@ -14,7 +14,6 @@ simulation objective is the default for that reason.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
 from swath_sysid.common.errors import InputError
@@ -89,6 +88,8 @@ class OneStepObjective:
         -------
         ndarray, shape (9,)
         """
+        from scipy.optimize import lsq_linear
+
         used = equation.indices
         columns = self.triangle[:, used]
         scale = np.linalg.norm(columns, axis=0)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from numbers import Integral
 
 import numpy as np
-from scipy.optimize import differential_evolution
 
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER
@@ -229,6 +228,8 @@ def run_search(objective, space, settings, first=(), progress=None, should_cance
 
 def _differential_evolution(objective, space, settings, first, note):
     """scipy's differential evolution; its population is spread around the bounds' scale."""
+    from scipy.optimize import differential_evolution
+
     budget = settings.budget(GeneticSettings())
     generation = 0
 

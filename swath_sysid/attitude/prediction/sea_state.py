@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft
 
 from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.common.errors import InputError
@@ -126,10 +127,9 @@ def sea_state(acceleration, roll, pitch, step, seed=0):
         raise InputError(
             f'{duration:.0f} s of motion hold too few waves: a sea state needs {MIN_DURATION / 60:.0f} min, better 20'
         )
-    from scipy.signal import welch
-
-    how = {'fs': 1.0 / step, 'nperseg': round(min(_SEGMENT, duration / 3.0) / step)}
-    frequency, of_acceleration = welch(acceleration, **how)
+    rows = round(min(_SEGMENT, duration / 3.0) / step)
+    frequency, spectra = cross_spectra(np.stack([acceleration, -pitch, roll]), step, rows)
+    of_acceleration = spectra[0, 0].real
     inside = (frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1])
     below = (frequency > _BELOW_THE_WAVES_HZ[0]) & (frequency < _BELOW_THE_WAVES_HZ[1])
     frequency = frequency[inside]
@@ -146,12 +146,12 @@ def sea_state(acceleration, roll, pitch, step, seed=0):
             f'({least_height:.2g} m)'
         )
     # a spectrum of few segments is too large where it is squared, by its own variance
-    segments = _SEGMENTS_IN_EFFECT * (2.0 * duration / (how['nperseg'] * step) - 1.0)
+    segments = _SEGMENTS_IN_EFFECT * (2.0 * duration / (rows * step) - 1.0)
     squared = spectrum**2 / (1.0 + 1.0 / segments)
     of_m0 = (squared.sum() * width / duration) / m0**2
     of_ratio = (squared * (1.0 / m0 - frequency**2 / m2) ** 2).sum() * width / duration
     period = math.sqrt(m0 / m2)
-    axis, axis_std = _axis(acceleration, roll, pitch, how, inside, spectrum, segments)
+    axis, axis_std = _axis(spectra[..., inside], spectrum, segments)
     return SeaState(
         duration, height, 0.5 * height * math.sqrt(of_m0), period, 0.5 * period * math.sqrt(of_ratio),
         1.0 / _peak_frequency(frequency, spectrum), _peak_interval(frequency, spectrum, segments, seed),
@@ -180,17 +180,43 @@ def _peak_interval(frequency, spectrum, segments, seed):
     return float(1.0 / (high + half)), float(1.0 / (low - half))
 
 
-def _axis(acceleration, roll, pitch, how, inside, spectrum, segments):
+def cross_spectra(channels, step, rows):
+    """Spectra and cross spectra, one-sided, averaged over halfway overlapping segments (Welch 1967).
+
+    Parameters
+    ----------
+    channels : ndarray, shape (C, N)
+    step : float
+        s.
+    rows : int
+        Of a segment, which is taken about its mean under a Hann window.
+
+    Returns
+    -------
+    frequency : ndarray, shape (F,)
+        Hz.
+    spectra : ndarray, shape (C, C, F)
+        Complex, in the unit of the row times that of the column by Hz; the column is ahead by the angle.
+    """
+    starts = np.arange(0, channels.shape[1] - rows + 1, rows - rows // 2)
+    segments = channels[:, starts[:, None] + np.arange(rows)]
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi / rows * np.arange(rows))
+    lines = fft.rfft((segments - segments.mean(axis=-1, keepdims=True)) * window)
+    density = np.full(lines.shape[-1], 2.0 * step / (window**2).sum())
+    density[0] *= 0.5
+    if rows % 2 == 0:
+        density[-1] *= 0.5
+    return fft.rfftfreq(rows, step), np.einsum('asf,bsf->abf', lines.conj(), lines) * density / starts.size
+
+
+def _axis(spectra, spectrum, segments):
     """The waves' axis: heave and the slopes along and across the craft are a quarter period apart.
 
-    The slope is -pitch along the bow and roll to port; acceleration is heave turned about.
+    The slope is -pitch along the bow and roll to port; acceleration is heave turned about. ``spectra`` are the cross
+    spectra of those three.
     """
-    from scipy.signal import csd, welch
-
-    slopes = [-pitch, roll]
-    of_heave = welch(acceleration, **how)[1][inside]
-    quadrature = np.array([csd(acceleration, slope, **how)[1][inside].imag for slope in slopes])
-    power = np.array([welch(slope, **how)[1][inside] for slope in slopes])
+    of_heave, quadrature = spectra[0, 0].real, spectra[0, 1:].imag
+    power = np.array([spectra[1, 1].real, spectra[2, 2].real])
     coherence = (quadrature**2).sum(axis=0) / np.maximum(of_heave * power.sum(axis=0), 1e-300)
     weight = np.where(coherence > _COHERENT, spectrum, 0.0)
     if not weight.sum() > 0.5 * spectrum.sum():

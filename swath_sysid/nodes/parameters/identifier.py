@@ -5,7 +5,7 @@ from swath_sysid.attitude.identification.search import ALGORITHMS, SearchSetting
 from swath_sysid.attitude.identification.stability_watch import StabilitySettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.parameter import DIAGNOSTICS, NodeParameter, Values, check
+from swath_sysid.nodes.parameters.parameter import DIAGNOSTICS, WORKER, NodeParameter, Values, check
 
 TABLE = (
     NodeParameter('axes', list(AXES), 'Axes to identify', choices=AXES),
@@ -44,6 +44,7 @@ TABLE = (
         'model_path', '', 'Model file, read at the start if it exists and replaced whenever the model changes; '
         'empty: none', read_only=True,
     ),
+    *WORKER,
     *DIAGNOSTICS,
 )
 

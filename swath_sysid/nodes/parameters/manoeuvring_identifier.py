@@ -1,7 +1,7 @@
 """The parameters of manoeuvring_identifier."""
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.window import AUTO, THRUST_INPUTS
-from swath_sysid.nodes.parameters.parameter import DIAGNOSTICS, NodeParameter, Values, check
+from swath_sysid.nodes.parameters.parameter import DIAGNOSTICS, WORKER, NodeParameter, Values, check
 
 TABLE = (
     NodeParameter(
@@ -28,6 +28,7 @@ TABLE = (
         'least_improvement', 0.001, 'A refit replaces the model if its errors on held-out motion are smaller by this '
         'part', '', 0.0, 0.9,
     ),
+    *WORKER,
     *DIAGNOSTICS,
 )
 

@@ -93,6 +93,14 @@ DIAGNOSTICS = (
     NodeParameter('diagnostics_period_s', 1.0, 'Time between diagnostics (wall clock)', 's', 0.1, 60.0, read_only=True),
 )
 
+WORKER = (
+    NodeParameter(
+        'worker_idle_s', 0.0, 'The process that identifies ends after so long without work, and starts with the next: '
+        'saves its memory; 0: it stays ready', 's', 0.0, 86400.0, read_only=True,
+    ),
+)
+
+
 def defaults(table: Table) -> Values:
     """Name to default value of a node's parameters."""
     return {parameter.name: parameter.default for parameter in table}
