@@ -28,7 +28,7 @@ STATE_PRIOR = 1.0
 """Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
 equation, so that likelihoods can be compared."""
 BASIN_PRIORS = (
-    ('level', np.log(3e-4), 3.0),  # of the restoring moment at the first amplitude: most basins are quiet
+    ('level', np.log(1e-4), 3.0),  # of the restoring moment at the first amplitude: most basins are quiet
     ('frequency', 0.0, 0.4),  # of the hull's
     ('damping', np.log(0.3), 0.7),
     ('angle_white', 0.0, 1.0),  # of what third differences show
@@ -46,7 +46,7 @@ UNLIKELY = 4.0
 """Negative log posterior above the least from which another optimum is left out;"""
 SAME_MODE = 0.5
 """standard deviations within which two are one."""
-LOG_LIMITS = 7.0
+LOG_LIMITS = 12.0
 MAX_DAMPING = 0.9
 MIN_NOISE = 1e-4
 """Of the amplitude: white noise where third differences show none."""
