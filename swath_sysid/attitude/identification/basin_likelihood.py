@@ -28,7 +28,7 @@ STATE_PRIOR = 1.0
 """Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
 equation, so that likelihoods can be compared."""
 BASIN_PRIORS = (
-    ('level', np.log(1e-4), 3.0),  # of the restoring moment at the first amplitude: most basins are quiet
+    ('level', np.log(3e-4), 3.0),  # of the restoring moment at the first amplitude: most basins are quiet
     ('frequency', 0.0, 0.4),  # of the hull's
     ('damping', np.log(0.3), 0.7),
     ('angle_white', 0.0, 1.0),  # of what third differences show
