@@ -46,7 +46,7 @@ UNLIKELY = 4.0
 """Negative log posterior above the least from which another optimum is left out;"""
 SAME_MODE = 0.5
 """standard deviations within which two are one."""
-LOG_LIMITS = 12.0
+LOG_LIMITS = 7.0
 MAX_DAMPING = 0.9
 MIN_NOISE = 1e-4
 """Of the amplitude: white noise where third differences show none."""
