@@ -12,6 +12,7 @@ from scipy.stats import multivariate_normal, norm, truncnorm
 
 from swath_sysid.attitude.hull import compiled
 from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification import innovations as filter_module
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, clipped_step, interval
 from swath_sysid.attitude.identification.fit_quality import rate_mismatch
@@ -120,10 +121,12 @@ def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
 
 
 def test_filter_is_the_same_one_by_one_compiled_and_all_at_once(monkeypatch):
+    monkeypatch.setattr(filter_module, 'propagate', filter_module.propagate_by_rows)
     one_by_one = run_filter(*linear_case(), 0.002, compiled=True)
     for module in (compiled, filter_module):
         for name, function in list(vars(module).items()):
             monkeypatch.setattr(module, name, getattr(function, '__wrapped__', function))
+    monkeypatch.setattr(filter_module, 'propagate', filter_module.propagate_at_once)
     assert run_filter(*linear_case(), 0.002, compiled=False) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)
 
 
@@ -142,17 +145,27 @@ def test_gradient_is_that_of_finite_differences(bench):
     for name, place in (('b1', 1), ('b2', 2), ('r1', 4), ('r2', 5), ('r3', 6)):
         ratios[place] = 1.2 * made.truth[name]
     z = likelihood.start(ratios, 0.02)
-    gradient, information = likelihood.gradient_and_information(z, likelihood.innovations(z))
-    numeric = approx_fprime(z, lambda v: likelihood.cost(v, likelihood.innovations(v)), 1e-6)
-    assert gradient == pytest.approx(numeric, rel=2e-3, abs=0.05)
-    assert np.linalg.eigvalsh(information).min() > 0.0
+    (found,) = likelihood.evaluate([z])
+    numeric = approx_fprime(z, lambda v: likelihood.evaluate([v])[0].cost, 1e-6)
+    assert found.gradient == pytest.approx(numeric, rel=2e-3, abs=0.05)
+    assert np.linalg.eigvalsh(found.information).min() > 0.0
+
+
+def test_searches_side_by_side_end_where_each_alone_does(bench):
+    likelihood, made = likelihood_of(bench, seed=0)
+    ratios = np.array([made.truth.get(name, 0.0) for name in TERM_NAMES])
+    starts = [likelihood.start(ratios, level) for level in (0.003, 0.05)]
+    together = likelihood.minimise(starts)
+    for start, found in zip(starts, together, strict=True):
+        (alone,) = likelihood.minimise([start])
+        assert found.z == pytest.approx(alone.z, abs=1e-6)
 
 
 def test_where_the_motion_runs_away_there_is_no_fit(bench):
     likelihood, made = likelihood_of(bench)
     ratios = np.zeros(9)
     ratios[4] = -1e4 * made.truth['r1']
-    assert likelihood.fit(ratios, None) is None
+    assert likelihood.best_of([likelihood.start(ratios, 0.003)]) is None
 
 
 def test_step_is_held_at_a_bound():

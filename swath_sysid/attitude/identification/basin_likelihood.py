@@ -9,7 +9,7 @@ optimum is found by scoring: with a_k = d e_k / d z and b_k = d s_k / d z of inn
     information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -19,7 +19,7 @@ from swath_sysid.attitude.identification.innovations import innovations
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
-STEPS_PER_PERIOD = 32
+STEPS_PER_PERIOD = 24
 RATIO_PRIOR = 4.0
 """Standard deviation, dimensionless, of what a ratio may be before the record is seen: beyond any craft's."""
 BIAS_PRIOR = float(np.radians(2.0))
@@ -28,7 +28,7 @@ STATE_PRIOR = 1.0
 """Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
 equation, so that likelihoods can be compared."""
 BASIN_PRIORS = (
-    ('level', np.log(0.003), 3.0),  # of the restoring moment at the first amplitude
+    ('level', np.log(3e-4), 3.0),  # of the restoring moment at the first amplitude: most basins are quiet
     ('frequency', 0.0, 0.4),  # of the hull's
     ('damping', np.log(0.3), 0.7),
     ('angle_white', 0.0, 1.0),  # of what third differences show
@@ -40,7 +40,12 @@ BASIN_PRIORS = (
     ('drift', np.log(5e-4), 1.0),  # of the first amplitude, in the square root of a period
 )
 """Name, mean and standard deviation of the logarithm of each of the basin's and the sensors' parameters."""
-STARTING_LEVELS = 0.003, 0.05
+STARTING_LEVELS = 0.003, 0.05, 0.3
+"""Of the disturbance, as its prior: the first two from the first estimate, the last two from a linear hull as well."""
+UNLIKELY = 4.0
+"""Negative log posterior above the least from which another optimum is left out;"""
+SAME_MODE = 0.5
+"""standard deviations within which two are one."""
 LOG_LIMITS = 7.0
 MAX_DAMPING = 0.9
 MIN_NOISE = 1e-4
@@ -49,6 +54,11 @@ PERTURBATION = 1e-5
 MAX_ITERATIONS = 30
 CONVERGED = 0.01
 """Decrease of the negative log likelihood that a further step promises."""
+HESSIAN_STEP = 0.05
+"""Standard deviations of a parameter over which the gradient's change is taken."""
+LEAST_CURVATURE = 0.5
+"""Of the posterior along any mixture of the basin's parameters, over that of the prior: where the likelihood bends
+away from its maximum it says no less than this about them."""
 INTERVAL = 0.95
 NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
 
@@ -94,6 +104,30 @@ class BlockedRecord:
         measured = [motion.angle is not None, motion.rate is not None]
         counts = count[:, None] * np.array(measured, dtype=float)
         return cls(step, (samples**2 - 1) * interval**2 / 24.0, means[0], means[1], counts)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The negative log posterior at some parameters.
+
+    Attributes
+    ----------
+    z : ndarray, shape (p,)
+    cost : float
+        Infinite where the motion runs away.
+    gradient, information : ndarray, shape (p,) and (p, p)
+        First derivatives and expected second ones; not finite where the motion runs away.
+    """
+
+    z: np.ndarray
+    cost: float
+    gradient: np.ndarray
+    information: np.ndarray
+
+    @property
+    def is_finite(self):
+        """Whether a search may go on from here."""
+        return all(np.isfinite(each).all() for each in (self.cost, self.gradient, self.information))
 
 
 @dataclass(frozen=True)
@@ -150,6 +184,7 @@ class BasinLikelihood:
     def __init__(self, motions, states, equation, scales: Scales, friction_rate):
         self._records = [BlockedRecord.of(m, scales.frequency) for m in motions]
         self._active = equation.active
+        self._names = equation.terms
         self._terms = equation.indices
         self._friction_rate = friction_rate
         self._ratio_units = scales.ratio_units[self._terms]
@@ -219,7 +254,7 @@ class BasinLikelihood:
 
     def innovations(self, z):
         """Innovations and variances of each record, shape (2, 2 N)."""
-        return [self._innovations_of(k, [z])[..., 0] for k in range(len(self._records))]
+        return [self._innovations_of(k, z[None])[..., 0] for k in range(len(self._records))]
 
     def _innovations_of(self, index, points):
         """Of a record, at B points, shape (2, 2 N, B)."""
@@ -231,94 +266,89 @@ class BasinLikelihood:
         )  # fmt: skip
         return found.reshape(2, -1, len(points))
 
-    def _slopes(self, z, found):
-        """Of each record: the parameters that move its innovations, and the derivatives by them, shape (p, 2, 2 N)."""
-        shared = np.arange(self._shared)
-        for index, own in enumerate(found):
-            places = np.concatenate([shared, self._shared + 3 * index + np.arange(3)])
-            moved = np.tile(z, (places.size, 1))
-            moved[np.arange(places.size), places] += PERTURBATION
-            yield places, (np.moveaxis(self._innovations_of(index, moved), -1, 0) - own) / PERTURBATION
+    def evaluate(self, points):
+        """The posterior and its derivatives at some points, all in one pass of the filter.
 
-    def cost(self, z, found):
-        """Negative log posterior at z, of the innovations there; infinite where the motion runs away."""
-        value = 0.5 * float(np.sum(((z - self._prior_mean) / self._prior_std) ** 2))
-        with np.errstate(all='ignore'):
-            value += sum(0.5 * float(np.sum(np.log(s) + e * e / s)) for e, s in found)
-        return value if np.isfinite(value) and all(np.all(s > 0.0) for _, s in found) else np.inf
-
-    def gradient_and_information(self, z, found):
-        """First derivatives and expected second ones of `cost`; ``found`` are the innovations at z.
-
-        Not finite where the motion runs away.
-        """
-        weight = self._prior_std**-2
-        gradient, information = weight * (z - self._prior_mean), np.diag(weight)
-        with np.errstate(all='ignore'):
-            for (e, s), (places, slopes) in zip(found, self._slopes(z, found), strict=True):
-                by_e, by_s = slopes[:, 0] / np.sqrt(s), slopes[:, 1] / (np.sqrt(2.0) * s)
-                gradient[places] += by_e @ (e / np.sqrt(s)) + by_s @ ((1.0 - e * e / s) / np.sqrt(2.0))
-                information[np.ix_(places, places)] += by_e @ by_e.T + by_s @ by_s.T
-        return gradient, information
-
-    def minimise(self, z):
-        """Scoring with Levenberg's damping, the damping ratios kept from below zero.
+        Parameters
+        ----------
+        points : sequence of ndarray, shape (p,)
 
         Returns
         -------
-        z : ndarray
-        cost : float
-            Infinite where the motion runs away from the start.
-        gradient, information
-            Of `gradient_and_information` there.
+        list of Evaluation
+        """
+        weight = self._prior_std**-2
+        costs = [0.5 * float(weight @ (z - self._prior_mean) ** 2) for z in points]
+        gradients = [weight * (z - self._prior_mean) for z in points]
+        informations = [np.diag(weight) for _ in points]
+        shared = np.arange(self._shared)
+        for index in range(len(self._records)):
+            places = np.concatenate([shared, self._shared + 3 * index + np.arange(3)])
+            moved = np.repeat(np.array(points)[:, None], places.size + 1, axis=1)
+            moved[:, 1 + np.arange(places.size), places] += PERTURBATION
+            found = self._innovations_of(index, moved.reshape(-1, moved.shape[-1]))
+            for k, own in enumerate(np.split(found, len(points), axis=-1)):
+                e, s = own[..., 0]
+                with np.errstate(all='ignore'):
+                    slopes = (own[..., 1:] - own[..., :1]) / PERTURBATION
+                    by_e, by_s = slopes[0].T / np.sqrt(s), slopes[1].T / (np.sqrt(2.0) * s)
+                    costs[k] += 0.5 * float(np.sum(np.log(s) + e * e / s))
+                    gradients[k][places] += by_e @ (e / np.sqrt(s)) + by_s @ ((1.0 - e * e / s) / np.sqrt(2.0))
+                    informations[k][np.ix_(places, places)] += by_e @ by_e.T + by_s @ by_s.T
+        return [
+            Evaluation(z, cost if np.isfinite(cost) else np.inf, gradient, information)
+            for z, cost, gradient, information in zip(points, costs, gradients, informations, strict=True)
+        ]
+
+    def minimise(self, starts):
+        """The optimum found from each of some parameters, side by side.
+
+        Returns
+        -------
+        list of Evaluation
+            Of infinite cost where the motion runs away from the start.
         """
         n = self.term_count
-        low, high = np.full(z.size, -np.inf), np.full(z.size, np.inf)
+        low, high = np.full(self._prior_mean.size, -np.inf), np.full(self._prior_mean.size, np.inf)
         low[:n][self._bounded] = 0.0
-        z = np.clip(z, low, high)
-        found = self.innovations(z)
-        cost, damping = self.cost(z, found), 1e-3
-        gradient, information = self.gradient_and_information(z, found)
-        if not _are_finite(gradient, information):
-            return z, np.inf, gradient, information
-        for _ in range(MAX_ITERATIONS):
-            trial = clipped_step(z, gradient, information + damping * np.diag(np.diag(information)), low, high)
-            expected = -float(gradient @ (trial - z))
-            if expected < CONVERGED:
-                break
-            tried = self.innovations(trial)
-            value = self.cost(trial, tried)
-            slope, curvature = self.gradient_and_information(trial, tried) if value < cost else (gradient, information)
-            # at the edge of where the motion runs away it may be known, but not how it changes
-            if value < cost and _are_finite(slope, curvature):
-                gained = cost - value
-                z, cost, gradient, information = trial, value, slope, curvature
-                damping = max(damping / 5.0, 1e-6)
-                if gained < CONVERGED and expected < 10.0 * CONVERGED:
-                    break
-            else:
-                damping = max(6.0 * damping, 1e-2)
-                if damping > 1e6:
-                    break
-        return z, cost, gradient, information
+        searches = [scoring(np.clip(z, low, high), low, high) for z in starts]
+        asked = {k: next(search) for k, search in enumerate(searches)}
+        optima = {}
+        while asked:
+            for k, evaluation in zip(list(asked), self.evaluate(list(asked.values())), strict=True):
+                try:
+                    asked[k] = searches[k].send(evaluation)
+                except StopIteration as end:
+                    optima[k] = end.value
+                    del asked[k]
+        return [optima[k] for k in range(len(starts))]
 
     def fit(self, ratios, states):
-        """The best optimum from given ratios (9,) and states, in a basin that is quiet at first and in one that moves.
+        """The best optimum from given ratios (9,) and states, and from a linear hull, in quiet and in moving basins.
 
         Returns
         -------
         BasinFit or None
-            None where the motion runs away from both.
+            None where the motion runs away from all of these.
         """
-        return self.best_of([self.start(ratios, level, states) for level in STARTING_LEVELS])
+        linear = self._prior_mean[: self.term_count].copy()
+        if 'b1' in self._names:
+            linear[self._names.index('b1')] = 1.0
+        starts = [self.start(ratios, level, states) for level in STARTING_LEVELS[:2]]
+        for level in STARTING_LEVELS[1:]:
+            start = self.start(ratios, level, states)
+            start[: linear.size], start[linear.size + 1] = linear, 0.0
+            starts.append(start)
+        return self.best_of(starts)
 
     def best_of(self, starts):
         """The best of the optima found from some parameters, a `BasinFit`; None where the motion runs away from all."""
-        z, cost, _, information = min(map(self.minimise, starts), key=lambda t: t[1])
-        if not np.isfinite(cost):
+        optima = sorted((o for o in self.minimise(starts) if o.is_finite), key=lambda optimum: optimum.cost)
+        if not optima:
             return None
-        n, units = self.term_count, self._ratio_units
-        covariance = np.linalg.inv(information)
+        best = optima[0]
+        z, n, units = best.z, self.term_count, self._ratio_units
+        covariance = self._covariance_of(optima)
         std = np.sqrt(np.diag(covariance)[:n])
         intervals = np.array([
             interval(*row) for row in zip(z[:n], std, self._bounded, strict=True)
@@ -337,13 +367,93 @@ class BasinLikelihood:
             basin=basin,
             states=states,
             trim_std=float(np.sqrt(trim_variance)) * self._state_units[2],
-            log_likelihood=-cost,
+            log_likelihood=-best.cost,
             normalised=normalised,
         )
 
+    def _covariance_of(self, optima):
+        """About the first of some optima, by cost: others that are about as likely count by their share of the whole.
 
-def _are_finite(*arrays):
-    return all(np.isfinite(array).all() for array in arrays)
+        Each has the probability of a Gaussian of its height and covariance (Laplace's approximation).
+        """
+        best = optima[0]
+        modes: list[tuple] = []
+        for optimum in optima:
+            if optimum.cost > best.cost + UNLIKELY:
+                break
+            covariance = self._covariance(optimum)
+            spread = np.sqrt(np.diag(covariance)) * SAME_MODE
+            if all(np.any(np.abs(optimum.z - other) > spread) for other, _, _ in modes):
+                weight = np.exp(best.cost - optimum.cost + 0.5 * np.linalg.slogdet(covariance)[1])
+                modes.append((optimum.z, covariance, weight))
+        total = sum(weight for *_, weight in modes)
+        return sum(
+            weight / total * (covariance + np.outer(z - best.z, z - best.z)) for z, covariance, weight in modes
+        )
+
+    def _covariance(self, optimum):
+        """Of all parameters, the ratios and states not only given the basin's parameters but whatever these may be.
+
+        The expected information has nothing that ties a mean to a variance; what another level or spectrum of the
+        disturbance would make of the ratios is in the observed one (Efron and Hinkley 1978).
+        """
+        basin = np.arange(self.term_count, self._shared)
+        others = np.setdiff1d(np.arange(optimum.z.size), basin)
+        steps = HESSIAN_STEP / np.sqrt(np.diag(optimum.information)[basin])
+        moved = np.tile(optimum.z, (basin.size, 1))
+        moved[np.arange(basin.size), basin] += steps
+        observed = np.array([each.gradient - optimum.gradient for each in self.evaluate(moved)]).T / steps
+        known = np.linalg.inv(optimum.information[np.ix_(others, others)])
+        if not np.isfinite(observed).all():
+            return np.linalg.inv(optimum.information)
+        ties = known @ observed[others]
+        scale = self._prior_std[basin]
+        own = 0.5 * (observed[basin] + observed[basin].T) - observed[others].T @ ties
+        curvature, directions = np.linalg.eigh(own * np.outer(scale, scale))
+        directions *= scale[:, None]
+        of_basin = directions / np.maximum(curvature, LEAST_CURVATURE) @ directions.T
+        covariance = np.empty((optimum.z.size, optimum.z.size))
+        covariance[np.ix_(basin, basin)] = of_basin
+        covariance[np.ix_(others, others)] = known + ties @ of_basin @ ties.T
+        covariance[np.ix_(others, basin)] = -ties @ of_basin
+        covariance[np.ix_(basin, others)] = covariance[np.ix_(others, basin)].T
+        return covariance
+
+
+def scoring(z, low, high):
+    """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each.
+
+    Parameters
+    ----------
+    z, low, high : ndarray, shape (p,)
+
+    Returns
+    -------
+    Evaluation
+        The best.
+    """
+    best = yield z
+    if not best.is_finite:
+        return replace(best, cost=np.inf)
+    damping = 1e-3
+    for _ in range(MAX_ITERATIONS):
+        damped = best.information + damping * np.diag(np.diag(best.information))
+        trial = clipped_step(best.z, best.gradient, damped, low, high)
+        expected = -float(best.gradient @ (trial - best.z))
+        if expected < CONVERGED:
+            break
+        tried = yield trial
+        # at the edge of where the motion runs away it may be known, but not how it changes
+        if tried.cost < best.cost and tried.is_finite:
+            gained, best = best.cost - tried.cost, tried
+            damping = max(damping / 5.0, 1e-6)
+            if gained < CONVERGED and expected < 10.0 * CONVERGED:
+                break
+        else:
+            damping = max(6.0 * damping, 1e-2)
+            if damping > 1e6:
+                break
+    return best
 
 
 def clipped_step(z, gradient, information, low, high):

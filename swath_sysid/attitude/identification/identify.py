@@ -44,7 +44,7 @@ BLOCKS_PER_PERIOD = 24
 """As informative for a search as every sample, and short."""
 CURVE_POINTS = 40
 MAX_PERIOD_CHANGE = 0.25
-"""Of least squares' natural period: by more the basin's motion does not bend it, but a term that is lacking does."""
+"""Of the natural period: by more the basin's motion does not bend it, but a term that is lacking does."""
 CERTAIN_STDS = 2.0
 """Standard deviations from zero from which least squares knows the stiffness that the likelihood is held against."""
 SEARCH_SHARE = 0.7
@@ -373,10 +373,12 @@ def refined_in_basin(found):
 
 
 def _has_left(refined, found):
-    """Whether the likelihood's natural period is elsewhere than that of least squares, by more than its own chance."""
+    """Whether the likelihood's natural period is elsewhere than that of least squares and than that of the swings."""
     if any(found.model.terms[n] < CERTAIN_STDS * found.std[n] for n in ('r1', 's1') if n in found.std):
         return False
-    return abs(refined.model.natural_period / found.model.natural_period - 1.0) > MAX_PERIOD_CHANGE
+    seen = 2.0 * np.pi / found.problem.scales.frequency
+    change = [abs(refined.model.natural_period / period - 1.0) for period in (found.model.natural_period, seen)]
+    return min(change) > MAX_PERIOD_CHANGE
 
 
 def motion_fit(problem, equation, motions=None, **options):

@@ -25,7 +25,7 @@ from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 STATES = 10
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
 """Places in the state; the last four are the disturbance, its slope, and the same of what drives it."""
-SUBSTEPS = 3
+SUBSTEPS = 2
 """Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign."""
 
 (
@@ -95,6 +95,27 @@ def times_transition(hull, keep, transition, given, found):
 
 
 @accelerated
+def propagate_by_rows(hull, keep, transition, c, half):
+    """The covariance (10, 10) after a step without its noise, in place; ``half`` is room to work in."""
+    times_transition(hull, keep, transition, c, half)
+    times_transition(hull, keep, transition, half, c)
+
+
+def propagate_at_once(hull, keep, transition, c, half):
+    """As `propagate_by_rows`, for covariances (10, 10, B): products of matrices cost numpy less than rows do."""
+    f = np.zeros((c.shape[2], STATES, STATES))
+    for i in range(2):
+        f[:, i, X], f[:, i, RATE], f[:, i, MOMENT], f[:, i, MOMENT + 1] = hull[i]
+        f[:, TRIM + i, TRIM + i] = 1.0
+        f[:, ANGLE_NOISE + i, ANGLE_NOISE + i] = keep[i]
+    f[:, MOMENT:, MOMENT:] = np.moveaxis(transition, 2, 0)
+    c[...] = np.moveaxis(f @ np.moveaxis(c, 2, 0) @ f.transpose(0, 2, 1), 0, 2)
+
+
+propagate = propagate_by_rows if HAS_NUMBA else propagate_at_once
+
+
+@accelerated
 def run_filter(
     ratios, active, friction_rate, m, c, q, keep, transition, white, floor, step, bend, angle, rate, counts,
     innovation, variance,
@@ -143,8 +164,7 @@ def run_filter(
                 restoring_slope(0.5 * (x + m[X]), ratios, active),
                 damping_slope(0.5 * (w + m[RATE]), ratios, active, friction_rate), step,
             )  # fmt: skip
-            times_transition(hull, keep, transition, c, half)
-            times_transition(hull, keep, transition, half, c)
+            propagate(hull, keep, transition, c, half)
             c += q
             ahead = m.copy()
             ahead[X], ahead[RATE] = x, w
@@ -206,8 +226,10 @@ def innovations(
     ndarray, shape (2, N, 2, B)
     """
     count = ratios.shape[1]
-    spectra = [disturbance(basin[FREQUENCY, b], basin[DAMPING, b], step) for b in range(count)]
-    transition, stationary = (np.stack(each, axis=-1) for each in zip(*spectra, strict=True))
+    # most of the sets have the same disturbance
+    shapes, which = np.unique(basin[[FREQUENCY, DAMPING]], axis=1, return_inverse=True)
+    spectra = [disturbance(frequency, damping, step) for frequency, damping in shapes.T]
+    transition, stationary = (np.stack(each, axis=-1)[..., which.ravel()] for each in zip(*spectra, strict=True))
     before = stationary * basin[LEVEL] ** 2
     keep = np.exp(-step / basin[[ANGLE_MEMORY, RATE_MEMORY]])
     colour = basin[[ANGLE_COLOUR, RATE_COLOUR]] ** 2
@@ -222,7 +244,8 @@ def innovations(
     white = basin[[ANGLE_WHITE, RATE_WHITE]]
     found = np.empty((2, angle.size, 2, count))
     record = floor, step, bend, angle, rate, counts
-    if count > 1 and not compiled:
+    if not compiled:
+        c, q = (np.moveaxis(np.moveaxis(each, 2, 0).copy(), 0, 2) for each in (c, q))  # one matrix after the other
         run_filter(tuple(ratios), active, friction_rate, m, c, q, keep, transition, white, *record, found[0], found[1])
         return found
     for b in range(count):

@@ -32,6 +32,10 @@ stops the craft, too, disturbs a decay; waves that do so keep it swinging by mor
 FIRST_LOOK_PERIODS = 0.12
 """The initial state is estimated from this part of a period."""
 
+FEW_CYCLES, FALLEN, LARGEST_CORRECTION = 3.0, 0.2, 8.0
+"""Where a decay has fewer cycles its beginning tells the natural frequency: twice as long as it takes to fall to this
+part of the angle. By a greater factor than the last it is not trusted to."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -117,7 +121,7 @@ def _problem(motions, segments):
         raise InputError(f'the records are of different axes ({", ".join(sorted(axes))}): identify one axis at a time')
     advice = [a for m, s in zip(motions, segments, strict=True) for a in (*s.advice, *check_decay(m, s))]
     cut = tuple(_averaged(m.between(s.start, s.end), s.period) for m, s in zip(motions, segments, strict=True))
-    frequency = 2.0 * np.pi / float(np.median([s.period for s in segments]))
+    frequency = float(np.median([_frequency(m, s) for m, s in zip(cut, segments, strict=True)]))
     noise = Noise(
         angle=weighting_noise([m.angle for m in cut if m.angle is not None] or [np.zeros(1)]),
         rate=weighting_noise([m.rate for m in cut if m.rate is not None] or [np.zeros(1)]),
@@ -208,6 +212,28 @@ def _initial_state(motion, segment, noise):
         right = np.concatenate([right, motion.rate[first] / noise.rate])
     x, rate, _ = np.linalg.lstsq(rows, right, rcond=None)[0]
     return InitialState(float(x), float(rate), trim)
+
+
+def _frequency(motion, segment):
+    """Natural frequency to scale by, rad/s: of the swings or, where they are few, of the first fall.
+
+    Swings of a strongly damped craft are more the basin's. The fall obeys the linear equation integrated once, rate =
+    -b1 angle - r1 (integral of the angle) + a + b t, in which a gyro's bias and the trim have no part.
+    """
+    from scipy.integrate import cumulative_trapezoid
+
+    frequency = 2.0 * np.pi / segment.period
+    if segment.cycles >= FEW_CYCLES or motion.angle is None or motion.rate is None:
+        return frequency
+    away = np.abs(motion.angle - segment.trim)
+    fallen = motion.time[np.argmax(away < FALLEN * away[0])] - motion.time[0]
+    fall = motion.between(None, motion.time[0] + max(2.0 * fallen, 8.0 * motion.sample_interval))
+    elapsed = fall.time - fall.time[0]
+    integral = cumulative_trapezoid(fall.angle, elapsed, initial=0.0)
+    rows = np.column_stack([-integral, -fall.angle, np.ones(fall.size), elapsed])
+    stiffness = np.linalg.lstsq(rows, fall.rate, rcond=None)[0][0]
+    found = np.sqrt(max(stiffness, 0.0))
+    return float(found) if 1.0 / LARGEST_CORRECTION < found / frequency < LARGEST_CORRECTION else frequency
 
 
 def _angle_from_rate(motion, segment):

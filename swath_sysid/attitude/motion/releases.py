@@ -16,19 +16,22 @@ HOLD_BAND = 0.6
 """Part of a hold's angle above which the craft counts as held: a hand wobbles by less than the rest."""
 MIN_HOLD = 0.5
 """Natural periods: a free swing stays above the band for 0.3 of one."""
-FALL_FROM, FALL_TO = 0.9, 0.5
-FALL_PHASE = float(np.arccos(FALL_TO) - np.arccos(FALL_FROM))
-"""Phase of a cosine between those parts of its amplitude."""
+FALLS = (0.9, 0.5), (0.7, 0.3)
+"""Parts of the angle between which the first fall is timed: a wobble makes the first pair late, damping the second."""
 BEFORE, AFTER = 0.15, 0.2
 """Natural periods on either side of a release that show its kink."""
+EARLIEST, LATEST = 0.25, 0.05
+"""Natural periods about the beginning of that fall between which the release is sought."""
 PLAIN_JUMP = 20.0
 """Standard deviations from which half of those show it better: the polynomials bend less."""
 MIN_FALL = 0.5
 """Of the acceleration of a free swing of that angle and period."""
-PLAIN_SHARE = 0.5
+PLAIN_SHARE = 0.35
 """Of the largest jump: the last one that reaches it is the release, those before are the hand's."""
 MIN_JUMP = 4.0
 """Standard deviations by which the acceleration jumps."""
+NARROWEST = 8
+"""Candidate times in the part after a release below which it is not halved again."""
 FINEST_STEPS = 80
 """Candidate times across a search."""
 
@@ -87,20 +90,32 @@ def _release_of(
     side = np.sign(away[last])
     held = side * away[first : last + 1]
     level = float(np.median(held))
-    top = first + int(np.flatnonzero(held >= FALL_FROM * level)[-1])
-    below = np.flatnonzero(side * away[last:] < FALL_TO * level)
-    if not below.size:
+    falls = [fall for fall in (_fall(side * away[first:] / level, last - first, *parts) for parts in FALLS) if fall]
+    if not falls:
         return None
-    fall = (last + below[0] - top) * signal.interval
-    period = 2.0 * np.pi * fall / FALL_PHASE
+    top, period = min(falls, key=lambda fall: fall[1])
+    period *= signal.interval
     if (last - first) * signal.interval < MIN_HOLD * period:
         return None
-    at = signal.start + top * signal.interval
-    earliest = max(signal.start + first * signal.interval, at - 0.25 * period)
-    time = kink_time(motion, earliest, at + 0.5 * fall, period, -side, level)
+    at = signal.start + (first + top) * signal.interval
+    earliest = max(signal.start + first * signal.interval, at - EARLIEST * period)
+    latest = at + LATEST * period
+    time = kink_time(motion, earliest, latest, period, -side, level)
     if time is None:
         return None
     return Release(time, signal.start + first * signal.interval, trim + side * level, trim, period)
+
+
+def _fall(part: np.ndarray, held: int, start: float, end: float) -> tuple[int, float] | None:
+    """Last index at a part of the hold's angle before the fall to another, and the samples in a natural period.
+
+    A swing falls like a cosine; None where it never does.
+    """
+    below = np.flatnonzero(part[held:] < end)
+    if not below.size:
+        return None
+    top = int(np.flatnonzero(part[: held + below[0]] >= start)[-1])
+    return top, float(2.0 * np.pi * (held + below[0] - top) / (np.arccos(end) - np.arccos(start)))
 
 
 def kink_time(
@@ -148,8 +163,18 @@ def kink_time(
         return towards * (jump @ solution) / spread if falls else -np.inf, float(np.sum((rows @ solution - right) ** 2))
 
     coarse = np.linspace(earliest, latest, FINEST_STEPS)
-    scores = [fitted(t, t - before, t + after) for t in coarse]
-    jumps = np.array([-np.inf if s is None else s[0] for s in scores])
+
+    def jumps_of(before: float, after: float) -> np.ndarray:
+        scores = [fitted(t, t - before, t + after) for t in coarse]
+        return np.array([-np.inf if score is None else score[0] for score in scores])
+
+    jumps = jumps_of(before, after)
+    # a hand's wobble bends less within half of the time
+    while jumps.max() > PLAIN_JUMP and after > NARROWEST * (coarse[1] - coarse[0]):
+        closer = jumps_of(0.5 * before, 0.5 * after)
+        if not closer.max() > MIN_JUMP:
+            break
+        before, after, jumps = 0.5 * before, 0.5 * after, closer
     peaks = np.flatnonzero((jumps >= np.r_[-np.inf, jumps[:-1]]) & (jumps >= np.r_[jumps[1:], -np.inf]))
     plain = peaks[jumps[peaks] >= max(MIN_JUMP, PLAIN_SHARE * jumps.max())]
     if not plain.size:
