@@ -26,7 +26,7 @@ NOISE_FLOOR = 0.003
 MIN_DRIFT_SPREAD = 0.005
 """m/s; no two runs have the same current more closely."""
 
-LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
+LAST = {'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
 
 USUAL = (
