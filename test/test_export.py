@@ -32,7 +32,7 @@ NEW = preset('wamv-vrx-new')
 DIAGONAL = NEW.with_values(Xu_dot=-20.0, Yv_dot=-60.0, Nr_dot=-150.0, Xvr=20.0, Yur=-60.0)
 CROSSED = DIAGONAL.with_values(
     Yr_dot=-20.0, Nv_dot=-60.0, x_G=0.2, Xvr=150.0, Xvv=-120.0, Xrr=-200.0, Yr=-20.0, Yur=-30.0, Yuv=-50.0, Nur=-90.0,
-    Nv=-25.0, Nuv=-35.0, deduction=0.1, moment_factor=0.2, balance=0.03)  # fmt: skip
+    Nv=-25.0, Nuv=-35.0, Nvr=-150.0, Yvr=-80.0, deduction=0.1, moment_factor=0.2, balance=0.03)  # fmt: skip
 CUBIC = CROSSED.with_values(Nrrr=-900.0, Nuur=-60.0, Xuuu=-10.0, lag=0.4, delay=0.2, advance=0.05, exponent=1.3,
                             full_input=250.0, reverse_ratio=0.7)  # fmt: skip
 TRANSIENT, STEADY = 2.0, 30.0

@@ -19,8 +19,9 @@ MATRICES = {
     'C': (('0', '0', '-m * (v + x_G * r)'), ('0', '0', 'm * u'), ('m * (v + x_G * r)', '-m * u', '0')),
     'D': (
         ('-Xu - Xuu * abs(u) - Xuuu * u * u', '-Xvv * v', '-Xvr * v - Xrr * r'),
-        ('0', '-Yv - Yvv * abs(v) - Yvvv * v * v - Yuv * abs(u)', '-Yr - Yur * u'),
-        ('0', '-Nv - Nvvv * v * v - Nuv * u', '-Nr - Nrr * abs(r) - Nrrr * r * r - Nur * abs(u) - Nuur * u * u'),
+        ('0', '-Yv - Yvv * abs(v) - Yvvv * v * v - Yvr * abs(r) - Yuv * abs(u)', '-Yr - Yur * u'),
+        ('0', '-Nv - Nvvv * v * v - Nuv * u',
+         '-Nr - Nrr * abs(r) - Nrrr * r * r - Nvr * abs(v) - Nur * abs(u) - Nuur * u * u'),
     ),
     'tau': (
         ('(1 - deduction) * (1 - advance * u) * (left + right) + X0',),

@@ -37,8 +37,8 @@ FLUID_ADDED_MASS = {'Xu_dot': 'xx', 'Yv_dot': 'yy', 'Yr_dot': 'yr', 'Nr_dot': 'r
 ELEMENTS = {
     **ADDED_MASS,
     'Xu': 'xU', 'Xuu': 'xUabsU', 'Xvr': 'xVR', 'Xvv': 'xVV', 'Xrr': 'xRR',
-    'Yv': 'yV', 'Yvv': 'yVabsV', 'Yr': 'yR', 'Yur': 'yUR', 'Yuv': 'yVabsU',
-    'Nr': 'nR', 'Nrr': 'nRabsR', 'Nur': 'nRabsU', 'Nv': 'nV', 'Nuv': 'nUV',
+    'Yv': 'yV', 'Yvv': 'yVabsV', 'Yr': 'yR', 'Yur': 'yUR', 'Yuv': 'yVabsU', 'Yvr': 'yVabsR',
+    'Nr': 'nR', 'Nrr': 'nRabsR', 'Nur': 'nRabsU', 'Nvr': 'nRabsV', 'Nv': 'nV', 'Nuv': 'nUV',
 }  # fmt: skip
 EXPRESSIBLE = {*ELEMENTS, 'x_G'}
 AXES = {'roll': ('k', 'P', 'ixx'), 'pitch': ('m', 'Q', 'iyy')}

@@ -82,12 +82,14 @@ PARAMETERS = (
     Parameter('Yv', DAMPING, 'Y', 'v', 'N s/m', 0.0, _TURNS),
     Parameter('Yvv', DAMPING, 'Y', 'vv', 'N s2/m2', 0.0, _TURNS),
     Parameter('Yvvv', DAMPING, 'Y', 'vvv', 'N s3/m3', 0.0, _TURNS),
+    Parameter('Yvr', DAMPING, 'Y', 'vr', 'N s2/m', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Yr', CROSS, 'Y', 'r', 'N s', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Yur', CROSS, 'Y', 'ur', 'kg', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Yuv', CROSS, 'Y', 'uv', 'N s2/m2', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nr', DAMPING, 'N', 'r', 'N m s', 0.0, _TURNS),
     Parameter('Nrr', DAMPING, 'N', 'rr', 'N m s2', 0.0, _TURNS),
     Parameter('Nrrr', DAMPING, 'N', 'rrr', 'N m s3', 0.0, _TURNS),
+    Parameter('Nvr', DAMPING, 'N', 'vr', 'N s2', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nur', DAMPING, 'N', 'ur', 'N s2', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nuur', DAMPING, 'N', 'uur', 'N s3/m', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nv', CROSS, 'N', 'v', 'N s', 0.0, _TURNS_AT_SPEEDS),
@@ -120,8 +122,8 @@ NEUTRAL = np.array([p.neutral for p in PARAMETERS])
 (
     M, IZ, XU_DOT, YV_DOT, YR_DOT, NV_DOT, NR_DOT, X_G,
     XU, XUU, XUUU, XVR, XVV, XRR,
-    YV, YVV, YVVV, YR, YUR, YUV,
-    NR, NRR, NRRR, NUR, NUUR, NV, NVVV, NUV,
+    YV, YVV, YVVV, YVR, YR, YUR, YUV,
+    NR, NRR, NRRR, NVR, NUR, NUUR, NV, NVVV, NUV,
     X0, N0,
     GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, ADVANCE, LAG, DELAY, DEDUCTION, LEVER, MOMENT_FACTOR,
     FULL_INPUT, REVERSE_EXPONENT_RATIO, DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y,
@@ -151,12 +153,14 @@ def surge_force(u, v, r, p, active):
 
 @accelerated
 def sway_force(u, v, r, p, active):
-    """Y of the hull, N; see `surge_force`. Yuv multiplies abs(u) v, so that it damps ahead and astern."""
+    """Y of the hull, N; see `surge_force`. Yuv multiplies abs(u) v, so that it damps ahead and astern, Yvr abs(r) v."""
     force = p[YV] * v
     if active[YVV]:
         force = force + p[YVV] * np.abs(v) * v
     if active[YVVV]:
         force = force + p[YVVV] * v * v * v
+    if active[YVR]:
+        force = force + p[YVR] * np.abs(r) * v
     if active[YR]:
         force = force + p[YR] * r
     if active[YUR]:
@@ -168,12 +172,14 @@ def sway_force(u, v, r, p, active):
 
 @accelerated
 def yaw_moment(u, v, r, p, active):
-    """N of the hull, N m; see `surge_force`. Nur multiplies abs(u) r, so that it damps ahead and astern."""
+    """N of the hull, N m; see `surge_force`. Nur and Nvr multiply abs(u) r and abs(v) r, so that they damp ahead and astern."""
     moment = p[NR] * r
     if active[NRR]:
         moment = moment + p[NRR] * np.abs(r) * r
     if active[NRRR]:
         moment = moment + p[NRRR] * r * r * r
+    if active[NVR]:
+        moment = moment + p[NVR] * np.abs(v) * r
     if active[NUR]:
         moment = moment + p[NUR] * np.abs(u) * r
     if active[NUUR]:
