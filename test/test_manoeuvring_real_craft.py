@@ -218,7 +218,7 @@ def test_the_scale_makes_intervals_hold():
     rng = np.random.default_rng(5)
     variances = rng.uniform(0.5, 2.0, 4000)
     errors = np.sqrt(4.0 * variances + 0.3**2) * rng.standard_normal(4000)
-    assert _scale(errors, variances, 0.3) == pytest.approx(2.0, rel=0.08)
+    assert _scale(errors, variances, 0.3, 0.9) == pytest.approx(2.0, rel=0.08)
 
 
 def test_a_model_file_holds_the_noise_of_forecasts(runs, truth):

@@ -172,7 +172,7 @@ def sway_force(u, v, r, p, active):
 
 @accelerated
 def yaw_moment(u, v, r, p, active):
-    """N of the hull, N m; see `surge_force`. Nur and Nvr multiply abs(u) r and abs(v) r, so that they damp ahead and astern."""
+    """N of the hull, N m; see `surge_force`. Nur multiplies abs(u) r and Nvr abs(v) r, so that they always damp."""
     moment = p[NR] * r
     if active[NRR]:
         moment = moment + p[NRR] * np.abs(r) * r
