@@ -159,12 +159,13 @@ def simulate(craft, inputs, seed):
 
     for k in range(longest):
         rows.append(state)
-        middle = arriving[k] + (thrust - arriving[k]) * np.exp(-0.5 * STEP / max(craft.lag, 1e-3))
-        thrust = arriving[k] + (thrust - arriving[k]) * np.exp(-STEP / max(craft.lag, 1e-3))
-        k1 = slope(state, middle)
+        behind, half = thrust - arriving[k], np.exp(-0.5 * STEP / max(craft.lag, 1e-3))
+        middle, end = arriving[k] + behind * half, arriving[k] + behind * half**2
+        k1 = slope(state, thrust)
         k2 = slope(state + 0.5 * STEP * k1, middle)
         k3 = slope(state + 0.5 * STEP * k2, middle)
-        k4 = slope(state + STEP * k3, middle)
+        k4 = slope(state + STEP * k3, end)
+        thrust = end
         state = state + STEP / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         fresh = np.array(craft.gusts)[:, None] * rng.standard_normal((3, count))
         gust = keep * gust + np.sqrt(1.0 - keep**2) * fresh

@@ -15,7 +15,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulation import simulate as simulate_decay
 from swath_sysid.cli.main import main
 from swath_sysid.formats.export.expressible import expressed
-from swath_sysid.formats.export.gazebo import ELEMENTS as GAZEBO
+from swath_sysid.formats.export.gazebo import EXPRESSIBLE as GAZEBO
 from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
 from swath_sysid.formats.export.nav2 import nav2
 from swath_sysid.formats.export.vrx import vrx
@@ -31,8 +31,8 @@ from swath_sysid.manoeuvring.hull.thrust import thrust_curve
 NEW = preset('wamv-vrx-new')
 DIAGONAL = NEW.with_values(Xu_dot=-20.0, Yv_dot=-60.0, Nr_dot=-150.0, Xvr=20.0, Yur=-60.0)
 CROSSED = DIAGONAL.with_values(
-    Yr_dot=-20.0, Nv_dot=-60.0, Xvr=150.0, Xvv=-120.0, Xrr=-200.0, Yr=-20.0, Yur=-30.0, Yuv=-50.0, Nur=-90.0, Nv=-25.0,
-    Nuv=-35.0, deduction=0.1, moment_factor=0.2, balance=0.03)  # fmt: skip
+    Yr_dot=-20.0, Nv_dot=-60.0, x_G=0.2, Xvr=150.0, Xvv=-120.0, Xrr=-200.0, Yr=-20.0, Yur=-30.0, Yuv=-50.0, Nur=-90.0,
+    Nv=-25.0, Nuv=-35.0, Nvr=-150.0, Yvr=-80.0, deduction=0.1, moment_factor=0.2, balance=0.03)  # fmt: skip
 CUBIC = CROSSED.with_values(Nrrr=-900.0, Nuur=-60.0, Xuuu=-10.0, lag=0.4, delay=0.2, advance=0.05, exponent=1.3,
                             full_input=250.0, reverse_ratio=0.7)  # fmt: skip
 TRANSIENT, STEADY = 2.0, 30.0
@@ -142,8 +142,8 @@ def test_added_mass_beyond_mass_goes_into_gazebos_link(port, starboard):
     values = numbers_of(tree.find('model/plugin'))
     assert not [name for name in values if 'Dot' in name]
     within = {e.tag: float(e.text) for e in tree.find('model/link/inertial/fluid_added_mass')}
-    assert within == {'xx': 20.0, 'yy': 250.0, 'yr': 20.0, 'rr': 150.0}
-    added = np.array([[20.0, 0.0, 0.0], [0.0, 250.0, 20.0], [0.0, 20.0, 150.0]])
+    assert within == {'xx': 20.0, 'yy': 250.0, 'yr': 56.0, 'rr': 150.0}
+    added = np.array([[20.0, 0.0, 0.0], [0.0, 250.0, 56.0], [0.0, 56.0, 150.0]])
     for duration in (TRANSIENT, STEADY):
         end = stepped(gazebo_force(values), 180.0, 446.0, 0.9 * 0.97 * port, 0.9 * 1.03 * starboard,
                       1.2 * 1.027135 / 0.9, duration, within=added)

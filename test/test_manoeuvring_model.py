@@ -22,23 +22,26 @@ from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, HULL, NAMES, OFFS
 from swath_sysid.manoeuvring.hull.thrust import delayed, lagged, thrust_curve
 
 RICH = dict(
-    m=180.0, Iz=446.0, Xu_dot=-20.0, Yv_dot=-90.0, Yr_dot=5.0, Nv_dot=-7.0, Nr_dot=-100.0, Xu=-50.0, Xuu=-70.0,
-    Yv=-40.0, Yvvv=-30.0, Yr=12.0, Nr=-400.0, Nv=-15.0, Nvvv=-9.0, lever=1.0, deduction=0.25, moment_factor=0.25,
+    m=180.0, Iz=446.0, Xu_dot=-20.0, Yv_dot=-90.0, Yr_dot=5.0, Nv_dot=-7.0, Nr_dot=-100.0, x_G=0.15, Xu=-50.0,
+    Xuu=-70.0, Yv=-40.0, Yvvv=-30.0, Yr=12.0, Nr=-400.0, Nv=-15.0, Nvvv=-9.0, lever=1.0, deduction=0.25,
+    moment_factor=0.25,
 )  # fmt: skip
-"""The terms of the paper's printed equations."""
+"""The terms of the paper's printed equations, and a centre of gravity ahead of the origin."""
 
 
 def printed_equations(u, v, r, port, starboard, p):
     """PAPERS E, written out and solved as a linear system: an independent oracle."""
+    moment = p['m'] * p['x_G']
     mass = np.array([
         [p['m'] - p['Xu_dot'], 0, 0],
-        [0, p['m'] - p['Yv_dot'], -p['Yr_dot']],
-        [0, -p['Nv_dot'], p['Iz'] - p['Nr_dot']],
+        [0, p['m'] - p['Yv_dot'], moment - p['Yr_dot']],
+        [0, moment - p['Nv_dot'], p['Iz'] - p['Nr_dot']],
     ])  # fmt: skip
     force = np.array([
-        p['Xu'] * u + p['Xuu'] * abs(u) * u + p['m'] * v * r + (1 - p['deduction']) * (starboard + port),
+        p['Xu'] * u + p['Xuu'] * abs(u) * u + (p['m'] * v + moment * r) * r + (1 - p['deduction']) * (starboard + port),
         p['Yv'] * v + p['Yr'] * r + p['Yvvv'] * v**3 - p['m'] * u * r,
-        p['Nv'] * v + p['Nr'] * r + p['Nvvv'] * v**3 + (1 + p['moment_factor']) * (starboard - port) * p['lever'],
+        p['Nv'] * v + p['Nr'] * r + p['Nvvv'] * v**3 - moment * u * r
+        + (1 + p['moment_factor']) * (starboard - port) * p['lever'],
     ])  # fmt: skip
     return np.linalg.solve(mass, force)
 
@@ -195,7 +198,7 @@ def test_prime_units_of_the_literature():
     half = 0.5 * 1000.0
     expected = {
         'm': half * 4**3, 'Iz': half * 4**5, 'Xu_dot': half * 4**3, 'Yr_dot': half * 4**4, 'Nr_dot': half * 4**5,
-        'Xu': half * 4**2 * 2, 'Xuu': half * 4**2, 'Yv': half * 4**2 * 2, 'Yr': half * 4**3 * 2,
+        'x_G': 4.0, 'Xu': half * 4**2 * 2, 'Xuu': half * 4**2, 'Yv': half * 4**2 * 2, 'Yr': half * 4**3 * 2,
         'Yvvv': half * 4**2 / 2, 'Nv': half * 4**3 * 2, 'Nr': half * 4**4 * 2, 'Nvvv': half * 4**3 / 2,
     }  # fmt: skip
     assert {name: units.unit(name) for name in expected} == pytest.approx(expected)

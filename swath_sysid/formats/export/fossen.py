@@ -18,12 +18,13 @@ LANGUAGES = (PYTHON, MATLAB)
 EXPRESSIBLE = frozenset(NAMES) - {'lag', 'delay'}
 
 MATRICES = {
-    'M': (('m - Xu_dot', '0', '0'), ('0', 'm - Yv_dot', '-Yr_dot'), ('0', '-Nv_dot', 'Iz - Nr_dot')),
-    'C': (('0', '0', '-m * v'), ('0', '0', 'm * u'), ('m * v', '-m * u', '0')),
+    'M': (('m - Xu_dot', '0', '0'), ('0', 'm - Yv_dot', 'm * x_G - Yr_dot'), ('0', 'm * x_G - Nv_dot', 'Iz - Nr_dot')),
+    'C': (('0', '0', '-m * (v + x_G * r)'), ('0', '0', 'm * u'), ('m * (v + x_G * r)', '-m * u', '0')),
     'D': (
         ('-Xu - Xuu * abs(u) - Xuuu * u * u', '-Xvv * v', '-Xvr * v - Xrr * r'),
-        ('0', '-Yv - Yvv * abs(v) - Yvvv * v * v - Yuv * abs(u)', '-Yr - Yur * u'),
-        ('0', '-Nv - Nvvv * v * v - Nuv * u', '-Nr - Nrr * abs(r) - Nrrr * r * r - Nur * abs(u) - Nuur * u * u'),
+        ('0', '-Yv - Yvv * abs(v) - Yvvv * v * v - Yvr * abs(r) - Yuv * abs(u)', '-Yr - Yur * u'),
+        ('0', '-Nv - Nvvv * v * v - Nuv * u',
+         '-Nr - Nrr * abs(r) - Nrrr * r * r - Nvr * abs(v) - Nur * abs(u) - Nuur * u * u'),
     ),
     'tau': (
         ('(1 - deduction) * (1 - advance * u) * (left + right) + X0',),

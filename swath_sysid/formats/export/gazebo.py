@@ -41,9 +41,10 @@ FLUID_ADDED_MASS = {'Xu_dot': 'xx', 'Yv_dot': 'yy', 'Yr_dot': 'yr', 'Nr_dot': 'r
 ELEMENTS = {
     **ADDED_MASS,
     'Xu': 'xU', 'Xuu': 'xUabsU', 'Xvr': 'xVR', 'Xvv': 'xVV', 'Xrr': 'xRR',
-    'Yv': 'yV', 'Yvv': 'yVabsV', 'Yr': 'yR', 'Yur': 'yUR', 'Yuv': 'yVabsU',
-    'Nr': 'nR', 'Nrr': 'nRabsR', 'Nur': 'nRabsU', 'Nv': 'nV', 'Nuv': 'nUV',
+    'Yv': 'yV', 'Yvv': 'yVabsV', 'Yr': 'yR', 'Yur': 'yUR', 'Yuv': 'yVabsU', 'Yvr': 'yVabsR',
+    'Nr': 'nR', 'Nrr': 'nRabsR', 'Nur': 'nRabsU', 'Nvr': 'nRabsV', 'Nv': 'nV', 'Nuv': 'nUV',
 }  # fmt: skip
+EXPRESSIBLE = {*ELEMENTS, 'x_G'}
 AXES = {'roll': ('k', 'P', 'ixx'), 'pitch': ('m', 'Q', 'iyy')}
 EXPRESSED_TERMS = ('b1', 'b2', 'r1')
 TYPICAL_AMPLITUDE = math.radians(5.0)
@@ -55,10 +56,15 @@ CRESTS = 3
 
 def gazebo(model: ManoeuvringModel) -> Export:
     """SDF of a manoeuvring model."""
+    advice = losses(model, EXPRESSIBLE, "gz-sim's Hydrodynamics")
+    # what a centre of gravity ahead of the frame adds has the form of added mass with its Coriolis forces
+    moment = model['m'] * model['x_G']
+    model = model.with_values(
+        x_G=0.0, Yr_dot=model['Yr_dot'] - moment, Nv_dot=model['Nv_dot'] - moment, Xrr=model['Xrr'] + moment)
     within_link = added_mass_diverges(model) and model['Yr_dot'] == model['Nv_dot']
-    advice = (*losses(model, ELEMENTS, "gz-sim's Hydrodynamics"), *(() if within_link else added_mass_advice(model)))
+    advice += () if within_link else added_mass_advice(model)
     reduced, _ = expressed(model, ELEMENTS)
-    derivatives = {element: reduced[name] for name, element in ELEMENTS.items()}
+    derivatives = {element: reduced[name] for name, element in ELEMENTS.items()} | {'nUR': -moment}
     inertial = {'mass': model['m']}
     if within_link:
         inertial['fluid_added_mass'] = {element: -model[name] for name, element in FLUID_ADDED_MASS.items()}
@@ -67,7 +73,8 @@ def gazebo(model: ManoeuvringModel) -> Export:
     notes = [
         'Surge, sway and yaw of an identified craft for gz-sim Garden or later, body x forward, y port, z up.',
         'Merge link inertia and plugins into your model; buoyancy keeps heave, roll and pitch. ixx and iyy are not',
-        'known: put your own. The frame of base_link is to lie at the centre of mass.',
+        'known: put your own. The frame of base_link and its centre of mass are to lie at the origin of the model:',
+        'what a centre of gravity ahead of it (x_G) does is in the derivatives.',
         *(['Added mass is within the link: use DART, the default physics.'] if within_link else []),
         f'The joints port_joint and starboard_joint turn propellers about x at y = {lever:.6g} m and {-lever:.6g} m;',
         'send forces to /model/NAME/joint/port_joint/cmd_thrust and .../starboard_joint/cmd_thrust. propeller_diameter',
@@ -88,7 +95,7 @@ def _without_coriolis_of_the_link(derivatives: Mapping[str, float]) -> dict[str,
         'xRR': derivatives['xRR'] + cross,
         'yUR': derivatives['yUR'] - x,
         'nUV': derivatives['nUV'] + x - y,
-        'nUR': -cross,
+        'nUR': derivatives['nUR'] - cross,
     }
 
 

@@ -1,6 +1,6 @@
 """What no twin-thruster craft exceeds: the ranges outside of which a manoeuvring model is a mistake."""
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.terms import HULL, IZ, NR_DOT, NV_DOT, PARAMETERS, YR_DOT, YV_DOT, M
+from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, X_G, YR_DOT, YV_DOT, M
 
 LARGEST = 1e12
 """Of any mass, inertia or derivative, in SI units: the largest ships come near it."""
@@ -13,11 +13,11 @@ _RANGES = {
     'balance': (-0.99, 0.99), 'advance': (0.0, 10.0), 'lag': (0.0, 60.0), 'delay': (0.0, 60.0),
     'deduction': (-1.0, 0.99), 'lever': (1e-3, 1000.0), 'moment_factor': (-0.99, 10.0), 'full_input': (1e-6, 1e9),
     'reverse_exponent_ratio': (0.1, 10.0), 'deviation_B': (-1.0, 1.0), 'deviation_C': (-1.0, 1.0),
-    'sensor_x': (-1e3, 1e3), 'sensor_y': (-1e3, 1e3),
+    'sensor_x': (-1e3, 1e3), 'sensor_y': (-1e3, 1e3), 'x_G': (-1e3, 1e3),
 }  # fmt: skip
 
 PARAMETER_RANGES = {
-    p.name: _RANGES[p.name] if p.kind not in HULL
+    p.name: _RANGES[p.name] if p.name in _RANGES
     else (LIGHTEST, LARGEST) if p.name in ('m', 'Iz') else (-LARGEST, LARGEST)
     for p in PARAMETERS
 }  # fmt: skip
@@ -44,7 +44,7 @@ def check_physical(model):
             )
     p = model.values
     # symmetric part: what the kinetic energy has
-    coupling = 0.5 * (p[YR_DOT] + p[NV_DOT])
-    if not (p[M] - p[YV_DOT]) * (p[IZ] - p[NR_DOT]) > max(coupling * coupling, p[YR_DOT] * p[NV_DOT]):
-        raise InputError('the masses of sway and yaw, with Yr_dot and Nv_dot between them, are not positive: reduce '
-                         'these two')  # fmt: skip
+    couplings = p[M] * p[X_G] - p[[YR_DOT, NV_DOT]]
+    if not (p[M] - p[YV_DOT]) * (p[IZ] - p[NR_DOT]) > max(couplings.mean() ** 2, couplings.prod()):
+        raise InputError('the masses of sway and yaw, with Yr_dot, Nv_dot and x_G between them, are not positive: '
+                         'reduce these')  # fmt: skip

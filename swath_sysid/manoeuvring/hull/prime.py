@@ -47,6 +47,8 @@ class PrimeUnits:
         if parameter is None or parameter.kind not in HULL:
             raise InputError(f"'{name}' is not a derivative of the prime system: give one such as Xuu or Nr")
         length, speed = self.length, self.speed
+        if name == 'x_G':
+            return length
         mass = 0.5 * self.density * length**3
         if name in ('m', 'Iz'):
             return mass * (length**2 if name == 'Iz' else 1.0)

@@ -1,14 +1,15 @@
 """The catalogue of manoeuvring parameters, and the accelerations that they cause.
 
 Body axes x forward, y to port, z up: surge u and sway v through the water, m/s, yaw rate r, rad/s,
-positive to port. The derivatives of a laterally symmetric craft are the same numbers in axes with
+positive to port. The origin is where the hull is symmetric, the centre of gravity x_G ahead of it, and Iz is about the
+origin (Yasukawa and Yoshimura 2015). The derivatives of a laterally symmetric craft are the same numbers in axes with
 y to starboard and z down. The sensor's parameters act in `measurement`.
 
 The equations of motion are those of the MMG kind of PAPERS E, with further terms of the same make:
 
-    (m - Xu_dot) du/dt - m v r                 = X(u, v, r) + X_thrust
-    (m - Yv_dot) dv/dt - Yr_dot dr/dt + m u r  = Y(u, v, r)
-    (Iz - Nr_dot) dr/dt - Nv_dot dv/dt         = N(u, v, r) + N_thrust
+    (m - Xu_dot) du/dt - m (v + x_G r) r                     = X(u, v, r) + X_thrust
+    (m - Yv_dot) dv/dt + (m x_G - Yr_dot) dr/dt + m u r      = Y(u, v, r)
+    (Iz - Nr_dot) dr/dt + (m x_G - Nv_dot) dv/dt + m x_G u r = N(u, v, r) + N_thrust
     X_thrust = (1 - deduction) (1 - advance u) (T_starboard + T_port)
     N_thrust = (1 + moment_factor) lever (1 - advance u) (T_starboard - T_port)
 """
@@ -71,6 +72,7 @@ PARAMETERS = (
     Parameter('Yr_dot', INERTIA, 'Y', 'R', 'kg m', 0.0, _ZIGZAG),
     Parameter('Nv_dot', INERTIA, 'N', 'V', 'kg m', 0.0, _ZIGZAG),
     Parameter('Nr_dot', INERTIA, 'N', 'R', 'kg m2', 0.0, _ZIGZAG),
+    Parameter('x_G', INERTIA, 'N', '', 'm', 0.0, _ZIGZAG),
     Parameter('Xu', DAMPING, 'X', 'u', 'N s/m', 0.0, _SPEEDS),
     Parameter('Xuu', DAMPING, 'X', 'uu', 'N s2/m2', 0.0, _SPEEDS),
     Parameter('Xuuu', DAMPING, 'X', 'uuu', 'N s3/m3', 0.0, _SPEEDS),
@@ -80,12 +82,14 @@ PARAMETERS = (
     Parameter('Yv', DAMPING, 'Y', 'v', 'N s/m', 0.0, _TURNS),
     Parameter('Yvv', DAMPING, 'Y', 'vv', 'N s2/m2', 0.0, _TURNS),
     Parameter('Yvvv', DAMPING, 'Y', 'vvv', 'N s3/m3', 0.0, _TURNS),
+    Parameter('Yvr', DAMPING, 'Y', 'vr', 'N s2/m', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Yr', CROSS, 'Y', 'r', 'N s', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Yur', CROSS, 'Y', 'ur', 'kg', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Yuv', CROSS, 'Y', 'uv', 'N s2/m2', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nr', DAMPING, 'N', 'r', 'N m s', 0.0, _TURNS),
     Parameter('Nrr', DAMPING, 'N', 'rr', 'N m s2', 0.0, _TURNS),
     Parameter('Nrrr', DAMPING, 'N', 'rrr', 'N m s3', 0.0, _TURNS),
+    Parameter('Nvr', DAMPING, 'N', 'vr', 'N s2', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nur', DAMPING, 'N', 'ur', 'N s2', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nuur', DAMPING, 'N', 'uur', 'N s3/m', 0.0, _TURNS_AT_SPEEDS),
     Parameter('Nv', CROSS, 'N', 'v', 'N s', 0.0, _TURNS_AT_SPEEDS),
@@ -116,10 +120,10 @@ INDEX = {name: i for i, name in enumerate(NAMES)}
 NEUTRAL = np.array([p.neutral for p in PARAMETERS])
 
 (
-    M, IZ, XU_DOT, YV_DOT, YR_DOT, NV_DOT, NR_DOT,
+    M, IZ, XU_DOT, YV_DOT, YR_DOT, NV_DOT, NR_DOT, X_G,
     XU, XUU, XUUU, XVR, XVV, XRR,
-    YV, YVV, YVVV, YR, YUR, YUV,
-    NR, NRR, NRRR, NUR, NUUR, NV, NVVV, NUV,
+    YV, YVV, YVVV, YVR, YR, YUR, YUV,
+    NR, NRR, NRRR, NVR, NUR, NUUR, NV, NVVV, NUV,
     X0, N0,
     GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, ADVANCE, LAG, DELAY, DEDUCTION, LEVER, MOMENT_FACTOR,
     FULL_INPUT, REVERSE_EXPONENT_RATIO, DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y,
@@ -149,12 +153,14 @@ def surge_force(u, v, r, p, active):
 
 @accelerated
 def sway_force(u, v, r, p, active):
-    """Y of the hull, N; see `surge_force`. Yuv multiplies abs(u) v, so that it damps ahead and astern."""
+    """Y of the hull, N; see `surge_force`. Yuv multiplies abs(u) v, so that it damps ahead and astern, Yvr abs(r) v."""
     force = p[YV] * v
     if active[YVV]:
         force = force + p[YVV] * np.abs(v) * v
     if active[YVVV]:
         force = force + p[YVVV] * v * v * v
+    if active[YVR]:
+        force = force + p[YVR] * np.abs(r) * v
     if active[YR]:
         force = force + p[YR] * r
     if active[YUR]:
@@ -166,12 +172,14 @@ def sway_force(u, v, r, p, active):
 
 @accelerated
 def yaw_moment(u, v, r, p, active):
-    """N of the hull, N m; see `surge_force`. Nur multiplies abs(u) r, so that it damps ahead and astern."""
+    """N of the hull, N m; see `surge_force`. Nur multiplies abs(u) r and Nvr abs(v) r, so that they always damp."""
     moment = p[NR] * r
     if active[NRR]:
         moment = moment + p[NRR] * np.abs(r) * r
     if active[NRRR]:
         moment = moment + p[NRRR] * r * r * r
+    if active[NVR]:
+        moment = moment + p[NVR] * np.abs(v) * r
     if active[NUR]:
         moment = moment + p[NUR] * np.abs(u) * r
     if active[NUUR]:
@@ -207,10 +215,14 @@ def accelerations(u, v, r, port, starboard, p, active):
     y = sway_force(u, v, r, p, active) - p[M] * u * r
     lever = (1.0 + p[MOMENT_FACTOR]) * p[LEVER]
     n = yaw_moment(u, v, r, p, active) + lever * left * (starboard - port)
-    sway_mass, yaw_inertia = p[M] - p[YV_DOT], p[IZ] - p[NR_DOT]
-    determinant = sway_mass * yaw_inertia - p[YR_DOT] * p[NV_DOT]
+    sway_mass, yaw_inertia, sway_by_yaw, yaw_by_sway = p[M] - p[YV_DOT], p[IZ] - p[NR_DOT], -p[YR_DOT], -p[NV_DOT]
+    if active[X_G]:
+        moment = p[M] * p[X_G]
+        x, n = x + moment * r * r, n - moment * u * r
+        sway_by_yaw, yaw_by_sway = sway_by_yaw + moment, yaw_by_sway + moment
+    determinant = sway_mass * yaw_inertia - sway_by_yaw * yaw_by_sway
     return (
         x / (p[M] - p[XU_DOT]),
-        (yaw_inertia * y + p[YR_DOT] * n) / determinant,
-        (sway_mass * n + p[NV_DOT] * y) / determinant,
+        (yaw_inertia * y - sway_by_yaw * n) / determinant,
+        (sway_mass * n - yaw_by_sway * y) / determinant,
     )

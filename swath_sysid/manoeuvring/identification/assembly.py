@@ -40,9 +40,9 @@ FIRST_DRIFT_SPREAD = 0.02
 
 _CANDIDATES = {
     'X': ('Xvr', 'Xvv', 'Xrr', 'Xuuu', 'X0'),
-    'Y': ('Yvv', 'Yvvv', 'Yr', 'Yur', 'Yuv'),
+    'Y': ('Yvv', 'Yvvv', 'Yvr', 'Yr', 'Yur', 'Yuv'),
     'N': ('Nrr', 'Nrrr', 'Nur', 'Nuur', 'N0'),
-    'N-sway': ('Nv', 'Nvvv', 'Nuv'),
+    'N-sway': ('x_G', 'Nvr', 'Nv', 'Nvvv', 'Nuv'),
 }
 _BASE = {'X': ('Xu', 'Xuu'), 'Y': ('Yv_dot', 'Yv'), 'N': ('Nr',)}
 
@@ -387,10 +387,9 @@ def _ties(settings, free, advice):
 def _candidates(runs, thrust_input, rows, settings):
     found = [(name,) for row in rows for name in _CANDIDATES[row]]
     if 'Y' in rows:
-        # one number in potential flow, and in what a centre of gravity ahead of the origin adds
-        found += [*((name,) for name in _CANDIDATES['N-sway']), ('Yr_dot', 'Nv_dot')]
+        found += [(name,) for name in _CANDIDATES['N-sway']]
     elif 'N' in rows and 'X' in rows:
-        found += [(name,) for name in ('Yv', *_CANDIDATES['N-sway'][:3])]
+        found += [(name,) for name in ('Yv', *_CANDIDATES['N-sway'][2:])]
     found.append(('advance',))
     if 'N' in rows:
         found.append(('balance',))

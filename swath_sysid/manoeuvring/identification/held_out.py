@@ -81,8 +81,13 @@ def covariance_over_runs(shooting, values, matrix):
     without = values_without_each_part(shooting, values)
     count = len(without)
     scatter = (count - 1.0) / count * np.sum((without - without.mean(axis=0)) ** 2, axis=0)
+    return with_variances_of_at_least(matrix, scatter)
+
+
+def with_variances_of_at_least(matrix, least):
+    """A covariance with its variances raised to some, shape (n,), where they are smaller; correlations stay."""
     variance = np.diag(matrix)
     with np.errstate(invalid='ignore', divide='ignore'):
-        larger = np.sqrt(np.where(scatter > variance, scatter / variance, 1.0))
+        larger = np.sqrt(np.where(least > variance, least / variance, 1.0))
     larger = np.where(np.isfinite(larger), larger, 1.0)
     return matrix * np.outer(larger, larger)

@@ -27,6 +27,7 @@ from swath_sysid.manoeuvring.identification.selection import (
     shooting_of,
     with_drift_spread,
     with_noise,
+    with_refused,
     without,
     without_bounds,
 )
@@ -49,6 +50,9 @@ MORE_THAN_NOISE = 2.0
 
 MIN_DIFFERENCE = 0.02
 """m/s; runs whose currents differ by less have one current."""
+
+PARTS = 3
+"""Of a step, in the last fit: thrust that is held for as long as its lag lowers the lag, and raises the inertia."""
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
 
@@ -189,11 +193,13 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     dropped = tuple(n for n in now.names if n not in found.names)
     problem = with_drift_spread(with_noise(without(problem, dropped), found), found)
     evaluations = now.evaluations + found.evaluations
-    found = replace(fit(problem, renewed(problem, found), found.names, found.values), rejected=found.rejected)
+    found = replace(
+        fit(problem, renewed(problem, found, PARTS), found.names, found.values), rejected=found.rejected)
     if settings.terms is None:
         problem, found = without_bounds(problem, found)
     rejected = found.rejected
     found, stability_advice = regularised_to_stable(problem, found)
+    found = with_refused(problem, found)
     note(0.95)
     model = model_of(problem, found.names, found.values)
     stability = check_stability(model, problem.region)

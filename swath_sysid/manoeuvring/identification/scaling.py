@@ -50,6 +50,8 @@ class Scales:
     def unit(self, name):
         """The size of a parameter that is one in natural units."""
         parameter = PARAMETERS[INDEX[name]]
+        if name == 'x_G':
+            return 0.2 * np.sqrt(self.inertia / self.mass)
         if name == 'gain':
             return self.mass * self.speed / RESPONSE
         if name == 'advance':
@@ -77,8 +79,8 @@ class Scales:
             low, high = _ADDED[name]
             size = self.inertia if name == 'Nr_dot' else self.mass
             return low * size, high * size
-        if name in ('Yr_dot', 'Nv_dot'):
-            limit = 0.5 * np.sqrt(self.mass * self.inertia)
+        if name in ('Yr_dot', 'Nv_dot', 'x_G'):
+            limit = 0.5 * np.sqrt(self.inertia * (1.0 / self.mass if name == 'x_G' else self.mass))
             return -limit, limit
         if name in ('Xu', 'Yv', 'Nr'):
             return -WIDE * unit, -MIN_DAMPING * unit
@@ -96,6 +98,8 @@ class Scales:
         kind = PARAMETERS[INDEX[name]].kind
         if name in ('m', 'Iz', 'gain'):
             return np.inf
+        if name == 'x_G':
+            return self.unit(name)
         if name in ('Xu_dot', 'Yv_dot', 'Nr_dot'):
             return self.mass if name != 'Nr_dot' else self.inertia
         if kind == INERTIA:

@@ -9,7 +9,12 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
-from swath_sysid.manoeuvring.identification.held_out import covariance_over_runs, held_out_costs, helps
+from swath_sysid.manoeuvring.identification.held_out import (
+    covariance_over_runs,
+    held_out_costs,
+    helps,
+    with_variances_of_at_least,
+)
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, MultipleShooting
 from swath_sysid.manoeuvring.identification.windows import cut
 
@@ -26,14 +31,13 @@ NOISE_FLOOR = 0.003
 MIN_DRIFT_SPREAD = 0.005
 """m/s; no two runs have the same current more closely."""
 
-LAST = {'Yr_dot', 'Nv_dot', 'X0', 'N0'}
+LAST = {'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
 
+USUAL_HULL = ('Yvv', 'Yvr', 'Nrr', 'Nvr', 'Nuv', 'x_G')
 USUAL = (
-    'Xvr', 'Yvv', 'Yur', 'Nrr', 'Nuur', 'Nuv', 'exponent', 'dead_band', 'deviation_B', 'deviation_C', 'sensor_x',
-    'sensor_y',
+    *USUAL_HULL, 'Xvr', 'Yur', 'Nuur', 'exponent', 'dead_band', 'deviation_B', 'deviation_C', 'sensor_x', 'sensor_y',
 )  # fmt: skip
-USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 SLOW_SWAY = 0.2
 """Of the first guess of sway damping: the start in the other basin."""
 
@@ -256,13 +260,13 @@ def with_drift_spread(problem, found):
     return replace(problem, drift_spread=float(max(spread, MIN_DRIFT_SPREAD) / np.sqrt(inflation)))
 
 
-def renewed(problem, found):
+def renewed(problem, found, parts=1):
     """A shooting with the noise of the problem and the states of a fit."""
     windows = found.shooting.windows
     shooting = MultipleShooting(
         windows, problem.base, problem.unknowns(found.names), problem.noise, problem.scales.speed,
         found.shooting.states, found.shooting.drift, problem.drift_spread, straight_speeds(problem.region),
-        problem.largest_growth,
+        problem.largest_growth, parts,
     )  # fmt: skip
     shooting.weigh(found.values)
     return shooting
@@ -342,6 +346,29 @@ def regularised_to_stable(problem, found):
 
 def _ranked(problem, now, candidates):
     """Groups of terms by what they promise beyond their threshold, largest first."""
+    offers = [(group, gain) for group, gain, _ in _offers(problem, now, candidates)]
+    return sorted(offers, key=lambda pair: (pair[0][0] in LAST, -pair[1]))
+
+
+def with_refused(problem, found):
+    """The fit with standard deviations that hold whether or not a single refused term is in truth there.
+
+    The shift of each value that the term would bring counts as a variance, by the weight of the evidence for the term
+    (Buckland, Burnham and Augustin 1997); of all refused terms that which shifts a value most.
+    """
+    groups = (*problem.candidates, *((name,) for name in problem.tentative))
+    refused = [group for group in groups if not set(group) & set(found.names)]
+    shifts = [shift / np.sqrt(1.0 + np.exp(-0.5 * np.clip(gain, -200.0, 200.0)))
+              for _, gain, shift in _offers(problem, found, refused)]  # fmt: skip
+    if not shifts:
+        return found
+    variance = np.diag(found.covariance.matrix) + np.max(np.square(shifts), axis=0)
+    return replace(found, covariance=replace(
+        found.covariance, matrix=with_variances_of_at_least(found.covariance.matrix, variance)))
+
+
+def _offers(problem, now, candidates):
+    """Of groups of terms: names, what they promise beyond their threshold, and by how much they shift the values."""
     if not candidates:
         return []
     names = [n for group in candidates for n in group]
@@ -354,11 +381,11 @@ def _ranked(problem, now, candidates):
     n = len(now.names)
     held, added = jacobian[:, :n], jacobian[:, n:]
     size = np.sqrt(np.sum(held**2, axis=0))
-    basis, _ = np.linalg.qr(held[:, size > 0] / size[size > 0])
+    basis, factor = np.linalg.qr(held[:, size > 0] / size[size > 0])
     left = residual - basis @ (basis.T @ residual)
     fresh = added - basis @ (basis.T @ added)
     inflation = _inflation(now)
-    ranked, place = [], 0
+    offers, place = [], 0
     for group in candidates:
         columns = slice(place, place + len(group))
         place += len(group)
@@ -371,8 +398,10 @@ def _ranked(problem, now, candidates):
         at = np.array([_first_value(problem, name) for name in group])
         step = np.clip(at + step, unknowns.lower, unknowns.upper) - at
         drop = np.sum(left**2) - np.sum((left + part @ step) ** 2)
-        ranked.append((group, drop / inflation - _threshold(now, len(group))))
-    return sorted(ranked, key=lambda pair: (pair[0][0] in LAST, -pair[1]))
+        shift = np.zeros(n)
+        shift[size > 0] = -np.linalg.lstsq(factor, basis.T @ (whole @ step), rcond=None)[0] / size[size > 0]
+        offers.append((group, drop / inflation - _threshold(now, len(group)), shift))
+    return offers
 
 
 def _threshold(found, count):

@@ -135,10 +135,12 @@ class MultipleShooting:
         Speeds at which straight courses are examined, m/s; empty: none.
     largest_growth : float
         1/s, that small motions about them may have.
+    parts : int
+        Of a step, over each of which the thrust that acts is held at its mean.
     """
 
     def __init__(self, windows, base, unknowns, noise, speed, states=None, drift=None, drift_spread=0.0, speeds=(),
-                 largest_growth=-MIN_DECAY):  # fmt: skip
+                 largest_growth=-MIN_DECAY, parts=1):  # fmt: skip
         self.windows, self.unknowns = windows, unknowns
         self._base = np.array(base, dtype=float)
         self._noise = np.asarray(noise, dtype=float)
@@ -157,6 +159,7 @@ class MultipleShooting:
         self._drift_spread = drift_spread
         self._speeds, self._largest_growth = np.asarray(speeds, dtype=float), largest_growth
         self._member = (windows.run_index == np.arange(len(windows.runs))[:, None]).astype(float)
+        self._parts = parts
         self._thrust_cache = {}
 
     def with_unknowns(self, unknowns, base):
@@ -185,17 +188,19 @@ class MultipleShooting:
         ndarray, shape (S + 1, 3, K, W)
         """
         copies, count = p_columns.shape[1], self.windows.count
-        port, starboard = (np.stack(side, axis=1) for side in zip(
+        thrust = (np.stack(side, axis=1).reshape(-1, copies * count) for side in zip(
             *(self._thrust(p_columns[:, k]) for k in range(copies)), strict=True))  # fmt: skip
-        steps = port.shape[0]
         active = active or active_terms(_union(p_columns))
+        found = self._integrated(states.reshape(3, copies * count), thrust, np.repeat(p_columns, count, axis=1), active,
+                                 self._substeps(p_columns[:, 0]))  # fmt: skip
+        return found.reshape(-1, 3, copies, count)
+
+    def _integrated(self, states, thrust, p, active, substeps):
+        """States (S + 1, 3, C) at the samples from initial ones (3, C) under thrusts (S parts, C) of both sides."""
         with np.errstate(over='ignore', invalid='ignore'):
-            found = runge_kutta_columns(
-                np.ascontiguousarray(states.reshape(3, copies * count)), port.reshape(steps, copies * count),
-                starboard.reshape(steps, copies * count), UNDISTURBED, np.repeat(p_columns, count, axis=1), active,
-                self.windows.step, self._substeps(p_columns[:, 0]),
-            )  # fmt: skip
-        return found.reshape(steps + 1, 3, copies, count)
+            found = runge_kutta_columns(np.ascontiguousarray(states), *map(np.ascontiguousarray, thrust), UNDISTURBED,
+                                        p, active, self.windows.step / self._parts, substeps)  # fmt: skip
+        return found[:: self._parts]
 
     def residuals(self, values):
         """Weighted residuals at the best initial states and drifts, with priors; shape (rows,)."""
@@ -328,12 +333,11 @@ class MultipleShooting:
         thrust = [np.stack([self._thrust(c)[side] for c in columns], axis=2) for side in (0, 1)]
         surge, sway, rate = windows.initial
         start = np.stack([*through_water(surge, sway, rate, windows.heading[0], current, p), rate])
+        states = self._integrated(
+            np.where(np.isfinite(start), start, self.states),
+            [side[:, np.arange(windows.count), part] for side in thrust], p, active_terms(_union(p)),
+            max(self._substeps(c) for c in columns))
         with np.errstate(over='ignore', invalid='ignore'):
-            states = runge_kutta_columns(
-                np.where(np.isfinite(start), start, self.states),
-                *(np.ascontiguousarray(side[:, np.arange(windows.count), part]) for side in thrust), UNDISTURBED, p,
-                active_terms(_union(p)), windows.step, max(self._substeps(c) for c in columns),
-            )  # fmt: skip
             u, v, r = np.moveaxis(states, 1, 0)
             recorded = np.stack([*recorded_speeds(u, v, r, windows.heading, current, p), r])
             return np.where(self._known, (recorded - self._measured) / self._noise[:, None, None], 0.0)
@@ -356,8 +360,10 @@ class MultipleShooting:
         if key not in self._thrust_cache:
             if len(self._thrust_cache) > 100:
                 self._thrust_cache.clear()
-            acting = [acting_thrust(run.port, run.starboard, p, run.step) for run in self.windows.runs]
-            self._thrust_cache[key] = tuple(self.windows.gather([a[side] for a in acting]) for side in (0, 1))
+            acting = [acting_thrust(*np.repeat([run.port, run.starboard], self._parts, axis=1), p,
+                                    run.step / self._parts) for run in self.windows.runs]  # fmt: skip
+            self._thrust_cache[key] = tuple(
+                self.windows.gather([a[side] for a in acting], self._parts) for side in (0, 1))
         return self._thrust_cache[key]
 
     def _substeps(self, p):
@@ -368,7 +374,7 @@ class MultipleShooting:
             abs(p[YV] + p[YVV] * speed + p[YUV] * speed) / (p[M] - p[YV_DOT]),
             abs(p[NR] + 2.0 * p[NRR] * rate + p[NUR] * speed + p[NUUR] * speed**2) / (p[IZ] - p[NR_DOT]),
         )
-        return int(np.clip(np.ceil(self.windows.step * fastest / STABLE_STEP), 1, 10))
+        return int(np.clip(np.ceil(self.windows.step / self._parts * fastest / STABLE_STEP), 1, 10))
 
     def _over_ground(self, states, p, current):
         """Surge, sway, yaw rate as recorded, shape (3, S + 1, W), of states (S + 1, 3, W)."""

@@ -46,11 +46,12 @@ class Windows:
         """Number of windows."""
         return self.start.size
 
-    def gather(self, series):
-        """Values over the steps of each window, shape (S, W), of one series (N,) a run; ends are held."""
-        longest = int(self.steps.max())
+    def gather(self, series, parts=1):
+        """Values over the parts of the steps of each window, shape (S parts, W), of one series a run; ends are held."""
+        longest = parts * int(self.steps.max())
         found = np.zeros((longest, self.count))
-        for w, (run, start, steps) in enumerate(zip(self.run_index, self.start, self.steps, strict=True)):
+        places = zip(self.run_index, parts * self.start, parts * self.steps, strict=True)
+        for w, (run, start, steps) in enumerate(places):
             found[:steps, w] = series[run][start : start + steps]
             found[steps:, w] = found[steps - 1, w]
         return found
