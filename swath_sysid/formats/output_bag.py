@@ -2,9 +2,11 @@
 import os
 from contextlib import contextmanager
 from pathlib import Path
+from struct import Struct
 
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
@@ -32,6 +34,36 @@ from swath_sysid.formats.topics import (
 STORAGES = {'.mcap': StoragePlugin.MCAP, '.db3': StoragePlugin.SQLITE3}
 FOR_EVER = QosTime(9223372036, 854775807)
 
+_CHUNK_BYTES = 1 << 20
+_MESSAGE = Struct('<BQHIQQ')
+"""An mcap record with a message: code, length, channel, sequence number, log time and publish time before its data."""
+_MESSAGE_CODE, _BEFORE_DATA = 0x05, _MESSAGE.size - 9
+
+
+class _McapStorage(McapWriter):
+    """That of rosbags, but for a message in two writes: as a record of its own, byte by byte, it takes ten times as long."""
+
+    def write(self, connection, timestamp, data):
+        """Write a message at a time, ns."""
+        self.message_start_time = min(timestamp, self.message_start_time)
+        self.message_end_time = max(timestamp, self.message_end_time)
+        self.channel_stats[connection.id] += 1
+        chunk, file = self.chunk, self.chunk.bio
+        chunk.message_start_time = min(timestamp, chunk.message_start_time)
+        chunk.message_end_time = max(timestamp, chunk.message_end_time)
+        chunk.msgs[connection.id].append((timestamp, file.tell()))
+        size = _BEFORE_DATA + len(data)
+        file.write(_MESSAGE.pack(_MESSAGE_CODE, size, connection.id, 0, timestamp, timestamp))
+        file.write(data)
+        if file.tell() > _CHUNK_BYTES:
+            self.close_chunk()
+
+
+class BagWriter(Writer):
+    """That of rosbags, with a storage of its own for mcap."""
+
+    STORAGE_PLUGINS = {**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: _McapStorage}
+
 
 @contextmanager
 def writing_bag(path):
@@ -56,7 +88,7 @@ def writing_bag(path):
     kind = path.suffix if path.suffix in STORAGES else None
     with replacing(path) as temporary:
         folder = temporary.with_suffix('') if kind else temporary
-        with Writer(folder, version=9, storage_plugin=STORAGES[kind or '.mcap']) as writer:
+        with BagWriter(folder, version=9, storage_plugin=STORAGES[kind or '.mcap']) as writer:
             connections = {}
 
             def add(topic, msgtype, time_ns, raw, qos=()):

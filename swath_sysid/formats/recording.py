@@ -4,12 +4,12 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.mcap_checksums import add_checksums
 from swath_sysid.formats.messages import typestore
-from swath_sysid.formats.output_bag import offered_qos
+from swath_sysid.formats.output_bag import BagWriter, offered_qos
 from swath_sysid.formats.topics import PATH_TOPIC, QUIESCENCE_TOPIC, TYPES, type_of
 
 OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PATH_TOPIC} | {
@@ -44,7 +44,7 @@ class Recording:
             if taken.exists():
                 raise InputError(f'{taken} exists already: choose another name, or remove it first')
         self._store = typestore()
-        self._writer = Writer(self._folder, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer = BagWriter(self._folder, version=9, storage_plugin=StoragePlugin.MCAP)
         try:
             self._writer.open()
         except OSError as error:
