@@ -41,7 +41,7 @@ _MESSAGE_CODE, _BEFORE_DATA = 0x05, _MESSAGE.size - 9
 
 
 class _McapStorage(McapWriter):
-    """That of rosbags, but for a message in two writes: as a record of its own, byte by byte, it takes ten times as long."""
+    """That of rosbags, but that a message takes two writes and not eight."""
 
     def write(self, connection, timestamp, data):
         """Write a message at a time, ns."""

@@ -5,7 +5,7 @@ and a state space of all channels for each memory. They are weighted lead by lea
 the newest samples contradict is left out.
 """
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -630,20 +630,12 @@ class Forecaster:
         if len(known) < len(AXES):
             mean, covariance = mean[:, joint], covariance[:, joint][:, :, joint]
         return [
-            replace(
-                self._forecast(stamp, chosen, mean[chosen], covariance[chosen], known, quiescence),
-                points={name: motion.at(chosen) for name, motion in points.items()}, calm=window,
+            Forecast(
+                stamp, self._leads[chosen], _by_axis(known, mean[chosen], covariance[chosen]), covariance[chosen],
+                quiescence, window, {name: motion.at(chosen) for name, motion in points.items()},
             )
             for chosen in (self._asked, self._over_horizon)
         ]  # fmt: skip
-
-    def _forecast(self, stamp, chosen, mean, covariance, known, quiescence):
-        count = len(known)
-        axes = {
-            AXES[place]: AxisForecast(mean[:, k], mean[:, count + k], covariance[:, k::count, k::count])
-            for k, place in enumerate(known)
-        }
-        return Forecast(stamp, self._leads[chosen], axes, covariance, quiescence)
 
     @property
     def _trim(self):
@@ -721,6 +713,15 @@ class Forecaster:
             self._interval, {axis: self._models[axis] is not None for axis in AXES}, has_waves,
             {axis: hull.strain for axis, hull in started.items()}, nrmse, coverage, candidate, weights, advice,
         )  # fmt: skip
+
+
+def _by_axis(places, mean, covariance):
+    """Joint forecasts of angles and then rates, each axis by itself."""
+    count = len(places)
+    return {
+        AXES[place]: AxisForecast(mean[:, k], mean[:, count + k], covariance[:, k::count, k::count])
+        for k, place in enumerate(places)
+    }
 
 
 class MotionSize:
