@@ -60,9 +60,16 @@ class _McapStorage(McapWriter):
 
 
 class BagWriter(Writer):
-    """That of rosbags, with a storage of its own for mcap."""
+    """That of rosbags, quicker with a message: it is not asked of every one whether its connection is known."""
 
     STORAGE_PLUGINS = {**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: _McapStorage}
+
+    def write(self, connection, timestamp, data):
+        """Write a message at a time, ns, on a connection that this writer made."""
+        self.storage.write(connection, timestamp, data)
+        self.counts[connection.id] += 1
+        self.min_timestamp = min(timestamp, self.min_timestamp)
+        self.max_timestamp = max(timestamp, self.max_timestamp)
 
 
 @contextmanager

@@ -67,8 +67,6 @@ EXCITATION_WINDOW = 600.0
 """s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes)."""
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
-_BY_AXIS = np.array([[0, 2], [1, 3]])
-"""Places of the targets: axis, then angle and rate."""
 
 _ROW, _MEASURED_COUNT = len(CHANNELS), len(TARGETS)
 _MEASURED = slice(_ROW, _ROW + _MEASURED_COUNT)
@@ -325,7 +323,8 @@ class Forecaster:
             publish_next(self._interval, ahead)
         for size, hull in zip(self._sizes, self._hulls.values(), strict=True):
             if hull.is_started:
-                size.follow(hull.x.item(0), hull.x.item(1), elapsed)
+                state = hull.x
+                size.follow(state.item(0), state.item(1), elapsed)
         if self._step != self._step:
             return Observed(reasons)
         sea = None
