@@ -3,6 +3,7 @@ import os
 from contextlib import contextmanager
 from pathlib import Path
 from struct import Struct
+from typing import Any
 
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -66,7 +67,8 @@ class BagWriter(Writer):
 
     def write(self, connection, timestamp, data):
         """Write a message at a time, ns, on a connection that this writer made."""
-        self.storage.write(connection, timestamp, data)
+        storage: Any = self.storage
+        storage.write(connection, timestamp, data)
         self.counts[connection.id] += 1
         self.min_timestamp = min(timestamp, self.min_timestamp)
         self.max_timestamp = max(timestamp, self.max_timestamp)
