@@ -38,7 +38,8 @@ METADATA_FILE = 'metadata.yaml'
 MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
 """First bytes of a storage file, and the ending it should have."""
 
-MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 10_000
+MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 500
+"""As numbers, so many readings stay in the processor's cache until they are taken."""
 
 
 @dataclass(frozen=True)

@@ -77,11 +77,18 @@ class Template:
         size = (len(self._raw) - ENCAPSULATION_BYTES) // FLOAT64_BYTES
         self._doubles = np.frombuffer(self._raw, '<f8', size, ENCAPSULATION_BYTES)
         self._places = np.flatnonzero(np.isin(self._doubles, marks))
+        self._begin = ENCAPSULATION_BYTES + FLOAT64_BYTES * int(self._places[0])
+        are_together = self._places[-1] - self._places[0] == count - 1
+        # a third of the time of an assignment to an array
+        self._together = Struct(f'<{count}d') if are_together else None
 
     def filled(self, stamp_ns: int, values: Any) -> bytes:
         """The message's bytes with this stamp and these doubles."""
         _STAMP.pack_into(self._raw, ENCAPSULATION_BYTES, *divmod(stamp_ns, SECOND_NS))
-        self._doubles[self._places] = values
+        if self._together is None:
+            self._doubles[self._places] = values
+        else:
+            self._together.pack_into(self._raw, self._begin, *values)
         return bytes(self._raw)
 
 

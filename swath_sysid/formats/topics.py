@@ -1,4 +1,5 @@
 """Names and message types of the topics, live and in bags."""
+from functools import cache
 
 IMU, ODOMETRY, PATH = 'sensor_msgs/msg/Imu', 'nav_msgs/msg/Odometry', 'nav_msgs/msg/Path'
 STRING = 'std_msgs/msg/String'
@@ -70,6 +71,7 @@ def manoeuvring_lead_topic(lead: float) -> str:
     return _at(MANOEUVRING_LEADS, lead)
 
 
+@cache
 def _at(beginning: str, lead: float) -> str:
     return f'{beginning}{str(float(lead)).replace(".", "_")}s'
 

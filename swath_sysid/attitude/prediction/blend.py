@@ -64,22 +64,21 @@ class Blend:
 
     def restart(self):
         """Forget everything."""
-        depth = int(self.steps[-1]) + 1
+        candidates, steps, axes = self._shape
         self._row = 0
-        self._issued = np.full((depth, self.steps.size, *self._shape[::2]), np.nan)
-        self._blended = np.full((depth, *self._shape[1:]), np.nan)
-        self._variance = np.full((depth, *self._shape[1:]), np.nan)
+        # of each row, by step: what each candidate forecast, the blend and its variance, and half its interval squared
+        self._issued = np.full((int(self.steps[-1]) + 1, steps, candidates + 3, axes), np.nan)
         self.mean_square = np.zeros(self._shape)
-        self._time = np.zeros(self._shape[1:])
-        self._interval = np.full((depth, *self._shape[1:]), np.nan)
-        self._excused = np.zeros(self._shape[1:])
+        self._time = np.zeros((steps, axes))
+        self._excused = np.zeros((steps, axes))
         # of forecasts under a moment, and of those of a hull on which nothing acts: the one says nothing of the other
-        self._was_free = np.zeros((depth, self._shape[2]), dtype=int)
-        self._time_variance, self._tail = np.zeros((2, 2, *self._shape[1:]))
-        self._ratio, self._scales = np.ones((2, 2, *self._shape[1:]))
-        self.scale = self._scales[0]
-        self.blended_square = np.zeros(self._shape[1:])
-        self.coverage = np.full(self._shape[1:], 1.0 - _MISSES)
+        self._was_free = np.zeros((self._issued.shape[0], axes), dtype=int)
+        # time, ratio, tail and scale of each
+        self._spread = np.ones((4, 2, steps, axes))
+        self._spread[::2] = 0.0
+        self.scale = self._spread[3, 0]
+        self.blended_square = np.zeros((steps, axes))
+        self.coverage = np.full((steps, axes), 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
 
     def take(self, reading, mean, variance, noise_variance=0.0, foreseeable=None, free=0):
@@ -99,31 +98,29 @@ class Blend:
         free : ndarray of int, shape (A,), optional
             One where nothing acts on the craft.
         """
-        depth = self._issued.shape[0]
-        then = (self._row - self.steps) % depth, self._places
-        blended, interval = reading - self._blended[then], self._interval[then]
+        then, now = (self._row - self.steps) % self._issued.shape[0], self._row % self._issued.shape[0]
+        issued = self._issued[then, self._places].swapaxes(0, 1)
+        errors, blended, interval = reading - issued[:-3], reading - issued[-3], issued[-1]
         self._judge(blended, interval)
         if foreseeable is not None:
             excused = (self.steps[:, None] > foreseeable) & (self._excused < _MAX_EXCUSED)
             self._excused += self._step / _MEMORY_VARIANCE * (excused - self._excused)
             blended[excused] = np.nan
-        errors = reading - self._issued[then].swapaxes(0, 1)
-        issued = self._was_free[then[0]], self._places[:, None], self._axes
-        self._learn(errors, blended, self._variance[then], interval, noise_variance, issued)
-        now = self._row % depth
+        was_free = self._was_free[then], self._places[:, None], self._axes
+        self._learn(errors, blended, issued[-2], interval, noise_variance, was_free)
         self._was_free[now] = free
-        self.scale = self._scales[self._was_free[now], self._places[:, None], self._axes]
-        self._issued[now] = mean.swapaxes(0, 1)
+        self.scale = self._spread[3, self._was_free[now], self._places[:, None], self._axes]
         weights = present_weights(self.weights, np.isfinite(mean))
-        self._blended[now], self._variance[now] = _weighted(weights, mean), _weighted(weights, variance)
-        true = np.maximum(self._variance[now] - noise_variance, _MIN_SHARE * self._variance[now])
-        self._interval[now] = _QUANTILE**2 * (self.scale * true + noise_variance)
+        row = self._issued[now].swapaxes(0, 1)
+        row[:-3], row[-3], row[-2] = mean, _weighted(weights, mean), _weighted(weights, variance)
+        true = np.maximum(row[-2] - noise_variance, _MIN_SHARE * row[-2])
+        row[-1] = _QUANTILE**2 * (self.scale * true + noise_variance)
         self._row += 1
 
     def _judge(self, blended, interval):
         """How large the errors are and how many intervals hold, of all forecasts."""
         known = np.isfinite(blended) & np.isfinite(interval)
-        gain = np.where(known, self._step / (_MEMORY_VARIANCE + self._step), 0.0)
+        gain = self._step / (_MEMORY_VARIANCE + self._step) * known
         square = np.where(known, blended, 0.0) ** 2
         self.blended_square += gain * (square - self.blended_square)
         self.coverage += gain * ((square <= interval) - self.coverage)
@@ -149,12 +146,11 @@ class Blend:
         """
         for _ in range(min(count, self._issued.shape[0])):
             now = self._row % self._issued.shape[0]
-            for issued in (self._issued, self._blended, self._variance, self._interval):
-                issued[now] = np.nan
+            self._issued[now] = np.nan
             self._row += 1
         self._row += max(count - self._issued.shape[0], 0)
 
-    def _learn(self, errors, blended, variance, interval, noise_variance, issued):
+    def _learn(self, errors, blended, variance, interval, noise_variance, was_free):
         known = np.isfinite(blended)
         if not known.any():
             return
@@ -165,19 +161,17 @@ class Blend:
         true = np.maximum(variance - noise_variance, _MIN_SHARE * variance)
         # errors that are the sensor's noise for the most part say as little of the rest as their scatter has it
         shown = (true / variance) ** 2
-        time, gain = self._aged(
-            self._time_variance[issued], known, 1.0 - self._step / _MEMORY_VARIANCE, shown * self._step
-        )
+        time, mean_ratio, tail, _ = self._spread[(slice(None), *was_free)]
+        time, gain = self._aged(time, known, 1.0 - self._step / _MEMORY_VARIANCE, shown * self._step)
         # ratio by ratio: a mean of variances would remember the largest for minutes
         ratio = (np.minimum(square, _CREDIBLE * variance) - noise_variance) / true
-        mean_ratio = self._ratio[issued]
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
         # wide tails make the mean square say more than the 90 % interval wants
-        missed = np.where(known, shown * ((square > interval) - _MISSES), 0.0)
-        tail = np.clip(self._tail[issued] + _TAIL_GAIN * self._step * missed, -_LARGEST_TAIL, _LARGEST_TAIL)
-        self._time_variance[issued], self._ratio[issued], self._tail[issued] = time, mean_ratio, tail
+        tail += _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - _MISSES), 0.0)
+        tail = np.minimum(np.maximum(tail, -_LARGEST_TAIL), _LARGEST_TAIL)
         trust, by_errors = _TRUST_VARIANCE, time * np.maximum(mean_ratio, _MIN_SCALE)
-        self._scales[issued] = np.exp(tail) * (trust + by_errors) / (trust + time)
+        scale = np.exp(tail) * (trust + by_errors) / (trust + time)
+        self._spread[(slice(None), *was_free)] = time, mean_ratio, tail, scale
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
     @staticmethod
@@ -248,5 +242,6 @@ def present_weights(weights, present):
 
 def _weighted(weights, values):
     """Weighted sum over the first dimension; NaN where no weight is."""
-    total = np.where(weights > 0.0, weights * values, 0.0).sum(axis=0)
-    return np.where((weights > 0.0).any(axis=0), total, np.nan)
+    are_there = weights > 0.0
+    total = np.where(are_there, weights * values, 0.0).sum(axis=0)
+    return np.where(are_there.any(axis=0), total, np.nan)

@@ -246,12 +246,15 @@ def _filtered_covariance(a, q, noise):
         h = h + forward.T @ ahead - gain.T @ gain
         h, forward, root = 0.5 * (h + h.T), forward @ forward - moved @ gain, np.hstack([root, moved])
     g = root @ root.T
-    for _ in range(LOW_RANK_DOUBLINGS, DOUBLINGS):
+    for left in range(DOUBLINGS - LOW_RANK_DOUBLINGS)[::-1]:
         w = np.linalg.inv(np.eye(len(a)) + g @ h)
-        back = h @ w @ forward
-        left = forward @ w
-        g, h, forward = g + left @ g @ forward.T, h + forward.T @ back, left @ forward
-        g, h = 0.5 * (g + g.T), 0.5 * (h + h.T)
+        further = forward.T @ (h @ w @ forward)
+        if left:
+            after = forward @ w
+            g, forward = g + after @ g @ forward.T, after @ forward
+            g = 0.5 * (g + g.T)
+        h = h + further
+        h = 0.5 * (h + h.T)
     return h - h @ c.T @ np.linalg.solve(c @ h @ c.T + r, c @ h)
 
 

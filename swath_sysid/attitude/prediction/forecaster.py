@@ -5,7 +5,7 @@ and a state space of all channels for each memory. They are weighted lead by lea
 the newest samples contradict is left out.
 """
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -67,8 +67,6 @@ EXCITATION_WINDOW = 600.0
 """s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes)."""
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
-_BY_AXIS = np.array([[0, 2], [1, 3]])
-"""Places of the targets: axis, then angle and rate."""
 
 _ROW, _MEASURED_COUNT = len(CHANNELS), len(TARGETS)
 _MEASURED = slice(_ROW, _ROW + _MEASURED_COUNT)
@@ -325,7 +323,8 @@ class Forecaster:
             publish_next(self._interval, ahead)
         for size, hull in zip(self._sizes, self._hulls.values(), strict=True):
             if hull.is_started:
-                size.follow(hull.x.item(0), hull.x.item(1), elapsed)
+                state = hull.x
+                size.follow(state.item(0), state.item(1), elapsed)
         if self._step != self._step:
             return Observed(reasons)
         sea = None
@@ -630,20 +629,12 @@ class Forecaster:
         if len(known) < len(AXES):
             mean, covariance = mean[:, joint], covariance[:, joint][:, :, joint]
         return [
-            replace(
-                self._forecast(stamp, chosen, mean[chosen], covariance[chosen], known, quiescence),
-                points={name: motion.at(chosen) for name, motion in points.items()}, calm=window,
+            Forecast(
+                stamp, self._leads[chosen], _by_axis(known, mean[chosen], covariance[chosen]), covariance[chosen],
+                quiescence, window, {name: motion.at(chosen) for name, motion in points.items()},
             )
             for chosen in (self._asked, self._over_horizon)
         ]  # fmt: skip
-
-    def _forecast(self, stamp, chosen, mean, covariance, known, quiescence):
-        count = len(known)
-        axes = {
-            AXES[place]: AxisForecast(mean[:, k], mean[:, count + k], covariance[:, k::count, k::count])
-            for k, place in enumerate(known)
-        }
-        return Forecast(stamp, self._leads[chosen], axes, covariance, quiescence)
 
     @property
     def _trim(self):
@@ -721,6 +712,15 @@ class Forecaster:
             self._interval, {axis: self._models[axis] is not None for axis in AXES}, has_waves,
             {axis: hull.strain for axis, hull in started.items()}, nrmse, coverage, candidate, weights, advice,
         )  # fmt: skip
+
+
+def _by_axis(places, mean, covariance):
+    """Joint forecasts of angles and then rates, each axis by itself."""
+    count = len(places)
+    return {
+        AXES[place]: AxisForecast(mean[:, k], mean[:, count + k], covariance[:, k::count, k::count])
+        for k, place in enumerate(places)
+    }
 
 
 class MotionSize:

@@ -529,8 +529,9 @@ class HullFilter:
 
     def _use_moments(self, moments, levels):
         self.moments, self.levels = list(moments), np.array(levels, dtype=float)
-        ends = HULL_STATES + np.cumsum([0, *[m.size for m in self.moments]])
-        self._parts = [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
+        ends = np.cumsum([0, *[m.size for m in self.moments]]).tolist()
+        self._of_moment = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+        self._parts = [slice(HULL_STATES + part.start, HULL_STATES + part.stop) for part in self._of_moment]
         self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
         whole = joined(self.moments, self.levels)
         self._insignificant = INSIGNIFICANT**2 / self.moments[0].variance
@@ -539,9 +540,8 @@ class HullFilter:
     def _set_level(self, place, level):
         """Give a moment another size: the covariance that it tends to."""
         self.levels[place] = level = min(max(level, MIN_LEVEL), MAX_LEVEL)
-        moment, part = self.moments[place], self._parts[place]
-        part = slice(part.start - HULL_STATES, part.stop - HULL_STATES)
-        self.driven.moment[2][part, part] = level * moment.stationary
+        part = self._of_moment[place]
+        np.multiply(self.moments[place].stationary, level, out=self.driven.moment[2][part, part])
         self.driven.foreseen = None
 
     # -- the samples -------------------------------------------------------------------------------------------
@@ -588,24 +588,27 @@ class HullFilter:
         Observed
         """
         self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
-        values, variances, speaking = (angle, rate), (angle_variance, rate_variance), self.speaking
-        tracks = (self.driven,) if self.model is None else (self.driven, self.free)
-        for track in tracks:
-            track.advance(elapsed)
-        found = {track: track.innovation(elapsed, values, variances) for track in tracks}
-        measured, nis, log_likelihood, gate_nis = found[speaking]
+        values, variances, driven, free = (angle, rate), (angle_variance, rate_variance), self.driven, self.free
+        driven.advance(elapsed)
+        found = of_driven = driven.innovation(elapsed, values, variances)
+        if self.model is not None:
+            free.advance(elapsed)
+            of_free = free.innovation(elapsed, values, variances)
+            found = of_free if self.is_free else of_driven
+        measured, nis, log_likelihood, gate_nis = found
         if measured == 0:
             return Observed()
         if gate_nis > self._gates[measured]:
             return self._refuse(angle, rate, angle_variance, rate_variance, nis, measured)
         self.rejections = 0
-        surprised = self.driven.strain > MAX_STRAIN
+        surprised = driven.strain > MAX_STRAIN
         if surprised:
             self._something_new(angle, rate, elapsed)
-        for track in tracks:
-            track.take_in(values, variances, track is speaking and self.learns_hull)
+        learns = self.learns_hull
+        driven.take_in(values, variances, learns and not self.is_free)
         if self.model is not None:
-            surprised = self._weigh(found[self.free][2] - found[self.driven][2]) or (surprised and not self.is_free)
+            free.take_in(values, variances, learns and self.is_free)
+            surprised = self._weigh(of_free[2] - of_driven[2]) or (surprised and not self.is_free)
         is_quiet = self.is_free or self.levels[0] < self._insignificant
         self._quiet = self._quiet + elapsed if is_quiet else 0.0
         self._since_level += elapsed

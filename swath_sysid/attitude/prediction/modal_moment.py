@@ -9,6 +9,7 @@ interval t the transition is F(t) = exp(A t), two numbers a block, and the noise
 exponential and no Lyapunov equation has to be solved while the filter runs, however uneven the samples are.
 """
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.linalg import block_diag, eig, expm, solve_continuous_lyapunov
@@ -133,6 +134,7 @@ def _separate_poles(matrix):
     return values, vectors
 
 
+@cache
 def markov_moment(variance, time):
     """A moment of which nothing is known but its size and how long it lasts: second-order Markov.
 

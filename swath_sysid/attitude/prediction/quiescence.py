@@ -312,8 +312,12 @@ class Quiescence:
         if known.size < _ENOUGH:
             return None
         inside = np.ones((known.size, self._leads.size), dtype=bool)
+        # their order does not matter, and all of them take no copy
+        members = slice(None) if known.size == self._members else known
         for quantity, bound in zip(np.flatnonzero(self._bounded), self._bound, strict=True):
-            inside &= np.abs(self._errors[quantity, known] * size[quantity] + motion[:, quantity]) <= bound
+            excursion = self._errors[quantity, members] * size[quantity]
+            excursion += motion[:, quantity]
+            inside &= np.abs(excursion, out=excursion) <= bound
         return inside
 
     def _calm_window(self, inside):

@@ -191,7 +191,7 @@ class InnovationsFilter:
             expected = expected + gain[states:] @ error
             covariance -= gain[:states] @ both[:states].T
         covariance = 0.5 * (covariance + covariance.T)
-        known = seen.all() and (np.einsum('ij,jk,ik->i', m.c, covariance, m.c) <= self._floor).all()
+        known = seen.all() and (((m.c @ covariance) * m.c).sum(axis=1) <= self._floor).all()
         self._p = None if known else covariance
         self._recent.append(np.where(seen, z, expected))
 
