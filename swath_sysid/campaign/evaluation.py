@@ -214,7 +214,7 @@ def joined(problems: Sequence[Problem]) -> Problem:
         return problems[0]
     motions = tuple(m for p in problems for m in p.motions)
     segments = tuple(s for p in problems for s in p.segments)
-    frequency = 2.0 * np.pi / float(np.median([s.period for s in segments]))
+    frequency = float(np.median([p.scales.frequency for p in problems for _ in p.segments]))
     scales = Scales(max(p.scales.amplitude for p in problems), frequency)
     noise = Noise(
         angle=weighting_noise([m.angle for m in motions if m.angle is not None] or [np.zeros(1)]),

@@ -241,7 +241,7 @@ def explain_absence(motion: AxisMotion) -> Advice:
             FORCED_MOTION,
             f'{name} swings from beginning to end (standard deviation {spread}) and nowhere dies out: this is motion '
             'in waves, not a free decay. Identified at sea it gives the natural period, and the damping at its '
-            'amplitude; for more record a release in still water, or give start and end of a decay in it',
+            'amplitude; for more than that, record a release in still water, or give start and end of a decay in it',
         )
     return Advice(
         'no-decay',
