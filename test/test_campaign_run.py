@@ -102,43 +102,45 @@ class Interrupting(Executor):
         return SerialExecutor().submit(function, *args, **kwargs)
 
 
-@pytest.mark.parametrize('tasks', [1, 9, 19])
-def test_interrupted_and_continued_gives_the_same_tables(trials, done, tmp_path, tasks):
-    with pytest.raises(KeyboardInterrupt):
-        work_off(trials, tmp_path, Interrupting(tasks))
+def test_interrupted_again_and_again_and_continued_gives_the_same_tables(trials, done, tmp_path):
+    for tasks in (1, 8, 10):
+        with pytest.raises(KeyboardInterrupt):
+            work_off(trials, tmp_path, Interrupting(tasks))
     outcome = work_off(trials, tmp_path)
-    assert outcome.kept == tasks
+    assert outcome.kept == 19
     assert outcome.kept + outcome.computed == done[0].computed
     assert tables_of(outcome) == tables_of(done[0])
     assert outcome.axes[0].schedule == done[0].axes[0].schedule
 
 
-@pytest.mark.parametrize(('number', 'code', 'last_words'), [
-    (signal.SIGKILL, -signal.SIGKILL, ''),
-    (signal.SIGINT, 130, 'stopped: the same command goes on from the finished fits'),
-])
 @pytest.mark.slow
-def test_two_processes_stopped_and_continued_give_the_same_tables(trials, done, tmp_path, number, code, last_words):
+def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials, done, tmp_path):
     command = [
         sys.executable, '-m', 'swath_sysid.cli.main', 'campaign', str(trials / 'campaign.yaml'),
         '--output', str(tmp_path), '--jobs', '2',
     ]  # fmt: skip
     environment = os.environ | {'PYTHONPATH': str(ROOT)}
-    running = subprocess.Popen(
-        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    deadline = time.monotonic() + 600
-    while len(list(tmp_path.rglob('*.json'))) < 3 and time.monotonic() < deadline:
-        time.sleep(0.02)
-    if number == signal.SIGINT:
-        # as a terminal does: to the workers as well
-        os.killpg(running.pid, number)
-    else:
-        running.send_signal(number)
-    said = running.stderr.read()
-    assert running.wait() == code
-    assert last_words in said and 'Traceback' not in said
-    assert not (tmp_path / 'report.html').exists()
+    for number, code, last_words in (
+        (signal.SIGKILL, -signal.SIGKILL, ''),
+        (signal.SIGINT, 130, 'stopped: the same command goes on from the finished fits'),
+    ):
+        known = len(list(tmp_path.rglob('*.json')))
+        running = subprocess.Popen(
+            command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+            start_new_session=True,
+        )  # fmt: skip
+        deadline = time.monotonic() + 600
+        while len(list(tmp_path.rglob('*.json'))) < known + 3 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        if number == signal.SIGINT:
+            # as a terminal does: to the workers as well
+            os.killpg(running.pid, number)
+        else:
+            running.send_signal(number)
+        said = running.stderr.read()
+        assert running.wait() == code
+        assert last_words in said and 'Traceback' not in said
+        assert not (tmp_path / 'report.html').exists()
     outcome = work_off(trials, tmp_path)
     assert outcome.kept > 0
     assert tables_of(outcome) == tables_of(done[0])
@@ -151,13 +153,13 @@ def test_what_differs_is_computed_again(trials, done, tmp_path):
     store = ResultStore(output / 'results')
     same = run_campaign(read_manifest(trials / 'other.yaml'), store, SerialExecutor())
     assert same.kept >= 8 and not [f for f in same.failures]
-    (trials / 'seeded.yaml').write_text(manifest + 'search: {seed: 2}\n')
+    (trials / 'seeded.yaml').write_text((trials / 'other.yaml').read_text() + 'search: {seed: 2}\n')
     seeded = run_campaign(read_manifest(trials / 'seeded.yaml'), store, SerialExecutor())
     assert seeded.kept == 0
 
 @pytest.mark.slow
 def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys):
-    for path in trials.glob('*.csv'):
+    for path in trials.glob('*0.9T*.csv'):
         (tmp_path / path.name).write_text(path.read_text())
     (tmp_path / 'torn.mcap').write_bytes(b'\x89MCAP0\r\n' + b'\x07' * 50)
     (tmp_path / 'noise.csv').write_text('time_s,pitch_deg\n' + ''.join(f'{k / 50},{k % 7}\n' for k in range(400)))
@@ -185,10 +187,10 @@ def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys):
         (14, 'already given in line 7'),
     ):
         assert any(f'line {line}' in told and words in told for told in said.err.splitlines()), (line, said.err)
-    assert '4 of 7 trials' in said.out
+    assert '2 of 5 trials' in said.out
     page = (output / 'report.html').read_text()
     assert 'torn.mcap' in page and 'absent.csv' in page
-    assert len(list(csv.reader((output / 'tables' / 'trials.csv').open()))) == 8
+    assert len(list(csv.reader((output / 'tables' / 'trials.csv').open()))) == 6
 
 
 def test_an_equation_that_suits_no_record_is_left_out(trials, tmp_path):
