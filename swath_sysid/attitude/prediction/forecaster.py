@@ -592,8 +592,11 @@ class Forecaster:
         for name, space in self._spaces.items():
             k = _PLACE[name]
             mean[k], covariance[k] = space.at_steps() if age is None else space.forecast(leads, age)
-            if space.strain > HEALTHY_STRAIN:
-                mean[k][:, self._hull_vouches(k)] = math.nan
+        strained = [_PLACE[name] for name, space in self._spaces.items() if space.strain > HEALTHY_STRAIN]
+        if strained:
+            vouched = self._hull_vouches()
+            for k in strained:
+                mean[k][:, vouched[k]] = math.nan
         for place, hull in enumerate(self._hulls.values()):
             if hull.is_free:
                 # nothing acts: there is nothing else to know
@@ -603,15 +606,14 @@ class Forecaster:
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
         return mean, covariance
 
-    def _hull_vouches(self, candidate):
-        """The targets of which an identified hull explains the newest samples, and has forecast them nearly as well."""
+    def _hull_vouches(self):
+        """By candidate, the targets that an identified hull explains as of now, and forecasts nearly as well."""
         level = np.log(np.maximum(self._blend.mean_square, 1e-300)).mean(axis=1)
-        errs_alike = level[_PLACE[HULL]] < level[candidate] + math.log(_ALIKE)
-        vouches = [
-            errs_alike[place] and model is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
-            for place, (model, hull) in enumerate(zip(self._models.values(), self._hulls.values(), strict=True))
+        explains = [
+            self._models[axis] is not None and hull.is_started and hull.strain < HEALTHY_STRAIN
+            for axis, hull in self._hulls.items()
         ]
-        return [vouches[axis] for axis in AXIS_OF_TARGET]
+        return ((level[_PLACE[HULL]] < level + math.log(_ALIKE)) & explains)[:, AXIS_OF_TARGET]
 
     def _issue(self, stamp):
         if self._leads_are_rows and abs(self._since_row) < 0.5 * self._interval:
