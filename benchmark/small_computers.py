@@ -88,7 +88,7 @@ def most_while_identifying(pid, env):
 def measured(rate, options, with_numba, duration):
     """Memory of each process and the most while identifying, MB, share of a core, and processor time to start, s."""
     with tempfile.TemporaryDirectory() as folder:
-        write_sea(Path(folder, 'sea.mcap'), rate, duration)
+        write_sea(Path(folder, 'sea.mcap'), rate, duration + PATIENCE)
         env = environment()
         if not with_numba:
             env['NUMBA_DISABLE_JIT'] = '1'
@@ -135,12 +135,16 @@ def main():
                          f'{start:.1f}')
                 lines.append('| ' + ' | '.join(map(str, cells)) + ' |')
                 print(lines[-1], flush=True)
-    if arguments.write:
-        text = '\n'.join((
-            '# What the nodes cost', '', *__doc__.split('\n\n', 2)[2].strip().splitlines(), '',
-            f'{arguments.seconds:.0f} s of sea a line, {platform.machine()}, Python {platform.python_version()}, '
-            'written by `python benchmark/small_computers.py`.', '', *lines, ''))
-        Path(arguments.write).write_text(text, encoding='utf-8')
+                if arguments.write:
+                    Path(arguments.write).write_text(page_with(lines, arguments.seconds), encoding='utf-8')
+
+
+def page_with(lines, seconds):
+    """The page with the lines of the table."""
+    return '\n'.join((
+        '# What the nodes cost', '', *__doc__.split('\n\n', 2)[2].strip().splitlines(), '',
+        f'{seconds:.0f} s of sea a line, {platform.machine()}, Python {platform.python_version()}, '
+        'written by `python benchmark/small_computers.py`.', '', *lines, ''))
 
 
 if __name__ == '__main__':
