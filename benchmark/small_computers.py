@@ -5,8 +5,8 @@
 Each line is `swath-sysid run` with its workers, which hears a replayed simulated sea of two axes over ROS, with the
 defaults or with `config/small.yaml`. Memory is the proportional set size of all its processes after that, and the most
 while `identifier/identify` fits the last minute, with what numba compiles in its cache; processor time is that of the
-second half; starting is the processor time until the sensor is heard. Memory hardly depends on what else the machine
-does; processor time rises on a busy one.
+second half; starting is the processor time until the sensor is heard. Libraries that other programs have loaded too
+count in part, so where nothing else uses them it is more; processor time rises on a busy machine.
 """
 import argparse
 import platform
