@@ -101,12 +101,14 @@ def imu_values(time_s):
 
 
 def serve_source(rate, seconds, subscribers, output):
-    """Publishes simulated IMU messages on even stamps and notes when."""
+    """Publishes simulated IMU messages on even stamps and notes when; ends early at SIGTERM."""
     import rclpy
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import Imu
 
     rclpy.init()
+    ended = []
+    signal.signal(signal.SIGTERM, lambda *_: ended.append(True))
     node = rclpy.create_node('source')
     publisher = node.create_publisher(Imu, 'imu/data', qos_profile_sensor_data)
     while publisher.get_subscription_count() < subscribers:
@@ -130,6 +132,9 @@ def serve_source(rate, seconds, subscribers, output):
         wait = begun + k * period - time.monotonic_ns()
         if wait > 0:
             time.sleep(wait * 1e-9)
+        if ended:
+            sent = sent[:k]
+            break
         sent[k] = stamp, time.monotonic_ns()
         publisher.publish(message)
     np.save(output, sent)

@@ -2,7 +2,7 @@
 
     python benchmark/page_load.py
 
-The same nodes, with the page and without it in turns: delay from the sensor's message to forecast/next, and the
+The same running nodes, with the page and without it in turns: delay from the sensor's message to forecast/next, and the
 predictor's processor time. Sensor and nodes keep to one core, the page's server and the browsers to the other, as if
 they ran elsewhere. A browser is a websocket that takes what the server sends; the stalled one stops reading. What
 counts is the ratio of neighbours: what else the machine does falls on both. Needs the extra `page`.
@@ -17,11 +17,11 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
-from latency import ROOT, delays, environment, node, percentiles, process, processor_seconds, role
+from latency import ROOT, background, delays, environment, node, percentiles, process, processor_seconds, role
 
 BROWSERS = 5
 PORT = 8585
@@ -30,7 +30,13 @@ SHOWN = 20
 """Messages after which a page is up, and the stalled one stalls."""
 
 SETTLING = 2.0
-"""s at the beginning that do not count."""
+"""s at the beginning of a turn that do not count."""
+
+LEARNING = 40.0
+"""s for the nodes to start and to learn what they go on with."""
+
+LONGEST = 3600.0
+"""s of the sensor."""
 
 
 async def look(address, stalls, on_shown):
@@ -98,32 +104,50 @@ def answers(address):
         return False
 
 
-def measure(with_page, rate, seconds, cores):
-    """Delays, ms, messages lost, and processor time of predictor and page a second, s."""
-    env = environment()
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+def measure(rate, seconds, rounds, cores):
+    """The turns with and without the page, while sensor and nodes go on.
+
+    Yields
+    ------
+    with_page : bool
+    delay : ndarray
+        Of each forecast, ms.
+    lost : int
+        Messages sent in this time without a forecast.
+    spent : dict of str to float
+        Processor time of predictor and page a second, s.
+    """
+    env, turns = environment(), []
+    with tempfile.TemporaryDirectory() as folder:
         sent_path, arrived_path = Path(folder, 'sent.npy'), Path(folder, 'arrived.npz')
         with process(*role('sink', topics=['forecast/next'], output=str(arrived_path)), environment=env), \
                 process(*node('imu_buffer'), environment=env), process(*node('identifier'), environment=env), \
                 process(*node('predictor'), environment=env) as predictor:
-            watched = [predictor]
-            if with_page:
-                watched.append(stack.enter_context(looked_at(env, cores[-1], folder)))
-            begun = [processor_seconds(each.pid) for each in watched]
-            words = role('source', rate=rate, seconds=seconds, subscribers=2 + with_page, output=str(sent_path))
-            subprocess.run([sys.executable, *words], env=env, cwd=ROOT, check=True)
-            spent = [(processor_seconds(each.pid) - b) / seconds for each, b in zip(watched, begun, strict=True)]
-            stack.close()
+            source = background(role('source', rate=rate, seconds=LONGEST, subscribers=2, output=str(sent_path)), env)
+            time.sleep(LEARNING)
+            for number in range(rounds):
+                # which comes first changes, so that a machine that gets busier favours neither
+                for with_page in ((False, True) if number % 2 == 0 else (True, False)):
+                    with looked_at(env, cores[-1], folder) if with_page else nullcontext() as server:
+                        watched = {'predictor': predictor.pid} | ({'page': server.pid} if with_page else {})
+                        time.sleep(SETTLING)
+                        begun, before = time.monotonic_ns(), [processor_seconds(pid) for pid in watched.values()]
+                        time.sleep(seconds)
+                        spent = {name: (processor_seconds(pid) - b) / seconds
+                                 for (name, pid), b in zip(watched.items(), before, strict=True)}
+                        turns.append((with_page, begun, time.monotonic_ns(), spent))
+            end(source)
         sent, arrived = np.load(sent_path), np.load(arrived_path)['forecast_next']
-    found = delays(sent, arrived, round(1e9 / rate))
-    return found[round(SETTLING * rate):], len(sent) - len(found), spent
+    for with_page, begun, ended, spent in turns:
+        here, there = (table[(table[:, 1] >= begun) & (table[:, 1] < ended)] for table in (sent, arrived))
+        yield with_page, delays(sent, there, round(1e9 / rate)), len(here) - len(there), spent
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--rate', type=float, default=200.0)
-    parser.add_argument('--seconds', type=float, default=20.0)
-    parser.add_argument('--rounds', type=int, default=5)
+    parser.add_argument('--seconds', type=float, default=20.0, help='of a turn')
+    parser.add_argument('--rounds', type=int, default=7, help='pairs of turns')
     parser.add_argument('--browsers', help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.browsers:
@@ -136,20 +160,15 @@ def main():
         return
     cores = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {cores[0]})
-    ratios = []
-    for number in range(arguments.rounds):
-        pair = {}
-        # which comes first changes, so that a machine that gets busier favours neither
-        for with_page in ((False, True) if number % 2 == 0 else (True, False)):
-            found, lost, spent = measure(with_page, arguments.rate, arguments.seconds, cores)
-            pair[with_page] = np.array([np.median(found), np.percentile(found, 99)])
-            names = ('predictor', 'page')[:len(spent)]
-            shares = ', '.join(f'{name} {100.0 * share:.1f} %' for name, share in zip(names, spent, strict=True))
-            print(f'{number + 1} {"with   " if with_page else "without"}: {percentiles(found)}  lost {lost}  '
-                  f'processor: {shares}', flush=True)
-        ratios.append(pair[True] / pair[False])
+    found = {True: [], False: []}
+    for with_page, delay, lost, spent in measure(arguments.rate, arguments.seconds, arguments.rounds, cores):
+        shares = ', '.join(f'{name} {100.0 * share:.1f} %' for name, share in spent.items())
+        print(f'{"with   " if with_page else "without"}: {percentiles(delay)}  lost {lost}  processor: {shares}')
+        found[with_page].append((np.median(delay), np.percentile(delay, 99)))
+    ratios = np.array(found[True]) / found[False]
     median, p99 = np.median(ratios, axis=0)
-    print(f'with the page over without, median of {len(ratios)} pairs: median delay {median:.3f}, p99 {p99:.3f}')
+    print(f'with the page over without, median of {len(ratios)} pairs: median delay {median:.3f} '
+          f'({ratios[:, 0].min():.3f} to {ratios[:, 0].max():.3f}), p99 {p99:.3f}')
 
 
 if __name__ == '__main__':

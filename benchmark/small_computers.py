@@ -5,8 +5,8 @@
 Each line is `swath-sysid run` with its workers, which hears a replayed simulated sea of two axes over ROS, with the
 defaults or with `config/small.yaml`. Memory is the proportional set size of all its processes after that, and the most
 while `identifier/identify` fits the last minute, with what numba compiles in its cache; processor time is that of the
-second half; starting is the processor time until the sensor is heard. Memory hardly depends on what else the machine
-does; processor time rises on a busy one.
+second half; starting is the processor time until the sensor is heard. Libraries that other programs have loaded too
+count in part, so where nothing else uses them it is more; processor time rises on a busy machine.
 """
 import argparse
 import platform
@@ -88,7 +88,7 @@ def most_while_identifying(pid, env):
 def measured(rate, options, with_numba, duration):
     """Memory of each process and the most while identifying, MB, share of a core, and processor time to start, s."""
     with tempfile.TemporaryDirectory() as folder:
-        write_sea(Path(folder, 'sea.mcap'), rate, duration)
+        write_sea(Path(folder, 'sea.mcap'), rate, duration + PATIENCE)
         env = environment()
         if not with_numba:
             env['NUMBA_DISABLE_JIT'] = '1'
@@ -135,12 +135,16 @@ def main():
                          f'{start:.1f}')
                 lines.append('| ' + ' | '.join(map(str, cells)) + ' |')
                 print(lines[-1], flush=True)
-    if arguments.write:
-        text = '\n'.join((
-            '# What the nodes cost', '', *__doc__.split('\n\n', 2)[2].strip().splitlines(), '',
-            f'{arguments.seconds:.0f} s of sea a line, {platform.machine()}, Python {platform.python_version()}, '
-            'written by `python benchmark/small_computers.py`.', '', *lines, ''))
-        Path(arguments.write).write_text(text, encoding='utf-8')
+                if arguments.write:
+                    Path(arguments.write).write_text(page_with(lines, arguments.seconds), encoding='utf-8')
+
+
+def page_with(lines, seconds):
+    """The page with the lines of the table."""
+    return '\n'.join((
+        '# What the nodes cost', '', *__doc__.split('\n\n', 2)[2].strip().splitlines(), '',
+        f'{seconds:.0f} s of sea a line, {platform.machine()}, Python {platform.python_version()}, '
+        'written by `python benchmark/small_computers.py`.', '', *lines, ''))
 
 
 if __name__ == '__main__':

@@ -6,6 +6,9 @@ from swath_sysid.page.live_view import INTERVALS, SHOWN_S
 
 MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'
 BAND_OPACITY = 0.16
+SMALLEST = {'deg': 1.0, 'm': 0.1}
+"""Charts do not show less than that either way, or noise would look like motion."""
+
 QUIET = {'type': 'line', 'showSymbol': False, 'silent': True, 'animation': False}
 
 
@@ -30,6 +33,17 @@ def motion_series(chart: dict[str, list]) -> list[list]:
     """The data of the series of `motion_options`, in their order."""
     bands = [data for band in chart['bands'] for data in _stacked(band)]
     return [*bands, chart['measured'], chart['forecast'], chart['checked']]
+
+
+def motion_changes(chart: dict[str, list], unit: str) -> dict[str, Any]:
+    """What of `motion_options` is different with this motion."""
+    reach = reach_of(chart, SMALLEST[unit])
+    last = max((time for time, _ in chart['forecast'][-1:]), default=0.0)
+    return {
+        'xAxis': {'max': math.ceil(last - 0.5)},
+        'yAxis': {'min': -reach, 'max': reach, 'interval': 0.5 * reach},
+        'series': [{'data': data} for data in motion_series(chart)],
+    }
 
 
 def curve_options(name: str) -> dict[str, Any]:

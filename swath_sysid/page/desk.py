@@ -13,6 +13,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import replacing
 from swath_sysid.page.bring_up import STEPS, BringUp, Guidance
+from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.page.live_view import (
     calm_words,
@@ -51,7 +52,7 @@ class View:
     axis: str = ''
     guidance: Guidance = field(default_factory=lambda: Guidance(STEPS[0], ''))
     health: list[tuple[str, int, str]] = field(default_factory=list)
-    motion: dict[str, dict[str, list]] = field(default_factory=dict)
+    motion: dict[str, dict[str, Any]] = field(default_factory=dict)
     model: dict[str, list] = field(default_factory=dict)
     model_words: list[str] = field(default_factory=list)
     calm: str = ''
@@ -104,7 +105,8 @@ class Desk:
         with self._source.lock:
             facts = record.facts(self._axis, now)
             charts = {
-                name: motion_chart(record, name, facts.motions.get(name))
+                name: motion_changes(
+                    motion_chart(record, name, facts.motions.get(name)), 'deg' if name in AXES else 'm')
                 for name in dict.fromkeys((*AXES, *record.horizons))
             }
             verdict = facts.statuses.get('identifier: identification')

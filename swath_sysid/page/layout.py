@@ -1,11 +1,10 @@
 """The page itself: cards that fit a phone and a wide screen."""
-import math
 from collections.abc import Callable
 from typing import Any
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.page.bring_up import STEPS
-from swath_sysid.page.charts import curve_options, curve_series, motion_options, motion_series, reach_of
+from swath_sysid.page.charts import curve_options, curve_series, motion_options
 from swath_sysid.page.desk import Desk, View
 from swath_sysid.pipeline.health import OK, WARN
 
@@ -16,9 +15,6 @@ except ImportError:  # `server` says what to install
 
 SCREEN_PERIOD = 0.4
 """s between pictures."""
-
-SMALLEST_ANGLE, SMALLEST_HEAVE = 1.0, 0.1
-"""deg and m; charts do not show less than that either way, or noise would look like motion."""
 
 COLOURS = {OK: 'positive', WARN: 'warning'}
 CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio'}
@@ -98,7 +94,7 @@ def _motion(axis: str) -> Update:
 
     def update(view: View) -> None:
         if axis in view.motion:
-            _fill_motion(chart, view.motion[axis], SMALLEST_ANGLE)
+            _move(chart, view.motion[axis])
 
     return update
 
@@ -116,7 +112,7 @@ def _heave() -> Update:
         card.visible = bool(points)
         if points:
             name.text = points[0]
-            _fill_motion(chart, view.motion[points[0]], SMALLEST_HEAVE)
+            _move(chart, view.motion[points[0]])
 
     return update
 
@@ -183,11 +179,9 @@ def _text(classes: str, name: str) -> Any:
     return ui.label().classes(f'{classes} min-w-0 break-words').props(f'data-name={name}')
 
 
-def _fill_motion(chart: Any, motion: dict[str, list], smallest: float) -> None:
-    reach = reach_of(motion, smallest)
-    chart.options['yAxis'] |= {'min': -reach, 'max': reach, 'interval': 0.5 * reach}
-    chart.options['xAxis']['max'] = math.ceil(max((time for time, _ in motion['forecast'][-1:]), default=0.0) - 0.5)
-    _fill(chart, motion_series(motion))
+def _move(chart: Any, changes: dict[str, Any]) -> None:
+    """New motion, as a call: as options each number would be looked at twice on its way, for each browser."""
+    chart.run_chart_method('setOption', changes)
 
 
 def _fill(chart: Any, data: list[list]) -> None:
