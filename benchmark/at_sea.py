@@ -80,13 +80,13 @@ def main():
             largest = np.degrees(np.abs(sea.angle).max())
             print(
                 f'moment by {"slope " if by_slope else "height"} Tp/Tn {ratio:g}, largest roll {largest:.1f} deg | '
-                f'period {_told(rows[:, 0], rows[:, 2], PERIOD_WITHIN)} | '
-                f'damping {_told(rows[:, 1], rows[:, 3], DAMPING_WITHIN)} | {seconds:.2f} s each',
+                f'period {_error_words(rows[:, 0], rows[:, 2], PERIOD_WITHIN)} | '
+                f'damping {_error_words(rows[:, 1], rows[:, 3], DAMPING_WITHIN)} | {seconds:.2f} s each',
                 flush=True,
             )
 
 
-def _told(errors, stds, within):
+def _error_words(errors, stds, within):
     share = np.mean(np.abs(errors) < within)
     return (
         f'{100 * errors.mean():+5.1f} {100 * errors.std():4.1f} {100 * np.abs(errors).max():5.1f}, '

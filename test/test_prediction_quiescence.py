@@ -20,7 +20,7 @@ def test_reliability_of_true_probabilities_is_the_diagonal():
     for probability, outcome in zip(told, happened, strict=True):
         record.add(probability, outcome)
     diagram = record.diagram()
-    assert np.allclose(diagram.told, diagram.happened, atol=0.04)
+    assert np.allclose(diagram.forecast, diagram.observed, atol=0.04)
     assert diagram.count.sum() == told.size
     assert diagram.brier == pytest.approx(np.mean((told - happened) ** 2))
     assert diagram.brier_of_climate == pytest.approx(np.var(happened))
@@ -28,7 +28,7 @@ def test_reliability_of_true_probabilities_is_the_diagonal():
 
 def test_a_diagram_without_outcomes_is_unknown():
     diagram = ReliabilityRecord().diagram()
-    assert diagram.count.sum() == 0 and math.isnan(diagram.brier) and np.isnan(diagram.told).all()
+    assert diagram.count.sum() == 0 and math.isnan(diagram.brier) and np.isnan(diagram.forecast).all()
 
 
 def test_quiescence_counts_the_members_that_stay_inside():

@@ -108,7 +108,7 @@ def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
     if with_quiescence and skill.quiescence is not None:
         found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
         axes.plot(
-            found.told[enough], found.happened[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
+            found.forecast[enough], found.observed[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
             label='quiescence',
         )  # fmt: skip
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='probability forecast', ylabel='share that held', title='reliability')

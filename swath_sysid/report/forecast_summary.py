@@ -35,8 +35,8 @@ def skill_as_data(skill: Skill) -> dict:
         r, limits = skill.quiescence, skill.quiescence_limits
         data['quiescence'] = {
             'limits': {name: getattr(limits, name) for name in (*ATTITUDE, 'duration')},
-            'edges': r.edges, 'count': r.count, 'told': r.told,
-            'happened': r.happened, 'brier': r.brier, 'brier_of_climate': r.brier_of_climate,
+            'edges': r.edges, 'count': r.count, 'forecast': r.forecast,
+            'observed': r.observed, 'brier': r.brier, 'brier_of_climate': r.brier_of_climate,
         }  # fmt: skip
     return finite_or_none(data)
 

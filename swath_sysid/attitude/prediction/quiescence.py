@@ -114,23 +114,23 @@ class CalmWindow(NamedTuple):
 
 @dataclass(frozen=True)
 class Reliability:
-    """How often the craft stayed quiet, by the probability told.
+    """How often the craft stayed quiet, by the probability forecast.
 
     Attributes
     ----------
     edges : ndarray, shape (B + 1,)
         Of the bins of probability.
     count : ndarray, shape (B,)
-    told, happened : ndarray, shape (B,)
-        Mean probability told and share that stayed quiet; NaN in empty bins.
+    forecast, observed : ndarray, shape (B,)
+        Mean probability forecast and share that stayed quiet; NaN in empty bins.
     brier, brier_of_climate : float
         Mean squared error of the probability, and of always telling the share that stayed quiet.
     """
 
     edges: np.ndarray
     count: np.ndarray
-    told: np.ndarray
-    happened: np.ndarray
+    forecast: np.ndarray
+    observed: np.ndarray
     brier: float
     brier_of_climate: float
 
@@ -146,22 +146,22 @@ class ReliabilityRecord:
     def __init__(self, bins=10):
         self._edges = np.linspace(0.0, 1.0, bins + 1)
         self._count = np.zeros(bins, dtype=int)
-        self._told, self._happened = np.zeros((2, bins))
+        self._forecast, self._observed = np.zeros((2, bins))
         self._squared_error = 0.0
 
-    def add(self, told, happened):
+    def add(self, forecast, observed):
         """One probability and what came of it.
 
         Parameters
         ----------
-        told : float
-        happened : bool
+        forecast : float
+        observed : bool
         """
-        place = min(int(told * self._count.size), self._count.size - 1)
+        place = min(int(forecast * self._count.size), self._count.size - 1)
         self._count[place] += 1
-        self._told[place] += told
-        self._happened[place] += happened
-        self._squared_error += (told - happened) ** 2
+        self._forecast[place] += forecast
+        self._observed[place] += observed
+        self._squared_error += (forecast - observed) ** 2
 
     def diagram(self):
         """The diagram so far.
@@ -172,10 +172,10 @@ class ReliabilityRecord:
         """
         known = int(self._count.sum())
         with np.errstate(invalid='ignore'):
-            told, happened = self._told / self._count, self._happened / self._count
-        share = self._happened.sum() / known if known else math.nan
+            forecast, observed = self._forecast / self._count, self._observed / self._count
+        share = self._observed.sum() / known if known else math.nan
         brier = self._squared_error / known if known else math.nan
-        return Reliability(self._edges, self._count.copy(), told, happened, brier, float(share * (1.0 - share)))
+        return Reliability(self._edges, self._count.copy(), forecast, observed, brier, float(share * (1.0 - share)))
 
 
 @dataclass(frozen=True)
