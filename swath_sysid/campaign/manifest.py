@@ -414,14 +414,10 @@ def _matches(pattern: str, folder: Path, line: int) -> list[tuple[Path, dict]]:
             found.append((path, {k: _MATCHED.get(k, _decimal)(v) for k, v in said.items()}))
     if not found:
         parent = root / Path(glob).parent
-        near = (
-            sorted(p.name for p in parent.iterdir() if not p.name.startswith('.'))[:SHOWN_FILES]
-            if parent.is_dir()
-            else []
-        )
-        there = f'there are {", ".join(near)}, ...' if near else f'the folder {parent} is empty or does not exist'
-        raise FieldError(
-            '', f"no file matches '{pattern}' ({there}): check the folder and the placeholders", line)
+        names = sorted(p.name for p in parent.iterdir() if not p.name.startswith('.')) if parent.is_dir() else []
+        near = ', '.join(names[:SHOWN_FILES])
+        there = f'there are {near}, ...' if near else f'the folder {parent} is empty or does not exist'
+        raise FieldError('', f"no file matches '{pattern}' ({there}): check the folder and the placeholders", line)
     return found
 
 
@@ -436,34 +432,26 @@ def _relative(path: Path, root: Path, pattern: str) -> str:
 
 def _without_duplicates(trials: Sequence[TrialEntry], faults: list[Fault]) -> list[TrialEntry]:
     kept: list[TrialEntry] = []
-    by_file: dict[tuple, int] = {}
-    by_condition: dict[tuple, TrialEntry] = {}
+    known: dict[tuple, TrialEntry] = {}
     for trial in trials:
-        file = (trial.path.resolve(), trial.axis, trial.start, trial.end)
-        complete = None not in (trial.initial_angle_deg, trial.repeat)
+        file = trial.path.resolve(), trial.axis, trial.start, trial.end
         stated = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
-        condition = stated if complete else None
-        if file in by_file:
-            faults.append(
-                Fault(
-                    trial.line,
-                    f'{trial.path.name} is already given in line {by_file[file]}: it would count twice, name it once',
-                )
-            )
-        elif condition is not None and condition in by_condition:
-            other = by_condition[condition]
-            faults.append(
-                Fault(
-                    trial.line,
-                    f'{trial.path.name} has the same condition and repeat as {other.path.name} (line {other.line}): '
-                    'give it another repeat',
-                )
-            )
+        complete = None not in (trial.initial_angle_deg, trial.repeat)
+        if file in known:
+            faults.append(Fault(trial.line, (
+                f'{trial.path.name} is already given in line {known[file].line}: it would count twice, name it once'
+            )))
+        elif complete and stated in known:
+            other = known[stated]
+            faults.append(Fault(trial.line, (
+                f'{trial.path.name} has the same condition and repeat as {other.path.name} (line {other.line}): '
+                'give it another repeat'
+            )))
         else:
-            by_file[file] = trial.line
-            if condition is not None:
-                by_condition[condition] = trial
             kept.append(trial)
+            known[file] = trial
+            if complete:
+                known[stated] = trial
     return kept
 
 

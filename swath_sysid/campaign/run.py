@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field, replace
+from itertools import product
 from typing import Any
 
 from swath_sysid import __version__
@@ -294,11 +295,9 @@ def _numbered(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
 def _timed(function: Callable, arguments: tuple) -> tuple[Any, float]:
     """Result in plain data and the processor time that it took, s; runs in the worker."""
     began = time.process_time()
-    return _plain(function(*arguments)), time.process_time() - began
-
-
-def _plain(result: Any) -> Any:
-    return [r.plain() for r in result] if isinstance(result, tuple) else result.plain()
+    result = function(*arguments)
+    plain = [r.plain() for r in result] if isinstance(result, tuple) else result.plain()
+    return plain, time.process_time() - began
 
 
 class _Work:
@@ -441,16 +440,10 @@ class _AxisPlan:
         return IdentificationSettings(equation, objective, self._manifest.search)
 
     def _conditions(self) -> dict[Condition, list[Record]]:
-        groups: dict[Condition, list] = {}
-        for record in self._records:
-            groups.setdefault(record.condition, []).append(record)
-        return groups
+        return _grouped(self._records, lambda record: record.condition)
 
     def _drafts(self) -> dict[float, list[Record]]:
-        groups: dict[float, list] = {}
-        for record in self._records:
-            groups.setdefault(record.condition.loading, []).append(record)
-        return dict(sorted(groups.items()))
+        return dict(sorted(_grouped(self._records, lambda record: record.condition.loading).items()))
 
     def _fit_key(self, record: Record, objective: str, name: str) -> str:
         terms = equation_named(name).terms
@@ -458,15 +451,13 @@ class _AxisPlan:
 
     def _single_fits(self) -> dict:
         """(record, objective, equation) to key and summary."""
-        tasks = {}
-        for record in self._records:
-            for objective in self._manifest.objectives:
-                for name in self._names:
-                    key = self._fit_key(record, objective, name)
-                    arguments = (record.problem, self._settings(objective, name))
-                    tasks[str(record), objective, name] = Task(
-                        key, f'{record}, {name}, {objective}', fit_one, arguments
-                    )
+        tasks = {
+            (str(record), objective, name): Task(
+                self._fit_key(record, objective, name), f'{record}, {name}, {objective}', fit_one,
+                (record.problem, self._settings(objective, name)),
+            )
+            for record, objective, name in product(self._records, self._manifest.objectives, self._names)
+        }  # fmt: skip
         results = self._work.results(list(tasks.values()))
         return {
             place: (task.key, FitSummary.from_plain(results[task.key]))
@@ -505,12 +496,11 @@ class _AxisPlan:
     def _settled(self, single: dict) -> dict[str, dict]:
         """Objective to record to key and summaries, in the order of the equations."""
         tasks = {}
-        for record in self._records:
-            for objective in self._manifest.objectives:
-                kept = [single[str(record), objective, name] for name in self._names]
-                key = key_of('settle', [k for k, _ in kept])
-                arguments = (record.problem, self._settings(objective), tuple(s for _, s in kept))
-                tasks[objective, str(record)] = Task(key, f'{record}, nested equations, {objective}', settle, arguments)
+        for record, objective in product(self._records, self._manifest.objectives):
+            kept = [single[str(record), objective, name] for name in self._names]
+            key = key_of('settle', [k for k, _ in kept])
+            arguments = (record.problem, self._settings(objective), tuple(s for _, s in kept))
+            tasks[objective, str(record)] = Task(key, f'{record}, nested equations, {objective}', settle, arguments)
         found: dict[str, dict] = {}
         for (objective, record), settled in self._in_order(tasks).items():
             found.setdefault(objective, {})[record] = settled
@@ -572,6 +562,13 @@ def _equations(manifest: Manifest, axis: str) -> Sequence[Equation]:
     if manifest.search.preset:
         return [e for e in chosen if 'b0' not in e.terms]
     return list(chosen)
+
+
+def _grouped(records: Sequence[Record], key: Callable[[Record], Any]) -> dict[Any, list[Record]]:
+    groups: dict[Any, list[Record]] = {}
+    for record in records:
+        groups.setdefault(key(record), []).append(record)
+    return groups
 
 
 def _place_name(place: Condition | float) -> str:

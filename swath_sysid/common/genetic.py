@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike
 from swath_sysid.common.stopping import AskAndTell
 
 BLEND = 0.6
-MUTATION_SCALE = 1.0
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,9 @@ class GeneticSearch(AskAndTell):
             first,
         )
         disturbed = self._rng.random(children.shape) < self._mutation_probability()
-        children += np.where(disturbed, MUTATION_SCALE * self._mutation_steps(count), 0.0)
+        # normal steps of the population's own spread
+        steps = self._rng.normal(size=(count, self._lower.size)) * self._population.std(axis=0)
+        children += np.where(disturbed, steps, 0.0)
         return self._reflected(children)
 
     def _parents(self, count: int) -> np.ndarray:
@@ -126,10 +127,6 @@ class GeneticSearch(AskAndTell):
         if end is None:
             return start
         return start * (end / start) ** (self.generation / self._settings.generations)
-
-    def _mutation_steps(self, count: int) -> np.ndarray:
-        """Normal steps of the population's own spread."""
-        return self._rng.normal(size=(count, self._lower.size)) * self._population.std(axis=0)
 
     def _reflected(self, children: np.ndarray) -> np.ndarray:
         """Bring children that left the range back in by reflection at its bounds."""

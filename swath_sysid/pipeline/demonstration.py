@@ -190,7 +190,7 @@ def without_model(readings, axis, settings: PipelineSettings):
         Lead to stamps (ns), angles and standard deviations.
     """
     pipeline = ForecastPipeline(settings)
-    found = {lead: [] for lead in settings.forecaster.leads}
+    found: dict[float, list[tuple]] = {lead: [] for lead in settings.forecaster.leads}
     for reading in readings:
         step = pipeline.add(reading)
         if step.sea_request is not None:

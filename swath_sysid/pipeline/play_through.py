@@ -104,9 +104,9 @@ class PlayThrough:
         self._fit = fit
         self._fit_sea = fit_sea
         self.refits = 0
-        self._running = None
-        self._waiting = None
-        self._due_ns = None
+        self._running: tuple[int, RefitOutcome] | None = None
+        self._waiting: MotionTable | None = None
+        self._due_ns: int | None = None
         self._unpublished = bool(models)
 
     @property

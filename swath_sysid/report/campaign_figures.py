@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
@@ -57,12 +57,12 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
     """Section name to the list of `Drawing` of one axis of a `CampaignOutcome`."""
     with matplotlib.rc_context(STYLE):
         return {
-            'decays': decay_drawings(outcome, axis),
-            'against_angle': against_angle(outcome, axis),
-            'against_draft': against_draft(outcome, axis),
-            'amplitude': amplitude_drawings(axis),
-            'records': record_drawings(outcome, axis),
-            'correlations': correlation_drawings(outcome, axis),
+            'decays': list(decay_drawings(outcome, axis)),
+            'against_angle': list(against_angle(outcome, axis)),
+            'against_draft': list(against_draft(outcome, axis)),
+            'amplitude': list(amplitude_drawings(axis)),
+            'records': list(record_drawings(outcome, axis)),
+            'correlations': list(correlation_drawings(outcome, axis)),
         }
 
 
@@ -71,14 +71,13 @@ def _thinned(*arrays: np.ndarray):
     return [a[::step] for a in arrays]
 
 
-def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
+def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Decays of all drafts on one axis, a figure an angle; with one draft, of all angles on one."""
     loadings = sorted({c.loading for c in axis.best})
     several = len(loadings) > 1
     groups: dict[float | None, list] = {}
     for condition, index in axis.best.items():
         groups.setdefault(condition.initial_angle_deg if several else None, []).append((condition, index))
-    found = []
     for angle, members in sorted(groups.items(), key=lambda item: item[0] or 0.0):
         for what in ('angle', 'rate'):
             motions = [axis.records[index].problem.motions[0] for _, index in members]
@@ -96,19 +95,15 @@ def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]
                 axes.plot(time, np.degrees(value), linewidth=1.1, label=label)
             axes.legend(frameon=False)
             suffix = f'{angle:g}deg' if several else 'all'
-            found.append(
-                Drawing(f'decays_{axis.axis}_{what}_{suffix}', f'Measured decays {title}, best repeats', figure)
-            )
-    return found
+            yield Drawing(f'decays_{axis.axis}_{what}_{suffix}', f'Measured decays {title}, best repeats', figure)
 
 
 def _loading(outcome: CampaignOutcome, condition: Condition):
     return f'{LOADING_NAMES[outcome.quantity]} {condition.loading:g}'
 
 
-def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
+def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Each ratio against initial angle, a curve a draft, with the single repeats behind."""
-    found = []
     loadings = sorted({c.loading for c in axis.together})
     for term in axis.schedule.equation.terms:
         figure, axes = _ratio_panel(term, 'initial angle [deg]')
@@ -126,8 +121,7 @@ def against_angle(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
         _finish_ratio(axes)
         what = 'repeats together with two standard deviations; crosses: single repeats'
         caption = f'{term} against initial angle: {what}'
-        found.append(Drawing(f'{term}_against_angle_{axis.axis}', caption, figure))
-    return found
+        yield Drawing(f'{term}_against_angle_{axis.axis}', caption, figure)
 
 
 def _ratios(
@@ -155,12 +149,11 @@ def _finish_ratio(axes: Axes):
     legend_below(axes)
 
 
-def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
+def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Each ratio against loading: a curve an angle, and the scheduled model with its band."""
     schedule = axis.schedule
     if len(schedule.loadings) < 2:
-        return []
-    found = []
+        return
     angles = sorted({c.initial_angle_deg for c in axis.together})
     fine = np.linspace(schedule.loadings[0], schedule.loadings[-1], 101)
     ratios, stds = schedule.curve(fine)
@@ -175,13 +168,11 @@ def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
                     linewidth=0.9, linestyle='--')  # fmt: skip
         _finish_ratio(axes)
         caption = f'{term} against {LOADING_NAMES[outcome.quantity]}, two standard deviations'
-        found.append(Drawing(f'{term}_against_draft_{axis.axis}', caption, figure))
-    return found
+        yield Drawing(f'{term}_against_draft_{axis.axis}', caption, figure)
 
 
-def amplitude_drawings(axis: AxisOutcome) -> list[Drawing]:
+def amplitude_drawings(axis: AxisOutcome) -> Iterator[Drawing]:
     """Natural period and equivalent damping against amplitude, all conditions on one axis."""
-    found = []
     loadings = sorted({c.loading for c in axis.together})
     angles = sorted({c.initial_angle_deg for c in axis.together})
     for quantity, label in (('period', 'natural period [s]'), ('damping', 'equivalent damping ratio')):
@@ -205,8 +196,7 @@ def amplitude_drawings(axis: AxisOutcome) -> list[Drawing]:
         legend_below(axes)
         quantity_name = label.partition(' [')[0].capitalize()
         caption = f'{quantity_name} against amplitude, bands of two standard deviations'
-        found.append(Drawing(f'{quantity}_against_amplitude_{axis.axis}', caption, figure))
-    return found
+        yield Drawing(f'{quantity}_against_amplitude_{axis.axis}', caption, figure)
 
 
 def _curve(fit: FitSummary, quantity: str):
@@ -227,9 +217,8 @@ def _fit_to_curves(axes: Axes):
         axes.set_ylim(low - margin, high + margin)
 
 
-def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
+def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Measured and identified motion with residual of every record."""
-    found = []
     for record, fits in zip(axis.records, axis.fits['simulation'], strict=True):
         fit, motion = fits[axis.choice], record.problem.motions[0]
         state = fit.initial_states[0]
@@ -253,13 +242,11 @@ def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing
         below.set_xlabel('time [s]')
         name = f'record_{axis.axis}_{c.initial_angle_deg:g}deg_{c.loading:g}_repeat{record.repeat}'
         best = ' (best repeat)' if axis.records[axis.best[c]] is record else ''
-        found.append(Drawing(name, f'{record.name}{best}: R² {fit.r2:.5f}', figure))
-    return found
+        yield Drawing(name, f'{record.name}{best}: R² {fit.r2:.5f}', figure)
 
 
-def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
+def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
     """Correlations between the ratios of the chosen equation, a figure a draft."""
-    found = []
     for loading, fits in axis.by_draft.items():
         fit = fits[axis.choice]
         terms = list(term_values(fit))
@@ -277,5 +264,4 @@ def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Dr
         axes.spines[:].set_visible(False)
         axes.set_title(f'{LOADING_NAMES[outcome.quantity]} {loading:g}')
         caption = 'Correlations, all records of the draft together'
-        found.append(Drawing(f'correlation_{axis.axis}_{loading:g}', caption, figure))
-    return found
+        yield Drawing(f'correlation_{axis.axis}_{loading:g}', caption, figure)

@@ -175,7 +175,7 @@ def _warnings(outcome: CampaignOutcome):
             for advice in own:
                 where = f'{condition.initial_angle_deg:g} deg at {condition.loading:g}'
                 gathered.setdefault(_without_numbers(advice), []).append(where)
-    lines += [f'{_sentence(message)} ({", ".join(dict.fromkeys(names))})' for message, names in gathered.items()]
+    lines += [f'{m[0].upper()}{m[1:]} ({", ".join(dict.fromkeys(names))})' for m, names in gathered.items()]
     return [bullets(lines) or paragraph('None.')]
 
 
@@ -187,10 +187,6 @@ def _without_numbers(advice: Advice):
         else advice.message.partition(' (correlation')[0]
         + (': use them together only, choose an equation without one of them, or add records of other amplitudes')
     )
-
-
-def _sentence(text: str):
-    return f'{text[0].upper()}{text[1:]}'
 
 
 def _how_made(outcome: CampaignOutcome, wall_s: float):

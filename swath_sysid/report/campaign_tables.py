@@ -26,10 +26,6 @@ def _or_dash(value: Any):
     return '-' if value in (None, '') else str(value)
 
 
-def _text_or_number(value: Any):
-    return value if isinstance(value, str) else f'{value:.4g}'
-
-
 def trials_table(outcome: CampaignOutcome) -> Table:
     """Every trial of the manifest, used or not, with the reason."""
     best = {str(axis.records[index]) for axis in outcome.axes for index in axis.best.values()}
@@ -185,7 +181,7 @@ def coefficient_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
         f'Of {axis.ranking.choice.equation}; the repeats of a condition fitted together, and all records of a draft '
         f'together.', items,
         (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(4)),
-        ('initial angle [deg]', lambda item: item[1], _text_or_number),
+        ('initial angle [deg]', lambda item: item[1], lambda value: str(value) if value == 'all' else f'{value:.4g}'),
         *_ratio_columns(term_values(items[0][2]), lambda item, term: item[2].ratio(term)),
     )  # fmt: skip
 

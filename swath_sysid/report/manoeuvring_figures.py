@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +39,8 @@ def run_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[
         for number, run in enumerate(runs, 1):
             its_own = None if currents is None else currents[number - 1 : number]
             simulated = simulate_windows(found.model, [run], window, currents=its_own)
-            figures[f'{label}_{number:02d}_{_file_name(run.source)}'] = _run_figure(run, simulated, label)
+            name = re.sub(r'[^\w-]', '_', short(run.source).rsplit('.', 1)[0])
+            figures[f'{label}_{number:02d}_{name}'] = _run_figure(run, simulated, label)
     return figures
 
 
@@ -211,7 +213,3 @@ def _residuals_figure(found: ManoeuvringIdentification, window: float):
     rows[0][0].legend(frameon=False)
     rows[2][0].set_xlabel('time since the start of the window (s)')
     return figure
-
-
-def _file_name(source: str):
-    return ''.join(letter if letter.isalnum() or letter in '-_' else '_' for letter in short(source).rsplit('.', 1)[0])

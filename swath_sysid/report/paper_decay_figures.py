@@ -54,7 +54,6 @@ def _motion(study: DecayStudy, spec: dict[str, Any]):
         equation_named(study.publication.chosen), study.chosen(record).genetic.ratios, axis=motion.axis
     )
     models = [(searched, BY[GENETIC], MODEL, '--'), (record.ours.model, BY[OURS], RESIDUAL, '-')]
-    found = []
     for quantity, unit in (('angle', '[deg]'), ('rate', 'rate [deg/s]')):
         figure, axes = _panel(xlabel='time since release [s]', ylabel=f'{motion.axis} {unit}')
         time = motion.time - motion.time[0]
@@ -64,8 +63,7 @@ def _motion(study: DecayStudy, spec: dict[str, Any]):
             axes.plot(time, np.degrees(_simulated(model, state, motion)[quantity]), style, color=colour, label=label)
         axes.legend(frameon=False)
         caption = f'{quantity}, measured and identified, {record.angle_deg:g} deg at {record.draft_factor:g} T'
-        found.append(Drawing(f'motion_{quantity}', caption, figure))
-    return found
+        yield Drawing(f'motion_{quantity}', caption, figure)
 
 
 def _simulated(model: DecayModel, state: InitialState, motion: AxisMotion):
@@ -75,7 +73,6 @@ def _simulated(model: DecayModel, state: InitialState, motion: AxisMotion):
 
 def _objective_by_equation(study: DecayStudy, spec: dict[str, Any]):
     p = study.publication
-    found = []
     for angle in sorted({r.angle_deg for r in study.records}):
         figure, axes = _panel(title=f'from {angle:g} deg', xlabel='equation', ylabel='objective [rad/s]')
         places = np.arange(1, len(p.equations) + 1)
@@ -88,12 +85,10 @@ def _objective_by_equation(study: DecayStudy, spec: dict[str, Any]):
         axes.set_xticks(places)
         axes.set_ylim(bottom=0.0)
         legend_below(axes)
-        found.append(Drawing(f'objective_{angle:g}', f'objective value by equation, {angle:g} deg', figure))
-    return found
+        yield Drawing(f'objective_{angle:g}', f'objective value by equation, {angle:g} deg', figure)
 
 
 def _against_angle(study: DecayStudy, spec: dict[str, Any]):
-    found = []
     for name in spec['coefficients']:
         for by, words in BY.items():
             if name == "I'" and by == OURS:
@@ -107,8 +102,7 @@ def _against_angle(study: DecayStudy, spec: dict[str, Any]):
                 caption += f"; I' {study.inertia:g} given; dotted: the simulated hull"
             if by == OURS:
                 caption += '; two standard deviations'
-            found.append(Drawing(f'{name}_{by}'.replace("'", ''), caption, figure))
-    return found
+            yield Drawing(f'{name}_{by}'.replace("'", ''), caption, figure)
 
 
 def _one_curve(axes: Axes, study: DecayStudy, name: str, by: str, k: int, factor: float):
@@ -137,7 +131,6 @@ def _limit(axes: Axes, shown: np.ndarray):
 def _all_coefficients(study: DecayStudy, spec: dict[str, Any]):
     factor = spec['draft_factor']
     records = sorted((r for r in study.records if r.draft_factor == factor), key=lambda r: r.angle_deg)
-    found = []
     for by, words in BY.items():
         figure, axes = _panel(title=f'{factor:g} T, by {words}', xlabel='initial angle [deg]')
         for k, name in enumerate(["I'", *coefficient_names(study)]):
@@ -148,8 +141,7 @@ def _all_coefficients(study: DecayStudy, spec: dict[str, Any]):
         axes.set_yscale('symlog', linthresh=1e-3)
         axes.legend(frameon=False, ncols=1, loc='center left', bbox_to_anchor=(1.0, 0.5))
         caption = f"all coefficients at {factor:g} T against initial angle, by {words}; I' {study.inertia:g} given"
-        found.append(Drawing(f'coefficients_{factor:g}_{by}', caption, figure))
-    return found
+        yield Drawing(f'coefficients_{factor:g}_{by}', caption, figure)
 
 
 FIGURES = {

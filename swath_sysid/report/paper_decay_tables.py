@@ -125,10 +125,11 @@ def coefficients(study: DecayStudy) -> Table:
         Column('ratio to inertia'), *(Column(name, _ratio_shown) for name in names), Column('+- 2 std', digits(2)),
         Column('the simulated hull', _ratio_shown),
     )  # fmt: skip
+    assumed = '' if "I'" in printed.published_form else ' (assumed)'
     stopped = ', '.join(f'{i:.4f}' for i in (chosen.genetic.inertia, *study.inertias))
     note = (
         f"{study.publication.chosen}, {printed.angle_deg:g} deg, {printed.draft_factor:g} T ({printed.table}), over I' "
-        f"= {inertia:g}{' (assumed)' if _inertia_is_assumed(study) else ''}. Searches with four seeds stop at I' = "
+        f"= {inertia:g}{assumed}. Searches with four seeds stop at I' = "
         f'{stopped}, with the same objective value: the motion determines only the ratios.'
     )
     return Table('coefficients', 'Coefficients of the chosen equation', note, columns, tuple(rows))
@@ -136,10 +137,6 @@ def coefficients(study: DecayStudy) -> Table:
 
 def _ratio_shown(value: Any):
     return '0' if abs(value) < ROUNDING else digits(6)(value)
-
-
-def _inertia_is_assumed(study: DecayStudy):
-    return "I'" not in study.publication.coefficients.published_form
 
 
 def _in_words(name: str, factor: float):

@@ -22,7 +22,8 @@ FIGURE_OF_RUN = {'identification': '4', 'validation': '5'}
 def manoeuvring_page(study: ManoeuvringStudy, wall_s: float) -> str:
     """HTML of the study carried out again; see `ManoeuvringStudy`."""
     with matplotlib.rc_context(STYLE):
-        tracks, iterations = figures(_trajectories(study) + _turns(study)), figures(_iterations(study))
+        tracks = figures([*_trajectories(study), *_turns(study)])
+        iterations = figures(list(_iterations(study)))
     sections = [
         ('short', 'In short', [bullets(_in_short(study, wall_s))]),
         ('trials', 'Craft and trials', [table_as_html(_craft(study)), paragraph(_how_simulated(study), 'note')]),
@@ -130,7 +131,6 @@ def _models(study: ManoeuvringStudy, run: str):
 
 
 def _trajectories(study: ManoeuvringStudy):
-    found = []
     for run, number in FIGURE_OF_RUN.items():
         title = f'{run}, {study.content["runs"][run][1]:g} N starboard'
         figure, axes = new_panel(WIDTH, TALL, title=title, xlabel='east [m]', ylabel='north [m]')
@@ -138,12 +138,10 @@ def _trajectories(study: ManoeuvringStudy):
             axes.plot(motion.x, motion.y, label=label, **style)
         axes.set_aspect('equal', 'datalim')
         legend_below(axes)
-        found.append(Drawing(f'track_{run}', f'As figure {number}: measured and simulated trajectory, {run}', figure))
-    return found
+        yield Drawing(f'track_{run}', f'As figure {number}: measured and simulated trajectory, {run}', figure)
 
 
 def _turns(study: ManoeuvringStudy):
-    found = []
     for run in FIGURE_OF_RUN:
         figure = new_figure(WIDTH, 1.5 * HEIGHT)
         above, below = (quiet(a) for a in figure.subplots(2, 1, sharex=True))
@@ -154,12 +152,10 @@ def _turns(study: ManoeuvringStudy):
         below.set_ylabel('yaw rate [deg/s]')
         below.set_xlabel('time [s]')
         above.legend(frameon=False)
-        found.append(Drawing(f'turn_{run}', f'Measured and simulated turn, {run}', figure))
-    return found
+        yield Drawing(f'turn_{run}', f'Measured and simulated turn, {run}', figure)
 
 
 def _iterations(study: ManoeuvringStudy):
-    found = []
     for row in ('Y', 'N'):
         title = f'{row} derivatives'
         figure, axes = new_panel(WIDTH, TALL, title=title, xlabel='iteration', ylabel='over its true value')
@@ -171,8 +167,7 @@ def _iterations(study: ManoeuvringStudy):
         axes.axhline(1.0, color=MEASURED, linewidth=0.6)
         legend_below(axes)
         caption = f'As figure 6: parameters of {row} against iteration, in shares of what was simulated'
-        found.append(Drawing(f'iterations_{row}', caption, figure))
-    return found
+        yield Drawing(f'iterations_{row}', caption, figure)
 
 
 def _claims(study: ManoeuvringStudy):

@@ -626,7 +626,7 @@ def _estimate_with_covariance(fit, modes, inflation):
     likely = [(np.exp(-depth), fit.estimate(mode.x) - logs) for depth, mode in zip(depths, modes, strict=True)
               if depth < _MODE_DEPTH]
     # optima reached twice are one
-    apart = []
+    apart: list[tuple] = []
     for weight, shift in likely:
         if all(np.abs(shift - other).max() > 0.01 for _, other in apart):
             apart.append((weight, shift))

@@ -492,7 +492,8 @@ def conclude(problem, settings, equation, fit, parameters, search, basin=None):
             problem.motions, problem.segments, states, fit.simulated(parameters), strict=True
         )
     )
-    amplitude = np.geomspace(*amplitudes_seen(problem), CURVE_POINTS)
+    smallest, largest = amplitudes_seen(problem)
+    amplitude = np.geomspace(smallest, largest, CURVE_POINTS)
     r2 = _explained(records)
     return Identification(
         model=model,

@@ -1,5 +1,5 @@
 """Quality gates: weaknesses of a record or a decay, found before anything is fitted to it."""
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -75,65 +75,61 @@ def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]
     inside = motion.between(segment.start, segment.end)
     if inside.size < 3:
         return ()
-    saturation = _saturation(inside, segment.period)
+    saturation = tuple(_saturation(inside, segment.period))
     advice = (
         *_cycles(segment), *_size(inside, segment), *_sampling(inside, segment), *saturation,
         *_resolution(inside, segment), *_spikes(inside),
     )  # fmt: skip
     # swings that are cut off do not fall, so nothing would be found between the bounds
     if 'given' in (segment.beginning, segment.ending) and not saturation:
-        advice += _bounds(inside, segment)
+        advice += tuple(_bounds(inside, segment))
     return advice
 
 
-def _cycles(segment: DecaySegment) -> tuple[Advice, ...]:
-    if segment.cycles >= MIN_CYCLES:
-        return ()
-    return (Advice(
-        'too-few-cycles',
-        f'the decay shows only {segment.cycles:.1f} cycles, too few to show how the damping depends on the amplitude '
-        '(that takes two): release from a larger angle, fit several trials jointly, or choose an equation with linear '
-        'damping',
-    ),)  # fmt: skip
+def _cycles(segment: DecaySegment) -> Iterator[Advice]:
+    if segment.cycles < MIN_CYCLES:
+        yield Advice(
+            'too-few-cycles',
+            f'the decay shows only {segment.cycles:.1f} cycles, too few to show how the damping depends on the '
+            'amplitude (that takes two): release from a larger angle, fit several trials jointly, or choose an '
+            'equation with linear damping',
+        )
 
 
-def _size(inside: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]:
+def _size(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
     noise, unit, size = even_signal(inside).noise, UNITS[segment.quantity], segment.initial_amplitude
     begins = 'the decay begins with an amplitude of'
     if size < MIN_AMPLITUDE[segment.quantity]:
-        return (Advice(
+        yield Advice(
             'too-small',
             f'{begins} only {np.degrees(size):.2g} {unit}, where friction and the basin rule the damping: release from '
             '3 deg or more',
-        ),)  # fmt: skip
-    if size < MIN_OVER_NOISE * noise:
-        return (Advice(
+        )
+    elif size < MIN_OVER_NOISE * noise:
+        yield Advice(
             'too-small',
             f'{begins} {np.degrees(size):.2g} {unit}, only {size / noise:.1f} times the noise of '
             f'{np.degrees(noise):.2g} {unit}: release from a larger angle, or use a quieter sensor',
-        ),)  # fmt: skip
-    return ()
+        )
 
 
-def _sampling(inside: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]:
-    advice: tuple[Advice, ...] = ()
+def _sampling(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
     samples = segment.period / inside.sample_interval
     if samples < MIN_SAMPLES:
-        advice += (Advice(
+        yield Advice(
             'low-rate',
             f'the record has {samples:.1f} samples a period, and {MIN_SAMPLES:g} are needed to follow the motion: '
             f'record at {MIN_SAMPLES / segment.period:.3g} Hz or more',
-        ),)  # fmt: skip
+        )
     gaps = find_gaps(inside, longer_than=max(MAX_GAP * segment.period, 1.5 * inside.sample_interval))
     if len(gaps):
         longest = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
-        advice += (Advice(
+        yield Advice(
             'gaps',
             f'the decay has {counted(len(gaps), "gap")} longer than a quarter of its period, the longest of '
             f'{np.ptp(longest):.2g} s at {longest[0]:.1f} s: the fit bridges this, but record again if the first '
             'cycles are missing',
-        ),)  # fmt: skip
-    return advice
+        )
 
 
 def _measured(motion: AxisMotion) -> dict[str, np.ndarray]:
@@ -141,19 +137,17 @@ def _measured(motion: AxisMotion) -> dict[str, np.ndarray]:
     return {name: getattr(motion, name) for name in UNITS if getattr(motion, name) is not None}
 
 
-def _saturation(motion: AxisMotion, period: float) -> tuple[Advice, ...]:
+def _saturation(motion: AxisMotion, period: float) -> Iterator[Advice]:
     """Advice where a measured quantity is cut off at its extremes."""
-    advice: tuple[Advice, ...] = ()
     for name, value in _measured(motion).items() if np.isfinite(period) else ():
         clipped, level = clipped_extremes(value, 0.5 * period / motion.sample_interval)
         if clipped >= 2:
-            advice += (Advice(
+            yield Advice(
                 'saturation',
                 f'the {motion.axis} {name} is cut off at {np.degrees(level):.3g} {UNITS[name]} in '
                 f'{counted(clipped, "swing")}: the sensor ends there; set a wider range, or release from a smaller '
                 'angle',
-            ),)  # fmt: skip
-    return advice
+            )
 
 
 def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
@@ -182,59 +176,54 @@ def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
     return count, level
 
 
-def _resolution(inside: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]:
+def _resolution(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
     step = quantum(_measured(inside)[segment.quantity])
-    if segment.initial_amplitude >= MIN_STEPS * step:
-        return ()
-    return (Advice(
-        'coarse-quantisation',
-        f'the {segment.quantity} is rounded to {np.degrees(step):.2g} {UNITS[segment.quantity]}, so that the first '
-        f'amplitude has only {segment.initial_amplitude / step:.0f} steps: write more digits, or use a finer sensor',
-    ),)  # fmt: skip
+    if segment.initial_amplitude < MIN_STEPS * step:
+        yield Advice(
+            'coarse-quantisation',
+            f'the {segment.quantity} is rounded to {np.degrees(step):.2g} {UNITS[segment.quantity]}, so that the first '
+            f'amplitude has only {segment.initial_amplitude / step:.0f} steps: write more digits, or use a finer '
+            'sensor',
+        )
 
 
-def _spikes(inside: AxisMotion) -> tuple[Advice, ...]:
-    advice: tuple[Advice, ...] = ()
+def _spikes(inside: AxisMotion) -> Iterator[Advice]:
     for name, value in _measured(inside).items():
         bad = spikes(value)
         away = np.abs(value - median_filter(value, SPIKE_NEIGHBOURS))[bad]
         number = int(np.count_nonzero(away > MIN_SPIKE * np.ptp(value[~bad])))
         if number:
-            advice += (Advice(
+            yield Advice(
                 'spikes',
                 f'the {inside.axis} {name} of the decay has {counted(number, "sample")} far from the neighbours, '
                 'which a fit takes for motion: remove them, or look for lost or broken packets',
-            ),)  # fmt: skip
-    return advice
+            )
 
 
-def _bounds(inside: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]:
+def _bounds(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
     """Advice on bounds that the user gave: what would have been found between them?"""
     decays = find_decays(inside)
     if not decays:
-        if explain_absence(inside).code != 'forced-motion':
-            return ()
-        return (Advice(
-            'forced-motion',
-            f'between {segment.start:.1f} and {segment.end:.1f} s the motion swings from beginning to end and nowhere '
-            'dies out, as it does in waves: give the bounds of a free decay',
-        ),)  # fmt: skip
-    found = decays[0]
-    advice: tuple[Advice, ...] = ()
-    late = BOUNDS_TOLERANCE * segment.period
+        if explain_absence(inside).code == 'forced-motion':
+            yield Advice(
+                'forced-motion',
+                f'between {segment.start:.1f} and {segment.end:.1f} s the motion swings from beginning to end and '
+                'nowhere dies out, as it does in waves: give the bounds of a free decay',
+            )
+        return
+    found, late = decays[0], BOUNDS_TOLERANCE * segment.period
     if segment.beginning == 'given' and found.start > inside.time[0] + late:
-        advice += (Advice(
+        yield Advice(
             'late-start',
             f'the motion after the given start seems free only from {found.start:.1f} s on: give this as the start, '
             f'unless the craft was free from {segment.start:.1f} s',
-        ),)  # fmt: skip
+        )
     if segment.ending == 'given' and found.ending == 'disturbed' and found.end < inside.time[-1] - late:
-        advice += (Advice(
+        yield Advice(
             'disturbed-tail',
             f'the motion before the given end seems free only until {found.end:.1f} s, where its swings or its period '
             f'jump: give this as the end, unless the craft was free until {segment.end:.1f} s',
-        ),)  # fmt: skip
-    return advice
+        )
 
 
 def _usual_period(motion: AxisMotion) -> float:

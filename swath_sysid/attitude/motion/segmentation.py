@@ -167,7 +167,7 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     decays: list[Fall] = []
     releases: list[Release] = []
     for piece in split_at_pauses(motion):
-        falls = [fall for fall in find_falls(piece) if _is_large(fall)]
+        falls = [fall for fall in find_falls(piece) if fall.swings[0] >= SMALLEST_SWING[fall.signal.quantity]]
         decays.extend(_free_falls(falls))
         releases.extend(find_releases(piece, SMALLEST_SWING['angle']))
     return _begun_at_releases([_segment_of(fall) for fall in _apart(decays)], releases, motion)
@@ -320,10 +320,6 @@ def _alone(release: Release, motion: AxisMotion) -> DecaySegment:
 def _away(motion: AxisMotion, release: Release, start: float, end: float | None) -> np.ndarray:
     """Angle from the trim of a release, which is found in angles only, rad."""
     return np.abs(np.asarray(motion.between(start, end).angle) - release.trim)
-
-
-def _is_large(fall: Fall) -> bool:
-    return fall.swings[0] >= SMALLEST_SWING[fall.signal.quantity]
 
 
 def _free_falls(falls: Sequence[Fall]) -> list[Fall]:

@@ -51,12 +51,7 @@ class AxisMotion:
 
     def between(self, start: float | None, end: float | None) -> 'AxisMotion':
         """The samples with ``start <= time <= end`` (either may be None)."""
-        keep = np.ones(self.size, dtype=bool)
-        if start is not None:
-            keep &= self.time >= start
-        if end is not None:
-            keep &= self.time <= end
-        return self.only(keep)
+        return self.only(_within(self.time, start, end))
 
     def only(self, keep: np.ndarray | slice) -> 'AxisMotion':
         """The samples selected by a mask or a slice."""
@@ -66,6 +61,10 @@ class AxisMotion:
             angle=None if self.angle is None else self.angle[keep],
             rate=None if self.rate is None else self.rate[keep],
         )
+
+
+def _within(time: np.ndarray, start: float | None, end: float | None) -> np.ndarray:
+    return (time >= (-np.inf if start is None else start)) & (time <= (np.inf if end is None else end))
 
 
 @dataclass(frozen=True)
@@ -137,10 +136,6 @@ class Trial:
 
     def between(self, start: float | None, end: float | None) -> 'Trial':
         """The samples with ``start <= time <= end`` (either may be None)."""
-        keep = np.ones(self.time.size, dtype=bool)
-        if start is not None:
-            keep &= self.time >= start
-        if end is not None:
-            keep &= self.time <= end
+        keep = _within(self.time, start, end)
         kept: dict[str, Any] = {name: values[keep] for name, values in self.channels.items()}
         return replace(self, time=self.time[keep], **kept)

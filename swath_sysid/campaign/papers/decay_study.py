@@ -6,6 +6,7 @@ ratios follow the draft is not printed and assumed.
 """
 from concurrent.futures import as_completed
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ DRAFT_POWERS = {'b1': 0.8, 'b2': 0.5, 'b3': 0.5, 'r1': -0.6, 'r2': -0.4, 'r3': 0
 
 HOLD_S = 1.0
 RATE_HZ = 100.0
-SWARM = {'generations': 2000, 'population': 200}
+SWARM: dict[str, Any] = {'generations': 2000, 'population': 200}
 """The study that names it gives no budget of the swarm: that of its genetic search."""
 
 OTHER_SEEDS = (101, 102, 103)

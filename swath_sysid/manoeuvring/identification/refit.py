@@ -135,7 +135,7 @@ def pieces(run):
     places = np.flatnonzero(known)
     breaks = places[1:][np.diff(places) * run.step > GAP]
     edges = [places[0], *breaks, places[-1] + 1]
-    found = []
+    found: list = []
     for begin, end in zip(edges, edges[1:], strict=False):
         last = places[places < end][-1] + 1
         count = max(1, round((last - begin) * run.step / PIECE))

@@ -59,20 +59,9 @@ def _moved_parameters(path: str | Path | None, node_name: str) -> dict[str, Valu
 
 
 def with_moved_parameters(arguments: Sequence[str], node_name: str) -> tuple[list[str], list[str]]:
-    """Arguments of a node, with what its parameter files set under earlier names put before all else.
+    """Arguments of a node, its program first, with what its parameter files set under earlier names before all else.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        The program's name first.
-    node_name : str
-        One of `NODES`.
-
-    Returns
-    -------
-    arguments : list of str
-    warnings : list of str
-        A sentence for each file that should be brought up to date.
+    Beside them a warning for each file that should be brought up to date.
     """
     overrides, warnings = [], []
     for option, path in zip(arguments, arguments[1:], strict=False):
@@ -93,20 +82,9 @@ def with_moved_parameters(arguments: Sequence[str], node_name: str) -> tuple[lis
 
 
 def values_from_file(path: str | Path | None, node_name: str) -> Values:
-    """The values of a node's parameters as a ROS parameter file sets them, without ROS.
+    """The values of a node's parameters as a ROS parameter file sets them, without ROS; without a file the defaults.
 
-    Parameters
-    ----------
-    path : str or Path or None
-        None: the defaults.
-    node_name : str
-        One of `NODES`. The sections ``/**``, ``NAME``, ``/NAME`` and ``/**/NAME`` of the file apply, in
-        its order.
-
-    Returns
-    -------
-    dict of str to value
-        Of every parameter of the node.
+    The sections ``/**``, ``NAME``, ``/NAME`` and ``/**/NAME`` of the file apply, in its order.
 
     Raises
     ------
@@ -166,13 +144,7 @@ def configuration_file() -> str:
 
 
 def markdown_table(node_name: str) -> str:
-    """The parameters of a node as a Markdown table.
-
-    Parameters
-    ----------
-    node_name : str
-        As in the parameter file.
-    """
+    """The parameters of a node, as the parameter file names it, as a Markdown table."""
     lines = ['| Parameter | Default | Range | Unit | Meaning |', '|---|---|---|---|---|']
     for p in table_of(node_name):
         fixed = '' if not p.read_only else ' (set at the start)'
