@@ -34,7 +34,7 @@ MIN_DRIFT_SPREAD = 0.005
 LAST = {'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
 
-USUAL_HULL = ('Yvv', 'Yvr', 'Nrr', 'Nvr', 'Nuv', 'x_G')
+USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 USUAL = (
     *USUAL_HULL, 'Xvr', 'Yur', 'Nuur', 'exponent', 'dead_band', 'deviation_B', 'deviation_C', 'sensor_x', 'sensor_y',
 )  # fmt: skip
@@ -217,6 +217,8 @@ def off_course(problem, window, names, values, kept):
         return problem, kept
     free = replace(problem, largest_growth=LARGEST_GROWTH)
     found = first_fit(free, shooting_of(free, window), names, values)
+    # what is all but unstable converges slowly
+    found = fit(free, found.shooting, found.names, found.values)
     ahead, behind = (float(np.sum(held_out_costs(f.shooting, f.values))) for f in (found, kept))
     return (free, found) if found.stable and ahead < OFF_COURSE * behind else (problem, kept)
 
