@@ -42,6 +42,7 @@ def recorded_speeds(u, v, r, heading, current, p):
     current : sequence of 2 (floats or arrays that broadcast)
         East and north, m/s.
     p : ndarray, shape (n, ...)
+        Of the catalogue's parameters.
     """
     surge, sway = turned(u - r * p[SENSOR_Y], v + r * p[SENSOR_X], deviation(heading, p))
     along, across = turned(*current, heading)

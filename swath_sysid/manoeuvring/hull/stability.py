@@ -67,7 +67,9 @@ def check_stability(model, region):
     Parameters
     ----------
     model : ManoeuvringModel
+        That is examined.
     region : Region
+        Speeds and inputs that it is examined at.
 
     Returns
     -------
@@ -97,6 +99,7 @@ def growth_rates(p, active, speeds):
     p : ndarray, shape (n, K)
         Parameters of K candidates.
     active : tuple of n bools
+        Terms that any candidate uses.
     speeds : ndarray, shape (S,)
         m/s.
 

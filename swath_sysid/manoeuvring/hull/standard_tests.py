@@ -217,7 +217,9 @@ def run_test(name, model, settings=None):
     name : str
         A key of ``TESTS``.
     model : ManoeuvringModel
+        That is driven.
     settings : DriveSettings, optional
+        How the tests are driven.
 
     Returns
     -------

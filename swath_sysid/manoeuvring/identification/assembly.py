@@ -154,6 +154,7 @@ def assemble(runs, settings):
     runs : sequence of Run
         See `moving_runs`.
     settings : ManoeuvringSettings
+        What is given, fixed and searched.
 
     Returns
     -------

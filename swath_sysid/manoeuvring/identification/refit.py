@@ -73,6 +73,7 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     Parameters
     ----------
     request : ManoeuvreRefitRequest
+        The window, the settings and the model held.
     progress : callable, optional
         Called with 0 to 1.
     should_cancel : callable, optional

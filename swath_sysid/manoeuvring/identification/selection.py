@@ -200,6 +200,7 @@ def off_course(problem, window, names, values, kept):
     Parameters
     ----------
     problem : Problem
+        Under the demand of stable courses.
     window : float
         s.
     names, values : tuple of str, ndarray of shape (n,)
@@ -280,6 +281,7 @@ def select(problem, first, note=None):
     Parameters
     ----------
     problem : Problem
+        With the candidates.
     first : Fit
         Of the terms that are always free.
     note : callable, optional

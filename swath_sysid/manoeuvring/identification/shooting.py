@@ -182,6 +182,8 @@ class MultipleShooting:
             Parameters of each copy.
         states : ndarray, shape (3, K, W)
             Initial states through the water.
+        active : tuple of n bools, optional
+            Terms that any copy uses.
 
         Returns
         -------
@@ -321,6 +323,7 @@ class MultipleShooting:
         Parameters
         ----------
         values_by_part : ndarray, shape (K, n)
+            Of the unknowns, of each part.
 
         Returns
         -------

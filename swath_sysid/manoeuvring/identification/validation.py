@@ -81,7 +81,9 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
     Parameters
     ----------
     model : ManoeuvringModel
+        That is simulated.
     runs : sequence of Run
+        Whose windows are simulated.
     length, shortest : float
         Of the windows, s.
     currents : ndarray, shape (R, 2), optional
