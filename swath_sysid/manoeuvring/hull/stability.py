@@ -119,9 +119,8 @@ def growth_rates(p, active, speeds):
     for j in range(3):
         sides = []
         for sign in (DIFFERENCE, -DIFFERENCE):
-            state = [u.copy(), nothing.copy(), nothing.copy()]
-            state[j] += sign
-            sides.append(np.array(accelerations(*state, thrust, thrust, columns, active)))
+            ahead, aside, turning = (motion + sign * (k == j) for k, motion in enumerate((u, nothing, nothing)))
+            sides.append(np.array(accelerations(ahead, aside, turning, thrust, thrust, columns, active)))
         jacobian[:, :, j] = ((sides[0] - sides[1]) / (2.0 * DIFFERENCE)).T
     usable = np.all(np.isfinite(jacobian), axis=(1, 2))
     jacobian[~usable] = np.eye(3)

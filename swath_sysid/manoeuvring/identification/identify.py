@@ -283,7 +283,7 @@ def _derivatives(problem, found, units):
     """Derivatives with their flags, and advice for what cannot be told apart."""
     std = np.sqrt(np.diag(found.covariance.matrix))
     unknowns = problem.unknowns(found.names)
-    flags = {name: [] for name in found.names}
+    flags: dict[str, list[str]] = {name: [] for name in found.names}
     advice = []
     matrix = correlation(found.covariance.matrix)
     for i, name in enumerate(found.names):

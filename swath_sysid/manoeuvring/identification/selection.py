@@ -91,10 +91,11 @@ class Fit:
 def model_of(problem, names, values, name=''):
     """The model that some values of the unknowns make."""
     found = dict(zip(names, values, strict=True))
+    east, north = (float(found.get(c, 0.0)) for c in CURRENT)
     return ManoeuvringModel(
         problem.unknowns(names).placed_in(problem.base, values), thrust_input=problem.thrust_input, name=name,
         length=problem.length, largest_input=float(problem.region.most_input),
-        current=tuple(float(found.get(c, 0.0)) for c in CURRENT),
+        current=(east, north),
     )  # fmt: skip
 
 
@@ -340,7 +341,7 @@ def regularised_to_stable(problem, found):
         keep = [k for k in range(len(found.names)) if k != weakest]
         problem = without(problem, removed[-1:])
         found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
-    advice = ()
+    advice: tuple[Advice, ...] = ()
     if removed:
         advice = (Advice('made-stable', (
             f'with {", ".join(removed)} the model was unstable at speeds it was identified at: taken out; add turns at '

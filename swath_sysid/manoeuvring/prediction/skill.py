@@ -142,8 +142,9 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
     InputError
         No run is long enough, or thrust is given as the model does not take it.
     """
-    errors = {method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS}
-    inside = {q: [[] for _ in leads] for q in QUANTITIES[:4]}
+    errors: dict[str, dict[str, list[list[float]]]] = {
+        method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS}
+    inside: dict[str, list[list[bool]]] = {q: [[] for _ in leads] for q in QUANTITIES[:4]}
     count = 0
     for index, run in enumerate(runs):
         if run.thrust_input != identified.model.thrust_input:
