@@ -20,7 +20,7 @@ from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.held_out import helps
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
-from swath_sysid.manoeuvring.identification.selection import model_of
+from swath_sysid.manoeuvring.identification.selection import fit, model_of, shooting_of, with_refused
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.motion.intake import prepare_all
@@ -175,11 +175,12 @@ def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, s
     assert found.validation.r2['yaw_rate'] >= 0.7
 
 
-def test_every_derivative_of_the_otter_is_found(simulated):
-    """Under force input, by the terms of its physics; its cross-flow drag by strips has none of them exactly.
+@pytest.fixture(scope='module')
+def otter(simulated):
+    """Craft, runs under force input, and its derivatives.
 
-    What stands for the drag is the least-squares fit to the simulator's own forces over the motion that it was at. The
-    whole identification, with terms of choice: benchmark/manoeuvring.py --vices otter-force.
+    Its cross-flow drag by strips is none of the terms exactly: what stands for it is the least-squares fit to the
+    simulator's own forces over the motion that it was at.
     """
     craft = simulated.otter()
     inputs = [rows[:2000] for rows in simulated.drives(SEED, False, simulated.EVERY)[:8]]
@@ -197,12 +198,41 @@ def test_every_derivative_of_the_otter_is_found(simulated):
     for names, (force, *motions) in rows.items():
         fitted = np.linalg.lstsq(np.stack(motions, axis=1), force(u, v, r), rcond=None)[0]
         truth.update(zip(names, fitted, strict=True))
-    settings = ManoeuvringSettings(mass=craft.mass, fixed={'Yur': truth.pop('Yur')}, current='shared', generations=0,
-                                   terms=(*truth, 'lag'))  # fmt: skip
-    found = identify_manoeuvring(runs, settings, ()).derivatives
+    return craft, runs, truth
+
+
+def settings_of(craft, truth, *without):
+    """All terms of the truth but some, and Yur fixed, which gives sway its scale."""
+    terms = tuple(name for name in (*truth, 'lag') if name not in ('Yur', *without))
+    return ManoeuvringSettings(
+        mass=craft.mass, fixed={'Yur': truth['Yur']}, current='shared', generations=0, terms=terms)
+
+
+def test_every_derivative_of_the_otter_is_found(otter):
+    """Identified with terms of choice: benchmark/manoeuvring.py --vices otter-force."""
+    craft, runs, truth = otter
+    found = identify_manoeuvring(runs, settings_of(craft, truth), ()).derivatives
     for name, value in truth.items():
+        if name == 'Yur':
+            continue
         assert abs(found[name].value - value) < min(3.0 * found[name].std, 0.15 * abs(value)), name
     assert found['lag'].value == pytest.approx(craft.lag, abs=3.0 * found['lag'].std)
+
+
+def test_what_a_refused_term_would_change_is_in_the_deviations(otter):
+    craft, runs, truth = otter
+    settings = settings_of(craft, truth, 'x_G')
+    problem = assemble(runs, settings)
+    names = problem.free
+    plain = fit(problem, shooting_of(problem, settings.window), names, problem.start(names))
+    found = with_refused(replace(problem, candidates=(('x_G',),)), plain)
+    place = names.index('Xvr'), names.index('Nr')
+    off = np.abs(plain.values[list(place)] - [truth['Xvr'], truth['Nr']])
+    before, after = (np.sqrt(np.diag(f.covariance.matrix))[list(place)] for f in (plain, found))
+    assert np.any(off > 3.0 * before)
+    assert np.all(off < 3.0 * after)
+    chance = with_refused(replace(problem, candidates=(('N0',),)), plain)
+    assert np.allclose(np.diag(chance.covariance.matrix), np.diag(plain.covariance.matrix), rtol=0.05)
 
 
 def test_disturbances_and_sensors_are_those_simulated(craft_and_trials, truth, runs):

@@ -113,6 +113,7 @@ _MEANINGS = {
     'deviation_B': 'of the compass, by the sine of the heading (from east to north)',
     'deviation_C': 'of the compass, by the cosine of the heading',
     'sensor_x': 'sensor ahead of the origin', 'sensor_y': 'sensor to port of the origin',
+    'x_G': 'centre of gravity ahead of the origin, about which the hull is symmetric',
 }  # fmt: skip
 
 

@@ -42,9 +42,10 @@ def recorded_speeds(u, v, r, heading, current, p):
     current : sequence of 2 (floats or arrays that broadcast)
         East and north, m/s.
     p : ndarray, shape (n, ...)
+        Of the catalogue's parameters.
     """
     surge, sway = turned(u - r * p[SENSOR_Y], v + r * p[SENSOR_X], deviation(heading, p))
-    along, across = turned(*current, heading)
+    along, across = turned(current[0], current[1], heading)
     return surge + along, sway + across
 
 
@@ -53,7 +54,7 @@ def through_water(surge, sway, r, heading, current, p):
 
     A speed that is NaN, as it was not measured, stays NaN and counts as none towards the other.
     """
-    along, across = turned(*current, heading)
+    along, across = turned(current[0], current[1], heading)
     u, v = turned(np.nan_to_num(surge - along), np.nan_to_num(sway - across), -deviation(heading, p))
     r = np.nan_to_num(r)
     return np.where(np.isnan(surge), np.nan, u + r * p[SENSOR_Y]), np.where(np.isnan(sway), np.nan, v - r * p[SENSOR_X])

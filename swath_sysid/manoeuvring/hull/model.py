@@ -78,7 +78,8 @@ class ManoeuvringModel:
         step = 1e-5
         state = np.array([u, v, r], dtype=float)[:, None]
         moves = np.concatenate([np.eye(3), -np.eye(3)], axis=1) * step
-        found = np.array(self.accelerations(*(state + moves), port, starboard))
+        u, v, r = state + moves
+        found = np.array(self.accelerations(u, v, r, port, starboard))
         return (found[:, :3] - found[:, 3:]) / (2.0 * step)
 
 

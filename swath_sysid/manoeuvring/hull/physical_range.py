@@ -30,6 +30,7 @@ def check_physical(model):
     Parameters
     ----------
     model : ManoeuvringModel
+        Any, as a file may hold it.
 
     Raises
     ------

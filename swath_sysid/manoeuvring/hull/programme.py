@@ -43,6 +43,7 @@ def trial_programme(model, step=STEP):
     Parameters
     ----------
     model : ManoeuvringModel
+        That is driven.
     step : float
         s.
 
@@ -70,8 +71,11 @@ def with_noise(manoeuvre, noise, seed):
     Parameters
     ----------
     manoeuvre : Manoeuvre
+        Exact.
     noise : SensorNoise
+        Standard deviations of the sensors.
     seed : int
+        Of the noise.
 
     Returns
     -------

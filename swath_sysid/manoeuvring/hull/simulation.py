@@ -33,6 +33,7 @@ def runge_kutta_columns(state, port, starboard, push, p, active, step, substeps)
     push : ndarray, shape (3, C) or (3, 1)
         Disturbing accelerations of u, v, r; `UNDISTURBED` for none.
     p : ndarray, shape (n, C)
+        The catalogue's parameters of each craft.
     active : tuple of n bools
         Terms that any column uses.
     step : float
@@ -104,6 +105,7 @@ def simulate(model, port, starboard, step, state=(0.0, 0.0, 0.0), heading=0.0, p
     Parameters
     ----------
     model : ManoeuvringModel
+        That is simulated.
     port, starboard : ndarray, shape (S,)
         Inputs held over each step, N or commands as the model's `thrust_input` says.
     step : float

@@ -67,7 +67,9 @@ def check_stability(model, region):
     Parameters
     ----------
     model : ManoeuvringModel
+        That is examined.
     region : Region
+        Speeds and inputs that it is examined at.
 
     Returns
     -------
@@ -97,6 +99,7 @@ def growth_rates(p, active, speeds):
     p : ndarray, shape (n, K)
         Parameters of K candidates.
     active : tuple of n bools
+        Terms that any candidate uses.
     speeds : ndarray, shape (S,)
         m/s.
 
@@ -116,9 +119,8 @@ def growth_rates(p, active, speeds):
     for j in range(3):
         sides = []
         for sign in (DIFFERENCE, -DIFFERENCE):
-            state = [u.copy(), nothing.copy(), nothing.copy()]
-            state[j] += sign
-            sides.append(np.array(accelerations(*state, thrust, thrust, columns, active)))
+            ahead, aside, turning = (motion + sign * (k == j) for k, motion in enumerate((u, nothing, nothing)))
+            sides.append(np.array(accelerations(ahead, aside, turning, thrust, thrust, columns, active)))
         jacobian[:, :, j] = ((sides[0] - sides[1]) / (2.0 * DIFFERENCE)).T
     usable = np.all(np.isfinite(jacobian), axis=(1, 2))
     jacobian[~usable] = np.eye(3)

@@ -113,7 +113,8 @@ def zigzag(model, settings, reversals=6):
     base = settings.base * model.largest_input
     craft = SteeredCraft(still, STEP, base)
     craft.hold(base, base, APPROACH)
-    turn, ends = 1.0, []
+    turn = 1.0
+    ends: list[float] = []
     forward = -1.0 if settings.difference > 0 else 1.0
     while len(ends) < reversals and craft.time < LONGEST:
         craft.advance(*_inputs(model, settings, turn))
@@ -183,11 +184,11 @@ def spiral(model, settings, steps=6):
     down = np.linspace(1.0, -1.0, 2 * steps + 1)
     turns = np.concatenate([down, down[::-1][1:]])
     craft = SteeredCraft(_still(model), STEP, settings.base * model.largest_input)
-    rates = []
+    steady = []
     for turn in turns:
         _hold_until_steady(craft, *_inputs(model, settings, turn))
-        rates.append(craft.yaw_rate)
-    rates = np.degrees(rates)
+        steady.append(craft.yaw_rate)
+    rates = np.degrees(steady)
     difference = turns * settings.difference * model.largest_input
     there, back = rates[: 2 * steps + 1], rates[2 * steps :][::-1]
     slope = np.gradient(there, difference[: 2 * steps + 1])
@@ -217,7 +218,9 @@ def run_test(name, model, settings=None):
     name : str
         A key of ``TESTS``.
     model : ManoeuvringModel
+        That is driven.
     settings : DriveSettings, optional
+        How the tests are driven.
 
     Returns
     -------

@@ -202,8 +202,11 @@ def accelerations(u, v, r, port, starboard, p, active):
     Parameters
     ----------
     u, v, r, port, starboard : ndarray, shape (P,)
+        Speeds through the water, m/s, yaw rate, rad/s, and thrusts, N.
     p : ndarray, shape (n, P)
+        The catalogue's parameters.
     active : tuple of n bools
+        Terms that any column uses.
 
     Returns
     -------

@@ -81,6 +81,7 @@ def acting_thrust(port, starboard, p, step):
     port, starboard : ndarray, shape (N,)
         Commands, or forces in N, held over each step.
     p : ndarray, shape (n,)
+        Of the catalogue's parameters.
     step : float
         s.
 

@@ -104,8 +104,9 @@ class Problem:
 
     def unknowns(self, names):
         """Units, bounds and regularisation of some unknowns."""
-        rows = [self._unknown(name) for name in names]
-        return Unknowns(tuple(names), *np.array(rows).reshape(-1, 5).T, self.ties)
+        rows = np.array([self._unknown(name) for name in names]).reshape(-1, 5)
+        units, lower, upper, target, spread = rows.T
+        return Unknowns(tuple(names), units, lower, upper, target, spread, self.ties)
 
     def start(self, names):
         """First guesses of some unknowns, shape (n,)."""
@@ -154,6 +155,7 @@ def assemble(runs, settings):
     runs : sequence of Run
         See `moving_runs`.
     settings : ManoeuvringSettings
+        What is given, fixed and searched.
 
     Returns
     -------
@@ -168,7 +170,8 @@ def assemble(runs, settings):
     if len(inputs) > 1:
         raise InputError('some runs hold thrust in N and some commands: identify them separately')
     thrust_input = inputs.pop()
-    advice, flags = [], {}
+    advice: list[Advice] = []
+    flags: dict[str, str] = {}
     speeds = np.concatenate([run.smooth[0] for run in runs])
     rates = np.concatenate([run.smooth[2] for run in runs])
     sways = np.concatenate([run.smooth[1] for run in runs])
@@ -385,7 +388,7 @@ def _ties(settings, free, advice):
 
 
 def _candidates(runs, thrust_input, rows, settings):
-    found = [(name,) for row in rows for name in _CANDIDATES[row]]
+    found: list[tuple[str, ...]] = [(name,) for row in rows for name in _CANDIDATES[row]]
     if 'Y' in rows:
         found += [(name,) for name in _CANDIDATES['N-sway']]
     elif 'N' in rows and 'X' in rows:

@@ -31,7 +31,9 @@ def forecast_noise(model, runs):
     Parameters
     ----------
     model : ManoeuvringModel
+        As identified.
     runs : sequence of Run
+        Those that it was identified on.
 
     Returns
     -------

@@ -16,6 +16,7 @@ def excitation(runs):
     Parameters
     ----------
     runs : sequence of Run
+        Of one craft.
 
     Returns
     -------

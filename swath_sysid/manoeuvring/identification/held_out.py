@@ -75,6 +75,10 @@ def covariance_over_runs(shooting, values, matrix):
 
     Parameters
     ----------
+    shooting : MultipleShooting
+        Of the fit.
+    values : ndarray, shape (n,)
+        Of its unknowns.
     matrix : ndarray, shape (n, n)
         By the residuals' autocorrelation.
     """

@@ -142,7 +142,9 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     Parameters
     ----------
     runs : sequence of Run
+        Of one craft.
     settings : ManoeuvringSettings, optional
+        What is given, fixed and searched.
     validation : sequence of Run, optional
         Kept out of the fit and scored; by default a third of the runs, where there are three or more.
         Empty: none.

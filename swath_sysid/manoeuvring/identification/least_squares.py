@@ -41,7 +41,9 @@ def minimise(residuals, jacobian, start, lower, upper, max_evaluations=30, toler
     jacobian : callable
         (n,) to (m, n); called only at points where the residuals were just computed.
     start, lower, upper : ndarray, shape (n,)
+        Where it begins, and the bounds.
     max_evaluations : int
+        Of the residuals.
     tolerance : float
         Relative decrease of the cost below which it has converged.
 

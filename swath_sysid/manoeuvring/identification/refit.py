@@ -11,7 +11,7 @@ from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.motion.intake import prepare
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
 
 LONGEST_HISTORY = 20
 MIN_DURATION = 60.0
@@ -73,6 +73,7 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     Parameters
     ----------
     request : ManoeuvreRefitRequest
+        The window, the settings and the model held.
     progress : callable, optional
         Called with 0 to 1.
     should_cancel : callable, optional
@@ -135,7 +136,7 @@ def pieces(run):
     places = np.flatnonzero(known)
     breaks = places[1:][np.diff(places) * run.step > GAP]
     edges = [places[0], *breaks, places[-1] + 1]
-    found: list = []
+    found: list[Run] = []
     for begin, end in zip(edges, edges[1:], strict=False):
         last = places[places < end][-1] + 1
         count = max(1, round((last - begin) * run.step / PIECE))

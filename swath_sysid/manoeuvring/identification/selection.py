@@ -34,7 +34,7 @@ MIN_DRIFT_SPREAD = 0.005
 LAST = {'X0', 'N0'}
 """Tried only where nothing else helps: they imitate many other terms."""
 
-USUAL_HULL = ('Yvv', 'Yvr', 'Nrr', 'Nvr', 'Nuv', 'x_G')
+USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 USUAL = (
     *USUAL_HULL, 'Xvr', 'Yur', 'Nuur', 'exponent', 'dead_band', 'deviation_B', 'deviation_C', 'sensor_x', 'sensor_y',
 )  # fmt: skip
@@ -91,10 +91,11 @@ class Fit:
 def model_of(problem, names, values, name=''):
     """The model that some values of the unknowns make."""
     found = dict(zip(names, values, strict=True))
+    east, north = (float(found.get(c, 0.0)) for c in CURRENT)
     return ManoeuvringModel(
         problem.unknowns(names).placed_in(problem.base, values), thrust_input=problem.thrust_input, name=name,
         length=problem.length, largest_input=float(problem.region.most_input),
-        current=tuple(float(found.get(c, 0.0)) for c in CURRENT),
+        current=(east, north),
     )  # fmt: skip
 
 
@@ -200,6 +201,7 @@ def off_course(problem, window, names, values, kept):
     Parameters
     ----------
     problem : Problem
+        Under the demand of stable courses.
     window : float
         s.
     names, values : tuple of str, ndarray of shape (n,)
@@ -217,6 +219,8 @@ def off_course(problem, window, names, values, kept):
         return problem, kept
     free = replace(problem, largest_growth=LARGEST_GROWTH)
     found = first_fit(free, shooting_of(free, window), names, values)
+    # what is all but unstable converges slowly
+    found = fit(free, found.shooting, found.names, found.values)
     ahead, behind = (float(np.sum(held_out_costs(f.shooting, f.values))) for f in (found, kept))
     return (free, found) if found.stable and ahead < OFF_COURSE * behind else (problem, kept)
 
@@ -278,6 +282,7 @@ def select(problem, first, note=None):
     Parameters
     ----------
     problem : Problem
+        With the candidates.
     first : Fit
         Of the terms that are always free.
     note : callable, optional
@@ -336,7 +341,7 @@ def regularised_to_stable(problem, found):
         keep = [k for k in range(len(found.names)) if k != weakest]
         problem = without(problem, removed[-1:])
         found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
-    advice = ()
+    advice: tuple[Advice, ...] = ()
     if removed:
         advice = (Advice('made-stable', (
             f'with {", ".join(removed)} the model was unstable at speeds it was identified at: taken out; add turns at '

@@ -182,14 +182,16 @@ class MultipleShooting:
             Parameters of each copy.
         states : ndarray, shape (3, K, W)
             Initial states through the water.
+        active : tuple of n bools, optional
+            Terms that any copy uses.
 
         Returns
         -------
         ndarray, shape (S + 1, 3, K, W)
         """
         copies, count = p_columns.shape[1], self.windows.count
-        thrust = (np.stack(side, axis=1).reshape(-1, copies * count) for side in zip(
-            *(self._thrust(p_columns[:, k]) for k in range(copies)), strict=True))  # fmt: skip
+        thrust = [np.stack(side, axis=1).reshape(-1, copies * count) for side in zip(
+            *(self._thrust(p_columns[:, k]) for k in range(copies)), strict=True)]  # fmt: skip
         active = active or active_terms(_union(p_columns))
         found = self._integrated(states.reshape(3, copies * count), thrust, np.repeat(p_columns, count, axis=1), active,
                                  self._substeps(p_columns[:, 0]))  # fmt: skip
@@ -197,9 +199,10 @@ class MultipleShooting:
 
     def _integrated(self, states, thrust, p, active, substeps):
         """States (S + 1, 3, C) at the samples from initial ones (3, C) under thrusts (S parts, C) of both sides."""
+        states, port, starboard = map(np.ascontiguousarray, (states, *thrust))
         with np.errstate(over='ignore', invalid='ignore'):
-            found = runge_kutta_columns(np.ascontiguousarray(states), *map(np.ascontiguousarray, thrust), UNDISTURBED,
-                                        p, active, self.windows.step / self._parts, substeps)  # fmt: skip
+            found = runge_kutta_columns(
+                states, port, starboard, UNDISTURBED, p, active, self.windows.step / self._parts, substeps)
         return found[:: self._parts]
 
     def residuals(self, values):
@@ -321,6 +324,7 @@ class MultipleShooting:
         Parameters
         ----------
         values_by_part : ndarray, shape (K, n)
+            Of the unknowns, of each part.
 
         Returns
         -------
@@ -360,7 +364,7 @@ class MultipleShooting:
         if key not in self._thrust_cache:
             if len(self._thrust_cache) > 100:
                 self._thrust_cache.clear()
-            acting = [acting_thrust(*np.repeat([run.port, run.starboard], self._parts, axis=1), p,
+            acting = [acting_thrust(np.repeat(run.port, self._parts), np.repeat(run.starboard, self._parts), p,
                                     run.step / self._parts) for run in self.windows.runs]  # fmt: skip
             self._thrust_cache[key] = tuple(
                 self.windows.gather([a[side] for a in acting], self._parts) for side in (0, 1))
@@ -410,7 +414,8 @@ class MultipleShooting:
         """Derivatives of the weighted residuals by a window's current, shape (2, 3, S + 1, W)."""
         heading = self.windows.heading
         nothing = np.zeros_like(heading)
-        slopes = np.array([[*turned(*unit, heading), nothing] for unit in np.eye(2)]) / self._noise[:, None, None]
+        slopes = np.array([[*turned(east, north, heading), nothing] for east, north in np.eye(2)])
+        slopes /= self._noise[:, None, None]
         return np.where(self._known, slopes * self._robust, 0.0)
 
     def _best_move(self, residual, slopes):
@@ -513,18 +518,18 @@ class MultipleShooting:
         for j in range(3):
             states[j, j + 1] += state_steps[j]
         steps = PERTURBATION * self.unknowns.units
-        for place, j in enumerate(searched):
+        for place, k in enumerate(searched):
             # from the side of the range that is open
-            if values[j] + steps[j] > self.unknowns.upper[j]:
-                steps[j] = -steps[j]
-            columns[:, 4 + place] += steps[j] * self.unknowns.shares[:, j]
+            if values[k] + steps[k] > self.unknowns.upper[k]:
+                steps[k] = -steps[k]
+            columns[:, 4 + place] += steps[k] * self.unknowns.shares[:, k]
         found = self.simulate(columns, states)
         residual = self._weighted(found[:, :, 0], p, current)
         state_slopes = np.stack(
             [(self._weighted(found[:, :, j + 1], p, current) - residual) / state_steps[j] for j in range(3)])
         slopes = np.zeros((values.size, *residual.shape))
-        for place, j in enumerate(searched):
-            slopes[j] = (self._weighted(found[:, :, 4 + place], columns[:, 4 + place], current) - residual) / steps[j]
+        for place, k in enumerate(searched):
+            slopes[k] = (self._weighted(found[:, :, 4 + place], columns[:, 4 + place], current) - residual) / steps[k]
         for j, name in enumerate(self.unknowns.names):
             if name in CURRENT:
                 unit = np.array([name == c for c in CURRENT], dtype=float)

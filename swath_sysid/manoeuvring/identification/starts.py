@@ -48,6 +48,7 @@ def surge_ratios(runs, thrust):
     Parameters
     ----------
     runs : sequence of Run
+        Of one craft.
     thrust : sequence of (port, starboard) ndarray
         Acting thrust, N, or command.
 

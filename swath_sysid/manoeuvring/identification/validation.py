@@ -81,7 +81,9 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
     Parameters
     ----------
     model : ManoeuvringModel
+        That is simulated.
     runs : sequence of Run
+        Whose windows are simulated.
     length, shortest : float
         Of the windows, s.
     currents : ndarray, shape (R, 2), optional
@@ -95,17 +97,18 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
     current = currents[windows.run_index].T
     acting = [acting_thrust(run.port, run.starboard, model.values, run.step) for run in runs]
-    thrust = tuple(windows.gather([a[side] for a in acting]) for side in (0, 1))
+    port, starboard = (windows.gather([a[side] for a in acting]) for side in (0, 1))
     heading = windows.heading
     p = model.values
     surge, sway, rate = windows.initial
     state = np.stack([*through_water(surge, sway, rate, heading[0], current, p), rate])
     state[1] = np.where(np.isfinite(windows.initial[1]), state[1], _lead_in_sway(model, windows, acting))
     state = np.where(np.isfinite(state), state, 0.0)
-    substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), thrust)
+    substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), (port, starboard))
     with np.errstate(over='ignore', invalid='ignore'):
         columns = np.repeat(model.values[:, None], windows.count, axis=1)
-        states = runge_kutta_columns(state, *thrust, UNDISTURBED, columns, model.active, windows.step, substeps)
+        states = runge_kutta_columns(
+            state, port, starboard, UNDISTURBED, columns, model.active, windows.step, substeps)
         u, v, r = np.moveaxis(states, 1, 0)
         psi, x, y = track(
             u, v, r, windows.step, heading[0] - deviation(heading[0], p), np.zeros((2, windows.count)), current)

@@ -63,6 +63,7 @@ def cut(runs, length=LENGTH, shortest=SHORTEST):
     Parameters
     ----------
     runs : sequence of Run
+        Of equal step.
     length, shortest : float
         s; what remains at the end of a run is kept if it is not shorter than ``shortest``.
 

@@ -32,6 +32,7 @@ def prepare_all(trials, gap_means_zero=False, step=None):
     Parameters
     ----------
     trials : sequence of ManoeuvringTrial
+        As read.
     gap_means_zero : bool
         Commands are published only while driving: where there are none the thrust is zero.
     step : float, optional

@@ -39,6 +39,7 @@ def set_right(trials, advice):
     Parameters
     ----------
     trials : sequence of ManoeuvringTrial
+        Of one craft.
     advice : sequence of lists of Advice
         One a trial; they grow.
 

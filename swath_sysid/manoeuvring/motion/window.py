@@ -95,6 +95,7 @@ class ManoeuvringWindow:
         thrust_input : str
             ``force``, ``command``, or ``auto``: commands if all inputs lie within -1 and 1.
         source : str
+            Its name.
 
         Returns
         -------

@@ -164,6 +164,7 @@ class ManoeuvreOutlook:
         Parameters
         ----------
         identified : IdentifiedManoeuvringModel
+            That is used from now on.
         """
         before, self.identified = self._filter, identified
         self._filter = ManoeuvreFilter(identified, self.settings.filter)
@@ -210,6 +211,7 @@ class ManoeuvreOutlook:
         Parameters
         ----------
         reading : OdometryReading
+            In the order of arrival.
 
         Returns
         -------

@@ -75,7 +75,10 @@ class ManoeuvreFilterSettings:
     @classmethod
     def of(cls, identified):
         """With the sensors' noise on the runs that a model was identified on."""
-        return cls() if identified.forecast is None else cls(*map(float, identified.forecast.sensors))
+        if identified.forecast is None:
+            return cls()
+        speed, yaw_rate, heading, position = identified.forecast.sensors.tolist()
+        return cls(speed, yaw_rate, heading, position)
 
     def noise(self, name):
         """Standard deviation of a measurable channel."""
@@ -191,7 +194,8 @@ class ManoeuvreFilter:
         motion = runge_kutta_columns(
             np.ascontiguousarray(states[:3]), port, starboard, push, self._columns, self.model.active, step,
             self._substeps)
-        pose = track(*np.moveaxis(motion, 1, 0), step, states[HEADING], states[X : Y + 1], states[EAST : NORTH + 1])
+        u, v, r = np.moveaxis(motion, 1, 0)
+        pose = track(u, v, r, step, states[HEADING], states[X : Y + 1], states[EAST : NORTH + 1])
         return np.concatenate([motion[-1], [series[-1] for series in pose], states[EAST : NORTH + 1],
                                states[DISTURBANCES] * decay])  # fmt: skip
 
@@ -223,7 +227,7 @@ class ManoeuvreFilter:
         variance = (std or self.settings.noise(name)) ** 2
         seen = self.P @ row
         spread = float(row @ seen) + variance
-        advice = ()
+        advice: tuple[Advice, ...] = ()
         if innovation**2 > self._gate * spread:
             self._rejections[name] += 1
             if self._rejections[name] <= self.settings.gate_patience:

@@ -87,6 +87,7 @@ def fit_arx(runs, until=1.0):
     Parameters
     ----------
     runs : sequence of Run
+        That it learns from.
     until : float
         Share of each run that is used, from its start.
 
@@ -118,12 +119,15 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
     Parameters
     ----------
     identified : IdentifiedManoeuvringModel
+        Calibrated.
     runs : sequence of Run
+        That are forecast.
     training : sequence of Run
         For the ARX; without, it learns from the other runs, or from the first half of a single one.
     supplied : bool
         Future inputs are known; else the last ones are held.
     settings : ManoeuvreFilterSettings, optional
+        What the filter assumes of the sensors.
     leads : sequence of float
         s.
     truth : sequence of Run, optional
@@ -138,8 +142,9 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
     InputError
         No run is long enough, or thrust is given as the model does not take it.
     """
-    errors = {method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS}
-    inside = {q: [[] for _ in leads] for q in QUANTITIES[:4]}
+    errors: dict[str, dict[str, list[list[float]]]] = {
+        method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS}
+    inside: dict[str, list[list[bool]]] = {q: [[] for _ in leads] for q in QUANTITIES[:4]}
     count = 0
     for index, run in enumerate(runs):
         if run.thrust_input != identified.model.thrust_input:
