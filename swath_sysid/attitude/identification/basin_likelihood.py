@@ -45,7 +45,7 @@ STARTING_LEVELS = 0.003, 0.05, 0.3
 UNLIKELY = 4.0
 """Negative log posterior above the least from which another optimum is left out;"""
 SAME_MODE = 0.5
-"""standard deviations within which two are one."""
+"""standard deviations of each ratio within which two are one."""
 LOG_LIMITS = 7.0
 MAX_DAMPING = 0.9
 MIN_NOISE = 1e-4
@@ -376,16 +376,19 @@ class BasinLikelihood:
 
         Each has the probability of a Gaussian of its height and covariance (Laplace's approximation).
         """
-        best = optima[0]
+        best, n = optima[0], self.term_count
         modes: list[tuple] = []
         for optimum in optima:
             if optimum.cost > best.cost + UNLIKELY:
                 break
+            if any(
+                np.all(np.abs(optimum.z - z)[:n] < SAME_MODE * np.sqrt(np.diag(covariance)[:n]))
+                for z, covariance, _ in modes
+            ):
+                continue
             covariance = self._covariance(optimum)
-            spread = np.sqrt(np.diag(covariance)) * SAME_MODE
-            if all(np.any(np.abs(optimum.z - other) > spread) for other, _, _ in modes):
-                weight = np.exp(best.cost - optimum.cost + 0.5 * np.linalg.slogdet(covariance)[1])
-                modes.append((optimum.z, covariance, weight))
+            weight = np.exp(best.cost - optimum.cost + 0.5 * np.linalg.slogdet(covariance)[1])
+            modes.append((optimum.z, covariance, weight))
         total = sum(weight for *_, weight in modes)
         return sum(
             weight / total * (covariance + np.outer(z - best.z, z - best.z)) for z, covariance, weight in modes

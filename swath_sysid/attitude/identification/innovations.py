@@ -246,7 +246,9 @@ def innovations(
     record = floor, step, bend, angle, rate, counts
     if not compiled:
         c, q = (np.moveaxis(np.moveaxis(each, 2, 0).copy(), 0, 2) for each in (c, q))  # one matrix after the other
-        run_filter(tuple(ratios), active, friction_rate, m, c, q, keep, transition, white, *record, found[0], found[1])
+        matrices = m, c, q, keep, transition, white
+        with np.errstate(all='ignore'):
+            run_filter(tuple(ratios), active, friction_rate, *matrices, *record, found[0], found[1])
         return found
     for b in range(count):
         filters = [np.ascontiguousarray(each[..., b]) for each in (m, c, q, keep, transition, white)]
