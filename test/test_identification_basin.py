@@ -11,7 +11,8 @@ from scipy.optimize import approx_fprime
 from scipy.stats import multivariate_normal, norm, truncnorm
 
 from swath_sysid.attitude.hull import compiled
-from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
+from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification import innovations as filter_module
 from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood, clipped_step, interval
@@ -151,14 +152,17 @@ def test_gradient_is_that_of_finite_differences(bench):
     assert np.linalg.eigvalsh(found.information).min() > 0.0
 
 
-def test_searches_side_by_side_end_where_each_alone_does(bench):
+def test_searches_side_by_side_end_where_the_best_alone_does_and_are_given_up_where_another_is(bench):
     likelihood, made = likelihood_of(bench, seed=0)
     ratios = np.array([made.truth.get(name, 0.0) for name in TERM_NAMES])
     starts = [likelihood.start(ratios, level) for level in (0.003, 0.05)]
-    together = likelihood.minimise(starts)
-    for start, found in zip(starts, together, strict=True):
-        (alone,) = likelihood.minimise([start])
-        assert found.z == pytest.approx(alone.z, abs=1e-6)
+    alone = [likelihood.minimise([start])[0] for start in starts]
+    (together,) = likelihood.minimise(starts)
+    assert together.cost == pytest.approx(min(found.cost for found in alone), abs=0.1)
+    n = likelihood.term_count
+    std = np.sqrt(np.diag(np.linalg.inv(together.information)))
+    for found in alone:
+        assert np.abs(found.z - together.z)[:n] == pytest.approx(np.zeros(n), abs=0.1 * std.max())
 
 
 def test_where_the_motion_runs_away_there_is_no_fit(bench):
@@ -307,3 +311,12 @@ def test_dry_friction_of_a_rig_is_named_by_angles_alone(data_folder):
     motions = [read_trial(p).axis('pitch') for p in sorted((data_folder / 'decay/foswec').glob('*.csv'))]
     found = identify(motions, IdentificationSettings('odd-cubic'))
     assert (found.verdict.code, found.absent_term.name) == ('absent-term', 'b0')
+
+
+def test_a_hull_that_its_upright_position_throws_off_does_not_widen_the_stiffness():
+    # of this record such a hull, swinging 20 deg from there, is nearly as likely
+    hull = hull_named('swath-roll').model
+    made = simulated_trial(hull, np.radians(8.0), 30.0, 50.0, SensorNoise(), 81)
+    found = identify([made.axis('roll')], IdentificationSettings('swath-roll-3'))
+    assert found.std['s1'] < 0.01
+    assert abs(found.model.terms['s1'] - hull.terms['s1']) < 3.0 * found.std['s1']

@@ -228,7 +228,7 @@ class BasinLikelihood:
         z = self._prior_mean.copy()
         z[:n] = ratios[self._terms] / self._ratio_units
         z[n] = np.log(level)
-        stiffness = ratios[TERM_INDEX['r1']] + ratios[TERM_INDEX['s1']]
+        stiffness = linear_stiffness(ratios)
         if stiffness > 0.0:
             z[n + 1] = np.log(np.sqrt(stiffness) / self._basin_units[1])
         if states is not None:
@@ -301,27 +301,48 @@ class BasinLikelihood:
         ]
 
     def minimise(self, starts):
-        """The optimum found from each of some parameters, side by side.
+        """The optima found from some parameters, side by side, the most likely first.
+
+        A search that comes to where another is already further down is given up: most steps of a search are its last,
+        along what the record says little of.
 
         Returns
         -------
         list of Evaluation
-            Of infinite cost where the motion runs away from the start.
+            Empty where the motion runs away from each start. Without those whose upright position is unstable, if
+            there are others: a craft at rest some way from a position that throws it off swings about as likely.
         """
         n = self.term_count
         low, high = np.full(self._prior_mean.size, -np.inf), np.full(self._prior_mean.size, np.inf)
         low[:n][self._bounded] = 0.0
         searches = [scoring(np.clip(z, low, high), low, high) for z in starts]
         asked = {k: next(search) for k, search in enumerate(searches)}
-        optima = {}
+        reached: dict[int, Evaluation] = {}
+        optima = []
         while asked:
             for k, evaluation in zip(list(asked), self.evaluate(list(asked.values())), strict=True):
+                if evaluation.is_finite and (k not in reached or evaluation.cost < reached[k].cost):
+                    reached[k] = evaluation
                 try:
                     asked[k] = searches[k].send(evaluation)
                 except StopIteration as end:
-                    optima[k] = end.value
+                    optima.append(end.value)
                     del asked[k]
-        return [optima[k] for k in range(len(starts))]
+            furthest = sorted(reached, key=lambda k: reached[k].cost)
+            for place, k in enumerate(furthest):
+                if k in asked and any(self._is_near(reached[k], reached[j]) for j in furthest[:place]):
+                    del asked[k]
+        found = sorted((o for o in optima if o.is_finite), key=lambda optimum: optimum.cost)
+        return [o for o in found if self._is_upright(o)] or found
+
+    def _is_upright(self, point):
+        return linear_stiffness(self.unpack(point.z)[0]) > 0.0
+
+    def _is_near(self, point, optimum):
+        """Whether a point is about as likely as an optimum, with about its ratios."""
+        std = np.sqrt(np.diag(np.linalg.inv(optimum.information))[: self.term_count])
+        is_close = np.abs(point.z - optimum.z)[: self.term_count] < SAME_MODE * std
+        return point.cost < optimum.cost + UNLIKELY and bool(is_close.all())
 
     def fit(self, ratios, states):
         """The best optimum from given ratios (9,) and states, and from a linear hull, in quiet and in moving basins.
@@ -343,7 +364,7 @@ class BasinLikelihood:
 
     def best_of(self, starts):
         """The best of the optima found from some parameters, a `BasinFit`; None where the motion runs away from all."""
-        optima = sorted((o for o in self.minimise(starts) if o.is_finite), key=lambda optimum: optimum.cost)
+        optima = self.minimise(starts)
         if not optima:
             return None
         best = optima[0]
@@ -421,6 +442,11 @@ class BasinLikelihood:
         covariance[np.ix_(others, basin)] = -ties @ of_basin
         covariance[np.ix_(basin, others)] = covariance[np.ix_(others, basin)].T
         return covariance
+
+
+def linear_stiffness(ratios):
+    """Restoring moment over angle and inertia of ratios (9,) at the upright position, 1/s^2."""
+    return ratios[TERM_INDEX['r1']] + ratios[TERM_INDEX['s1']]
 
 
 def scoring(z, low, high):
