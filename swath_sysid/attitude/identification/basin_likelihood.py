@@ -303,9 +303,6 @@ class BasinLikelihood:
     def minimise(self, starts):
         """The optima found from some parameters, side by side, the most likely first.
 
-        A search that comes to where another is already further down is given up: most steps of a search are its last,
-        along what the record says little of.
-
         Returns
         -------
         list of Evaluation
@@ -317,32 +314,19 @@ class BasinLikelihood:
         low[:n][self._bounded] = 0.0
         searches = [scoring(np.clip(z, low, high), low, high) for z in starts]
         asked = {k: next(search) for k, search in enumerate(searches)}
-        reached: dict[int, Evaluation] = {}
         optima = []
         while asked:
             for k, evaluation in zip(list(asked), self.evaluate(list(asked.values())), strict=True):
-                if evaluation.is_finite and (k not in reached or evaluation.cost < reached[k].cost):
-                    reached[k] = evaluation
                 try:
                     asked[k] = searches[k].send(evaluation)
                 except StopIteration as end:
                     optima.append(end.value)
-                    del asked[k]
-            furthest = sorted(reached, key=lambda k: reached[k].cost)
-            for place, k in enumerate(furthest):
-                if k in asked and any(self._is_near(reached[k], reached[j]) for j in furthest[:place]):
                     del asked[k]
         found = sorted((o for o in optima if o.is_finite), key=lambda optimum: optimum.cost)
         return [o for o in found if self._is_upright(o)] or found
 
     def _is_upright(self, point):
         return linear_stiffness(self.unpack(point.z)[0]) > 0.0
-
-    def _is_near(self, point, optimum):
-        """Whether a point is about as likely as an optimum, with about its ratios."""
-        std = np.sqrt(np.diag(np.linalg.inv(optimum.information))[: self.term_count])
-        is_close = np.abs(point.z - optimum.z)[: self.term_count] < SAME_MODE * std
-        return point.cost < optimum.cost + UNLIKELY and bool(is_close.all())
 
     def fit(self, ratios, states):
         """The best optimum from given ratios (9,) and states, and from a linear hull, in quiet and in moving basins.
