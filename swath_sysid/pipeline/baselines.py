@@ -1,5 +1,5 @@
 """What a forecast must beat: simple and standard forecasts, each from the record's past alone."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -222,7 +222,8 @@ def running_regression(record, channels, targets, order, stamps, leads, window):
         if sums.count < supported * len(useful):
             continue
         places = [useful.index(target) for target in targets]
-        constant, matrix = _ahead(*sums.solve(), places, leads / step)
+        constant, coefficients = sums.solve()
+        constant, matrix = _ahead(constant, coefficients, places, leads / step)
         lags = record.at(anchors[now, None] - step * np.arange(supported), useful)
         lags = ((lags - sums.centre) / sums.scale).reshape(lags.shape[0], -1)
         ahead = (lags @ matrix.reshape(-1, lags.shape[1]).T).reshape(-1, *constant.shape) + constant
@@ -254,8 +255,8 @@ class _RunningSums:
     scale: np.ndarray
     values: np.ndarray
     span: tuple[int, int]
+    gram: np.ndarray
     count: int = 0
-    gram: np.ndarray = field(default=None)
 
     @classmethod
     def begun(cls, grid, channels, order, begin, end):
@@ -264,7 +265,7 @@ class _RunningSums:
         centre, scale = np.nanmean(values[begin:end], axis=0), np.nanstd(values[begin:end], axis=0)
         size = 1 + (order + 1) * len(channels)
         return cls(
-            channels, order, centre, scale, (values - centre) / scale, (begin, begin), gram=np.zeros((size, size))
+            channels, order, centre, scale, (values - centre) / scale, (begin, begin), np.zeros((size, size))
         )
 
     def slide(self, begin, end):
@@ -300,17 +301,17 @@ def _ahead(constant, coefficients, targets, steps):
     width = constant.size
     row = np.zeros((len(targets), coefficients.shape[0]))
     row[np.arange(len(targets)), targets] = 1.0
-    rows, constants = [row], [np.zeros(len(targets))]
+    found, constants = [row], [np.zeros(len(targets))]
     for _ in range(int(np.ceil(steps[-1] - 1e-6))):
         # one step of the companion matrix: the newest block is replaced by its regression, the rest shifts
-        newest = rows[-1][:, :width]
+        newest = found[-1][:, :width]
         following = newest @ coefficients.T
-        following[:, :-width] += rows[-1][:, width:]
+        following[:, :-width] += found[-1][:, width:]
         constants.append(constants[-1] + newest @ constant)
-        rows.append(following)
-    rows, constants = np.array(rows), np.array(constants)
+        found.append(following)
+    rows, constant_of = np.array(found), np.array(constants)
     below = np.minimum(np.floor(steps + 1e-6).astype(int), len(rows) - 1)
     above = np.minimum(below + 1, len(rows) - 1)
     share = np.where(steps - below > 1e-6, steps - below, 0.0)[:, None]
     matrix = (1.0 - share[:, :, None]) * rows[below] + share[:, :, None] * rows[above]
-    return (1.0 - share) * constants[below] + share * constants[above], matrix
+    return (1.0 - share) * constant_of[below] + share * constant_of[above], matrix

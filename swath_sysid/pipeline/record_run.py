@@ -65,10 +65,11 @@ def samples_of(trial):
     measured, absent = trial.channels, np.full(trial.time.size, math.nan)
     columns = [measured.get(name, absent) for name in (*CHANNELS, *FURTHER_CHANNELS)]
     unknown = (math.nan,) * 4
-    for stamp_ns, *motion, yaw_rate, heave in zip(
+    for stamp_ns, *values in zip(
         np.round(trial.time * 1e9).astype(np.int64).tolist(), *(values.tolist() for values in columns), strict=True
     ):
-        yield CraftSample(stamp_ns, *motion, *unknown, yaw_rate=yaw_rate, heave=heave)
+        motion, further = values[:len(CHANNELS)], values[len(CHANNELS):]
+        yield CraftSample._make((stamp_ns, *motion, *unknown, math.nan, *further))
 
 
 def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None, points_ahead=True):

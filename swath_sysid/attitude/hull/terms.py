@@ -115,7 +115,7 @@ def restoring_energy(x: Value, ratios: Value) -> Value:
     )
 
 
-def term_moments(x: np.ndarray, rate: np.ndarray, friction_rate: float) -> np.ndarray:
+def term_moments(x: np.ndarray | float, rate: np.ndarray | float, friction_rate: float) -> np.ndarray:
     """Moment over inertia of each term with its ratio set to one.
 
     Parameters

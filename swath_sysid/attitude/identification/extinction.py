@@ -236,7 +236,7 @@ class Particulars:
 
     def inertia_of(self, model):
         """I' as given, else from hydrostatics and a decay model's stiffness, else None."""
-        if self.inertia is not None or None in (self.mass, self.metacentric_height):
+        if self.inertia is not None or self.mass is None or self.metacentric_height is None:
             return self.inertia
         return inertia_from_metacentric_height(model, self.mass, self.metacentric_height)
 
@@ -248,7 +248,7 @@ class Particulars:
         size, gravity = (
             (self.breadth, 2.0 * STANDARD_GRAVITY) if axis == 'roll' else (self.length, STANDARD_GRAVITY)
         )
-        if None in (self.mass, size):
+        if self.mass is None or size is None:
             return None
         return self.mass * size**2 * np.sqrt(gravity / size)
 

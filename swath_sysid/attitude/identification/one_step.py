@@ -58,7 +58,7 @@ class OneStepObjective:
         samples = sum(len(s) for s in steps)
         if samples < len(TERM_NAMES) + 1:
             raise InputError('the one-step objective needs at least ten neighbouring samples: give a longer record')
-        triangle = np.linalg.qr(np.concatenate([np.linalg.qr(s, mode='r') for s in steps]), mode='r')
+        triangle = np.asarray(np.linalg.qr(np.concatenate([np.linalg.qr(s, mode='r') for s in steps]), mode='r'))
         return cls(triangle, samples)
 
     def __call__(self, ratios):

@@ -171,10 +171,11 @@ def heave_of(trial: Trial):
     channels = (trial.roll, trial.pitch, trial.accel_x, trial.accel_y, trial.accel_z)
     if any(channel is None for channel in channels):
         return None
-    finite = np.all(np.isfinite(channels), axis=0)
+    measured = np.array(channels)
+    finite = np.all(np.isfinite(measured), axis=0)
     if finite.sum() < 64:
         return None
-    roll, pitch, x, y, z = (channel[finite] for channel in channels)
+    roll, pitch, x, y, z = measured[:, finite]
     up = np.cos(pitch) * (np.sin(roll) * y + np.cos(roll) * z) - np.sin(pitch) * x
     return Heave(trial.time[finite], up)
 

@@ -151,7 +151,7 @@ class SearchSettings:
             if value is None and name != 'seed':
                 continue
             # to Python True is 1
-            if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= value <= highest:
+            if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= int(value) <= highest:
                 raise InputError(f'{name} must be a whole number from {lowest} to {highest}, not {value}')
 
     def budget(self, default):
@@ -213,7 +213,7 @@ def run_search(objective, space, settings, first=(), progress=None, should_cance
         return _differential_evolution(objective, space, settings, first, note)
     if settings.algorithm == 'pso':
         budget = settings.budget(SwarmSettings())
-        search = ParticleSwarm(space.lower, space.upper, budget, settings.seed, first)
+        search: GeneticSearch | ParticleSwarm = ParticleSwarm(space.lower, space.upper, budget, settings.seed, first)
     else:
         default = PRESETS[settings.preset].genetic if settings.preset else GeneticSettings()
         budget = settings.budget(default)
@@ -222,7 +222,7 @@ def run_search(objective, space, settings, first=(), progress=None, should_cance
         search.tell(objective(space.to_ratios(search.ask())))
         note(search.generation, budget.generations)
     return SearchResult(
-        search.best.copy(), search.best_value, search.generation, search.evaluations, search.should_stop()
+        search.best.copy(), search.best_value, search.generation, search.evaluations, search.should_stop() or ''
     )
 
 

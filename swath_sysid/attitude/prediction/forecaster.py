@@ -7,7 +7,7 @@ the newest samples contradict is left out.
 import math
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -231,19 +231,19 @@ class Forecaster:
         # the oldest forecast that is scored lies one longest lead behind the window
         self._history = RowBuffer(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
         quantities = *TARGETS, *[quantity_at(point.name, kind) for point in s.points for kind in AT_A_POINT]
-        self._quiescence = None if s.quiescence is None else Quiescence(s.quiescence, horizon, quantities)
-        self._vertical = None
+        self._quiescence: Any = None if s.quiescence is None else Quiescence(s.quiescence, horizon, quantities)
+        self._vertical: Any = None
         # heave and vertical velocity at the rows, as they were then: what windows of calm are judged by
-        self._nowcasts = RowBuffer(2 * round(s.horizon * ROW_RATE) + 1, 2) if s.points else None
+        self._nowcasts: Any = RowBuffer(2 * round(s.horizon * ROW_RATE) + 1, 2) if s.points else None
         self._sizes = [MotionSize(s.window) for _ in AXES]
         self._time = 0.0
         self._due = -math.inf
         self._interval = self._step = math.nan
         self._intervals = self._irregular = 0
         self._is_linked = False
-        self._blend = None
+        self._blend: Any = None
         self._spaces = {}
-        self._waiting = None
+        self._waiting: Any = None
         self._rows_since_surprise = [10**9] * len(AXES)
 
     def _places_of(self, leads):
@@ -337,7 +337,8 @@ class Forecaster:
         if self._time < self._due:
             return Observed(reasons, sea=sea)
         self._schedule()
-        return Observed(reasons, *self._issue(stamp), self._sea_request(), sea)
+        forecast, horizon = self._issue(stamp)
+        return Observed(reasons, forecast, horizon, self._sea_request(), sea)
 
     def _break_off(self):
         """Nothing links the motion before to that to come; what is known of hull and sea stays."""
@@ -372,7 +373,7 @@ class Forecaster:
 
     def _follow_hulls(self, sample, elapsed, linked):
         even = abs(elapsed - self._interval) < _REGULAR * self._interval
-        reasons = ()
+        reasons: tuple[str, ...] = ()
         for place, (axis, hull) in enumerate(self._hulls.items()):
             angle, rate = sample[1 + place], sample[3 + place]
             if not hull.is_started and angle != angle and rate != rate:
@@ -553,8 +554,8 @@ class Forecaster:
         rows = self._history.last(int(min(EXCITATION_WINDOW, self.settings.window) / self._step) + 1)
         angle, rate = newest_stretch(rows[:, _BLOCK][:, [place, place + 2]].T, self._step)
         samples = self._samples_a_row
-        noise = [variance / samples for variance in self._noise_to_hull[axis]]
-        return hull.excitation_request(self._step, angle, rate, *noise, samples)
+        of_angle, of_rate = (variance / samples for variance in self._noise_to_hull[axis])
+        return hull.excitation_request(self._step, angle, rate, of_angle, of_rate, samples)
 
     def _take_over(self):
         fit, self._waiting = self._waiting, None
@@ -657,11 +658,9 @@ class Forecaster:
         motion, variance = [mean], [np.diagonal(covariance, axis1=1, axis2=2)]
         for point in self.settings.points:
             ahead = points.get(point.name)
-            both = np.full((2, self._leads.size, 2), math.nan)
-            if ahead is not None:
-                both = ahead.mean[:, :2], np.diagonal(ahead.covariance, axis1=1, axis2=2)[:, :2]
-            motion.append(both[0])
-            variance.append(both[1])
+            unknown = np.full((self._leads.size, 2), math.nan)
+            motion.append(unknown if ahead is None else ahead.mean[:, :2])
+            variance.append(unknown if ahead is None else np.diagonal(ahead.covariance, axis1=1, axis2=2)[:, :2])
         motion, variance = (np.hstack(part)[self._over_horizon] for part in (motion, variance))
         newest, time = self._history.newest, self._time - self._since_row
         self._quiescence.learn(self._time, lambda times: self._what_came(newest + (times - time) / self._step))

@@ -327,8 +327,9 @@ class HullTrack:
 
     def innovation(self, elapsed, values, variances):
         """Number of values, their NIS and log likelihood, and the NIS had the moment jumped."""
+        (angle, rate), (of_angle, of_rate) = values, variances
         found = hull_step.innovation(
-            self.x, self.P, self.moment[1], self.hull, elapsed, *values, *variances, MARKOV_STD
+            self.x, self.P, self.moment[1], self.hull, elapsed, angle, rate, of_angle, of_rate, MARKOV_STD
         )
         if found[0] > 0:
             self.strain += STRAIN_GAIN * (found[1] / found[0] - self.strain)
@@ -336,7 +337,8 @@ class HullTrack:
 
     def take_in(self, values, variances, learns):
         """Update with what was measured of angle and rate (NaN: not measured); see `hull_step.update`."""
-        hull_step.observe(self.x, self.P, *values, *variances, learns)
+        (angle, rate), (of_angle, of_rate) = values, variances
+        hull_step.observe(self.x, self.P, angle, rate, of_angle, of_rate, learns)
 
 
 def _track():
@@ -375,7 +377,7 @@ class HullFilter:
         self._may_learn = True
         self._quiet = self._evidence = self._since_level = 0.0
         self._gates = [math.inf, *(float(chdtri(m, s.gate_probability)) for m in (1, 2))]
-        self._recent = deque(maxlen=RECENT)
+        self._recent: deque = deque(maxlen=RECENT)
         self._use_moments([markov_moment(MARKOV_STD**2, MARKOV_TIME)], [1.0])
         size = HULL_STATES + self.moments[0].size
         self.driven.set_state(np.zeros(size), np.eye(size))

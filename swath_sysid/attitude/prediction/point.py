@@ -46,7 +46,8 @@ class PointMotion:
 
     def at(self, chosen):
         """Of some of the leads."""
-        return PointMotion(self.place, self.mean[chosen], self.covariance[chosen])
+        covariance = None if self.covariance is None else self.covariance[chosen]
+        return PointMotion(self.place, self.mean[chosen], covariance)
 
 
 def height_partials(place, roll, pitch):

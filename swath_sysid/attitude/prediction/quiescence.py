@@ -229,11 +229,12 @@ class Quiescence:
         self._asked = limits.probability
         self._about_trim = limits.about_trim
         self.record = ReliabilityRecord()
-        self._pending = deque(replace(issued, probability=math.nan) for issued in self._pending)
+        for _ in range(len(self._pending)):
+            self._pending.append(replace(self._pending.popleft(), probability=math.nan))
 
     def clear(self):
         """Forget forecasts that have not come true yet."""
-        self._pending = deque()
+        self._pending: deque = deque()
         self._last = math.nan
         self._square = np.zeros(len(self._quantities))
 

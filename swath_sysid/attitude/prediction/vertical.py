@@ -286,7 +286,7 @@ class VerticalForecaster:
         VerticalMotion or None
             None before anything is learnt.
         """
-        if self._mean is None or not np.isfinite(attitude_covariance).all():
+        if self._fit is None or self._mean is None or not np.isfinite(attitude_covariance).all():
             return None
         steps = np.minimum((leads + age) / self._step, self.ahead)
         low = np.minimum(np.floor(steps + 1e-6).astype(int), self.ahead - 1)

@@ -188,11 +188,12 @@ def _derivative(content, units, name, truth, estimated, std, ours):
 
     assumed, own = content['assumed'], ours.derivatives.get(name)
     fixed = name in content['fixed_by_towing']
-    bounds = sorted(prime(truth[name]) * (1.0 if fixed else assumed[key]) for key in ('least_share', 'largest_share'))
+    shares = (1.0, 1.0) if fixed else (assumed['least_share'], assumed['largest_share'])
+    low, high = sorted(prime(truth[name]) * share for share in shares)
     return EstimatedDerivative(
         name, content['derivatives']['printed'][name], prime(truth[name]), prime(estimated[name]),
         abs(prime(std)), prime(own.value) if own else float('nan'), abs(prime(own.std)) if own else float('nan'),
-        *bounds, content['mariner'][name],
+        low, high, content['mariner'][name],
     )  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """What the studies print, as it is printed; one YAML file a study beside this module."""
 from dataclasses import dataclass, field
 from importlib import resources
+from typing import Any
 
 import yaml
 
@@ -109,12 +110,16 @@ def printed_values(name):
     return yaml.safe_load(text)
 
 
+def _printed_table(content):
+    entries: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+    return PrintedTable(**entries)
+
+
 def decay_publication(name):
     """A study of free decays by its name."""
     content = printed_values(name)
     tables = {
-        key: PrintedTable(**{k: tuple(v) if isinstance(v, list) else v for k, v in content[key].items()})
-        for key in ('objective', 'coefficients', 'next_step') if key in content
+        key: _printed_table(content[key]) for key in ('objective', 'coefficients', 'next_step') if key in content
     }
     lists = {key: tuple(content[key]) for key in ('equations', 'figures', 'claims')}
     return DecayPublication(name, **{**content, **tables, **lists})
