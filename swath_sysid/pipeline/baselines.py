@@ -114,6 +114,7 @@ def baseline_forecasts(record, axes, stamps, leads, window):
     Parameters
     ----------
     record : Record
+        Its channels include the axes; the vector regressions read all of them.
     axes : sequence of str
         Those to forecast.
     stamps : ndarray, shape (N,)
@@ -147,6 +148,7 @@ def simple_forecasts(record, name, stamps, leads, window):
     Parameters
     ----------
     record : Record
+        Holds the channel.
     name : str
         Channel to forecast; its rate is the one of that name with ``_rate``, or that between its newest two values.
     stamps, leads, window
@@ -186,6 +188,7 @@ def running_regression(record, channels, targets, order, stamps, leads, window):
     Parameters
     ----------
     record : Record
+        Read at even steps, a whole number of its intervals.
     channels : sequence of int
         Places of what it reads; those that do not move or are mostly missing are left out.
     targets : sequence of int

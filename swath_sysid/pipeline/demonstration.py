@@ -155,6 +155,7 @@ def verdict_of(demonstration):
     Parameters
     ----------
     demonstration : Demonstration
+        Of both releases.
 
     Returns
     -------
@@ -181,8 +182,11 @@ def without_model(readings, axis, settings: PipelineSettings):
     Parameters
     ----------
     readings : iterable of ImuReading
+        The messages, in the order in which they came.
     axis : str
+        ``roll`` or ``pitch``.
     settings : PipelineSettings
+        Those that the forecasts were published with.
 
     Returns
     -------

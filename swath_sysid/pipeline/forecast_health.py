@@ -86,6 +86,7 @@ def installation_report(check: InstallationCheck) -> Report:
     Parameters
     ----------
     check : InstallationCheck
+        Of the running sensor; it judges anew where that is due.
 
     Returns
     -------

@@ -105,6 +105,7 @@ def attitudes_at_leads(forecast, stamp_ns, yaw, yaw_rate):
     Parameters
     ----------
     forecast : Forecast
+        At the leads.
     stamp_ns : int
         When issued.
     yaw, yaw_rate : float
@@ -133,6 +134,7 @@ def horizon_forecast(forecast, stamp_ns):
     Parameters
     ----------
     forecast : Forecast
+        Over the horizon.
     stamp_ns : int
         When issued.
 
@@ -206,6 +208,7 @@ def points_at_leads(forecast, stamp_ns):
     Parameters
     ----------
     forecast : Forecast
+        At the leads.
     stamp_ns : int
         When issued.
 

@@ -143,6 +143,7 @@ class ForecastPipeline:
         Parameters
         ----------
         reading : ImuReading
+            The message.
         on_next : callable, optional
             Called with the step's ``next`` as soon as it is known: the leads take longer.
 
@@ -162,6 +163,7 @@ class ForecastPipeline:
         Parameters
         ----------
         taken : Taken
+            As `Intake.take` or `Intake.place` gave it.
         on_next : callable, optional
             See `add`.
 

@@ -331,6 +331,7 @@ def stability_report(watch: StabilityWatch) -> Report:
     Parameters
     ----------
     watch : StabilityWatch
+        Its newest finding is reported.
 
     Returns
     -------

@@ -120,6 +120,7 @@ class PlayThrough:
         Parameters
         ----------
         reading : ImuReading
+            The message.
 
         Returns
         -------

@@ -39,6 +39,7 @@ class PlayedHealth:
         Parameters
         ----------
         played : Played
+            As `PlayThrough.add` gave it.
 
         Returns
         -------

@@ -57,6 +57,7 @@ def samples_of(trial):
     Parameters
     ----------
     trial : Trial
+        The channels that it lacks become NaN.
 
     Yields
     ------
@@ -78,7 +79,9 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
     Parameters
     ----------
     trial : Trial
+        The whole record.
     settings : ForecasterSettings, optional
+        By default those of `PipelineSettings`.
     models : dict of str to IdentifiedModel, optional
         By axis.
     clock : callable, optional

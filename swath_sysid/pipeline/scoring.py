@@ -124,7 +124,9 @@ def usual_limits(trial, limits, warmup):
     Parameters
     ----------
     trial : Trial
+        The whole record.
     limits : QuiescenceLimits
+        Those given; where none of them is of attitude, roll and pitch are added to them.
     warmup : float
         s.
 
@@ -153,7 +155,9 @@ def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
     Parameters
     ----------
     trial : Trial
+        The whole record.
     run : Run
+        Through that record.
     leads : sequence of float
         s, of those that the forecasts are for.
     warmup : float
@@ -229,6 +233,7 @@ def score_forecasts(record, name, stamps, leads, forecasts, stand_in, seed=0):
     Parameters
     ----------
     record : Record
+        Holds the channel as measured.
     name : str
         The channel.
     stamps : ndarray, shape (N,)
@@ -336,6 +341,7 @@ def block_sums(stamps, values):
     stamps : ndarray, shape (N,)
         s, increasing.
     values : ndarray, shape (K, N, L)
+        K quantities at each stamp and lead.
 
     Returns
     -------
@@ -352,7 +358,9 @@ def resampled(sums, seed):
     Parameters
     ----------
     sums : ndarray, shape (K, B, L)
+        As `block_sums` gives them.
     seed : int
+        Of the draws.
 
     Returns
     -------

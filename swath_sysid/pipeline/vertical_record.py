@@ -54,6 +54,7 @@ def even_stretches(trial, names=CHANNELS):
     Parameters
     ----------
     trial : Trial
+        The whole record.
     names : sequence of str
         Among them those of `WITHOUT_RATES`.
 
@@ -95,7 +96,9 @@ def vertical_record(trial, points):
     Parameters
     ----------
     trial : Trial
+        The whole record, with all of `CHANNELS`.
     points : sequence of Point
+        Where the motion is wanted.
 
     Returns
     -------

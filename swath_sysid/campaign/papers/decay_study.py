@@ -129,6 +129,7 @@ def study_record(name, draft_factor, angle_deg, seed):
     draft_factor, angle_deg : float
         A row of its printed table of objective values.
     seed : int
+        Of the noise of its repeats and of the searches.
 
     Returns
     -------

@@ -95,6 +95,7 @@ def run_manoeuvring_study(seed=1):
     Parameters
     ----------
     seed : int
+        Of the noise of the first run; each further run takes the next.
 
     Returns
     -------
