@@ -131,6 +131,7 @@ class Blend:
         Parameters
         ----------
         candidate : int
+            Its place, 0 to E - 1.
         axis : int, optional
             By default all.
         """
@@ -143,6 +144,7 @@ class Blend:
         Parameters
         ----------
         count : int
+            Number of rows.
         """
         for _ in range(min(count, self._issued.shape[0])):
             now = self._row % self._issued.shape[0]
@@ -213,6 +215,7 @@ def error_weights(mean_square, time, prior):
     Parameters
     ----------
     mean_square : ndarray, shape (E, S, A)
+        Of the candidates' errors, rad^2.
     time : ndarray, shape (S, A)
         s of experience.
     prior : ndarray, shape (E, 1, 1)
@@ -234,7 +237,10 @@ def present_weights(weights, present):
 
     Parameters
     ----------
-    weights, present : ndarray, shape (E, ...)
+    weights : ndarray, shape (E, ...)
+        With every candidate there.
+    present : ndarray of bool, shape (E, ...)
+        Which of the candidates are there.
     """
     weights = np.maximum(weights, 1e-12) * present
     return weights / np.maximum(weights.sum(axis=0), 1e-12)

@@ -67,6 +67,7 @@ def fit_excitation(request):
     Parameters
     ----------
     request : ExcitationRequest
+        The window, and the hull as it is known.
 
     Returns
     -------
@@ -113,7 +114,9 @@ def moment_spectrum(request, hull):
     Parameters
     ----------
     request : ExcitationRequest
+        The window.
     hull : _Hull
+        That of the request.
 
     Returns
     -------
@@ -186,8 +189,9 @@ def reduced_moment(spectrum, request, hull):
     Parameters
     ----------
     spectrum : Spectrum
-    request : ExcitationRequest
-    hull : _Hull
+        Of the moment, from `moment_spectrum`.
+    request, hull
+        As of `moment_spectrum`.
 
     Returns
     -------

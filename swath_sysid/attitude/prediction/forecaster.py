@@ -259,6 +259,7 @@ class Forecaster:
         Parameters
         ----------
         axis : str
+            One of `AXES`.
         identified : IdentifiedModel or None
             None: none is known.
         """
@@ -279,6 +280,7 @@ class Forecaster:
         Parameters
         ----------
         fit : SeaFit
+            From `fit_sea`.
         """
         self._waiting = fit
 
@@ -298,6 +300,7 @@ class Forecaster:
         Parameters
         ----------
         sample : CraftSample
+            NaN where not measured.
         stamp : float
             s; of the forecasts that are issued.
         elapsed : float or None

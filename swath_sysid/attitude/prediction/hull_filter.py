@@ -130,6 +130,7 @@ class HullUncertainty(NamedTuple):
         Parameters
         ----------
         identified : IdentifiedModel
+            With the covariance of its ratios; where that is zero, the defaults hold.
 
         Returns
         -------
@@ -394,7 +395,9 @@ class HullFilter:
         Parameters
         ----------
         request : ExcitationRequest
+            The window, and the hull as it is known.
         moment : ModalMoment
+            Learnt from the window.
 
         Returns
         -------
@@ -482,6 +485,7 @@ class HullFilter:
         Parameters
         ----------
         fit : ExcitationFit
+            The moment, and the state at its window's end.
         age : float
             s from the time of the window's last sample to that of the newest one here.
         """

@@ -58,6 +58,7 @@ def hull_step(angle, rate, trim, stiffness, damping, moment, rate_variance, step
     Parameters
     ----------
     angle, rate, trim : float
+        rad, rad/s and rad, before the step.
     stiffness, damping : float
         Logarithms of the scales.
     moment : float
@@ -132,8 +133,8 @@ def predict(mean, covariance, moment, hull, drifts, duration, longest):
 
     Parameters
     ----------
-    mean : ndarray, shape (n,)
-    covariance : ndarray, shape (n, n)
+    mean, covariance : ndarray, shapes (n,) and (n, n)
+        Of the state, n = 5 + 2 B.
     moment : tuple
         Blocks (B, 3), output (2 B,), stationary covariance (2 B, 2 B).
     hull : tuple

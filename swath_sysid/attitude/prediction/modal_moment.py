@@ -67,7 +67,9 @@ class ModalMoment:
         transition : ndarray, shape (n, n)
             Over a step.
         output : ndarray, shape (n,)
+            From the state to the moment over inertia, rad/s^2.
         stationary : ndarray, shape (n, n)
+            Covariance of the state.
         step : float
             s.
 

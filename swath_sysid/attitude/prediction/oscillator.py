@@ -26,6 +26,7 @@ def oscillators(values, names, step, angles):
     values : ndarray, shape (N, width)
         Oldest first, NaN where missing.
     names : sequence of str, length width
+        Of the columns.
     step : float
         s.
     angles : sequence of str

@@ -155,7 +155,9 @@ class ReliabilityRecord:
         Parameters
         ----------
         forecast : float
+            Probability of staying quiet, from 0 to 1.
         observed : bool
+            Whether the craft stayed quiet.
         """
         place = min(int(forecast * self._count.size), self._count.size - 1)
         self._count[place] += 1
@@ -221,6 +223,7 @@ class Quiescence:
         Parameters
         ----------
         limits : QuiescenceLimits
+            Their duration is not used.
         """
         whole = limits.bounds(self._quantities)
         # only what is limited can end the quiet

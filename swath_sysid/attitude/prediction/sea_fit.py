@@ -84,6 +84,7 @@ def fit_sea(request):
     Parameters
     ----------
     request : SeaRequest
+        The past to learn from.
 
     Returns
     -------

@@ -186,6 +186,7 @@ def cross_spectra(channels, step, rows):
     Parameters
     ----------
     channels : ndarray, shape (C, N)
+        At even steps, finite, each in its own unit.
     step : float
         s.
     rows : int

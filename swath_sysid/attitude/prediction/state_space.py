@@ -204,6 +204,7 @@ class InnovationsFilter:
         Parameters
         ----------
         count : int
+            Number of rows.
         """
         missing = np.full(int(self._places.max(initial=0)) + 1, np.nan)
         doubled = max(count - _PAST, 0)
@@ -359,7 +360,9 @@ def first_complete(complete, count):
     Parameters
     ----------
     complete : ndarray of bool, shape (N,)
+        By row, whether nothing is missing.
     count : int
+        Number of rows in succession.
     """
     if complete.size < count:
         return None

@@ -42,6 +42,7 @@ def identify(values, names, step):
     values : ndarray, shape (N, width)
         Oldest first, one row a step, NaN where missing.
     names : sequence of str, length width
+        Of the columns.
     step : float
         s.
 
@@ -103,6 +104,7 @@ def useful_channels(values):
     Parameters
     ----------
     values : ndarray, shape (N, width)
+        NaN where missing.
     """
     finite = np.isfinite(values)
     return [
@@ -117,6 +119,7 @@ def without_breaks(rows):
     Parameters
     ----------
     rows : ndarray, shape (N, C)
+        Of standardised channels, oldest first, NaN where missing.
     """
     if rows.shape[0] < 4:
         return rows
@@ -134,6 +137,7 @@ def lags_for(rows, step):
     Parameters
     ----------
     rows : ndarray, shape (N, C)
+        NaN where missing.
     step : float
         s.
     """
@@ -155,6 +159,7 @@ def broken(rows, step):
     Parameters
     ----------
     rows : ndarray, shape (N, C)
+        NaN where missing.
     step : float
         s.
     """
@@ -171,6 +176,7 @@ def fill_short_gaps(rows):
     Parameters
     ----------
     rows : ndarray, shape (N, C)
+        Of standardised channels, oldest first, NaN where missing.
 
     Returns
     -------
@@ -208,7 +214,9 @@ def whole_lags(complete, count):
     Parameters
     ----------
     complete : ndarray of bool, shape (N,)
+        By row, whether nothing is missing.
     count : int
+        Number of rows, this one included.
     """
     runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
     return runs[count:] - runs[:-count] == count
@@ -223,7 +231,9 @@ def lag_gram(rows, count):
     Parameters
     ----------
     rows : ndarray, shape (N, C)
+        Oldest first, NaN where missing.
     count : int
+        Number of lags, lag zero included.
 
     Returns
     -------
@@ -264,6 +274,7 @@ def canonical_state_space(gram, width, states):
     width : int
         C.
     states : int
+        Canonical variates that are kept, at most j C.
 
     Returns
     -------
@@ -313,5 +324,6 @@ def spectral_radius(matrix):
     Parameters
     ----------
     matrix : ndarray, shape (n, n)
+        Finite, symmetric or not.
     """
     return np.abs(np.linalg.eigvals(matrix)).max()

@@ -109,11 +109,13 @@ def fit_vertical(stretch, names, step, model, request, age=0):
     stretch : ndarray, shape (N, width)
         Oldest first.
     names : sequence of str, length width
+        Of the columns.
     step : float
         s.
     model : InnovationsModel
         The waves; its state is found from its lags.
     request : VerticalRequest
+        What is to be learnt.
     age : int
         Rows from the end of the stretch to that of the window.
 
@@ -160,6 +162,7 @@ def states_from_lags(model, past, used):
     Parameters
     ----------
     model : InnovationsModel
+        With a start from lags.
     past : ndarray, shape (N, C)
         The model's channels.
     used : ndarray of int, shape (M,)
@@ -248,6 +251,7 @@ class VerticalForecaster:
         Parameters
         ----------
         count : int
+            Number of rows.
         waves : InnovationsFilter or None
             After them.
         """
@@ -280,6 +284,7 @@ class VerticalForecaster:
         attitude : ndarray, shape (L, 4)
             `ATTITUDE`, as it is forecast.
         attitude_covariance : ndarray, shape (L, 4, 4)
+            Of that forecast's errors, at each lead.
 
         Returns
         -------
