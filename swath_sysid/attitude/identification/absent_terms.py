@@ -69,9 +69,11 @@ def fit_and_test(problem, equation, ratios, states):
     Parameters
     ----------
     problem : Problem
+        Of `prepare`.
     equation : Equation
         Without dry friction.
     ratios : ndarray, shape (9,)
+        Ratios to inertia to start from.
     states : sequence of InitialState
         Where to start.
 

@@ -251,6 +251,7 @@ def identify_at_sea(motion, heave=None, start=None, end=None, *, searched=False,
     Parameters
     ----------
     motion : AxisMotion
+        Of a record in waves.
     heave : Heave, optional
         Of the same record: shows the sea.
     start, end : float, optional
@@ -285,8 +286,11 @@ def gain_over(model, motion, heave=None, *, should_cancel=None):
     model : DecayModel
         Linear.
     motion : AxisMotion
+        Of a record in waves.
     heave : Heave, optional
+        Of the same record: shows the sea.
     should_cancel : callable, optional
+        Asked often; True raises `Cancelled`.
 
     Returns
     -------
@@ -316,6 +320,7 @@ def excitation_spectrum(frequency, peak, peakedness, tail):
     peakedness : float
         gamma.
     tail : float
+        Far above its peak the spectrum goes as frequency^-tail; held between -20 and 20.
 
     Returns
     -------

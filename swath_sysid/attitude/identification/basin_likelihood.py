@@ -272,6 +272,7 @@ class BasinLikelihood:
         Parameters
         ----------
         points : sequence of ndarray, shape (p,)
+            Parameters, dimensionless, as `start` gives them.
 
         Returns
         -------
@@ -439,6 +440,7 @@ def scoring(z, low, high):
     Parameters
     ----------
     z, low, high : ndarray, shape (p,)
+        Where it begins, and the bounds.
 
     Returns
     -------
@@ -491,7 +493,9 @@ def interval(value, std, bounded):
     Parameters
     ----------
     value, std : float
+        Estimate and its standard deviation, of one unit.
     bounded : bool
+        Whether values below zero are impossible.
 
     Returns
     -------

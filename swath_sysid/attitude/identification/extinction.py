@@ -334,13 +334,17 @@ def tank_quantities(axis, bands, amplitude, inertia, particulars, type_b, repeat
     Parameters
     ----------
     axis : str
+        ``roll`` or ``pitch``.
     bands : AmplitudeBands
+        Of the fit.
     amplitude : float
         rad.
     inertia : float or None
         I' by the particulars, kg m^2.
     particulars : Particulars
+        Of the craft as tested.
     type_b : TypeB
+        Relative standard uncertainties of what the decays do not show.
     repeats : sequence of AmplitudeBands
         Of single repeats, of which the scatter is taken.
 

@@ -75,6 +75,7 @@ def judge(found):
     Parameters
     ----------
     found : Identification
+        The fit.
 
     Returns
     -------
@@ -166,6 +167,7 @@ def explained_share(pairs):
     Parameters
     ----------
     pairs : sequence of tuple of two ndarrays, shape (N,)
+        One a record, all of one unit.
 
     Returns
     -------

@@ -42,6 +42,7 @@ def next_step(model, motion):
     model : DecayModel
         At the trim of the record.
     motion : AxisMotion
+        With an angle, a rate or both.
 
     Returns
     -------
@@ -60,7 +61,9 @@ def simulation_error(model, state, motion):
     model : DecayModel
         At the trim of the record.
     state : InitialState
+        At the first sample; its trim is not read.
     motion : AxisMotion
+        With an angle, a rate or both.
 
     Returns
     -------
@@ -80,6 +83,7 @@ def forecast_errors(model, motion, period, leads=LEADS):
     model : DecayModel
         At the trim of the record.
     motion : AxisMotion
+        Evenly sampled, but for jitter.
     period : float
         Natural period, s.
     leads : sequence of float

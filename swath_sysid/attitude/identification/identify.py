@@ -282,6 +282,7 @@ def identify(motions, settings=IdentificationSettings(), *, progress=None, shoul
     motions : sequence of AxisMotion
         Whole records: the free decay in each is found, unless the settings give its bounds.
     settings : IdentificationSettings
+        What to fit and how.
     progress : callable, optional
         Called with 0 to 1.
     should_cancel : callable, optional

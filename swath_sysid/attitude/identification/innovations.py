@@ -125,7 +125,9 @@ def run_filter(
     Parameters
     ----------
     ratios : tuple of 9 floats or ndarrays (B,)
+        Ratios to inertia, in the order of ``TERM_NAMES``.
     active : tuple of 9 bools
+        The terms in use.
     friction_rate : float
         rad/s.
     m, c : ndarray, shape (10,) and (10, 10), or (10, B) and (10, 10, B)
@@ -210,6 +212,7 @@ def innovations(
     Parameters
     ----------
     ratios : ndarray, shape (9, B)
+        Ratios to inertia, a column a set.
     active, friction_rate, floor, step, bend, angle, rate, counts
         See `run_filter`.
     basin : ndarray, shape (10, B)

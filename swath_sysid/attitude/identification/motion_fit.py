@@ -92,6 +92,7 @@ class MotionFit:
         candidates : ndarray, shape (P, n)
             Dimensionless ratios.
         states : sequence of InitialState
+            At the first sample of each record.
 
         Returns
         -------
@@ -120,6 +121,7 @@ class MotionFit:
         Parameters
         ----------
         parameters : ndarray, shape (n + 3 M,)
+            Dimensionless, as `pack` gives them.
 
         Returns
         -------

@@ -44,6 +44,7 @@ class OneStepObjective:
         Parameters
         ----------
         motions : sequence of AxisMotion
+            With an angle, a rate or both.
         trims : sequence of float
             Angle of rest of each, rad.
         friction_rate : float
@@ -67,6 +68,7 @@ class OneStepObjective:
         Parameters
         ----------
         ratios : ndarray, shape (P, 9)
+            Ratios to inertia, a row a candidate.
 
         Returns
         -------
@@ -81,6 +83,7 @@ class OneStepObjective:
         Parameters
         ----------
         equation : Equation
+            Its terms are fitted; the other ratios are zero.
         lower, upper : ndarray, shape (9,)
             Bounds of the ratios; lower below upper for the terms in use.
 

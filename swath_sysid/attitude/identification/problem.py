@@ -173,6 +173,7 @@ def block_means(motion, period, blocks):
     Parameters
     ----------
     motion : AxisMotion
+        From its initial state on.
     period : float
         s.
     blocks : int

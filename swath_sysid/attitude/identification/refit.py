@@ -141,6 +141,7 @@ def refit(request, *, progress=None, should_cancel=None):
     Parameters
     ----------
     request : RefitRequest
+        The window, the settings and the models held.
     progress : callable, optional
         Called with 0 to 1.
     should_cancel : callable, optional
@@ -191,7 +192,9 @@ def misfit(problem, model):
     Parameters
     ----------
     problem : Problem
+        The decays.
     model : DecayModel
+        Its ratios are kept; its trim is not read.
 
     Returns
     -------
@@ -289,6 +292,7 @@ def window_provenance(table, source, software):
     Parameters
     ----------
     table : MotionTable
+        The window.
     source : dict
         What names its source: on a bus ``{'topic': ...}``.
     software : str
@@ -355,7 +359,9 @@ class Refitter:
         Parameters
         ----------
         table : MotionTable
+            The window.
         provenance : dict, optional
+            The caller's record of the source.
 
         Returns
         -------
@@ -369,6 +375,7 @@ class Refitter:
         Parameters
         ----------
         outcome : RefitOutcome
+            Of `refit`.
 
         Returns
         -------

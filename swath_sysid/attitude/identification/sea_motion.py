@@ -162,6 +162,7 @@ def heave_of(trial: Trial):
     Parameters
     ----------
     trial : Trial
+        Its roll, pitch and accelerations are used.
 
     Returns
     -------
@@ -301,6 +302,7 @@ def tapered_spectrum(values, interval):
     Parameters
     ----------
     values : ndarray, shape (N,)
+        Evenly sampled, of any unit; their mean is taken off.
     interval : float
         s.
 
@@ -322,6 +324,7 @@ def term_spectra(sea):
     Parameters
     ----------
     sea : SeaMotion
+        Of `sea_motion`.
 
     Returns
     -------
@@ -358,8 +361,11 @@ def heave_spectrum(heave, sea, spectra):
     Parameters
     ----------
     heave : Heave or None
+        Of the same record.
     sea : SeaMotion
+        Of `sea_motion`.
     spectra : TermSpectra
+        Of `term_spectra`, whose bands are used.
 
     Returns
     -------
@@ -399,6 +405,7 @@ def random_decrement(sea, span):
     Parameters
     ----------
     sea : SeaMotion
+        Of `sea_motion`.
     span : float
         s.
 

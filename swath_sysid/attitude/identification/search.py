@@ -189,7 +189,9 @@ def run_search(objective, space, settings, first=(), progress=None, should_cance
     objective : callable
         Dimensionless ratios (P, terms) to values (P,).
     space : SearchSpace
+        Bounds of the candidates, and their map to ratios.
     settings : SearchSettings
+        Algorithm, budget and seed.
     first : array_like, shape (k, n)
         Candidates to start with.
     progress : callable, optional

@@ -90,6 +90,7 @@ def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, pr
     problem : Problem
         Of `prepare`.
     equations : sequence of Equation
+        At least one, none twice.
     settings : IdentificationSettings
         Objective and search; its equation is ignored.
     jobs : int
@@ -130,6 +131,7 @@ def choose(problem, settings, *, progress=None):
     Parameters
     ----------
     problem : Problem
+        Of `prepare`.
     settings : IdentificationSettings
         Its equation is ignored.
     progress : callable, optional
@@ -166,7 +168,9 @@ def rank(fits, held_out):
     Parameters
     ----------
     fits : sequence of Identification
+        One an equation.
     held_out : sequence of float
+        Error on held-out motion of each, see `RankedFit`; NaN where it was not computed.
 
     Returns
     -------
@@ -300,7 +304,9 @@ def held_out_error(problem, settings):
     Parameters
     ----------
     problem : Problem
+        Of `prepare`.
     settings : IdentificationSettings
+        Equation, objective and search.
 
     Returns
     -------

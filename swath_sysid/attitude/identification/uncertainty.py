@@ -17,7 +17,9 @@ def inseparable_terms(terms, covariance):
     Parameters
     ----------
     terms : sequence of str
+        Names.
     covariance : ndarray, shape (n, n)
+        Of their ratios, of any unit.
 
     Returns
     -------
@@ -56,6 +58,7 @@ def amplitude_bands(model, covariance, amplitude):
     Parameters
     ----------
     model : DecayModel
+        Whose curves they are.
     covariance : ndarray, shape (n, n)
         Of the ratios of the model's terms.
     amplitude : ndarray, shape (A,)
