@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX, TERM_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
 from swath_sysid.attitude.identification.innovations import innovations
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
@@ -228,7 +228,7 @@ class BasinLikelihood:
         z = self._prior_mean.copy()
         z[:n] = ratios[self._terms] / self._ratio_units
         z[n] = np.log(level)
-        stiffness = linear_stiffness(ratios)
+        stiffness = restoring_slope(0.0, ratios, self._active)
         if stiffness > 0.0:
             z[n + 1] = np.log(np.sqrt(stiffness) / self._basin_units[1])
         if states is not None:
@@ -327,7 +327,7 @@ class BasinLikelihood:
         return [o for o in found if self._is_upright(o)] or found
 
     def _is_upright(self, point):
-        return linear_stiffness(self.unpack(point.z)[0]) > 0.0
+        return restoring_slope(0.0, self.unpack(point.z)[0], self._active) > 0.0
 
     def fit(self, ratios, states):
         """The best optimum from given ratios (9,) and states, and from a linear hull, in quiet and in moving basins.
@@ -427,11 +427,6 @@ class BasinLikelihood:
         covariance[np.ix_(others, basin)] = -ties @ of_basin
         covariance[np.ix_(basin, others)] = covariance[np.ix_(others, basin)].T
         return covariance
-
-
-def linear_stiffness(ratios):
-    """Restoring moment over angle and inertia of ratios (9,) at the upright position, 1/s^2."""
-    return ratios[TERM_INDEX['r1']] + ratios[TERM_INDEX['s1']]
 
 
 def scoring(z, low, high):
