@@ -25,6 +25,8 @@ from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 STATES = 10
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
 """Places in the state; the last four are the disturbance, its slope, and the same of what drives it."""
+HULL = X, RATE, MOMENT, MOMENT + 1
+"""Those that move the hull."""
 SUBSTEPS = 2
 """Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign."""
 
@@ -74,51 +76,76 @@ def hull_transition(stiffness, damping, step):
 
 
 @accelerated
-def moment_row(transition, index, given):
-    """One row of the disturbance after a step; what drives it knows nothing of it."""
-    row = transition[index, 2] * given[MOMENT + 2] + transition[index, 3] * given[MOMENT + 3]
-    if index < 2:
-        row = row + transition[index, 0] * given[MOMENT] + transition[index, 1] * given[MOMENT + 1]
-    return row
+def disturbance_ahead(transition, moment, slope, drive, drive_slope):
+    """The disturbance, its slope and what drives it after a step, of those before it; the drive knows nothing of it."""
+    f = transition
+    return (
+        f[6, 6] * moment + f[6, 7] * slope + f[6, 8] * drive + f[6, 9] * drive_slope,
+        f[7, 6] * moment + f[7, 7] * slope + f[7, 8] * drive + f[7, 9] * drive_slope,
+        f[8, 8] * drive + f[8, 9] * drive_slope,
+        f[9, 8] * drive + f[9, 9] * drive_slope,
+    )
 
 
 @accelerated
-def times_transition(hull, keep, transition, given, found):
-    """The transition times a matrix, written transposed; twice in a row for a covariance."""
-    for i in range(2):
-        by_x, by_w, by_d, by_slope = hull[i]
-        found[:, i] = by_x * given[X] + by_w * given[RATE] + by_d * given[MOMENT] + by_slope * given[MOMENT + 1]
-        found[:, TRIM + i] = given[TRIM + i]
-        found[:, ANGLE_NOISE + i] = keep[i] * given[ANGLE_NOISE + i]
-    for i in range(4):
-        found[:, MOMENT + i] = moment_row(transition, i, given)
+def times_transition(transition, given, found):
+    """The transition (10, 10) times a matrix, written transposed; twice in a row for a covariance."""
+    f = transition
+    for j in range(STATES):
+        x, w, d, slope = given[X, j], given[RATE, j], given[MOMENT, j], given[MOMENT + 1, j]
+        found[j, X] = f[X, X] * x + f[X, RATE] * w + f[X, MOMENT] * d + f[X, MOMENT + 1] * slope
+        found[j, RATE] = f[RATE, X] * x + f[RATE, RATE] * w + f[RATE, MOMENT] * d + f[RATE, MOMENT + 1] * slope
+        found[j, TRIM], found[j, BIAS] = given[TRIM, j], given[BIAS, j]
+        found[j, ANGLE_NOISE] = f[ANGLE_NOISE, ANGLE_NOISE] * given[ANGLE_NOISE, j]
+        found[j, RATE_NOISE] = f[RATE_NOISE, RATE_NOISE] * given[RATE_NOISE, j]
+        found[j, 6], found[j, 7], found[j, 8], found[j, 9] = disturbance_ahead(
+            f, d, slope, given[MOMENT + 2, j], given[MOMENT + 3, j]
+        )
 
 
 @accelerated
-def propagate_by_rows(hull, keep, transition, c, half):
-    """The covariance (10, 10) after a step without its noise, in place; ``half`` is room to work in."""
-    times_transition(hull, keep, transition, c, half)
-    times_transition(hull, keep, transition, half, c)
+def propagate_one(transition, c, q):
+    """The covariance (10, 10) after a step that adds ``q``, in place."""
+    half = np.empty_like(c)
+    times_transition(transition, c, half)
+    times_transition(transition, half, c)
+    for i in range(STATES):
+        for j in range(STATES):
+            c[i, j] += q[i, j]
 
 
-def propagate_at_once(hull, keep, transition, c, half):
-    """As `propagate_by_rows`, for covariances (10, 10, B): products of matrices cost numpy less than rows do."""
-    f = np.zeros((c.shape[2], STATES, STATES))
-    for i in range(2):
-        f[:, i, X], f[:, i, RATE], f[:, i, MOMENT], f[:, i, MOMENT + 1] = hull[i]
-        f[:, TRIM + i, TRIM + i] = 1.0
-        f[:, ANGLE_NOISE + i, ANGLE_NOISE + i] = keep[i]
-    f[:, MOMENT:, MOMENT:] = np.moveaxis(transition, 2, 0)
-    c[...] = np.moveaxis(f @ np.moveaxis(c, 2, 0) @ f.transpose(0, 2, 1), 0, 2)
+def propagate_all(transition, c, q):
+    """As `propagate_one`, for covariances (10, 10, B): products of matrices cost numpy less than rows do."""
+    f, p = np.moveaxis(transition, 2, 0), np.moveaxis(c, 2, 0)
+    np.matmul(f @ p, f.transpose(0, 2, 1), out=p)
+    c += q
 
 
-propagate = propagate_by_rows if HAS_NUMBA else propagate_at_once
+@accelerated
+def corrected_one(m, c, gain, e, s):
+    """Mean and covariance after a reading of innovation e and variance s; the covariance in place."""
+    for i in range(STATES):
+        share = gain[i] / s
+        m[i] += share * e
+        for j in range(STATES):
+            c[i, j] -= share * gain[j]
+    return m
+
+
+def corrected_all(m, c, gain, e, s):
+    """As `corrected_one`, for means (10, B); those given stay as they are."""
+    share = gain / s
+    c -= gain[:, None] * share
+    return m + share * e
+
+
+propagate, corrected = (propagate_one, corrected_one) if HAS_NUMBA else (propagate_all, corrected_all)
 
 
 @accelerated
 def run_filter(
-    ratios, active, friction_rate, m, c, q, keep, transition, white, floor, step, bend, angle, rate, counts,
-    innovation, variance,
+    ratios, active, friction_rate, m, c, q, transition, white, floor, step, bend, angle, rate, counts, innovation,
+    variance,
 ):  # fmt: skip
     """Innovations and their variances, written into the last two arguments; of one filter or, the last axis, of B.
 
@@ -134,10 +161,8 @@ def run_filter(
         Mean and covariance of the state at the first reading; overwritten.
     q : ndarray, shape as ``c``
         Covariance that a step adds.
-    keep : ndarray, shape (2,) or (2, B)
-        What a step leaves of the coloured noise of angle and rate.
-    transition : ndarray, shape (4, 4) or (4, 4, B)
-        Of `disturbance`.
+    transition : ndarray, shape as ``c``
+        Of a step; what of it depends on the motion is overwritten.
     white : ndarray, shape (2,) or (2, B)
         Standard deviation of the white noise of a reading, rad and rad/s.
     floor : ndarray, shape (2,)
@@ -154,7 +179,6 @@ def run_filter(
     innovation, variance : ndarray, shape (N, 2) or (N, 2, B)
         Zero and one where nothing was read.
     """
-    half = np.empty_like(c)
     sub = step / SUBSTEPS
     for k in range(angle.size):
         if k > 0:
@@ -162,19 +186,16 @@ def run_filter(
             for part in range(SUBSTEPS):
                 moment = m[MOMENT] + (part + 0.5) * sub * m[MOMENT + 1]
                 _, x, w = motion_step(x, w, moment, sub, ratios, active, friction_rate)
-            hull = hull_transition(
-                restoring_slope(0.5 * (x + m[X]), ratios, active),
-                damping_slope(0.5 * (w + m[RATE]), ratios, active, friction_rate), step,
-            )  # fmt: skip
-            propagate(hull, keep, transition, c, half)
-            c += q
-            ahead = m.copy()
-            ahead[X], ahead[RATE] = x, w
-            for i in range(2):
-                ahead[ANGLE_NOISE + i] = keep[i] * m[ANGLE_NOISE + i]
+            stiffness = restoring_slope(0.5 * (x + m[X]), ratios, active)
+            damping = damping_slope(0.5 * (w + m[RATE]), ratios, active, friction_rate)
+            of_angle, of_rate = hull_transition(stiffness, damping, step)
             for i in range(4):
-                ahead[MOMENT + i] = moment_row(transition, i, m)
-            m = ahead
+                transition[X, HULL[i]], transition[RATE, HULL[i]] = of_angle[i], of_rate[i]
+            propagate(transition, c, q)
+            m[X], m[RATE] = x, w
+            m[ANGLE_NOISE] *= transition[ANGLE_NOISE, ANGLE_NOISE]
+            m[RATE_NOISE] *= transition[RATE_NOISE, RATE_NOISE]
+            m[6], m[7], m[8], m[9] = disturbance_ahead(transition, m[6], m[7], m[8], m[9])
         x, w = m[X], m[RATE]
         stiffness = restoring_slope(x, ratios, active)
         damping = damping_slope(w, ratios, active, friction_rate)
@@ -195,10 +216,21 @@ def run_filter(
             # the second channel's mean moves with the first's reading
             expected = middle + by_x * (m[X] - x) + by_w * (m[RATE] - w)
             e = reading - expected - m[TRIM + channel] - m[ANGLE_NOISE + channel]
-            # a new array: x and w are what they were before the readings
-            m = m + gain * (e / s)
-            c -= gain[:, None] * (gain / s)
+            m = corrected(m, c, gain, e, s)
             innovation[k, channel], variance[k, channel] = e, s
+
+
+@accelerated
+def run_one_by_one(
+    ratios, active, friction_rate, m, c, q, transition, white, floor, step, bend, angle, rate, counts, found
+):
+    """`run_filter` for each of B filters: arrays of one each, the first axis, and what is found, shape (B, 2, N, 2)."""
+    for b in range(len(m)):
+        r = ratios[b]
+        run_filter(
+            (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), active, friction_rate, m[b], c[b], q[b],
+            transition[b], white[b], floor, step, bend, angle, rate, counts, found[b, 0], found[b, 1],
+        )  # fmt: skip
 
 
 def innovations(
@@ -232,31 +264,29 @@ def innovations(
     # most of the sets have the same disturbance
     shapes, which = np.unique(basin[[FREQUENCY, DAMPING]], axis=1, return_inverse=True)
     spectra = [disturbance(frequency, damping, step) for frequency, damping in shapes.T]
-    transition, stationary = (np.stack(each, axis=-1)[..., which.ravel()] for each in zip(*spectra, strict=True))
-    before = stationary * basin[LEVEL] ** 2
-    keep = np.exp(-step / basin[[ANGLE_MEMORY, RATE_MEMORY]])
-    colour = basin[[ANGLE_COLOUR, RATE_COLOUR]] ** 2
-    m, c, q = np.zeros((STATES, count)), np.zeros((STATES, STATES, count)), np.zeros((STATES, STATES, count))
-    m[[X, RATE, TRIM]] = initial
-    c[BIAS, BIAS] = bias_std**2
-    noises = [ANGLE_NOISE, RATE_NOISE]
-    c[noises, noises], q[noises, noises] = colour, colour * (1.0 - keep**2)
-    c[MOMENT:, MOMENT:] = before
-    q[MOMENT:, MOMENT:] = before - np.einsum('ikb,klb,jlb->ijb', transition, before, transition)
-    q[TRIM, TRIM] = basin[DRIFT] ** 2 * step
+    ahead, stationary = (np.array(each)[which.ravel()] for each in zip(*spectra, strict=True))
+    m, (c, q, transition) = np.zeros((count, STATES)), np.zeros((3, count, STATES, STATES))
+    m[:, [X, RATE, TRIM]] = initial.T
+    c[:, BIAS, BIAS] = bias_std**2
+    for place, std, memory in ((ANGLE_NOISE, ANGLE_COLOUR, ANGLE_MEMORY), (RATE_NOISE, RATE_COLOUR, RATE_MEMORY)):
+        transition[:, place, place] = keep = np.exp(-step / basin[memory])
+        c[:, place, place] = basin[std] ** 2
+        q[:, place, place] = basin[std] ** 2 * (1.0 - keep**2)
+    before = stationary * basin[LEVEL][:, None, None] ** 2
+    c[:, MOMENT:, MOMENT:] = before
+    q[:, MOMENT:, MOMENT:] = before - ahead @ before @ ahead.transpose(0, 2, 1)
+    q[:, TRIM, TRIM] = basin[DRIFT] ** 2 * step
+    transition[:, [TRIM, BIAS], [TRIM, BIAS]] = 1.0
+    transition[:, MOMENT:, MOMENT:] = ahead
     white = basin[[ANGLE_WHITE, RATE_WHITE]]
-    found = np.empty((2, angle.size, 2, count))
     record = floor, step, bend, angle, rate, counts
-    if not compiled:
-        c, q = (np.moveaxis(np.moveaxis(each, 2, 0).copy(), 0, 2) for each in (c, q))  # one matrix after the other
-        matrices = m, c, q, keep, transition, white
-        with np.errstate(all='ignore'):
-            run_filter(tuple(ratios), active, friction_rate, *matrices, *record, found[0], found[1])
-        return found
-    for b in range(count):
-        filters = [np.ascontiguousarray(each[..., b]) for each in (m, c, q, keep, transition, white)]
-        into = np.empty(found.shape[:-1])
-        given = [*filters, *record, *into]
-        run_filter(tuple(ratios[:, b].tolist()), active, friction_rate, *given)
-        found[..., b] = into
+    if compiled:
+        found = np.empty((count, 2, angle.size, 2))
+        columns = np.ascontiguousarray(ratios.T), active, friction_rate, m, c, q, transition, white.T.copy()
+        run_one_by_one(*columns, *record, found)
+        return np.moveaxis(found, 0, -1)
+    found = np.empty((2, angle.size, 2, count))
+    matrices = (np.moveaxis(each, 0, -1) for each in (c, q, transition))
+    with np.errstate(all='ignore'):
+        run_filter(tuple(ratios), active, friction_rate, m.T.copy(), *matrices, white, *record, found[0], found[1])
     return found
