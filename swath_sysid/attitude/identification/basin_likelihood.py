@@ -243,14 +243,15 @@ class BasinLikelihood:
         ])  # fmt: skip
 
     def unpack(self, z):
-        """Ratios (9,), basin parameters (10,) and initial states (M, 3)."""
+        """Ratios (9,), basin parameters (10,) and initial states (M, 3) of parameters, or of B of them."""
         n, shared = self.term_count, self._shared
-        ratios = np.zeros(len(TERM_NAMES))
-        ratios[self._terms] = z[:n] * self._ratio_units
+        ratios = np.zeros((*z.shape[:-1], len(TERM_NAMES)))
+        ratios[..., self._terms] = z[..., :n] * self._ratio_units
         mean = self._prior_mean[n:shared]
-        basin = np.exp(mean + LOG_LIMITS * np.tanh((z[n:shared] - mean) / LOG_LIMITS))
-        basin[2] = MAX_DAMPING * basin[2] / (MAX_DAMPING + basin[2])
-        return ratios, basin * self._basin_units, z[shared:].reshape(-1, 3) * self._state_units
+        basin = np.exp(mean + LOG_LIMITS * np.tanh((z[..., n:shared] - mean) / LOG_LIMITS))
+        basin[..., 2] = MAX_DAMPING * basin[..., 2] / (MAX_DAMPING + basin[..., 2])
+        states = z[..., shared:].reshape(*z.shape[:-1], -1, 3) * self._state_units
+        return ratios, basin * self._basin_units, states
 
     def innovations(self, z):
         """Innovations and variances of each record, shape (2, 2 N)."""
@@ -259,10 +260,10 @@ class BasinLikelihood:
     def _innovations_of(self, index, points):
         """Of a record, at B points, shape (2, 2 N, B)."""
         record = self._records[index]
-        ratios, basin, states = (np.stack(each, axis=-1) for each in zip(*map(self.unpack, points), strict=True))
+        ratios, basin, states = self.unpack(points)
         found = innovations(
-            ratios, self._active, self._friction_rate, basin, states[index], BIAS_PRIOR, self._floor, record.step,
-            record.bend, record.angle, record.rate, record.counts,
+            ratios.T, self._active, self._friction_rate, basin.T, states[:, index].T, BIAS_PRIOR, self._floor,
+            record.step, record.bend, record.angle, record.rate, record.counts,
         )  # fmt: skip
         return found.reshape(2, -1, len(points))
 

@@ -11,7 +11,6 @@ With innovations e_k of variances s_k the likelihood of the readings is exp(-1/2
 """
 
 import numpy as np
-from scipy.linalg import expm, solve_continuous_lyapunov
 
 from swath_sysid.attitude.hull.compiled import (
     damping_moment,
@@ -20,6 +19,7 @@ from swath_sysid.attitude.hull.compiled import (
     restoring_moment,
     restoring_slope,
 )
+from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 
 STATES = 10
@@ -38,29 +38,44 @@ rad/s, and damping ratio; white noise of a reading, rad and rad/s; standard devi
 noise of either; drift of the trim, rad in the square root of a second."""
 
 
-def disturbance(frequency, damping, step):
+def disturbance(frequency: Value, damping: Value, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Exact transition of the disturbance and its slopes over a step, and their covariance where d has unit variance.
+
+    The transition of one resonator is e^(-s t) [[C + s S, S], [-k S, C - s S]] with k = w_d^2, s = zeta_d w_d,
+    v^2 = k - s^2, C = cos(v t) and S = sin(v t) / v. What drives the second enters its equation as less stiffness
+    would, so that their coupling is the derivative of this by -k. The covariance solves Lyapunov's equation.
 
     Parameters
     ----------
-    frequency : float
+    frequency : float or ndarray, shape (B,)
         rad/s.
-    damping : float
-        Of critical.
+    damping : float or ndarray, shape (B,)
+        Of critical, less than one.
     step : float
         s.
 
     Returns
     -------
-    transition, covariance : ndarray, shape (4, 4)
+    transition, covariance : ndarray, shape (4, 4) or (B, 4, 4)
     """
-    one = np.array([[0.0, 1.0], [-(frequency**2), -2.0 * damping * frequency]])
-    drift = np.zeros((4, 4))
-    drift[:2, :2], drift[2:, 2:], drift[1, 2] = one, one, 1.0
-    noise = np.zeros((4, 4))
-    noise[3, 3] = 1.0
-    covariance = solve_continuous_lyapunov(drift, -noise)
-    return expm(drift * step), covariance / covariance[0, 0]
+    k, s = frequency**2, damping * frequency
+    v = np.sqrt(k - s * s)
+    cosine, sine = np.cos(v * step), np.sin(v * step) / v
+    transition, covariance = np.zeros((2, *np.shape(k), 4, 4))
+    own = np.array([[cosine + s * sine, sine], [-k * sine, cosine - s * sine]])
+    transition[..., :2, :2] = transition[..., 2:, 2:] = np.moveaxis(own, (0, 1), (-2, -1))
+    turn, bend = 0.5 * step * sine, (step * cosine - sine) / (2.0 * v * v)
+    coupling = np.array([[turn - s * bend, -bend], [sine + k * bend, turn + s * bend]])
+    transition[..., :2, 2:] = np.moveaxis(coupling, (0, 1), (-2, -1))
+    transition *= np.exp(-s * step)[..., None, None]
+    square = 4.0 * damping**2
+    share = k / (1.0 + square)
+    covariance[..., 0, 0], covariance[..., 1, 1] = 1.0, share
+    covariance[..., 2, 2], covariance[..., 3, 3] = 2.0 * square * k * share, 2.0 * square * k * k * share
+    covariance[..., 0, 2] = covariance[..., 2, 0] = square * share
+    covariance[..., 1, 2] = covariance[..., 2, 1] = 2.0 * s * share
+    covariance[..., 0, 3] = covariance[..., 3, 0] = -2.0 * s * share
+    return transition, covariance
 
 
 @accelerated
@@ -261,10 +276,7 @@ def innovations(
     ndarray, shape (2, N, 2, B)
     """
     count = ratios.shape[1]
-    # most of the sets have the same disturbance
-    shapes, which = np.unique(basin[[FREQUENCY, DAMPING]], axis=1, return_inverse=True)
-    spectra = [disturbance(frequency, damping, step) for frequency, damping in shapes.T]
-    ahead, stationary = (np.array(each)[which.ravel()] for each in zip(*spectra, strict=True))
+    ahead, stationary = disturbance(basin[FREQUENCY], basin[DAMPING], step)
     m, (c, q, transition) = np.zeros((count, STATES)), np.zeros((3, count, STATES, STATES))
     m[:, [X, RATE, TRIM]] = initial.T
     c[:, BIAS, BIAS] = bias_std**2
