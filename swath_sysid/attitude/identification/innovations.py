@@ -124,8 +124,10 @@ def propagate_one(transition, c, q):
     half = np.empty_like(c)
     times_transition(transition, c, half)
     times_transition(transition, half, c)
-    for i in range(STATES):
-        for j in range(STATES):
+    for i in range(TRIM, MOMENT):
+        c[i, i] += q[i, i]
+    for i in range(MOMENT, STATES):
+        for j in range(MOMENT, STATES):
             c[i, j] += q[i, j]
 
 
@@ -137,24 +139,42 @@ def propagate_all(transition, c, q):
 
 
 @accelerated
+def covariance_with_one(c, by_x, by_w, channel):
+    """Of the state with a reading, shape (10,): one that moves so with x and w."""
+    gain = np.empty(STATES)
+    for i in range(STATES):
+        gain[i] = by_x * c[X, i] + by_w * c[RATE, i] + c[TRIM + channel, i] + c[ANGLE_NOISE + channel, i]
+    return gain
+
+
+def covariance_with_all(c, by_x, by_w, channel):
+    """As `covariance_with_one`, shape (10, B)."""
+    return by_x * c[X] + by_w * c[RATE] + c[TRIM + channel] + c[ANGLE_NOISE + channel]
+
+
+@accelerated
 def corrected_one(m, c, gain, e, s):
-    """Mean and covariance after a reading of innovation e and variance s; the covariance in place."""
+    """Mean and covariance after a reading of innovation e and variance s; in place."""
+    for i in range(STATES):
+        m[i] += gain[i] * (e / s)
     for i in range(STATES):
         share = gain[i] / s
-        m[i] += share * e
         for j in range(STATES):
             c[i, j] -= share * gain[j]
     return m
 
 
 def corrected_all(m, c, gain, e, s):
-    """As `corrected_one`, for means (10, B); those given stay as they are."""
+    """As `corrected_one`, for means (10, B): that given stays as it is."""
     share = gain / s
     c -= gain[:, None] * share
     return m + share * e
 
 
-propagate, corrected = (propagate_one, corrected_one) if HAS_NUMBA else (propagate_all, corrected_all)
+if HAS_NUMBA:
+    propagate, covariance_with, corrected = propagate_one, covariance_with_one, corrected_one
+else:
+    propagate, covariance_with, corrected = propagate_all, covariance_with_all, corrected_all
 
 
 @accelerated
@@ -225,7 +245,7 @@ def run_filter(
             else:
                 reading, middle = rate[k], w - bend * (stiffness * w + damping * force)
                 by_x, by_w = bend * damping * stiffness, 1.0 + bend * (damping * damping - stiffness)
-            gain = by_x * c[X] + by_w * c[RATE] + c[TRIM + channel] + c[ANGLE_NOISE + channel]
+            gain = covariance_with(c, by_x, by_w, channel)
             s = by_x * gain[X] + by_w * gain[RATE] + gain[TRIM + channel] + gain[ANGLE_NOISE + channel]
             s = s + white[channel] * white[channel] / counts[k, channel] + floor[channel] * floor[channel]
             # the second channel's mean moves with the first's reading
