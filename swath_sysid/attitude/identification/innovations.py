@@ -318,7 +318,8 @@ def innovations(
         run_one_by_one(*columns, *record, found)
         return np.moveaxis(found, 0, -1)
     found = np.empty((2, angle.size, 2, count))
-    matrices = (np.moveaxis(each, 0, -1) for each in (c, q, transition))
+    side_by_side = [np.moveaxis(each, 0, -1) for each in (c, q, transition)]
+    given = [m.T.copy(), *side_by_side, white, *record, *found]
     with np.errstate(all='ignore'):
-        run_filter(tuple(ratios), active, friction_rate, m.T.copy(), *matrices, white, *record, found[0], found[1])
+        run_filter(tuple(ratios), active, friction_rate, *given)
     return found
