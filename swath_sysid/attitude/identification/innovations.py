@@ -25,8 +25,6 @@ from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 STATES = 10
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
 """Places in the state; the last four are the disturbance, its slope, and the same of what drives it."""
-HULL = X, RATE, MOMENT, MOMENT + 1
-"""Those that move the hull."""
 SUBSTEPS = 2
 """Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign."""
 
@@ -79,15 +77,14 @@ def disturbance(frequency: Value, damping: Value, step: float) -> tuple[np.ndarr
 
 
 @accelerated
-def hull_transition(stiffness, damping, step):
-    """Rows of x and w in the transition, by x, w, d and d': the matrix exponential to third order."""
-    k, c, h = stiffness, damping, step
-    h2, h3 = h * h / 2.0, h * h * h / 6.0
-    by_moment = h - h2 * c + h3 * (c * c - k)
-    of_angle = 1.0 - h2 * k + h3 * c * k, by_moment, h2 - h3 * c, h3 + 0.0 * k
-    by_angle = -h * k + h2 * c * k + h3 * (k * k - c * c * k)
-    by_rate = 1.0 - h * c + h2 * (c * c - k) + h3 * (2.0 * c * k - c * c * c)
-    return of_angle, (by_angle, by_rate, by_moment, h2 - h3 * c)
+def move_hull(transition, stiffness, damping, step):
+    """What of the transition depends on the motion, in place: the matrix exponential to third order."""
+    k, c, h2, h3 = stiffness, damping, step * step / 2.0, step * step * step / 6.0
+    by_moment, by_slope = step - h2 * c + h3 * (c * c - k), h2 - h3 * c
+    kept = 1.0 - k * by_slope
+    transition[X, X], transition[X, RATE], transition[X, MOMENT] = kept, by_moment, by_slope
+    transition[RATE, X], transition[RATE, RATE] = -k * by_moment, kept - c * by_moment
+    transition[RATE, MOMENT], transition[RATE, MOMENT + 1] = by_moment, by_slope
 
 
 @accelerated
@@ -119,69 +116,92 @@ def times_transition(transition, given, found):
 
 
 @accelerated
-def propagate_one(transition, c, q):
-    """The covariance (10, 10) after a step that adds ``q``, in place."""
+def propagate_one(transition, m, c, q):
+    """Mean (10,), but for x and w, and covariance (10, 10) after a step that adds ``q``, in place."""
     half = np.empty_like(c)
     times_transition(transition, c, half)
     times_transition(transition, half, c)
     for i in range(TRIM, MOMENT):
+        m[i] *= transition[i, i]
         c[i, i] += q[i, i]
+    m[6], m[7], m[8], m[9] = disturbance_ahead(transition, m[6], m[7], m[8], m[9])
     for i in range(MOMENT, STATES):
         for j in range(MOMENT, STATES):
             c[i, j] += q[i, j]
 
 
-def propagate_all(transition, c, q):
-    """As `propagate_one`, for covariances (10, 10, B): products of matrices cost numpy less than rows do."""
-    f, p = np.moveaxis(transition, 2, 0), np.moveaxis(c, 2, 0)
+def propagate_all(transition, m, c, q):
+    """As `propagate_one`, (10, B) and (10, 10, B): products of matrices cost numpy less than rows do."""
+    f, p = transition.transpose(2, 0, 1), c.transpose(2, 0, 1)
     np.matmul(f @ p, f.transpose(0, 2, 1), out=p)
     c += q
+    m[TRIM:] = (f[:, TRIM:, TRIM:] @ m.T[:, TRIM:, None])[..., 0].T
 
 
 @accelerated
-def covariance_with_one(c, by_x, by_w, channel):
-    """Of the state with a reading, shape (10,): one that moves so with x and w."""
-    gain = np.empty(STATES)
+def read_one(m, c, by_x, by_w, e, noise, innovation, variance):
+    """Take in readings of the angle and the rate, one after the other.
+
+    Parameters
+    ----------
+    m, c : ndarray, shape (10,) and (10, 10)
+        Mean and covariance of the state; overwritten.
+    by_x, by_w : tuple of 2 floats
+        What x and w add to each reading; trim and the angle's noise, bias and the rate's, they hold as they are.
+    e : tuple of 2 floats
+        Readings less what is expected before either.
+    noise : ndarray, shape (2,)
+        Variances; infinite where nothing was read.
+    innovation, variance : ndarray, shape (2,)
+        Where the rate's are those after the angle; overwritten.
+    """
+    with_angle, with_rate = np.empty(STATES), np.empty(STATES)
     for i in range(STATES):
-        gain[i] = by_x * c[X, i] + by_w * c[RATE, i] + c[TRIM + channel, i] + c[ANGLE_NOISE + channel, i]
-    return gain
-
-
-def covariance_with_all(c, by_x, by_w, channel):
-    """As `covariance_with_one`, shape (10, B)."""
-    return by_x * c[X] + by_w * c[RATE] + c[TRIM + channel] + c[ANGLE_NOISE + channel]
-
-
-@accelerated
-def corrected_one(m, c, gain, e, s):
-    """Mean and covariance after a reading of innovation e and variance s; in place."""
+        with_angle[i] = by_x[0] * c[X, i] + by_w[0] * c[RATE, i] + c[TRIM, i] + c[ANGLE_NOISE, i]
+        with_rate[i] = by_x[1] * c[X, i] + by_w[1] * c[RATE, i] + c[BIAS, i] + c[RATE_NOISE, i]
+    own = by_x[0] * with_angle[X] + by_w[0] * with_angle[RATE] + with_angle[TRIM] + with_angle[ANGLE_NOISE]
+    across = by_x[1] * with_angle[X] + by_w[1] * with_angle[RATE] + with_angle[BIAS] + with_angle[RATE_NOISE]
+    of_rate = by_x[1] * with_rate[X] + by_w[1] * with_rate[RATE] + with_rate[BIAS] + with_rate[RATE_NOISE]
+    variance[0] = own + noise[0]
+    share = across / variance[0]
+    variance[1] = of_rate + noise[1] - share * across
+    innovation[0], innovation[1] = e[0], e[1] - share * e[0]
     for i in range(STATES):
-        m[i] += gain[i] * (e / s)
+        with_rate[i] -= share * with_angle[i]
     for i in range(STATES):
-        share = gain[i] / s
+        of_angle, of_rate = with_angle[i] / variance[0], with_rate[i] / variance[1]
+        m[i] += of_angle * innovation[0] + of_rate * innovation[1]
         for j in range(STATES):
-            c[i, j] -= share * gain[j]
-    return m
+            c[i, j] -= of_angle * with_angle[j] + of_rate * with_rate[j]
 
 
-def corrected_all(m, c, gain, e, s):
-    """As `corrected_one`, for means (10, B): that given stays as it is."""
-    share = gain / s
-    c -= gain[:, None] * share
-    return m + share * e
+def read_all(m, c, by_x, by_w, e, noise, innovation, variance):
+    """As `read_one`, for B filters, the last axis."""
+    p = c.transpose(2, 0, 1)
+    h = np.zeros((m.shape[1], 2, STATES))
+    h[:, 0, TRIM] = h[:, 0, ANGLE_NOISE] = h[:, 1, BIAS] = h[:, 1, RATE_NOISE] = 1.0
+    for i in range(2):
+        h[:, i, X], h[:, i, RATE] = by_x[i], by_w[i]
+    gain = h @ p
+    s = gain @ h.transpose(0, 2, 1)
+    variance[0] = s[:, 0, 0] + noise[0]
+    share = s[:, 0, 1] / variance[0]
+    variance[1] = s[:, 1, 1] + noise[1] - share * s[:, 0, 1]
+    innovation[0], innovation[1] = e[0], e[1] - share * e[0]
+    gain[:, 1] -= share[:, None] * gain[:, 0]
+    shares = gain / variance.T[:, :, None]
+    p -= gain.transpose(0, 2, 1).copy() @ shares
+    m += shares[:, 0].T * innovation[0] + shares[:, 1].T * innovation[1]
 
 
-if HAS_NUMBA:
-    propagate, covariance_with, corrected = propagate_one, covariance_with_one, corrected_one
-else:
-    propagate, covariance_with, corrected = propagate_all, covariance_with_all, corrected_all
+# a covariance is worth a loop to compiled code, a call to numpy
+propagate, read = (propagate_one, read_one) if HAS_NUMBA else (propagate_all, read_all)
 
 
 @accelerated
 def run_filter(
-    ratios, active, friction_rate, m, c, q, transition, white, floor, step, bend, angle, rate, counts, innovation,
-    variance,
-):  # fmt: skip
+    ratios, active, friction_rate, m, c, q, transition, noise, step, bend, angle, rate, innovation, variance
+):
     """Innovations and their variances, written into the last two arguments; of one filter or, the last axis, of B.
 
     Parameters
@@ -198,21 +218,17 @@ def run_filter(
         Covariance that a step adds.
     transition : ndarray, shape as ``c``
         Of a step; what of it depends on the motion is overwritten.
-    white : ndarray, shape (2,) or (2, B)
-        Standard deviation of the white noise of a reading, rad and rad/s.
-    floor : ndarray, shape (2,)
-        Standard deviation of what no model explains of a block's mean, rad and rad/s.
+    noise : ndarray, shape (N, 2) or (N, 2, B)
+        Variance of the noise of each reading; infinite where nothing was read.
     step : float
         s.
     bend : float
         Second moment of a block's samples about its middle over two, s^2: the mean of an angle over a block differs
         from the angle in its middle by so many times its second derivative.
     angle, rate : ndarray, shape (N,)
-        Means over blocks of one step, rad and rad/s; not read where their count is zero.
-    counts : ndarray of float, shape (N, 2)
-        Samples in each mean of the angle and of the rate.
+        Means over blocks of one step, rad and rad/s; any number where nothing was read.
     innovation, variance : ndarray, shape (N, 2) or (N, 2, B)
-        Zero and one where nothing was read.
+        Of no meaning where nothing was read.
     """
     sub = step / SUBSTEPS
     for k in range(angle.size):
@@ -223,48 +239,32 @@ def run_filter(
                 _, x, w = motion_step(x, w, moment, sub, ratios, active, friction_rate)
             stiffness = restoring_slope(0.5 * (x + m[X]), ratios, active)
             damping = damping_slope(0.5 * (w + m[RATE]), ratios, active, friction_rate)
-            of_angle, of_rate = hull_transition(stiffness, damping, step)
-            for i in range(4):
-                transition[X, HULL[i]], transition[RATE, HULL[i]] = of_angle[i], of_rate[i]
-            propagate(transition, c, q)
+            move_hull(transition, stiffness, damping, step)
+            propagate(transition, m, c, q)
             m[X], m[RATE] = x, w
-            m[ANGLE_NOISE] *= transition[ANGLE_NOISE, ANGLE_NOISE]
-            m[RATE_NOISE] *= transition[RATE_NOISE, RATE_NOISE]
-            m[6], m[7], m[8], m[9] = disturbance_ahead(transition, m[6], m[7], m[8], m[9])
         x, w = m[X], m[RATE]
         stiffness = restoring_slope(x, ratios, active)
         damping = damping_slope(w, ratios, active, friction_rate)
         force = m[MOMENT] - damping_moment(w, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
-        for channel in range(2):
-            innovation[k, channel], variance[k, channel] = 0.0, 1.0
-            if counts[k, channel] == 0.0:
-                continue
-            if channel == 0:
-                reading, middle = angle[k], x + bend * force
-                by_x, by_w = 1.0 - bend * stiffness, -bend * damping
-            else:
-                reading, middle = rate[k], w - bend * (stiffness * w + damping * force)
-                by_x, by_w = bend * damping * stiffness, 1.0 + bend * (damping * damping - stiffness)
-            gain = covariance_with(c, by_x, by_w, channel)
-            s = by_x * gain[X] + by_w * gain[RATE] + gain[TRIM + channel] + gain[ANGLE_NOISE + channel]
-            s = s + white[channel] * white[channel] / counts[k, channel] + floor[channel] * floor[channel]
-            # the second channel's mean moves with the first's reading
-            expected = middle + by_x * (m[X] - x) + by_w * (m[RATE] - w)
-            e = reading - expected - m[TRIM + channel] - m[ANGLE_NOISE + channel]
-            m = corrected(m, c, gain, e, s)
-            innovation[k, channel], variance[k, channel] = e, s
+        by_x = 1.0 - bend * stiffness, bend * damping * stiffness
+        by_w = -bend * damping, 1.0 + bend * (damping * damping - stiffness)
+        e = (
+            angle[k] - (x + bend * force) - m[TRIM] - m[ANGLE_NOISE],
+            rate[k] - (w - bend * (stiffness * w + damping * force)) - m[BIAS] - m[RATE_NOISE],
+        )
+        read(m, c, by_x, by_w, e, noise[k], innovation[k], variance[k])
 
 
 @accelerated
 def run_one_by_one(
-    ratios, active, friction_rate, m, c, q, transition, white, floor, step, bend, angle, rate, counts, found
+    ratios, active, friction_rate, m, c, q, transition, noise, step, bend, angle, rate, innovation, variance
 ):
-    """`run_filter` for each of B filters: arrays of one each, the first axis, and what is found, shape (B, 2, N, 2)."""
+    """`run_filter` for each of B filters, the first axis of what is of each."""
     for b in range(len(m)):
         r = ratios[b]
         run_filter(
             (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), active, friction_rate, m[b], c[b], q[b],
-            transition[b], white[b], floor, step, bend, angle, rate, counts, found[b, 0], found[b, 1],
+            transition[b], noise[b], step, bend, angle, rate, innovation[b], variance[b],
         )  # fmt: skip
 
 
@@ -280,7 +280,7 @@ def innovations(
     ----------
     ratios : ndarray, shape (9, B)
         Ratios to inertia, a column a set.
-    active, friction_rate, floor, step, bend, angle, rate, counts
+    active, friction_rate, step, bend, angle, rate
         See `run_filter`.
     basin : ndarray, shape (10, B)
         In the order of ``LEVEL`` to ``DRIFT``.
@@ -288,12 +288,17 @@ def innovations(
         Angle from trim, rad, rate, rad/s, and trim, rad, at the first reading.
     bias_std : float
         Of the gyro's bias before anything was read, rad/s.
+    floor : ndarray, shape (2,)
+        Standard deviation of what no model explains of a block's mean, rad and rad/s.
+    counts : ndarray of float, shape (N, 2)
+        Samples in each mean of the angle and of the rate.
     compiled : bool
         Whether one after the other.
 
     Returns
     -------
     ndarray, shape (2, N, 2, B)
+        Zero and one where nothing was read.
     """
     count = ratios.shape[1]
     ahead, stationary = disturbance(basin[FREQUENCY], basin[DAMPING], step)
@@ -310,16 +315,18 @@ def innovations(
     q[:, TRIM, TRIM] = basin[DRIFT] ** 2 * step
     transition[:, [TRIM, BIAS], [TRIM, BIAS]] = 1.0
     transition[:, MOMENT:, MOMENT:] = ahead
-    white = basin[[ANGLE_WHITE, RATE_WHITE]]
-    record = floor, step, bend, angle, rate, counts
+    transition[:, X, MOMENT + 1] = step**3 / 6.0
+    unread = counts == 0.0
+    variances = basin[[ANGLE_WHITE, RATE_WHITE]].T[:, None] ** 2
+    noise = np.where(unread, np.inf, variances / np.where(unread, 1.0, counts) + floor**2)
+    record = step, bend, angle, rate
+    found = np.empty((2, count, angle.size, 2))
     if compiled:
-        found = np.empty((count, 2, angle.size, 2))
-        columns = np.ascontiguousarray(ratios.T), active, friction_rate, m, c, q, transition, white.T.copy()
-        run_one_by_one(*columns, *record, found)
-        return np.moveaxis(found, 0, -1)
-    found = np.empty((2, angle.size, 2, count))
-    side_by_side = [np.moveaxis(each, 0, -1) for each in (c, q, transition)]
-    given = [m.T.copy(), *side_by_side, white, *record, *found]
-    with np.errstate(all='ignore'):
-        run_filter(tuple(ratios), active, friction_rate, *given)
-    return found
+        columns = np.ascontiguousarray(ratios.T), active, friction_rate, m, c, q, transition, noise
+        run_one_by_one(*columns, *record, *found)
+    else:
+        c, q, transition, noise, *into = (np.moveaxis(each, 0, -1) for each in (c, q, transition, noise, *found))
+        with np.errstate(all='ignore'):
+            run_filter(tuple(ratios), active, friction_rate, m.T.copy(), c, q, transition, noise, *record, *into)
+    found[0][:, unread], found[1][:, unread] = 0.0, 1.0
+    return np.moveaxis(found, 1, -1)
