@@ -32,7 +32,7 @@ class _Compiled:
     @cached_property
     def _dispatcher(self) -> Any:
         numba = compiler()
-        return self._function if numba is None else numba.njit(cache=True)(self._function)
+        return self._function if numba is None else numba.njit(cache=True, error_model='numpy')(self._function)
 
     @property
     def _numba_type_(self) -> Any:
