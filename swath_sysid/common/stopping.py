@@ -1,10 +1,16 @@
 """What searches with ask and tell share, and the named reasons for which they stop."""
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from swath_sysid.common.latin_hypercube import latin_hypercube
+
+Progress = Callable[[float], None]
+"""Is called with the share done, 0 to 1."""
+ShouldCancel = Callable[[], bool]
+"""Is asked often whether to raise `Cancelled`."""
 
 
 class SearchBudget(Protocol):

@@ -18,7 +18,9 @@ record in one sea does not show how the damping depends on the amplitude, so wha
 *equivalent linear hull at the record's amplitude*: that of the harmonic motion with the same standard
 deviation, sqrt(2) std, by `hull.amplitude`.
 """
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +34,7 @@ from swath_sysid.attitude.identification.sea_motion import (
     EDGE_PERIODS,
     GAUSSIAN_RATE,
     MIN_REACH,
+    Heave,
     SeaMotion,
     TermSpectra,
     heave_spectrum,
@@ -43,7 +46,7 @@ from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
 AT_SEA = 'motion in waves'
 """Marks a model identified at sea, as ``provenance['identified_from']``."""
@@ -196,21 +199,21 @@ class AtSeaIdentification:
     advice: tuple[Advice, ...]
 
     @property
-    def has_period(self):
+    def has_period(self) -> bool:
         """Whether the natural period is known well enough to be of use to anyone."""
         return self.natural_period_std < PERIOD_USABLE * self.natural_period
 
     @property
-    def is_usable(self):
+    def is_usable(self) -> bool:
         """Whether period and damping are."""
         return self.has_period and self.damping_ratio_std < DAMPING_USABLE * self.damping_ratio
 
     @property
-    def std(self):
+    def std(self) -> dict[str, float]:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
-    def identified_model(self, provenance):
+    def identified_model(self, provenance: dict) -> IdentifiedModel:
         """The content of a model file; its provenance says that it was identified at sea.
 
         Parameters
@@ -238,14 +241,17 @@ class AtSeaIdentification:
         return IdentifiedModel(self.model, self.covariance, self.trim_std, seen, metrics, {**provenance, **how})
 
 
-def is_at_sea(identified):
+def is_at_sea(identified: IdentifiedModel) -> bool:
     """Whether an `IdentifiedModel` is the linear equivalent that a record in waves gave."""
     provenance = identified.provenance
     # a model file may say anything there
     return isinstance(provenance, dict) and provenance.get('identified_from') == AT_SEA
 
 
-def identify_at_sea(motion, heave=None, start=None, end=None, *, searched=False, progress=None, should_cancel=None):
+def identify_at_sea(
+    motion: AxisMotion, heave: Heave | None = None, start: float | None = None, end: float | None = None, *,
+    searched: bool = False, progress: Progress | None = None, should_cancel: ShouldCancel | None = None,
+) -> AtSeaIdentification:  # fmt: skip
     """Natural period and equivalent linear damping from a record in waves.
 
     Parameters
@@ -278,7 +284,9 @@ def identify_at_sea(motion, heave=None, start=None, end=None, *, searched=False,
     return _concluded(motion, fit, modes, not searched and bool(find_decays(motion)))
 
 
-def gain_over(model, motion, heave=None, *, should_cancel=None):
+def gain_over(
+    model: DecayModel, motion: AxisMotion, heave: Heave | None = None, *, should_cancel: ShouldCancel | None = None
+) -> float:
     """By how much the log-likelihood of a record rises when the hull is fitted to it instead of given.
 
     Parameters
@@ -305,7 +313,7 @@ def gain_over(model, motion, heave=None, *, should_cancel=None):
     return float((given.fun - free.fun) / fit.inflation(free.x))
 
 
-def excitation_spectrum(frequency, peak, peakedness, tail):
+def excitation_spectrum(frequency: np.ndarray, peak: float, peakedness: float, tail: float) -> np.ndarray:
     """Shape of the spectrum of the exciting moment, one at its peak frequency.
 
     JONSWAP (Hasselmann et al. 1973) with another tail: frequency^-5 where the moment follows the height
@@ -332,7 +340,7 @@ def excitation_spectrum(frequency, peak, peakedness, tail):
     return np.exp(np.clip(log_peak - np.clip(tail, -20.0, 20.0) * np.log(u) - 1.25 * (u**-4 - 1.0), -80.0, 80.0))
 
 
-def _best_fit(motion, heave, progress, should_cancel):
+def _best_fit(motion: AxisMotion, heave: Heave | None, progress: Progress | None, should_cancel: ShouldCancel | None):
     """The likelihood with the sea that is to be used, and its optima, the best first."""
     report = progress or (lambda share: None)
     sea, spectra = _prepared(motion)
@@ -354,7 +362,7 @@ def _best_fit(motion, heave, progress, should_cancel):
     return seen, optima
 
 
-def _cliff(frequency, excitation):
+def _cliff(frequency: np.ndarray, excitation: np.ndarray):
     """Frequency at which the excitation ends abruptly, rad/s; None where it does not."""
     top = int(excitation.argmax())
     total = np.concatenate([[0.0], np.cumsum(excitation)])
@@ -367,7 +375,7 @@ def _cliff(frequency, excitation):
     return float(frequency[at[fall.argmax()]]) if fall.max() > CLIFF else None
 
 
-def _prepared(motion):
+def _prepared(motion: AxisMotion):
     if motion.size < 64:
         raise InputError(
             f'the {motion.axis} has only {motion.size} samples there: give at least 10 minutes of motion in waves'
@@ -389,7 +397,7 @@ class _Jonswap:
 
     name = 'jonswap'
 
-    def __init__(self, sea):
+    def __init__(self, sea: SeaMotion):
         self.prior = np.array([np.log(sea.peak), np.log(MEAN_PEAKEDNESS - 1.0), 3.0, _FLOOR_PRIOR[0]])
         self.prior_std = np.array([0.5, 1.0, 2.0, _FLOOR_PRIOR[1]])
 
@@ -397,7 +405,7 @@ class _Jonswap:
         for factor in _PEAK_STARTS:
             yield self.prior + np.array([np.log(factor), 0.0, 0.0, 0.0])
 
-    def spectrum(self, frequency, parameters):
+    def spectrum(self, frequency: np.ndarray, parameters: np.ndarray):
         peak, peakedness, floor = np.exp(np.clip(parameters[[0, 1, 3]], -60.0, 60.0))
         return excitation_spectrum(frequency, peak, 1.0 + peakedness, parameters[2]) + floor
 
@@ -407,14 +415,14 @@ class _Heaving:
 
     name = 'heave'
 
-    def __init__(self, sea, spectra, shown):
+    def __init__(self, sea: SeaMotion, spectra: TermSpectra, shown: np.ndarray):
         self.prior, self.prior_std = np.array([0.0, _FLOOR_PRIOR[0]]), np.array([1.0, _FLOOR_PRIOR[1]])
         self._shown, self._relative = shown / shown.max(), spectra.frequency / sea.peak
 
     def starts(self):
         yield self.prior.copy()
 
-    def spectrum(self, frequency, parameters):
+    def spectrum(self, frequency: np.ndarray, parameters: np.ndarray):
         floor = np.exp(np.clip(parameters[1], -60.0, 60.0))
         return self._shown * self._relative ** np.clip(parameters[0], -20.0, 20.0) + floor
 
@@ -422,20 +430,22 @@ class _Heaving:
 class _Fit:
     """The likelihood of one record with one kind of sea; with the hull's parameters held, if given."""
 
-    def __init__(self, sea: SeaMotion, spectra: TermSpectra, waves, held=None):
+    def __init__(
+        self, sea: SeaMotion, spectra: TermSpectra, waves: _Jonswap | _Heaving, held: np.ndarray | None = None
+    ):
         self.sea, self.spectra, self.waves, self.held = sea, spectra, waves, held
         self.noise, self.highest = sea.noise(spectra.frequency), np.log(spectra.frequency[-1])
         hull = [np.log(sea.peak), np.log(_FIRST_DAMPING), 0.0, 0.0, 0.0, 0.0]
         self.prior = np.concatenate([hull, waves.prior])
         self.prior_std = np.concatenate([_PRIOR_STD, waves.prior_std])
 
-    def weights(self, parameters):
+    def weights(self, parameters: np.ndarray):
         """Coefficients of the terms in the exciting moment, shape (6,)."""
         frequency, damping = np.exp(np.clip(parameters[:2], -60.0, 60.0))
         b, r = 2.0 * damping * frequency, frequency**2
         return np.array([1.0, b, r, parameters[_QUADRATIC] * b, parameters[_EVEN] * r, parameters[_CUBIC] * r])
 
-    def parts(self, parameters):
+    def parts(self, parameters: np.ndarray):
         """Spectra of the moment that the hull needs and that the sea gives, and the hull's squared stiffness."""
         own, w = self.weights(parameters), self.spectra.frequency
         needed = self.spectra.matrices @ own @ own
@@ -444,7 +454,7 @@ class _Fit:
         given = level * self.waves.spectrum(w, parameters[len(PARAMETERS):])
         return needed, given + stiffness * self.noise, stiffness
 
-    def __call__(self, parameters):
+    def __call__(self, parameters: np.ndarray):
         """Negative log posterior."""
         needed, given, stiffness = self.parts(parameters)
         # the bands are those of the measured angle: the change of variables to the moment is the stiffness
@@ -453,7 +463,7 @@ class _Fit:
         value += 0.5 * (max(parameters[_FREQUENCY] - self.highest, 0.0) / EDGE_SOFTNESS) ** 2
         return value if np.isfinite(value) else 1e12
 
-    def optima(self, progress=None, should_cancel=None):
+    def optima(self, progress: Progress | None = None, should_cancel: ShouldCancel | None = None):
         """Local optima as scipy's results, the best first."""
         starts = sorted(self._starts(), key=self)[:_REFINED]
         found = []
@@ -465,7 +475,7 @@ class _Fit:
                 progress((number + 1.0) / len(starts))
         return sorted(found, key=lambda result: result.fun)
 
-    def _refined(self, start):
+    def _refined(self, start: np.ndarray):
         fixed = start[:0] if self.held is None else self.held
         from scipy.optimize import minimize
 
@@ -487,7 +497,7 @@ class _Fit:
                 start[_LEVEL] = np.log(np.average(needed / given, weights=self.spectra.counts * self.spectra.angle))
                 yield start
 
-    def hull(self, parameters):
+    def hull(self, parameters: np.ndarray):
         """Ratios (9,) of the nonlinear hull about its angle of rest."""
         one, b, r, quadratic, even, cubic = self.weights(parameters)
         s, q, x = self.sea.angle_std, self.sea.rate_std, self.sea.angle
@@ -507,7 +517,7 @@ class _Fit:
             ratios[TERM_INDEX[name]] = restoring.deriv(power)(rest) / (1.0, 2.0, 6.0)[power - 1]
         return ratios
 
-    def estimate(self, parameters):
+    def estimate(self, parameters: np.ndarray):
         """Logarithms of natural period, s, and damping ratio at the record's amplitude."""
         amplitude = np.sqrt(2.0) * self.sea.angle_std
         curves = amplitude_curves(self.hull(parameters), np.array([amplitude]), 1e-6)
@@ -517,14 +527,14 @@ class _Fit:
             frequency, damping = np.exp(parameters[:2])
         return np.array([np.log(2.0 * np.pi / frequency), np.log(damping)])
 
-    def deviance(self, parameters):
+    def deviance(self, parameters: np.ndarray):
         """Deviance a degree of freedom."""
         needed, given, _ = self.parts(parameters)
         ratio = needed / given
         total = 2.0 * self.spectra.counts @ (ratio - np.log(ratio) - 1.0)
         return float(total / max(1, self.spectra.counts.size - parameters.size))
 
-    def inflation(self, parameters):
+    def inflation(self, parameters: np.ndarray):
         """By how much the variance of the parameters exceeds that of a perfect fit, at least one.
 
         The deviance, times the sum of the autocorrelation of the residuals over neighbouring bands: where the
@@ -539,7 +549,7 @@ class _Fit:
             together += 2.0 * (1.0 - lag / MISSING_TOGETHER) * (residual[lag:] @ residual[:-lag]) / variance
         return max(1.0, self.deviance(parameters) * max(1.0, together))
 
-    def covariance(self, parameters):
+    def covariance(self, parameters: np.ndarray):
         """Inverse of the Hessian of the negative log posterior, by differences."""
         size, spread = parameters.size, self.prior_std
         step = 1e-3 * np.where(np.isfinite(spread), np.maximum(spread, 0.3), 1.0)
@@ -560,7 +570,7 @@ class _Fit:
         return (vectors / np.maximum(values, least)) @ vectors.T
 
 
-def _concluded(motion, fit, modes, holds_decay):
+def _concluded(motion: AxisMotion, fit: _Fit, modes: Sequence[Any], holds_decay: bool):
     sea, spectra, best = fit.sea, fit.spectra, modes[0]
     misfit = fit.deviance(best.x)
     logs, log_covariance = _estimate_with_covariance(fit, modes, fit.inflation(best.x))
@@ -616,7 +626,7 @@ def _concluded(motion, fit, modes, holds_decay):
     )
 
 
-def _estimate_with_covariance(fit, modes, inflation):
+def _estimate_with_covariance(fit: _Fit, modes: Sequence[Any], inflation: float):
     """Logarithms of period and damping with their covariance, the spread over other optima included."""
     best = modes[0]
     within = inflation * fit.covariance(best.x)
@@ -640,7 +650,7 @@ def _estimate_with_covariance(fit, modes, inflation):
     return logs, covariance
 
 
-def _fitted_spectra(fit, parameters):
+def _fitted_spectra(fit: _Fit, parameters: np.ndarray):
     needed, given, stiffness = fit.parts(parameters)
     own = fit.weights(parameters)
     return FittedSpectra(
@@ -653,7 +663,7 @@ def _fitted_spectra(fit, parameters):
     )
 
 
-def _decrement(sea, spectra, model):
+def _decrement(sea: SeaMotion, spectra: FittedSpectra, model: DecayModel):
     lag, measured = random_decrement(sea, _DECREMENT_PERIODS * 2.0 * np.pi / min(sea.peak, model.natural_frequency))
     level = np.sqrt(2.0) * sea.angle_std
     power = np.gradient(spectra.frequency) * spectra.fitted
@@ -661,7 +671,7 @@ def _decrement(sea, spectra, model):
     return Decrement(lag, measured, fitted, _free_decay(model, level, lag))
 
 
-def _free_decay(model, level, lag):
+def _free_decay(model: DecayModel, level: float, lag: np.ndarray):
     """From rest at an angle, of a linear hull with any damping."""
     roots = np.roots([1.0, model.terms['b1'], model.terms['r1']]).astype(complex)
     if abs(roots[0] - roots[1]) < 1e-6 * abs(roots[0]):
@@ -670,7 +680,10 @@ def _free_decay(model, level, lag):
     return level * (first * np.exp(roots[0] * lag) + (1.0 - first) * np.exp(roots[1] * lag)).real
 
 
-def _advice(holds_decay, sea, period, damping, covariance, misfit, peak_period, amplitude):
+def _advice(
+    holds_decay: bool, sea: SeaMotion, period: float, damping: float, covariance: np.ndarray, misfit: float,
+    peak_period: float, amplitude: float,
+):  # fmt: skip
     degrees = np.degrees(amplitude)
     found = [Advice(
         'equivalent-linear',

@@ -10,13 +10,17 @@ Damping takes the energy of b1 w + b2 |w| w + b3 w^3 over half a cycle of cos, s
 motion p1 = pi b1 / (2 w), p2 = 4/3 b2, p3 = 3/8 pi w b3. For the linear term the exact relation stands in place of
 the first: p1 = 2 tanh(b1 T / 8).
 """
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY, inertia_from_metacentric_height
 from swath_sysid.attitude.identification.one_step import with_angle_and_rate
-from swath_sysid.attitude.motion.turning_points import find_turning_points
+from swath_sysid.attitude.identification.uncertainty import AmplitudeBands
+from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.turning_points import TurningPoints, find_turning_points
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 
@@ -42,43 +46,43 @@ class Peaks:
     angle: np.ndarray
 
     @property
-    def amplitude(self):
+    def amplitude(self) -> np.ndarray:
         """Half of each swing, rad, shape (M - 1,)."""
         return 0.5 * np.abs(np.diff(self.angle))
 
     @property
-    def mean_amplitude(self):
+    def mean_amplitude(self) -> np.ndarray:
         """Mean of the amplitudes before and after a turning point, rad, shape (M - 2,)."""
         return 0.5 * (self.amplitude[:-1] + self.amplitude[1:])
 
     @property
-    def decrement(self):
+    def decrement(self) -> np.ndarray:
         """What the amplitude falls by in half a cycle, rad, shape (M - 2,)."""
         return self.amplitude[:-1] - self.amplitude[1:]
 
     @property
-    def period(self):
+    def period(self) -> np.ndarray:
         """From each turning point to the next but one, s, shape (M - 2,)."""
         return self.time[2:] - self.time[:-2]
 
     @property
-    def logarithmic_decrement(self):
+    def logarithmic_decrement(self) -> np.ndarray:
         """Of a whole cycle, shape (M - 2,)."""
         return 2.0 * np.log(self.amplitude[:-1] / self.amplitude[1:])
 
     @property
-    def bertin(self):
+    def bertin(self) -> np.ndarray:
         """Bertin's N of each half cycle, 1/rad, shape (M - 2,)."""
         return self.decrement / self.mean_amplitude**2
 
     @property
-    def decrement_covariance(self):
+    def decrement_covariance(self) -> np.ndarray:
         """Covariance of the decrements per unit variance of a turning point, shape (M - 2, M - 2)."""
         count = self.decrement.size
         return 0.5 * np.eye(count) - 0.25 * (np.eye(count, k=2) + np.eye(count, k=-2))
 
 
-def measured_peaks(motion, period):
+def measured_peaks(motion: AxisMotion, period: float) -> Peaks:
     """Turning points of a decay, each from a parabola through the samples around it.
 
     Parameters
@@ -99,12 +103,12 @@ def measured_peaks(motion, period):
     return Peaks(*np.array([vertex for vertex in found if vertex is not None]).reshape(-1, 2).T)
 
 
-def _zeros_between(rate_turns):
+def _zeros_between(rate_turns: TurningPoints):
     """Where the angle turns, seen in the turning points of its rate: half way between."""
     return 0.5 * (rate_turns.time[1:] + rate_turns.time[:-1])
 
 
-def _vertex(time, angle, at, reach):
+def _vertex(time: np.ndarray, angle: np.ndarray, at: float, reach: float):
     near = np.abs(time - at) <= reach
     # a parabola at the rim of the record would be extrapolated
     if near.sum() < 5 or time[near][0] > at - 0.5 * reach or time[near][-1] < at + 0.5 * reach:
@@ -139,30 +143,30 @@ class Extinction:
     period: float
 
     @property
-    def std(self):
+    def std(self) -> np.ndarray:
         """Standard deviations of the coefficients, shape (3,)."""
         return np.sqrt(np.diag(self.covariance))
 
-    def curve(self, amplitude):
+    def curve(self, amplitude: np.ndarray) -> np.ndarray:
         """Decrement of half a cycle at mean amplitudes (A,), rad."""
         return np.polynomial.polynomial.polyval(amplitude, [0.0, *self.coefficients])
 
     @property
-    def damping(self):
+    def damping(self) -> np.ndarray:
         """b1, 1/s, b2, 1/rad, and b3, s/rad^2, that the curve means."""
         p1, p2, p3 = self.coefficients
         frequency = 2.0 * np.pi / self.period
         return np.array([8.0 / self.period * np.arctanh(p1 / 2.0), 0.75 * p2, 8.0 * p3 / (3.0 * np.pi * frequency)])
 
     @property
-    def damping_std(self):
+    def damping_std(self) -> np.ndarray:
         """Standard deviations of `damping`, to first order."""
         frequency = 2.0 * np.pi / self.period
         slopes = 4.0 / self.period / (1.0 - self.coefficients[0] ** 2 / 4.0), 0.75, 8.0 / (3.0 * np.pi * frequency)
         return np.array(slopes) * self.std
 
 
-def extinction_of(peaks):
+def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
     """The extinction curve through the decrements of some decays, by generalised least squares.
 
     Parameters
@@ -195,7 +199,7 @@ def extinction_of(peaks):
     )
 
 
-def _fitted(peaks, powers):
+def _fitted(peaks: Sequence[Peaks], powers: Sequence[int]):
     """Coefficients of powers of the amplitude, and their covariance; NaN where no decrement is to spare."""
     columns, right = [], []
     for p in peaks:
@@ -234,13 +238,13 @@ class Particulars:
     length: float | None = None
     breadth: float | None = None
 
-    def inertia_of(self, model):
+    def inertia_of(self, model: DecayModel) -> float | None:
         """I' as given, else from hydrostatics and a decay model's stiffness, else None."""
         if self.inertia is not None or self.mass is None or self.metacentric_height is None:
             return self.inertia
         return inertia_from_metacentric_height(model, self.mass, self.metacentric_height)
 
-    def damping_unit(self, axis):
+    def damping_unit(self, axis: str) -> float | None:
         """What a damping coefficient, N m s, is divided by to have no dimension, or None.
 
         Roll: rho V B^2 sqrt(2 g / B) (ITTC 7.5-02-07-04.5); pitch: rho V L^2 sqrt(g / L).
@@ -253,7 +257,7 @@ class Particulars:
         return self.mass * size**2 * np.sqrt(gravity / size)
 
 
-def froude_number(speed, length):
+def froude_number(speed: float, length: float) -> float:
     """U / sqrt(g L); speed in m/s, length in m."""
     return speed / np.sqrt(STANDARD_GRAVITY * length)
 
@@ -296,26 +300,26 @@ class TankQuantity:
     type_b: dict
 
     @property
-    def combined(self):
+    def combined(self) -> float:
         """Standard uncertainty: the scatter of repeats holds that of each fit, so that the larger counts."""
         type_a = np.nanmax([self.fit, self.repeats])
         return float(np.sqrt(type_a**2 + sum(u**2 for u in self.type_b.values())))
 
     @property
-    def expanded(self):
+    def expanded(self) -> float:
         """U with coverage factor 2."""
         return COVERAGE_FACTOR * self.combined
 
 
-def _at(bands, name, amplitude):
+def _at(bands: AmplitudeBands, name: str, amplitude: float):
     return float(np.interp(amplitude, bands.curves.amplitude, getattr(bands.curves, name)))
 
 
-def _std_at(bands, name, amplitude):
+def _std_at(bands: AmplitudeBands, name: str, amplitude: float):
     return float(np.interp(amplitude, bands.curves.amplitude, getattr(bands, f'{name}_std')))
 
 
-def _slope_at(bands, name, amplitude):
+def _slope_at(bands: AmplitudeBands, name: str, amplitude: float):
     """d ln(quantity) / d ln(amplitude): what an error of the sensor's scale does."""
     logarithm = np.log(np.maximum(getattr(bands.curves, name), 1e-300))
     return float(np.interp(amplitude, bands.curves.amplitude, np.gradient(logarithm, np.log(bands.curves.amplitude))))
@@ -328,7 +332,10 @@ _FROM_INERTIA = {'time_base': -1, 'inertia': 1}
 _BOTH = ('frequency', 'damping_ratio')
 
 
-def tank_quantities(axis, bands, amplitude, inertia, particulars, type_b, repeats=()):
+def tank_quantities(
+    axis: str, bands: AmplitudeBands, amplitude: float, inertia: float | None, particulars: Particulars, type_b: TypeB,
+    repeats: Sequence[AmplitudeBands] = (),
+) -> tuple[TankQuantity, ...]:  # fmt: skip
     """Natural period, damping ratio and equivalent damping at one amplitude, each with its budget.
 
     Parameters
@@ -369,7 +376,7 @@ def tank_quantities(axis, bands, amplitude, inertia, particulars, type_b, repeat
     return tuple(_with_budget(row, bands, amplitude, type_b, repeats) for row in rows)
 
 
-def _with_budget(row, bands, amplitude, type_b, repeats):
+def _with_budget(row: tuple, bands: AmplitudeBands, amplitude: float, type_b: TypeB, repeats: Sequence[AmplitudeBands]):
     name, unit, formula, depends_on, exponents = row
     value = formula(*(_at(bands, q, amplitude) for q in _BOTH))
     relative = [_std_at(bands, q, amplitude) / abs(_at(bands, q, amplitude)) for q in depends_on]

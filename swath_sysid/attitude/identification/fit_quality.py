@@ -1,11 +1,18 @@
 """Whether a fit can be used: adequate, doubtful or refused, in one sentence with the cause and the cure."""
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit
 from swath_sysid.attitude.identification.innovations import LEVEL
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.noise import white_noise
+
+if TYPE_CHECKING:
+    from swath_sysid.attitude.identification.identify import Identification
 
 ADEQUATE, DOUBTFUL, REFUSED = 'adequate', 'doubtful', 'refused'
 
@@ -64,12 +71,12 @@ class Verdict:
         return f'{self.level}: {self.sentence}'
 
     @property
-    def warnings(self):
+    def warnings(self) -> tuple[Advice, ...]:
         """What to warn of: nothing where the fit is adequate."""
         return () if self.level == ADEQUATE else (Advice(self.code, str(self)),)
 
 
-def judge(found):
+def judge(found: 'Identification') -> Verdict:
     """Judge a fit, the gravest cause first.
 
     Parameters
@@ -89,7 +96,7 @@ def judge(found):
     ))
 
 
-def _refusals(found):
+def _refusals(found: 'Identification'):
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
     if mismatch > MAX_RATE_MISMATCH:
         yield 'angle-against-rate', (
@@ -111,7 +118,7 @@ def _refusals(found):
         )
 
 
-def _doubts(found):
+def _doubts(found: 'Identification'):
     absent = found.absent_term
     if absent is not None:
         yield 'absent-term', (
@@ -161,7 +168,7 @@ def _doubts(found):
         )
 
 
-def explained_share(pairs):
+def explained_share(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     """R2 of (measured, simulated) pairs, each record about its own mean.
 
     Parameters
@@ -178,7 +185,7 @@ def explained_share(pairs):
     return 1.0 - error / spread if spread > 0.0 else 0.0
 
 
-def _poor(quantity, pairs, found):
+def _poor(quantity: str, pairs: Sequence[tuple[np.ndarray, np.ndarray]], found: 'Identification'):
     fitted = 'rate' if found.records[0].motion.angle is None else 'angle'
     r2 = explained_share(pairs)
     least = MIN_R2 if found.basin is None else MIN_R2_IN_WAVES
@@ -194,7 +201,7 @@ def _poor(quantity, pairs, found):
         )
 
 
-def _coherence(pairs, found):
+def _coherence(pairs: Sequence[tuple[np.ndarray, np.ndarray]], found: 'Identification'):
     """Autocorrelation of the residuals a tenth of a period on, the median of the records."""
     values = []
     for record, (measured, simulated) in zip(found.records, pairs, strict=False):
@@ -206,7 +213,7 @@ def _coherence(pairs, found):
     return float(np.median(values)) if values else 0.0
 
 
-def rate_mismatch(motion, period):
+def rate_mismatch(motion: AxisMotion, period: float) -> float:
     """What the rate and the angle's slope differ by, over the rate, both about their means; zero without both.
 
     Both are taken over spans of a sixth of a period, and what the white noise of the angles makes of it is taken off.
@@ -222,7 +229,7 @@ def rate_mismatch(motion, period):
     return float(np.sqrt(max(np.var(slope - rate) - noise**2, 0.0)) / max(np.std(rate), 1e-12))
 
 
-def disturbance_of(found):
+def disturbance_of(found: 'Identification') -> float:
     """Standard deviation of the disturbance over the restoring moment at the first angle; zero without likelihood."""
     if found.basin is None:
         return 0.0
@@ -231,7 +238,7 @@ def disturbance_of(found):
     return float(found.basin.basin[LEVEL]) / max(moment, 1e-12)
 
 
-def innovation_correlation(basin):
+def innovation_correlation(basin: BasinFit | None) -> float:
     """Largest correlation of neighbouring innovations of a channel, in standard deviations of chance."""
     found = [0.0]
     for normalised in () if basin is None else basin.normalised:

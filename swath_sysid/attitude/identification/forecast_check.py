@@ -1,11 +1,15 @@
 """How well a model steps, simulates and forecasts a free decay that was measured."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, runge_kutta_population, simulate
+from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.one_step import with_angle_and_rate
+from swath_sysid.attitude.motion.trial import AxisMotion
 
 LEADS = (0.25, 0.5, 1.0)
 """Natural periods ahead."""
@@ -29,12 +33,12 @@ class NextStep:
     predicted: np.ndarray
 
     @property
-    def error(self):
+    def error(self) -> np.ndarray:
         """Predicted less measured, rad/s."""
         return self.predicted - self.measured
 
 
-def next_step(model, motion):
+def next_step(model: DecayModel, motion: AxisMotion) -> NextStep:
     """One Euler step ahead along a record: w'[k+1] = w[k] + dt f(psi[k], w[k]).
 
     Parameters
@@ -53,7 +57,7 @@ def next_step(model, motion):
     return NextStep(motion.time[1:], rate[1:], predicted)
 
 
-def simulation_error(model, state, motion):
+def simulation_error(model: DecayModel, state: InitialState, motion: AxisMotion) -> float:
     """Error of the simulated motion over the standard deviation of the measured one.
 
     Parameters
@@ -71,11 +75,12 @@ def simulation_error(model, state, motion):
         Infinite where the motion runs away. Of the angle, or of the rate where no angle was measured.
     """
     angle, rate = simulate(model, state.x + model.trim, state.rate, motion.time)
-    measured, simulated = (motion.rate, rate) if motion.angle is None else (motion.angle, angle)
-    return _relative(simulated - measured, measured)
+    return _relative((rate if motion.angle is None else angle) - motion.primary, motion.primary)
 
 
-def forecast_errors(model, motion, period, leads=LEADS):
+def forecast_errors(
+    model: DecayModel, motion: AxisMotion, period: float, leads: Sequence[float] = LEADS
+) -> tuple[float, ...]:
     """Errors of forecasts started all along a record, over the standard deviation of the motion.
 
     Parameters
@@ -121,7 +126,7 @@ def forecast_errors(model, motion, period, leads=LEADS):
     return tuple(found)
 
 
-def measured_states(motion, period):
+def measured_states(motion: AxisMotion, period: float) -> tuple[np.ndarray, np.ndarray, int]:
     """Angle and rate at each sample from the past alone: a parabola through a part of a period.
 
     Parameters
@@ -149,7 +154,7 @@ def measured_states(motion, period):
     return np.convolve(angle, value)[:motion.size], rate[:motion.size], window - 1
 
 
-def _relative(error, measured):
+def _relative(error: np.ndarray, measured: np.ndarray):
     with np.errstate(over='ignore', invalid='ignore'):
         ratio = float(np.sqrt(np.mean(error**2)) / np.std(measured))
     return ratio if np.isfinite(ratio) else float('inf')

@@ -1,17 +1,19 @@
 """From measured decays to a hull model: search, refine, and state the uncertainty."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
 from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term, fit_and_test
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
-from swath_sysid.attitude.identification.fit_quality import VANISHED, judge
+from swath_sysid.attitude.identification.fit_quality import VANISHED, Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, block_means, prepare
@@ -20,6 +22,7 @@ from swath_sysid.attitude.identification.search import (
     PRESETS,
     SearchResult,
     SearchSettings,
+    SearchSpace,
     dimensionless_space,
     full_ratios,
     published_space,
@@ -31,7 +34,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
 OBJECTIVES = ('simulation', 'one-step')
 DEFAULT_EQUATION = 'odd-cubic'
@@ -78,7 +81,7 @@ class IdentificationSettings:
             raise InputError('the start must lie before the end')
 
     @property
-    def chosen_equation(self):
+    def chosen_equation(self) -> Equation:
         """The equation to fit."""
         return equation_named(self.equation or DEFAULT_EQUATION)
 
@@ -104,11 +107,9 @@ class RecordFit:
     rate: np.ndarray
 
     @property
-    def residual(self):
+    def residual(self) -> np.ndarray:
         """Measured less simulated: of the angle, or of the rate where no angle was measured."""
-        if self.motion.angle is not None:
-            return self.motion.angle - self.angle
-        return self.motion.rate - self.rate
+        return self.motion.primary - (self.rate if self.motion.angle is None else self.angle)
 
 
 @dataclass(frozen=True)
@@ -196,37 +197,37 @@ class Identification:
     rival: Rival | None = None
 
     @property
-    def std(self):
+    def std(self) -> dict[str, float]:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     @property
-    def keeps_least_squares(self):
+    def keeps_least_squares(self) -> bool:
         """Whether the likelihood was tried and left the ratios to least squares."""
         return self.basin is None and self.log_likelihood is not None
 
     @cached_property
-    def verdict(self):
+    def verdict(self) -> Verdict:
         """Whether the fit can be used."""
         return judge(self)
 
     @property
-    def amplitude_range(self):
+    def amplitude_range(self) -> tuple[float, float]:
         """Smallest and largest amplitude seen, rad: where the model is valid."""
         return amplitudes_seen(self.problem)
 
     @property
-    def reference_amplitude(self):
+    def reference_amplitude(self) -> float:
         """Geometric mean of the amplitudes seen, rad."""
         return float(np.sqrt(np.prod(self.amplitude_range)))
 
     @property
-    def damping_ratio(self):
+    def damping_ratio(self) -> float:
         """Equivalent damping over critical damping at the reference amplitude."""
         curves = self.bands.curves
         return float(np.interp(self.reference_amplitude, curves.amplitude, curves.damping_ratio))
 
-    def identified_model(self, provenance):
+    def identified_model(self, provenance: dict) -> IdentifiedModel:
         """The content of a model file.
 
         Parameters
@@ -251,7 +252,7 @@ class Identification:
         )
 
 
-def fit_metrics(fit):
+def fit_metrics(fit: Any) -> dict[str, float | str | None]:
     """How well a fit explains the motion, as model files hold it.
 
     Parameters
@@ -274,7 +275,10 @@ def fit_metrics(fit):
     }
 
 
-def identify(motions, settings=IdentificationSettings(), *, progress=None, should_cancel=None):  # noqa: B008 - frozen
+def identify(
+    motions: Sequence[AxisMotion], settings: IdentificationSettings = IdentificationSettings(), *,  # noqa: B008 - frozen
+    progress: Progress | None = None, should_cancel: ShouldCancel | None = None,
+) -> Identification:  # fmt: skip
     """Identify the decay model of one axis from one or several records.
 
     Parameters
@@ -302,7 +306,10 @@ def identify(motions, settings=IdentificationSettings(), *, progress=None, shoul
     return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
 
 
-def identify_problem(problem, settings, *, progress=None, should_cancel=None):
+def identify_problem(
+    problem: Problem, settings: IdentificationSettings, *, progress: Progress | None = None,
+    should_cancel: ShouldCancel | None = None,
+) -> Identification:  # fmt: skip
     """As `identify`, on decays found before."""
     equation = settings.chosen_equation
     space = _space(problem, equation, settings)
@@ -322,7 +329,10 @@ def identify_problem(problem, settings, *, progress=None, should_cancel=None):
     return identified
 
 
-def refit_from(problem, settings, equation, ratios, states, search):
+def refit_from(
+    problem: Problem, settings: IdentificationSettings, equation: Equation, ratios: np.ndarray,
+    states: Sequence[InitialState], search: SearchResult,
+) -> Identification:  # fmt: skip
     """Refine an equation on whole records from given ratios (9,) and states."""
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
@@ -330,7 +340,7 @@ def refit_from(problem, settings, equation, ratios, states, search):
     return refined_in_basin(conclude(problem, settings, equation, fit, parameters, search))
 
 
-def suits_likelihood(problem, equation):
+def suits_likelihood(problem: Problem, equation: Equation) -> bool:
     """Whether coefficients come from the likelihood of a basin that moves: with angle and rate in each record.
 
     The likelihood takes the two to differ by noise and a bias only, and so tells the craft's motion from the
@@ -341,7 +351,7 @@ def suits_likelihood(problem, equation):
     return both and 'b0' not in equation.terms
 
 
-def refined_in_basin(found):
+def refined_in_basin(found: Identification) -> Identification:
     """A least-squares identification refined by the likelihood that knows of the basin's motion, where it suits.
 
     Where the equation lacks a term that the motion shows, the likelihood takes for the basin's motion what the
@@ -373,7 +383,7 @@ def refined_in_basin(found):
     )
 
 
-def _has_left(refined, found):
+def _has_left(refined: Identification, found: Identification):
     """Whether the likelihood's natural period is elsewhere than that of least squares and than that of the swings."""
     if any(found.model.terms[n] < CERTAIN_STDS * found.std[n] for n in ('r1', 's1') if n in found.std):
         return False
@@ -382,7 +392,9 @@ def _has_left(refined, found):
     return min(change) > MAX_PERIOD_CHANGE
 
 
-def motion_fit(problem, equation, motions=None, **options):
+def motion_fit(
+    problem: Problem, equation: Equation, motions: Sequence[AxisMotion] | None = None, **options
+) -> MotionFit:
     """The simulation objective of an equation on a problem's records, or on parts of them."""
     return MotionFit(
         problem.motions if motions is None else motions,
@@ -394,7 +406,7 @@ def motion_fit(problem, equation, motions=None, **options):
     )
 
 
-def amplitudes_seen(problem):
+def amplitudes_seen(problem: Problem) -> tuple[float, float]:
     """Smallest and largest amplitude of the records, rad."""
     last = min(s.final_amplitude for s in problem.segments)
     first = problem.scales.amplitude
@@ -403,12 +415,12 @@ def amplitudes_seen(problem):
     return min(last, 0.9 * first), first
 
 
-def _space(problem, equation, settings):
+def _space(problem: Problem, equation: Equation, settings: IdentificationSettings):
     preset = settings.search.preset
     return published_space(equation, PRESETS[preset], problem.scales) if preset else dimensionless_space(equation)
 
 
-def _search_objective(problem, equation, settings):
+def _search_objective(problem: Problem, equation: Equation, settings: IdentificationSettings):
     """Dimensionless ratios (P, n) to values (P,)."""
     if settings.objective == 'one-step':
         one_step = _one_step(problem)
@@ -419,11 +431,11 @@ def _search_objective(problem, equation, settings):
     return lambda ratios: fit.objective_of_population(ratios, problem.states)
 
 
-def _one_step(problem):
+def _one_step(problem: Problem):
     return OneStepObjective.of(problem.motions, [s.trim for s in problem.states], problem.friction_rate)
 
 
-def _linear_guess(problem, equation):
+def _linear_guess(problem: Problem, equation: Equation):
     """Dimensionless ratios of the linear oscillator that the segments' decrement implies."""
     decrement = np.median([
         np.log(s.initial_amplitude / s.final_amplitude) / (2.0 * np.pi * max(s.cycles, 0.5)) for s in problem.segments
@@ -434,7 +446,7 @@ def _linear_guess(problem, equation):
     return guess[equation.indices]
 
 
-def _exact_one_step(problem, equation, space):
+def _exact_one_step(problem: Problem, equation: Equation, space: SearchSpace):
     """The bounded least-squares optimum, and the initial states that suit it best."""
     units = problem.scales.ratio_units
     lower, upper = LOWER * units, UPPER * units
@@ -445,7 +457,9 @@ def _exact_one_step(problem, equation, space):
     return fit, parameters
 
 
-def _refine_outwards(problem, equation, space, best, should_cancel):
+def _refine_outwards(
+    problem: Problem, equation: Equation, space: SearchSpace, best: np.ndarray, should_cancel: ShouldCancel | None
+):
     """Least squares on the first periods, then on ever more of the record."""
     longest = max(m.duration for m in problem.motions) * problem.scales.frequency / (2 * np.pi)
     starts = [best, np.clip(_linear_guess(problem, equation), space.ratio_lower, space.ratio_upper)]
@@ -467,7 +481,10 @@ def _refine_outwards(problem, equation, space, best, should_cancel):
         horizon *= HORIZON_GROWTH
 
 
-def conclude(problem, settings, equation, fit, parameters, search, basin=None):
+def conclude(
+    problem: Problem, settings: IdentificationSettings, equation: Equation, fit: MotionFit, parameters: np.ndarray,
+    search: SearchResult, basin: BasinFit | None = None,
+) -> Identification:  # fmt: skip
     """Everything a fit must say besides its coefficients."""
     ratios, states = fit.unpack(parameters)
     n = fit.term_count
@@ -476,7 +493,7 @@ def conclude(problem, settings, equation, fit, parameters, search, basin=None):
     units = problem.scales.ratio_units[equation.indices]
     ratio_covariance = covariance.matrix[:n, :n] * np.outer(units, units)
     trim_std = float(np.sqrt(np.mean(np.diag(covariance.matrix)[n + 2 :: 3]))) * problem.scales.amplitude
-    intervals = [
+    intervals: Iterable = [
         interval(ratios[index], std, name in DAMPING_NAMES)
         for name, index, std in zip(equation.terms, equation.indices, np.sqrt(np.diag(ratio_covariance)), strict=True)
     ]
@@ -518,18 +535,20 @@ def conclude(problem, settings, equation, fit, parameters, search, basin=None):
     )
 
 
-def _rms(parts):
+def _rms(parts: Sequence[np.ndarray]):
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else None
 
 
-def _explained(records):
+def _explained(records: Sequence[RecordFit]):
     """R^2 over all records, each about its own mean."""
     error = sum(float(np.sum(r.residual**2)) for r in records)
-    measured = [r.motion.rate if r.motion.angle is None else r.motion.angle for r in records]
-    return 1.0 - error / sum(float(np.sum((m - m.mean()) ** 2)) for m in measured)
+    return 1.0 - error / sum(float(np.sum((r.motion.primary - r.motion.primary.mean()) ** 2)) for r in records)
 
 
-def _fit_advice(problem, settings, model, covariance, basin):
+def _fit_advice(
+    problem: Problem, settings: IdentificationSettings, model: DecayModel, covariance: np.ndarray,
+    basin: BasinFit | None,
+):  # fmt: skip
     found = list(inseparable_terms(model.equation.terms, covariance))
     dimensionless = model.ratios / problem.scales.ratio_units
     for name in model.equation.terms:

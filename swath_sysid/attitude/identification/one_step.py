@@ -11,11 +11,14 @@ Under noise its minimum is biased, because the measured rate stands on both side
 simulation objective is the default for that reason.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.errors import InputError
 
 LONGEST_STEP = 3.0
@@ -38,7 +41,7 @@ class OneStepObjective:
     samples: int
 
     @classmethod
-    def of(cls, motions, trims, friction_rate):
+    def of(cls, motions: Sequence[AxisMotion], trims: Sequence[float], friction_rate: float) -> 'OneStepObjective':
         """Form the objective of one or several records.
 
         Parameters
@@ -62,7 +65,7 @@ class OneStepObjective:
         triangle = np.asarray(np.linalg.qr(np.concatenate([np.linalg.qr(s, mode='r') for s in steps]), mode='r'))
         return cls(triangle, samples)
 
-    def __call__(self, ratios):
+    def __call__(self, ratios: np.ndarray):
         """F of each candidate, rad/s.
 
         Parameters
@@ -77,7 +80,7 @@ class OneStepObjective:
         errors = ratios @ self.triangle[:, :-1].T + self.triangle[:, -1]
         return np.sqrt(np.einsum('pk,pk->p', errors, errors) / self.samples)
 
-    def minimum(self, equation, lower, upper):
+    def minimum(self, equation: Equation, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """The exact optimum within bounds.
 
         Parameters
@@ -104,13 +107,13 @@ class OneStepObjective:
         ratios[used] = solved.x / scale
         return ratios
 
-    def information(self, equation):
+    def information(self, equation: Equation) -> np.ndarray:
         """Inverse covariance of the ratios per unit variance of the step error, shape (n, n)."""
         columns = self.triangle[:, equation.indices]
         return columns.T @ columns
 
 
-def _steps(motion, trim, friction_rate):
+def _steps(motion: AxisMotion, trim: float, friction_rate: float):
     """Rows of the nine terms' Euler steps (to be added, times their ratio) and the measured step."""
     angle, rate = with_angle_and_rate(motion)
     interval = np.diff(motion.time)
@@ -119,7 +122,7 @@ def _steps(motion, trim, friction_rate):
     return rows[interval <= LONGEST_STEP * np.median(interval)]
 
 
-def with_angle_and_rate(motion):
+def with_angle_and_rate(motion: AxisMotion) -> tuple[np.ndarray, np.ndarray]:
     """Angle and rate of a motion, the one not measured derived from the other.
 
     A missing rate is the centred difference of the angle; a missing angle the integral of the
@@ -130,10 +133,10 @@ def with_angle_and_rate(motion):
     angle, rate : ndarray, shape (N,)
     """
     if motion.rate is None:
-        return motion.angle, np.gradient(motion.angle, motion.time)
+        return motion.primary, np.gradient(motion.primary, motion.time)
     if motion.angle is None:
         from scipy.integrate import cumulative_trapezoid
 
-        angle = cumulative_trapezoid(motion.rate, motion.time, initial=0.0)
-        return angle - angle[angle.size // 2 :].mean(), motion.rate
+        angle = cumulative_trapezoid(motion.primary, motion.time, initial=0.0)
+        return angle - angle[angle.size // 2 :].mean(), motion.primary
     return motion.angle, motion.rate

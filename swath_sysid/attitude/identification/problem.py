@@ -1,5 +1,6 @@
 """What is to be identified: the free decays of some records, and what they say at a glance."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,17 +71,17 @@ class Problem:
     advice: tuple[Advice, ...]
 
     @property
-    def shortest_memory(self):
+    def shortest_memory(self) -> int:
         """Samples in a quarter of a natural period: the least over which residuals may be correlated."""
         return max(5, round(0.5 * np.pi / self.scales.frequency / self.motions[0].sample_interval))
 
-    def until(self, periods):
+    def until(self, periods: float) -> tuple[AxisMotion, ...]:
         """The records' first part, ``periods`` natural periods long; states as they are."""
         limit = periods * 2.0 * np.pi / self.scales.frequency
         return tuple(m.between(None, m.time[0] + limit) for m in self.motions)
 
 
-def prepare(motions, start=None, end=None):
+def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None) -> Problem:
     """Find the free decays and take first estimates from them.
 
     Parameters
@@ -102,7 +103,9 @@ def prepare(motions, start=None, end=None):
     return _problem(motions, tuple(find_decay(m, start, end) for m in motions))
 
 
-def decays_or_waves(motions, start=None, end=None):
+def decays_or_waves(
+    motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None
+) -> Problem | None:
     """As `prepare`, but None where none of the records holds a free decay and all swing from beginning to end."""
     found = tuple(decay_or_absence(m, start, end) for m in motions)
     absences = [each for each in found if isinstance(each, Advice)]
@@ -110,10 +113,10 @@ def decays_or_waves(motions, start=None, end=None):
         return None
     for absence in absences:
         raise InputError(absence.message, absence.code)
-    return _problem(motions, found)
+    return _problem(motions, tuple(each for each in found if not isinstance(each, Advice)))
 
 
-def _problem(motions, segments):
+def _problem(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]):
     if not motions:
         raise InputError('give at least one trial')
     axes = {m.axis for m in motions}
@@ -142,30 +145,30 @@ def _problem(motions, segments):
     )
 
 
-def _left_alone_until(motion, segment):
+def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
     """End of the quiet, or of the waves, that a decay fades into, s; its own end where it was given or stopped."""
     if segment.ending not in ('noise-floor', 'faded', 'disturbed') or motion.angle is None:
         return segment.end
     after = motion.between(segment.end, segment.end + LONGEST_AFTERMATH * segment.period)
     if after.size < 8:
         return segment.end
-    later = after.angle[after.size // 2 :]
+    later = after.primary[after.size // 2 :]
     if segment.ending == 'disturbed' and np.ptp(later) < segment.final_amplitude:
         return segment.end
     limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
-    loud = np.flatnonzero(np.abs(after.angle - segment.trim) > limit)
+    loud = np.flatnonzero(np.abs(after.primary - segment.trim) > limit)
     if not loud.size:
         return float(after.time[-1])
     return max(segment.end, float(after.time[loud[0]]) - segment.period)
 
 
-def _averaged(motion, period):
+def _averaged(motion: AxisMotion, period: float):
     """The record at a density that a fit can use up."""
     dense = period / motion.sample_interval > DENSEST
     return block_means(motion, period, AVERAGED) if dense else motion
 
 
-def block_means(motion, period, blocks):
+def block_means(motion: AxisMotion, period: float, blocks: int) -> AxisMotion:
     """The record in means over a part of a period; as it is where it is not much denser than that.
 
     The first sample stays as it is, because the initial state belongs to it.
@@ -184,26 +187,26 @@ def block_means(motion, period, blocks):
     block = 1 + np.floor((motion.time - motion.time[0]) * blocks / period).astype(int)
     block[0] = 0
 
-    def mean(values):
+    def mean(values: np.ndarray | None):
         return None if values is None else bin_means(block, values)[1]
 
     return replace(motion, time=mean(motion.time), angle=mean(motion.angle), rate=mean(motion.rate))
 
 
-def _amplitude(motion, state, frequency):
+def _amplitude(motion: AxisMotion, state: InitialState, frequency: float):
     if motion.angle is not None:
         return float(np.abs(motion.angle - state.trim).max())
-    return float(np.abs(motion.rate).max()) / frequency
+    return float(np.abs(motion.primary).max()) / frequency
 
 
-def _initial_state(motion, segment, noise):
+def _initial_state(motion: AxisMotion, segment: DecaySegment, noise: Noise):
     """Local parabola through the first samples: angle and rate share its coefficients."""
     elapsed = motion.time - motion.time[0]
     first = elapsed <= FIRST_LOOK_PERIODS * segment.period
     first[:4] = True
     t, one, zero = elapsed[first], np.ones(first.sum()), np.zeros(first.sum())
     if motion.angle is None:
-        slope, rate = np.polyfit(t, motion.rate[first], 1)
+        slope, rate = np.polyfit(t, motion.primary[first], 1)
         return InitialState(_angle_from_rate(motion, segment), float(rate), 0.0)
     trim = float(segment.trim)
     rows = np.column_stack([one, t, t * t / 2]) / noise.angle
@@ -215,7 +218,7 @@ def _initial_state(motion, segment, noise):
     return InitialState(float(x), float(rate), trim)
 
 
-def _frequency(motion, segment):
+def _frequency(motion: AxisMotion, segment: DecaySegment):
     """Natural frequency to scale by, rad/s: of the swings or, where they are few, of the first fall.
 
     Swings of a strongly damped craft are more the basin's. The fall obeys the linear equation integrated once, rate =
@@ -228,16 +231,17 @@ def _frequency(motion, segment):
         return frequency
     away = np.abs(motion.angle - segment.trim)
     fallen = motion.time[np.argmax(away < FALLEN * away[0])] - motion.time[0]
-    fall = motion.between(None, motion.time[0] + max(2.0 * fallen, 8.0 * motion.sample_interval))
-    elapsed = fall.time - fall.time[0]
-    integral = cumulative_trapezoid(fall.angle, elapsed, initial=0.0)
-    rows = np.column_stack([-integral, -fall.angle, np.ones(fall.size), elapsed])
-    stiffness = np.linalg.lstsq(rows, fall.rate, rcond=None)[0][0]
+    elapsed = motion.time - motion.time[0]
+    falls = elapsed <= max(2.0 * fallen, 8.0 * motion.sample_interval)
+    elapsed, angle = elapsed[falls], motion.angle[falls]
+    integral = cumulative_trapezoid(angle, elapsed, initial=0.0)
+    rows = np.column_stack([-integral, -angle, np.ones(angle.size), elapsed])
+    stiffness = np.linalg.lstsq(rows, motion.rate[falls], rcond=None)[0][0]
     found = np.sqrt(max(stiffness, 0.0))
     return float(found) if 1.0 / LARGEST_CORRECTION < found / frequency < LARGEST_CORRECTION else frequency
 
 
-def _angle_from_rate(motion, segment):
+def _angle_from_rate(motion: AxisMotion, segment: DecaySegment):
     """Initial angle from trim: the integral of the rate has come to rest in the last whole periods."""
     from scipy.integrate import cumulative_trapezoid
 

@@ -11,21 +11,29 @@ import numpy as np
 from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.amplitude import amplitude_curves
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.identification.at_sea import PERIOD_USABLE, gain_over, identify_at_sea, is_at_sea
+from swath_sysid.attitude.identification.at_sea import (
+    PERIOD_USABLE,
+    AtSeaIdentification,
+    gain_over,
+    identify_at_sea,
+    is_at_sea,
+)
 from swath_sysid.attitude.identification.fit_quality import REFUSED
-from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
+from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.motion_fit import MotionFit
-from swath_sysid.attitude.identification.problem import decays_or_waves
-from swath_sysid.attitude.identification.sea_motion import heave_of
+from swath_sysid.attitude.identification.problem import Problem, decays_or_waves
+from swath_sysid.attitude.identification.sea_motion import Heave, heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
 from swath_sysid.attitude.motion.contradictions import OFFSET_CODES, RATE_CODES, refuse_contradictions
 from swath_sysid.attitude.motion.installation_checks import contradictions_in
 from swath_sysid.attitude.motion.sensor_mount import Installation
-from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.stopping import Progress, ShouldCancel
 
 LONGEST_HISTORY = 20
 
@@ -119,23 +127,25 @@ class RefitOutcome:
     verdicts: tuple[AxisVerdict, ...]
 
     @property
-    def models(self):
+    def models(self) -> dict[str, IdentifiedModel]:
         """Axis to the models that are to replace the current ones."""
         return {verdict.axis: verdict.model for verdict in self.verdicts if verdict.model is not None}
 
     @property
-    def succeeded(self):
+    def succeeded(self) -> bool:
         """Whether any axis has a new model."""
         return bool(self.models)
 
     @property
-    def message(self):
+    def message(self) -> str:
         """One line for people, what is published first."""
         ordered = sorted(self.verdicts, key=lambda verdict: verdict.model is None)
         return '; '.join(f'{verdict.axis}: {verdict.message}' for verdict in ordered)
 
 
-def refit(request, *, progress=None, should_cancel=None):
+def refit(
+    request: RefitRequest, *, progress: Progress | None = None, should_cancel: ShouldCancel | None = None
+) -> RefitOutcome:
     """Identify each axis on a window and compare with the current model on that window.
 
     Parameters
@@ -169,7 +179,7 @@ def refit(request, *, progress=None, should_cancel=None):
     verdicts = []
     for index, axis in enumerate(axes):
 
-        def report(share, index=index):
+        def report(share: float, index: int = index):
             if progress is not None:
                 progress((index + share) / len(axes))
 
@@ -186,7 +196,7 @@ def refit(request, *, progress=None, should_cancel=None):
     return RefitOutcome(tuple(verdicts))
 
 
-def misfit(problem, model):
+def misfit(problem: Problem, model: DecayModel) -> float:
     """How badly a model explains decays, from the initial state that suits it best.
 
     Parameters
@@ -213,7 +223,9 @@ def misfit(problem, model):
     return value if np.isfinite(value) else float('inf')
 
 
-def _refit_axis(axis, trial, request, progress, should_cancel):
+def _refit_axis(
+    axis: str, trial: Trial, request: RefitRequest, progress: Progress | None, should_cancel: ShouldCancel | None
+):
     settings, motion = request.settings.identification, trial.axis(axis)
     problem = decays_or_waves([motion], settings.start, settings.end)
     if problem is None:
@@ -223,7 +235,7 @@ def _refit_axis(axis, trial, request, progress, should_cancel):
     return _judged_decay(axis, problem, found, request), estimate
 
 
-def _period_at_reference(found):
+def _period_at_reference(found: Identification):
     """Period, its standard deviation and the amplitude of an `Identification`."""
     amplitude, curves = found.reference_amplitude, found.bands.curves
     frequency = float(np.interp(amplitude, curves.amplitude, curves.frequency))
@@ -232,7 +244,7 @@ def _period_at_reference(found):
     return (period, period * std / frequency, amplitude) if 0.0 < std < PERIOD_USABLE * frequency else None
 
 
-def _judged_decay(axis, problem, found, request):
+def _judged_decay(axis: str, problem: Problem, found: Identification, request: RefitRequest):
     settings = request.settings
     new = misfit(problem, found.model)
     held = request.current.get(axis)
@@ -248,7 +260,10 @@ def _judged_decay(axis, problem, found, request):
     return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', new, current)
 
 
-def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
+def _refit_at_sea(
+    axis: str, motion: AxisMotion, heave: Heave | None, request: RefitRequest, progress: Progress | None,
+    should_cancel: ShouldCancel | None,
+):  # fmt: skip
     try:
         found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
@@ -257,7 +272,10 @@ def _refit_at_sea(axis, motion, heave, request, progress, should_cancel):
     return _judged_at_sea(axis, motion, heave, found, request, should_cancel), estimate
 
 
-def _judged_at_sea(axis, motion, heave, found, request, should_cancel):
+def _judged_at_sea(
+    axis: str, motion: AxisMotion, heave: Heave | None, found: AtSeaIdentification, request: RefitRequest,
+    should_cancel: ShouldCancel | None,
+):  # fmt: skip
     summary = (
         f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
         f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
@@ -279,14 +297,14 @@ def _judged_at_sea(axis, motion, heave, found, request, should_cancel):
     return AxisVerdict(axis, found.identified_model(request.provenance), f'{summary}{better}', found.misfit)
 
 
-def _told_there(held, amplitude):
+def _told_there(held: IdentifiedModel, amplitude: float):
     """What a model says of an amplitude, in words."""
     curves = amplitude_curves(held.model.ratios, np.array([amplitude]), held.model.friction_rate)
     period, damping = 2.0 * np.pi / float(curves.frequency[0]), float(curves.damping_ratio[0])
     return f'which there has period {period:.3f} s and damping ratio {damping:.3f}'
 
 
-def window_provenance(table, source, software):
+def window_provenance(table: MotionTable, source: dict, software: str) -> dict:
     """Where a window came from.
 
     Parameters
@@ -312,7 +330,7 @@ def window_provenance(table, source, software):
     }
 
 
-def warm_up():
+def warm_up() -> None:
     """A small refit of simulated decays, so that the next one finds everything loaded and compiled."""
     time = np.arange(0.0, 12.0, 0.05)
     decay = 0.1 * np.exp(-0.2 * time)
@@ -325,7 +343,7 @@ def warm_up():
     refit(RefitRequest(MotionTable(rows, 0), {}, settings))
 
 
-def _chance_ratio(found):
+def _chance_ratio(found: Identification):
     """Ratio of the misfits, new over current, that chance alone undercuts with probability `BY_CHANCE`.
 
     Two models of the same craft, each fitted with k ratios to its own window: on the new one's window their
@@ -346,14 +364,14 @@ class Refitter:
         Known at the start, by axis.
     """
 
-    def __init__(self, settings=None, models=None):
+    def __init__(self, settings: RefitSettings | None = None, models: dict[str, IdentifiedModel] | None = None):
         self.settings = settings or RefitSettings()
         self.models = dict(models or {})
         self.version = 0
         self.stability = StabilityWatch()
-        self._history = []
+        self._history: list[dict[str, IdentifiedModel]] = []
 
-    def request(self, table, provenance=None):
+    def request(self, table: MotionTable, provenance: dict | None = None) -> RefitRequest:
         """What is to be fitted on a window, by `refit`.
 
         Parameters
@@ -369,7 +387,7 @@ class Refitter:
         """
         return RefitRequest(table, dict(self.models), self.settings, provenance or {})
 
-    def take(self, outcome):
+    def take(self, outcome: RefitOutcome) -> bool:
         """Believe what a refit found to be better, and watch the stability by what it found of the period.
 
         Parameters
@@ -393,7 +411,7 @@ class Refitter:
         self.version += 1
         return True
 
-    def rollback(self):
+    def rollback(self) -> bool:
         """Return to the models before the last refit that was accepted.
 
         Returns
@@ -408,11 +426,11 @@ class Refitter:
         return True
 
     @property
-    def described(self):
+    def described(self) -> str:
         """The models held, for people."""
         return ', '.join(f'{axis} {held.model.equation.name}' for axis, held in self.models.items()) or 'no model'
 
     @property
-    def steps_back(self):
+    def steps_back(self) -> int:
         """How often `rollback` can be called."""
         return len(self._history)

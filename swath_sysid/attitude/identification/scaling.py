@@ -36,12 +36,12 @@ class Scales:
     frequency: float
 
     @property
-    def rate(self):
+    def rate(self) -> float:
         """Amplitude of the rate, rad/s."""
         return self.amplitude * self.frequency
 
     @property
-    def ratio_units(self):
+    def ratio_units(self) -> np.ndarray:
         """The ratio of each term that is one in dimensionless form, shape (9,)."""
         a, w = self.amplitude, self.frequency
         return np.array([w * w * a, w, 1 / a, 1 / (w * a * a), w * w, w * w / a, w * w / (a * a), w * w, w * w / a])

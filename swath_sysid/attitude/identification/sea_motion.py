@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.attitude.hull.published_form import STANDARD_GRAVITY
-from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.common.errors import InputError
 
@@ -89,21 +89,21 @@ class SeaMotion:
     highest: float
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """s."""
         return self.interval * self.angle.size
 
     @property
-    def angle_std(self):
+    def angle_std(self) -> float:
         """rad."""
         return float(self.angle.std())
 
     @property
-    def rate_std(self):
+    def rate_std(self) -> float:
         """rad/s."""
         return float(self.rate.std())
 
-    def noise(self, frequency):
+    def noise(self, frequency: np.ndarray) -> np.ndarray:
         """Spectral density of the noise in ``angle``, rad^2 s."""
         return 1.0 / (1.0 / self.angle_noise + frequency**2 / self.rate_noise)
 
@@ -130,11 +130,11 @@ class TermSpectra:
     counts: np.ndarray
 
     @property
-    def angle(self):
+    def angle(self) -> np.ndarray:
         """Spectrum of the angle, rad^2 s, shape (B,)."""
         return self.matrices[:, 2, 2]
 
-    def below(self, highest):
+    def below(self, highest: float) -> 'TermSpectra':
         """The bands below a frequency, rad/s."""
         used = self.frequency < highest
         return TermSpectra(self.frequency[used], self.matrices[used], self.counts[used])
@@ -156,7 +156,7 @@ class Heave:
     acceleration: np.ndarray
 
 
-def heave_of(trial: Trial):
+def heave_of(trial: Trial) -> Heave | None:
     """Vertical acceleration by the accelerometers and the attitude of a trial.
 
     Parameters
@@ -181,7 +181,7 @@ def heave_of(trial: Trial):
     return Heave(trial.time[finite], up)
 
 
-def sea_motion(motion):
+def sea_motion(motion: AxisMotion) -> SeaMotion:
     """Angle, rate and acceleration from what was measured.
 
     Parameters
@@ -235,7 +235,7 @@ def sea_motion(motion):
     )  # fmt: skip
 
 
-def _channel(piece, name, even):
+def _channel(piece: AxisMotion, name: str, even: np.ndarray):
     """A channel on the even grid and the spectral density of its noise."""
     values = getattr(piece, name)
     if values is None:
@@ -249,7 +249,10 @@ def _channel(piece, name, even):
     return values, float(np.median(spectrum[top]) / (1.0 - 1.0 / (3.0 * TAPERS))) or 1e-30
 
 
-def _from_both(angle, rate, angle_noise, rate_noise, frequency, interval):
+def _from_both(
+    angle: np.ndarray | None, rate: np.ndarray | None, angle_noise: float, rate_noise: float, frequency: np.ndarray,
+    interval: float,
+):  # fmt: skip
     """Fourier transform of the angle less its ramp, each channel weighted by its noise at each frequency."""
     weight = np.full_like(frequency, float(angle is None))
     if angle is not None and rate is not None:
@@ -265,12 +268,15 @@ def _from_both(angle, rate, angle_noise, rate_noise, frequency, interval):
     return total
 
 
-def _reach(even, angle, rate, noise, frequency):
+def _reach(
+    even: np.ndarray, angle: np.ndarray | None, rate: np.ndarray | None, noise: np.ndarray, frequency: np.ndarray
+):
     """Peak frequency of the angle and the highest frequency at which it is known, rad/s."""
     interval = float(even[1] - even[0])
     if angle is not None:
         _, spectrum = tapered_spectrum(angle, interval)
     else:
+        assert rate is not None, 'one of the two was measured'
         _, spectrum = tapered_spectrum(rate, interval)
         spectrum[1:] /= frequency[1:] ** 2
     smooth = np.convolve(spectrum, np.ones(15) / 15.0, mode='same')
@@ -290,13 +296,13 @@ def _reach(even, angle, rate, noise, frequency):
     return peak, highest
 
 
-def _tapers(size):
+def _tapers(size: int):
     """Sine tapers, shape (TAPERS, size)."""
     order, place = np.arange(1, TAPERS + 1)[:, None], np.arange(1, size + 1)
     return np.sqrt(2.0 / (size + 1)) * np.sin(np.pi * order * place / (size + 1))
 
 
-def tapered_spectrum(values, interval):
+def tapered_spectrum(values: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
     """One-sided multitaper spectrum.
 
     Parameters
@@ -318,7 +324,7 @@ def tapered_spectrum(values, interval):
     return frequency, np.mean(np.abs(transformed) ** 2, axis=0) * interval / np.pi
 
 
-def term_spectra(sea):
+def term_spectra(sea: SeaMotion) -> TermSpectra:
     """Cross spectra of the terms of a hull's equation.
 
     Parameters
@@ -353,7 +359,7 @@ def term_spectra(sea):
     )
 
 
-def heave_spectrum(heave, sea, spectra):
+def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) -> np.ndarray | None:
     """Spectrum of the vertical acceleration at the bands of a motion, shape (B,), (m/s^2)^2 s.
 
     In deep water it is that of the wave slope times g^2, for a craft that follows the waves.
@@ -395,7 +401,7 @@ def heave_spectrum(heave, sea, spectra):
     return smooth if np.all(smooth[moving] > HEAVE_ABOVE_NOISE * noise) else None
 
 
-def random_decrement(sea, span):
+def random_decrement(sea: SeaMotion, span: float) -> tuple[np.ndarray, np.ndarray]:
     """Mean of the motion after it crossed sqrt(2) of its standard deviations, on either side and in either direction.
 
     Cole, On-line failure detection and damping measurement by random decrement signatures, NASA

@@ -3,17 +3,21 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from numbers import Integral
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import TERM_NAMES
-from swath_sysid.attitude.identification.scaling import LOWER, UPPER
+from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
-from swath_sysid.common.stopping import Cancelled
+from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 from swath_sysid.common.swarm import ParticleSwarm, SwarmSettings
 
 ALGORITHMS = ('ga', 'pso', 'de')
+Budget = TypeVar('Budget', GeneticSettings, SwarmSettings)
 
 
 @dataclass(frozen=True)
@@ -70,13 +74,13 @@ class SearchSpace:
     ratio_upper: np.ndarray
 
 
-def dimensionless_space(equation):
+def dimensionless_space(equation: Equation) -> SearchSpace:
     """The default: the ratios themselves, dimensionless."""
     lower, upper = LOWER[equation.indices], UPPER[equation.indices]
     return SearchSpace(lower, upper, lambda c: c, lambda r: r, lower, upper)
 
 
-def published_space(equation, preset, scales):
+def published_space(equation: Equation, preset: Preset, scales: Scales) -> SearchSpace:
     """The published variables I', N, W, x, C1, C2, C3, in the published ranges.
 
     The inertia is searched although only ratios to it matter, as the papers did.
@@ -95,10 +99,10 @@ def published_space(equation, preset, scales):
     units = scales.ratio_units[equation.indices]
     smallest = 1e-6 * preset.inertia
 
-    def to_ratios(candidates):
+    def to_ratios(candidates: np.ndarray):
         return candidates[:, 1:] / candidates[:, :1] / units
 
-    def from_ratios(ratios):
+    def from_ratios(ratios: np.ndarray):
         coefficients = ratios * units
         inertia = min(preset.inertia, float(np.min(width / np.maximum(coefficients, 1e-12))))
         return np.concatenate([[inertia], coefficients * inertia])
@@ -154,7 +158,7 @@ class SearchSettings:
             if isinstance(value, bool) or not isinstance(value, Integral) or not lowest <= int(value) <= highest:
                 raise InputError(f'{name} must be a whole number from {lowest} to {highest}, not {value}')
 
-    def budget(self, default):
+    def budget(self, default: Budget) -> Budget:
         """``default`` with the overrides of generations and population."""
         given = {k: v for k in ('generations', 'population') if (v := getattr(self, k)) is not None}
         return replace(default, **given)
@@ -181,7 +185,10 @@ class SearchResult:
     stop: str
 
 
-def run_search(objective, space, settings, first=(), progress=None, should_cancel=None):
+def run_search(
+    objective: Callable[[np.ndarray], np.ndarray], space: SearchSpace, settings: SearchSettings, first: ArrayLike = (),
+    progress: Progress | None = None, should_cancel: ShouldCancel | None = None,
+) -> SearchResult:  # fmt: skip
     """Search the minimum of an objective over a space.
 
     Parameters
@@ -205,7 +212,7 @@ def run_search(objective, space, settings, first=(), progress=None, should_cance
         ``should_cancel`` said so.
     """
 
-    def note(generation, budget):
+    def note(generation: int, budget: int):
         if progress is not None:
             progress(min(1.0, generation / budget))
         if should_cancel is not None and should_cancel():
@@ -214,21 +221,25 @@ def run_search(objective, space, settings, first=(), progress=None, should_cance
     if settings.algorithm == 'de':
         return _differential_evolution(objective, space, settings, first, note)
     if settings.algorithm == 'pso':
-        budget = settings.budget(SwarmSettings())
-        search: GeneticSearch | ParticleSwarm = ParticleSwarm(space.lower, space.upper, budget, settings.seed, first)
+        swarm = settings.budget(SwarmSettings())
+        search: GeneticSearch | ParticleSwarm = ParticleSwarm(space.lower, space.upper, swarm, settings.seed, first)
+        generations = swarm.generations
     else:
-        default = PRESETS[settings.preset].genetic if settings.preset else GeneticSettings()
-        budget = settings.budget(default)
-        search = GeneticSearch(space.lower, space.upper, budget, settings.seed, first)
+        genetic = settings.budget(PRESETS[settings.preset].genetic if settings.preset else GeneticSettings())
+        search = GeneticSearch(space.lower, space.upper, genetic, settings.seed, first)
+        generations = genetic.generations
     while not search.should_stop():
         search.tell(objective(space.to_ratios(search.ask())))
-        note(search.generation, budget.generations)
+        note(search.generation, generations)
     return SearchResult(
         search.best.copy(), search.best_value, search.generation, search.evaluations, search.should_stop() or ''
     )
 
 
-def _differential_evolution(objective, space, settings, first, note):
+def _differential_evolution(
+    objective: Callable[[np.ndarray], np.ndarray], space: SearchSpace, settings: SearchSettings, first: ArrayLike,
+    note: Callable[[int, int], None],
+):  # fmt: skip
     """scipy's differential evolution; its population is spread around the bounds' scale."""
     from scipy.optimize import differential_evolution
 
@@ -256,7 +267,7 @@ def _differential_evolution(objective, space, settings, first, note):
     return SearchResult(found.x, float(found.fun), int(found.nit), int(found.nfev), stop)
 
 
-def full_ratios(dimensionless, equation, scales):
+def full_ratios(dimensionless: np.ndarray, equation: Equation, scales: Scales) -> np.ndarray:
     """Dimensionless ratios of an equation's terms, (P, terms), to ratios of all terms, (P, 9)."""
     ratios = np.zeros((len(dimensionless), len(TERM_NAMES)))
     ratios[:, equation.indices] = dimensionless * scales.ratio_units[equation.indices]

@@ -1,10 +1,13 @@
 """Which equation to use: rank many on the same records, and choose the simplest adequate one."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
+from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.basin_likelihood import interval
 from swath_sysid.attitude.identification.identify import (
     Identification,
@@ -19,6 +22,7 @@ from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.attitude.identification.uncertainty import amplitude_bands
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
+from swath_sysid.common.stopping import Progress
 
 FIRST_PART = 0.5
 """Share of each record, in time, on which a model is identified that the rest then judges."""
@@ -27,6 +31,9 @@ CRITERION_MARGIN = 10.0
 HELD_OUT_MARGIN = 1.1
 CANDIDATES = 'odd-cubic', 'swath-pitch-2', 'hydrofoil-pitch-3', 'swath-pitch-1', 'swath-roll-3'
 """Tried where no equation is given: each published hull has the terms of one of them, or a part of those."""
+Fit = TypeVar('Fit', bound=Any)
+Ranked = TypeVar('Ranked', bound=Any)
+"""A campaign ranks its own summaries of fits."""
 ROUNDING = 1e-12
 """Relative difference of two objective values that is none."""
 
@@ -51,12 +58,12 @@ class RankedFit:
     held_out: float
 
     @property
-    def name(self):
+    def name(self) -> str:
         """Name of the equation."""
         return self.identification.model.equation.name
 
     @property
-    def term_count(self):
+    def term_count(self) -> int:
         """Number of ratios."""
         return len(self.identification.model.equation.terms)
 
@@ -79,7 +86,11 @@ class Comparison:
     reason: str
 
 
-def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, progress=None):  # noqa: B008 - frozen
+def compare(
+    problem: Problem, equations: Sequence[Equation],
+    settings: IdentificationSettings = IdentificationSettings(), *,  # noqa: B008 - frozen
+    jobs: int = 1, progress: Callable[[int, str], None] | None = None,
+) -> Comparison:  # fmt: skip
     """Fit equations on the same records and rank them.
 
     A model that contains another never ends with a worse objective: where its search did, it is
@@ -118,14 +129,14 @@ def compare(problem, equations, settings=IdentificationSettings(), *, jobs=1, pr
         if progress is not None:
             progress(len(fits), name)
 
-    def refit(fit, better):
+    def refit(fit: Identification, better: Identification):
         states = [r.state for r in better.records]
         return refit_from(problem, fit.settings, fit.model.equation, better.model.ratios, states, fit.search)
 
     return rank(enforce_nesting(fits, refit), held_out)
 
 
-def choose(problem, settings, *, progress=None):
+def choose(problem: Problem, settings: IdentificationSettings, *, progress: Progress | None = None) -> Identification:
     """Identify with a few equations and take the simplest adequate one, as `compare` does.
 
     Parameters
@@ -159,7 +170,7 @@ def choose(problem, settings, *, progress=None):
     return replace(found.choice.identification, choice=found.reason)
 
 
-def rank(fits, held_out):
+def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Comparison:
     """Rank fits of the same records and choose the simplest adequate one.
 
     Where each has a likelihood, that decides, less one for each term (Akaike 1974): leaving out a term that is there
@@ -193,7 +204,7 @@ def rank(fits, held_out):
     return Comparison(tuple(ranked), *simplest_adequate(ranked))
 
 
-def spread_parts(criteria, values, stds):
+def spread_parts(criteria: np.ndarray, values: np.ndarray, stds: np.ndarray) -> np.ndarray:
     """What each model adds to the first one's standard deviation where the choice between them is open.
 
     With Akaike's weights w the unconditional standard deviation is the sum of w sqrt(std^2 + (value - first)^2)
@@ -212,7 +223,7 @@ def spread_parts(criteria, values, stds):
     return weight / weight.sum() * np.hypot(stds, values - values[0])
 
 
-def widened_by_rivals(ranked):
+def widened_by_rivals(ranked: Sequence[RankedFit]) -> Identification:
     """The best fit, its linear stiffness only as certain as the choice of the equation leaves it.
 
     Parameters
@@ -244,7 +255,7 @@ def widened_by_rivals(ranked):
     )
 
 
-def simplest_adequate(ranked, criterion='criterion'):
+def simplest_adequate(ranked: Sequence[Ranked], criterion: str = 'criterion') -> tuple[Ranked, str]:
     """The equation with the fewest terms among those that criterion and held-out motion do not exclude.
 
     Parameters
@@ -282,23 +293,24 @@ def simplest_adequate(ranked, criterion='criterion'):
     return choice, f'{words}; none of them predicts the held-out motion as well as {best}.'
 
 
-def information_criterion(fit, effective_samples):
+def information_criterion(fit: Any, effective_samples: float) -> float:
     """Bayesian information criterion n ln(mean squared residual) + k ln n, n the effective samples."""
     n = effective_samples
     return float(2.0 * n * np.log(fit.objective_value) + len(fit.model.equation.terms) * np.log(n))
 
 
-def akaike_criterion(fit):
+def akaike_criterion(fit: Identification) -> float:
     """Akaike's information criterion, 2 k - 2 log likelihood."""
+    assert fit.log_likelihood is not None, 'see `rank`'
     return 2.0 * len(fit.model.equation.terms) - 2.0 * fit.log_likelihood
 
 
-def _fit_and_hold_out(task):
+def _fit_and_hold_out(task: tuple[Problem, IdentificationSettings]):
     problem, settings = task
     return identify_problem(problem, settings), held_out_error(problem, settings)
 
 
-def held_out_error(problem, settings):
+def held_out_error(problem: Problem, settings: IdentificationSettings) -> float:
     """Identify on the first part of each record and score the simulated motion on the rest.
 
     Parameters
@@ -320,20 +332,20 @@ def held_out_error(problem, settings):
     error = spread = 0.0
     for motion, cut, (angle, rate) in zip(problem.motions, first.motions, simulated, strict=True):
         rest = slice(cut.size, None)
-        measured, model = (motion.rate, rate) if motion.angle is None else (motion.angle, angle)
-        error += float(np.sum((measured[rest] - model[rest]) ** 2))
-        spread += float(np.sum((measured[rest] - measured[rest].mean()) ** 2))
+        measured, model = motion.primary[rest], (rate if motion.angle is None else angle)[rest]
+        error += float(np.sum((measured - model) ** 2))
+        spread += float(np.sum((measured - measured.mean()) ** 2))
     ratio = np.sqrt(error / spread)
     return float(ratio) if np.isfinite(ratio) else float('inf')
 
 
-def first_part(problem: Problem):
+def first_part(problem: Problem) -> Problem:
     """The same problem on the first half of each record."""
     cut = tuple(m.between(None, m.time[0] + FIRST_PART * m.duration) for m in problem.motions)
     return replace(problem, motions=cut, observed=cut)
 
 
-def enforce_nesting(fits, refit):
+def enforce_nesting(fits: Sequence[Fit], refit: Callable[[Fit, Fit], Fit]) -> list[Fit]:
     """Refine again, from the smaller model's optimum, any fit that a model it contains beats.
 
     Parameters

@@ -101,17 +101,17 @@ class StabilityWatch:
     settings : StabilitySettings, optional
     """
 
-    def __init__(self, settings=None):
+    def __init__(self, settings: StabilitySettings | None = None):
         self.settings = settings or StabilitySettings()
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Begin anew: what comes first is what later is compared with."""
-        self._rows = []
+        self._rows: list[tuple[float, float, float, float]] = []
         self.newest = None
         """`Stability`; None while there are too few estimates."""
 
-    def add(self, estimate):
+    def add(self, estimate: PeriodEstimate) -> None:
         """Take one estimate; it is left out where most of its motion was identified before.
 
         Parameters
@@ -129,7 +129,7 @@ class StabilityWatch:
             self.newest = self._judged()
 
     @property
-    def count(self):
+    def count(self) -> int:
         """Estimates so far."""
         return len(self._rows)
 
@@ -167,7 +167,7 @@ class _Step(NamedTuple):
     std: float
 
 
-def _step(level, std, effect, place):
+def _step(level: np.ndarray, std: np.ndarray, effect: np.ndarray, place: int):
     """The change of the level between the rows before a place and those from there on."""
     parts, weights = (slice(None, place), slice(place, None)), np.zeros((2, level.size))
     scatter = 0.0

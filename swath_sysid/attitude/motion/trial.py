@@ -49,6 +49,13 @@ class AxisMotion:
         """Median time between samples, s."""
         return float(np.median(np.diff(self.time)))
 
+    @property
+    def primary(self) -> np.ndarray:
+        """What a simulated motion is held against, shape (N,): the angle or, where none was measured, the rate."""
+        values = self.rate if self.angle is None else self.angle
+        assert values is not None, 'one of the two was measured'
+        return values
+
     def between(self, start: float | None, end: float | None) -> 'AxisMotion':
         """The samples with ``start <= time <= end`` (either may be None)."""
         return self.only(_within(self.time, start, end))
