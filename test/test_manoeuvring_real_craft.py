@@ -20,7 +20,7 @@ from swath_sysid.manoeuvring.identification.disturbances import _thrust, forecas
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.held_out import helps
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
-from swath_sysid.manoeuvring.identification.selection import fit, model_of, shooting_of, with_refused
+from swath_sysid.manoeuvring.identification.selection import fit, model_of, select, shooting_of, with_refused
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.motion.intake import prepare_all
@@ -234,6 +234,17 @@ def test_what_a_refused_term_would_change_is_in_the_deviations(otter):
     assert np.all(off < 3.0 * after)
     chance = with_refused(replace(problem, candidates=(('N0',),)), plain)
     assert np.allclose(np.diag(chance.covariance.matrix), np.diag(plain.covariance.matrix), rtol=0.05)
+
+
+def test_a_straight_thrust_curve_is_not_bent_for_what_else_is_missing(otter):
+    craft, runs, truth = otter
+    settings = settings_of(craft, truth, 'lag')
+    problem = assemble(runs, settings)
+    names = (*problem.free, 'exponent')
+    bent = fit(problem, shooting_of(problem, settings.window), names, problem.start(names))
+    found = select(problem, bent)
+    assert abs(bent.values[-1] - 1.0) > 0.003
+    assert 'exponent' not in found.names
 
 
 def test_disturbances_and_sensors_are_those_simulated(craft_and_trials, truth, runs):

@@ -10,6 +10,7 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
 from swath_sysid.manoeuvring.identification.held_out import (
+    MIN_GAIN,
     covariance_over_runs,
     held_out_costs,
     helps,
@@ -309,11 +310,12 @@ def select(problem, first, note=None):
         if now.stable and not tried.stable:
             rejected[' '.join(group)] = 'unstable'
             continue
-        if not _gains(tried, now, len(group)):
+        gain, misfit = _gain(tried, now)
+        if not _is_no_chance(gain, tried, len(group)):
             rejected[' '.join(group)] = 'no gain'
             continue
         costs = held_out_costs(tried.shooting, tried.values)
-        if not (_is_of_thrust(group) or helps(costs, held_out)):
+        if not (_shows_in_thrust(group, gain, misfit) or helps(costs, held_out)):
             rejected[' '.join(group)] = 'no gain on runs held out'
             continue
         held_out = costs
@@ -430,16 +432,27 @@ def _cost_with(tried, now):
     return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
 
 
-def _gains(more, fewer, count):
-    """Whether terms explain more of the runs together than chance would."""
-    reference = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
-    gain = reference - _cost_with(more, fewer)
+def _gain(more, fewer):
+    """What terms explain of the runs together, and what there is to explain without them."""
+    misfit = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
+    return misfit - _cost_with(more, fewer), misfit
+
+
+def _is_no_chance(gain, more, count):
     return gain * 2.0 / _inflation(more) >= 0.5 * _threshold(more, count)
 
 
 def _is_of_thrust(names):
-    """Of the thrusters' curve: it may show in one run only, and held out, that run cannot vouch for it."""
     return all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in names)
+
+
+def _shows_in_thrust(names, gain, misfit):
+    """Whether terms are of the thrusters' curve and explain as much as the hull's terms must of runs held out.
+
+    They may show in one run only, and held out, that run cannot vouch for them. Less than this they also gain by taking
+    up small errors of the hull's terms.
+    """
+    return _is_of_thrust(names) and gain > MIN_GAIN * misfit
 
 
 def _first_value(problem, name):
@@ -464,7 +477,12 @@ def _without_weak(problem, now, rejected):
         fewer = without(problem, (name,))
         tried = fit(fewer, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
         costs = held_out_costs(tried.shooting, tried.values)
-        of_use = _gains(now, tried, 1) if _is_of_thrust((name,)) else certain > WEAK and helps(held_out, costs)
+        if _is_of_thrust((name,)):
+            gain, misfit = _gain(now, tried)
+            of_use = _is_no_chance(gain, now, 1) and (
+                _shows_in_thrust((name,), gain, misfit) or helps(held_out, costs))
+        else:
+            of_use = certain > WEAK and helps(held_out, costs)
         if of_use or (now.stable and not tried.stable):
             kept.add(name)
             continue
