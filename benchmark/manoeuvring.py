@@ -137,15 +137,15 @@ def print_forecasts(found, runs, truth):
         found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on),
         forecast=forecast_noise(found.model, found.identified_on))  # fmt: skip
     identified = calibrated(identified, runs[:8])
-    gps = math.sqrt(2.0) * identified.forecast.sensors[3]
-    for against, reference in (('GPS', None), ('truth', truth[8:])):
-        scores = score_forecasts(identified, runs[8:], training=runs[:8], leads=(1.0, 5.0, 10.0), truth=reference)
+    cases = {'against GPS': {}, 'against truth': {'truth': truth[8:]},
+             'against truth, where thrust did hold': {'truth': truth[8:], 'held': True}}  # fmt: skip
+    for case, options in cases.items():
+        scores = score_forecasts(identified, runs[8:], training=runs[:8], leads=(1.0, 5.0, 10.0), **options)
         position = {method: table['position_m'] for method, table in scores.rmse.items()}
         for other in ('constant-velocity', 'constant-turn-rate', 'arx'):
-            share, least = position['model'] / position[other], gps / position[other] if reference is None else 0.0
-            print(f'    position at 1, 5, 10 s against {against}, over that of {other}: {np.round(share, 3)}'
-                  + ('' if reference else f'; a perfect forecast {np.round(least, 3)}'))  # fmt: skip
-        for quantity, shares in scores.spread.items() if reference is None else ():
+            print(f'    position at 1, 5, 10 s {case}, over that of {other}: '
+                  f'{np.round(position["model"] / position[other], 3)}')  # fmt: skip
+        for quantity, shares in scores.spread.items() if not options else ():
             print(f'    90 % interval of {quantity} holds {np.round(shares, 3)}', flush=True)
 
 

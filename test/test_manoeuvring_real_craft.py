@@ -16,16 +16,17 @@ from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringM
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.identification.assembly import assemble, seen_region
-from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
+from swath_sysid.manoeuvring.identification.disturbances import _thrust, forecast_noise
 from swath_sysid.manoeuvring.identification.excitation import excitation, lacking
 from swath_sysid.manoeuvring.identification.held_out import helps
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
-from swath_sysid.manoeuvring.identification.selection import fit, model_of, shooting_of, with_refused
+from swath_sysid.manoeuvring.identification.selection import fit, model_of, select, shooting_of, with_refused
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import score
 from swath_sysid.manoeuvring.motion.intake import prepare_all
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 from swath_sysid.manoeuvring.prediction.calibration import _scale, calibrated
+from swath_sysid.manoeuvring.prediction.predictor import THRUST_TO_COME, ManoeuvreFilter
 from swath_sysid.manoeuvring.prediction.skill import score_forecasts
 
 SEED = 1
@@ -235,13 +236,50 @@ def test_what_a_refused_term_would_change_is_in_the_deviations(otter):
     assert np.allclose(np.diag(chance.covariance.matrix), np.diag(plain.covariance.matrix), rtol=0.05)
 
 
+def test_a_straight_thrust_curve_is_not_bent_for_what_else_is_missing(otter):
+    craft, runs, truth = otter
+    settings = settings_of(craft, truth, 'lag')
+    problem = assemble(runs, settings)
+    names = (*problem.free, 'exponent')
+    bent = fit(problem, shooting_of(problem, settings.window), names, problem.start(names))
+    found = select(problem, bent)
+    assert abs(bent.values[-1] - 1.0) > 0.003
+    assert 'exponent' not in found.names
+
+
 def test_disturbances_and_sensors_are_those_simulated(craft_and_trials, truth, runs):
     craft, _ = craft_and_trials
     noise = forecast_noise(truth, runs[2:8])
     masses = craft.mass + craft.added[0], craft.mass + craft.added[1], craft.inertia + craft.added[2]
     assert noise.disturbance == pytest.approx(np.divide(craft.gusts, masses), rel=0.5)
     assert noise.sensors == pytest.approx(craft.noise, rel=0.15)
-    assert noise.thrust[1] == 0.0
+
+
+def test_thrusts_held_for_random_times_have_their_mean_scatter_and_time(truth, runs):
+    rng, step = np.random.default_rng(3), runs[0].step
+    inputs = np.repeat(rng.normal((6.0, 4.0), (3.0, 1.0), (1200, 2)), rng.geometric(step / 7.0, 1200), axis=0)
+    long = replace(runs[0], port=inputs[:, 0], starboard=inputs[:, 1], driven=np.ones(len(inputs), dtype=bool),
+                   time=step * np.arange(len(inputs)))  # fmt: skip
+    mean, covariance, held = _thrust(truth.with_values(exponent=1.0, reverse_ratio=1.0), [long])
+    assert mean == pytest.approx([6.0, 4.0], abs=0.3)
+    assert np.sqrt(np.diag(covariance)) == pytest.approx([3.0, 1.0], rel=0.1)
+    assert held == pytest.approx(7.0, rel=0.1)
+
+
+def test_what_thrust_to_come_may_be_grows_as_changes_of_held_thrust_do(truth, runs):
+    noise = forecast_noise(truth, runs[2:4])
+    filter_ = ManoeuvreFilter(IdentifiedManoeuvringModel(
+        truth, (), np.zeros((0, 0)), np.array([0.1, 0.1, 0.05]), seen_region(runs[:2]), forecast=noise))  # fmt: skip
+    filter_.thrust.command(-10.0, 8.0, 3.0)
+    filter_.start(0.0, surge=0.5)
+    rng, held = np.random.default_rng(4), filter_.thrust.held
+    others = rng.multivariate_normal(noise.thrust_mean, noise.thrust_covariance, 20000)
+    for lead, covariance in zip((2.0, 10.0), filter_.forecast([2.0, 10.0]).covariances, strict=True):
+        changed = rng.exponential(noise.thrust_time, len(others)) < lead
+        differs = np.where(changed[:, None], others - held, 0.0)
+        assert covariance[THRUST_TO_COME, THRUST_TO_COME] == pytest.approx(differs.T @ differs / len(others), rel=0.06)
+    supplied = filter_.forecast([10.0], [(0.0, 8.0, 3.0)]).covariances[0]
+    assert not supplied[THRUST_TO_COME].any()
 
 
 def test_the_scale_makes_intervals_hold():
@@ -260,6 +298,8 @@ def test_a_model_file_holds_the_noise_of_forecasts(runs, truth):
     back = manoeuvring_from_yaml(text)
     assert back.forecast.scale.tolist() == noise.scale.tolist()
     assert np.allclose(back.forecast.disturbance, noise.disturbance)
+    assert np.allclose(back.forecast.thrust_covariance, noise.thrust_covariance)
+    assert back.forecast.thrust_time == pytest.approx(noise.thrust_time)
     assert np.array_equal(back.model.values, truth.values)
     old = manoeuvring_from_yaml(manoeuvring_to_yaml(replace(identified, forecast=None)))
     assert old.forecast is None

@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,8 @@ _REGION = {
 }  # fmt: skip
 _SPREAD, _TIME = number(0.0, 1e6), number(0.0, 1e6, above=0.0)
 _FORECAST = record({
-    'disturbance': list_of(_SPREAD, 3), 'disturbance_time': list_of(_TIME, 3), 'thrust': list_of(_SPREAD, 3),
+    'disturbance': list_of(_SPREAD, 3), 'disturbance_time': list_of(_TIME, 3), 'thrust_mean': list_of(_INPUT, 2),
+    'thrust_covariance': list_of(list_of(number(-1e18, 1e18), 2), 2), 'thrust_time': _TIME,
     'sensors': list_of(_TIME, 4), 'leads': list_of(_TIME), 'scale': list_of(list_of(_SPREAD), 6),
 })  # fmt: skip
 FORMAT = ModelFormat(
@@ -104,11 +106,11 @@ def manoeuvring_from_yaml(text: str, source: str = 'the model') -> IdentifiedMan
 def _forecast_of(content: dict | None, where: str) -> ForecastNoise | None:
     if content is None:
         return None
-    found = {name: np.array(values) for name, values in content.items() if name != 'scale'}
-    leads = found['leads']
-    if not leads.size or np.any(np.diff(leads) <= 0.0) or any(len(row) != leads.size for row in content['scale']):
+    leads = content['leads']
+    if not leads or np.any(np.diff(leads) <= 0.0) or any(len(row) != len(leads) for row in content['scale']):
         raise InputError(f'{where}: the leads must rise, and every row of scale hold one number a lead')
-    return ForecastNoise(**found, scale=np.array(content['scale'], dtype=float))
+    arrays: dict[str, Any] = {name: np.array(values, dtype=float) for name, values in content.items()}
+    return ForecastNoise(**{**arrays, 'thrust_time': content['thrust_time']})
 
 
 def _model_of(content: dict) -> ManoeuvringModel:

@@ -18,8 +18,12 @@ class ForecastNoise:
         rad/s^2.
     disturbance_time : ndarray, shape (3,)
         Their correlation times, s.
-    thrust : ndarray, shape (3,)
-        Standard deviation of the accelerations by which thrust to come differs from held thrust.
+    thrust_mean : ndarray, shape (2,)
+        Of port and starboard on those runs, N.
+    thrust_covariance : ndarray, shape (2, 2)
+        About that mean, N^2.
+    thrust_time : float
+        For which thrusts are held on average, s.
     sensors : ndarray, shape (4,)
         Of speeds, yaw rate, heading, position; m/s, rad/s, rad, m.
     leads : ndarray, shape (L,)
@@ -31,7 +35,9 @@ class ForecastNoise:
 
     disturbance: np.ndarray
     disturbance_time: np.ndarray
-    thrust: np.ndarray
+    thrust_mean: np.ndarray
+    thrust_covariance: np.ndarray
+    thrust_time: float
     sensors: np.ndarray
     leads: np.ndarray = field(default_factory=lambda: np.array([1.0]))
     scale: np.ndarray = field(default_factory=lambda: np.ones((6, 1)))

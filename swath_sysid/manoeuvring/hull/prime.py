@@ -5,7 +5,7 @@ Units: length L, speed U, mass rho L^3 / 2, thus force rho L^2 U^2 / 2 and momen
 from dataclasses import dataclass
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
+from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, INERTIA, PARAMETERS
 
 SEA_WATER = 1025.0
 """kg/m^3."""
@@ -36,7 +36,7 @@ class PrimeUnits:
     def unit(self, name):
         """The dimensional size of a derivative whose prime value is one.
 
-        A derivative is a force (or moment) over the velocities and accelerations it multiplies.
+        A derivative is a force (or moment) over the velocities it multiplies, or of the dimension of a mass.
 
         Raises
         ------
@@ -47,16 +47,11 @@ class PrimeUnits:
         if parameter is None or parameter.kind not in HULL:
             raise InputError(f"'{name}' is not a derivative of the prime system: give one such as Xuu or Nr")
         length, speed = self.length, self.speed
-        if name == 'x_G':
-            return length
         mass = 0.5 * self.density * length**3
-        if name in ('m', 'Iz'):
-            return mass * (length**2 if name == 'Iz' else 1.0)
+        if parameter.kind == INERTIA:
+            return {'kg': mass, 'kg m': mass * length, 'kg m2': mass * length**2, 'm': length}[parameter.unit]
         load = mass * speed**2 / length * (length if parameter.row == 'N' else 1.0)
-        sizes = {
-            'u': speed, 'v': speed, 'r': speed / length,
-            'U': speed**2 / length, 'V': speed**2 / length, 'R': speed**2 / length**2,
-        }  # fmt: skip
+        sizes = {'u': speed, 'v': speed, 'r': speed / length}
         for factor in parameter.factors:
             load /= sizes[factor]
         return load

@@ -156,6 +156,29 @@ def track(u, v, r, step, heading, position, current):
     return psi, x, y
 
 
+def moved(before, after, heading, step, current):
+    """By how much heading and position change over one step, as `track` has it; (heading, x, y).
+
+    Parameters
+    ----------
+    before, after : sequence of 3
+        u, v, r at both ends of the step, each a number or an array of shape (C,).
+    heading : float or ndarray, shape (C,)
+        At the start, rad.
+    step : float
+        s.
+    current : sequence of 2
+        East and north, m/s.
+    """
+    half = 0.5 * step
+    turn = half * (before[2] + after[2])
+    east, north = (step * speed for speed in current)
+    for (u, v, _), psi in ((before, heading), (after, heading + turn)):
+        cosine, sine = np.cos(psi), np.sin(psi)
+        east, north = east + half * (u * cosine - v * sine), north + half * (u * sine + v * cosine)
+    return turn, east, north
+
+
 def substeps_for(model, step, state=(0.0, 0.0, 0.0), thrust=((0.0,), (0.0,))):
     """Runge-Kutta steps that the fastest damping of the craft needs within a step, 1 to 50.
 

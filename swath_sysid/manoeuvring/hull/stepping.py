@@ -1,11 +1,10 @@
 """A craft that is steered while it moves: the simulation, one step at a time."""
-import math
-
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.simulation import (
     UNDISTURBED,
     Manoeuvre,
+    moved,
     runge_kutta_columns,
     steady_speed,
     substeps_for,
@@ -68,12 +67,7 @@ class SteeredCraft:
         self._state = runge_kutta_columns(
             before[:, None], left, right, UNDISTURBED, self._p, self.model.active, self.step, self._substeps
         )[-1, :, 0]
-        half = 0.5 * self.step
-        psi = self._pose[0] + half * (before[2] + self._state[2])
-        east, north = self.model.current
-        moved = np.array([[u * math.cos(h) - v * math.sin(h) + east, u * math.sin(h) + v * math.cos(h) + north]
-                          for (u, v, _), h in ((before, self._pose[0]), (self._state, psi))])  # fmt: skip
-        self._pose = np.array([psi, *(self._pose[1:] + half * moved.sum(axis=0))])
+        self._pose = self._pose + moved(before, self._state, self._pose[0], self.step, self.model.current)
         self._rows.append((*self._state, *self._pose))
         self._inputs.append((port, starboard))
 

@@ -123,6 +123,11 @@ class ThrustMemory:
         """Stamp and inputs of the last command."""
         return self._history[-1]
 
+    @property
+    def held(self):
+        """Thrust of port and starboard if the last inputs hold, N, shape (2,)."""
+        return self._sides * thrust_curve(self.last[1:], self._p)
+
     def forget(self):
         """Begin anew (time went backward)."""
         _, port, starboard = self._history[-1]

@@ -1,10 +1,11 @@
-"""What a model leaves of the accelerations, and by how much thrust to come differs from held thrust."""
+"""What a model leaves of the accelerations, and how thrust is held."""
 import numpy as np
 
 from swath_sysid.common.signals import white_noise
 from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise
 from swath_sysid.manoeuvring.hull.measurement import through_water
-from swath_sysid.manoeuvring.hull.thrust import acting_thrust
+from swath_sysid.manoeuvring.hull.terms import BALANCE
+from swath_sysid.manoeuvring.hull.thrust import acting_thrust, thrust_curve
 
 LAGS = (1.0, 4.0)
 """s; sensor noise and its smoothing are forgotten at the first, a gust is not at the second."""
@@ -14,6 +15,9 @@ SHORTEST_TIME, LONGEST_TIME = 1.0, 30.0
 
 THRUST_LEAD = 5.0
 """s over which the change of the thrust is measured."""
+
+SHORTEST_HOLD = 0.1
+"""s, of a thrust that is always changing."""
 
 MIN_SHARE = 0.002
 """Of the accelerations that the thrust gives: no disturbance is smaller."""
@@ -41,37 +45,52 @@ def forecast_noise(model, runs):
         With intervals not yet calibrated.
     """
     covariances, counts = np.zeros((len(LAGS), 3)), np.zeros((len(LAGS), 3))
-    changes = []
     for run in runs:
-        left, pushed = _accelerations_left(model, run)
+        left = _accelerations_left(model, run)
         for j, lag in enumerate(LAGS):
             product = left[:, round(lag / run.step) :] * left[:, : -round(lag / run.step)]
             covariances[j] += np.nansum(product, axis=1)
             counts[j] += np.isfinite(product).sum(axis=1)
-        later = round(THRUST_LEAD / run.step)
-        changes.append(pushed[:, later:] - pushed[:, :-later])
     near, far = covariances / np.maximum(counts, 1.0)
     with np.errstate(invalid='ignore', divide='ignore'):
         time = (LAGS[1] - LAGS[0]) / np.log(near / np.clip(far, 1e-3 * near, 0.999 * near))
     time = np.clip(np.nan_to_num(time, nan=SHORTEST_TIME), SHORTEST_TIME, LONGEST_TIME)
-    thrust = np.sqrt(np.nanmean(np.concatenate(changes, axis=1) ** 2, axis=1) / 2.0)
-    least = (MIN_SHARE * np.max(np.abs(thrust)) + 1e-6) ** 2
-    disturbance = np.sqrt(np.maximum(near * np.exp(LAGS[0] / time), least))
-    return ForecastNoise(disturbance, time, thrust, np.maximum(_sensors(runs), MIN_SENSORS))
+    mean, covariance, held = _thrust(model, runs)
+    least = MIN_SHARE * np.sqrt(np.trace(covariance)) / model['m'] + 1e-6
+    disturbance = np.sqrt(np.maximum(near * np.exp(LAGS[0] / time), least**2))
+    return ForecastNoise(disturbance, time, mean, covariance, held, np.maximum(_sensors(runs), MIN_SENSORS))
+
+
+def _thrust(model, runs):
+    """Mean and covariance of the thrusts under held inputs, and for how long they are held: see `ForecastNoise`."""
+    p = model.values
+    sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])[:, None]
+    thrusts = [sides * thrust_curve(np.stack([run.port, run.starboard]), p) for run in runs]
+    joined = np.concatenate([thrust[:, run.driven] for thrust, run in zip(thrusts, runs, strict=True)], axis=1)
+    mean, covariance = joined.mean(axis=1), np.cov(joined)
+    changes = []
+    for run, thrust in zip(runs, thrusts, strict=True):
+        later = round(THRUST_LEAD / run.step)
+        known = run.driven[later:] & run.driven[:-later]
+        changes.append((thrust[:, later:] - thrust[:, :-later])[:, known])
+    changed = 0.5 * np.mean(np.sum(np.concatenate(changes, axis=1) ** 2, axis=0)) / max(np.trace(covariance), 1e-12)
+    # thrusts chosen anew, independently, differ by twice their variance
+    longest = max(sum(run.duration for run in runs), THRUST_LEAD)
+    held = THRUST_LEAD / -np.log1p(-min(changed, 1.0 - 1e-12)) if changed > 0.0 else longest
+    return mean, covariance, float(np.clip(held, SHORTEST_HOLD, longest))
 
 
 def _accelerations_left(model, run):
-    """Accelerations that the model leaves, and those of the thrust; shape (3, N) each."""
+    """Accelerations that the model leaves, shape (3, N)."""
     port, starboard = acting_thrust(run.port, run.starboard, model.values, run.step)
     surge, sway, rate = run.smooth
     heading = np.zeros_like(rate) if run.heading is None else run.heading
     u, v = through_water(surge, sway, rate, heading, model.current, model.values)
     u, v, r = (np.nan_to_num(values) for values in (u, v, rate))
     expected = np.array(model.accelerations(u, v, r, port, starboard))
-    coasting = np.array(model.accelerations(u, v, r, 0.0 * port, 0.0 * port))
     measured = np.gradient(np.stack([u, v, r]), run.step, axis=1)
     unknown = ~np.isfinite(run.smooth) | ~run.driven
-    return np.where(unknown, np.nan, measured - expected), expected - coasting
+    return np.where(unknown, np.nan, measured - expected)
 
 
 def _sensors(runs):

@@ -18,17 +18,26 @@ MIN_GAIN = 0.003
 """Share of the misfit that terms must explain of runs they were not fitted to."""
 
 
-def values_without_each_part(shooting, values):
+def values_without_each_part(shooting, values, parts):
     """The values that the runs but one would give, shape (K, n).
 
     What holds the fit beside the runs stays in force: the regularisation, the demand of stable straight courses, and
     bounds that it has come to rest at. Otherwise unstable models would judge a hull that hardly keeps its course.
+
+    Parameters
+    ----------
+    shooting : MultipleShooting
+        Of the fit.
+    values : ndarray, shape (n,)
+        Of its unknowns.
+    parts : list of (ndarray of shape (N_k,), ndarray of shape (N_k, n))
+        Residuals and Jacobian of each run: see `MultipleShooting.by_part`.
     """
     units, spread = shooting.unknowns.units, shooting.unknowns.spread
     at_rest = (values - shooting.unknowns.lower < 1e-9 * units) | (shooting.unknowns.upper - values < 1e-9 * units)
     units = np.where(at_rest, 0.0, units)
     scaled = [(np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), np.nan_to_num(j, posinf=0.0, neginf=0.0) * units)
-              for r, j in shooting.parts(values)]  # fmt: skip
+              for r, j in parts]  # fmt: skip
     prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
     stability = shooting.instability_slopes(values) * units
     information = sum(j.T @ j for _, j in scaled) + stability.T @ stability + np.diag(prior + 1e-9)
@@ -40,9 +49,9 @@ def values_without_each_part(shooting, values):
     return np.array(found)
 
 
-def held_out_costs(shooting, values):
-    """Misfit of each part in free runs under the values of the others, shape (K,)."""
-    residual = shooting.free_run_residuals(values_without_each_part(shooting, values))
+def held_out_costs(shooting, values_without_it):
+    """Misfit of each part in free runs under the values of the others, (K, n); shape (K,)."""
+    residual = shooting.free_run_residuals(values_without_it)
     residual = np.clip(np.nan_to_num(residual, nan=1e3), -1e3, 1e3) / LOSS_TURNS_AT
     by_window = np.sum(np.sqrt(1.0 + residual**2) - 1.0, axis=(0, 1))
     return np.bincount(shooting.part_of_window, by_window)
@@ -67,7 +76,7 @@ def helps(costs, costs_before):
     return bool(gain.sum() > max(SCATTER * scatter, MIN_GAIN * float(weight @ costs_before)))
 
 
-def covariance_over_runs(shooting, values, matrix):
+def covariance_over_runs(without, matrix):
     """A covariance no smaller than what the runs scatter by.
 
     The jackknife over runs (a sandwich over clusters with its leverage taken out: Bell and McCaffrey 2002, CR3)
@@ -75,14 +84,11 @@ def covariance_over_runs(shooting, values, matrix):
 
     Parameters
     ----------
-    shooting : MultipleShooting
-        Of the fit.
-    values : ndarray, shape (n,)
-        Of its unknowns.
+    without : ndarray, shape (K, n)
+        Values without each run.
     matrix : ndarray, shape (n, n)
         By the residuals' autocorrelation.
     """
-    without = values_without_each_part(shooting, values)
     count = len(without)
     scatter = (count - 1.0) / count * np.sum((without - without.mean(axis=0)) ** 2, axis=0)
     return with_variances_of_at_least(matrix, scatter)

@@ -30,6 +30,10 @@ _ADDED = {'Xu_dot': (-5.0, 0.6), 'Yv_dot': (-2.0, 0.3), 'Nr_dot': (-3.0, 0.6)}
 which is reported; beyond the range of the others no hull lies, and positive they only stand in for a wrong mass."""
 
 
+_POWERS = {'kg': (1.0, 0.0), 'kg m': (0.5, 0.5), 'kg m2': (0.0, 1.0), 'm': (-0.5, 0.5)}
+"""Powers of mass and yaw inertia that have the dimension of a parameter of inertia."""
+
+
 @dataclass(frozen=True)
 class Scales:
     """What a craft does at most, and how heavy it is.
@@ -50,8 +54,9 @@ class Scales:
     def unit(self, name):
         """The size of a parameter that is one in natural units."""
         parameter = PARAMETERS[INDEX[name]]
-        if name == 'x_G':
-            return 0.2 * np.sqrt(self.inertia / self.mass)
+        if parameter.kind == INERTIA:
+            of_mass, of_inertia = _POWERS[parameter.unit]
+            return self.mass**of_mass * self.inertia**of_inertia
         if name == 'gain':
             return self.mass * self.speed / RESPONSE
         if name == 'advance':
@@ -60,12 +65,9 @@ class Scales:
             return 0.1
         if parameter.kind in (THRUST, SENSOR):
             return 1.0
-        if name in ('m', 'Iz'):
-            return self.mass if name == 'm' else self.inertia
         load = self.inertia * self.yaw_rate if parameter.row == 'N' else self.mass * self.speed
         load /= RESPONSE
         sizes = {'u': self.speed, 'v': SWAY_SHARE * self.speed, 'r': self.yaw_rate}
-        sizes.update({k.upper(): v / RESPONSE for k, v in sizes.items()})
         for factor in parameter.factors:
             load /= sizes[factor]
         return load
@@ -77,11 +79,9 @@ class Scales:
             return 0.01 * unit, 100.0 * unit
         if name in _ADDED:
             low, high = _ADDED[name]
-            size = self.inertia if name == 'Nr_dot' else self.mass
-            return low * size, high * size
-        if name in ('Yr_dot', 'Nv_dot', 'x_G'):
-            limit = 0.5 * np.sqrt(self.inertia * (1.0 / self.mass if name == 'x_G' else self.mass))
-            return -limit, limit
+            return low * unit, high * unit
+        if parameter.kind == INERTIA:
+            return -0.5 * unit, 0.5 * unit
         if name in ('Xu', 'Yv', 'Nr'):
             return -WIDE * unit, -MIN_DAMPING * unit
         if parameter.kind == DAMPING:
@@ -98,12 +98,8 @@ class Scales:
         kind = PARAMETERS[INDEX[name]].kind
         if name in ('m', 'Iz', 'gain'):
             return np.inf
-        if name == 'x_G':
-            return self.unit(name)
-        if name in ('Xu_dot', 'Yv_dot', 'Nr_dot'):
-            return self.mass if name != 'Nr_dot' else self.inertia
         if kind == INERTIA:
-            return 0.2 * np.sqrt(self.mass * self.inertia)
+            return self.unit(name) if name in _ADDED else 0.2 * self.unit(name)
         if kind in (THRUST, SENSOR):
             return {'exponent': 0.7, 'balance': 0.3, 'reverse_ratio': 0.7, 'dead_band': 0.3, 'deviation_B': 0.2,
                     'deviation_C': 0.2, 'reverse_exponent_ratio': 0.3}.get(name, 2.0)  # fmt: skip

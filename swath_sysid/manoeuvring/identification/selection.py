@@ -1,5 +1,6 @@
 """The simplest adequate set of terms: forward selection by score tests, every step checked for stability."""
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -10,9 +11,11 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
 from swath_sysid.manoeuvring.identification.held_out import (
+    MIN_GAIN,
     covariance_over_runs,
     held_out_costs,
     helps,
+    values_without_each_part,
     with_variances_of_at_least,
 )
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, MultipleShooting
@@ -73,6 +76,10 @@ class Fit:
     shooting : MultipleShooting
     covariance : ParameterCovariance
     stable : bool
+    without_each_part : ndarray, shape (K, n)
+        The values that the runs but one would give.
+    inflation : float
+        By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares.
     rejected : dict of str to str
         Terms tried and refused, and why.
     evaluations : int
@@ -84,8 +91,15 @@ class Fit:
     shooting: MultipleShooting
     covariance: ParameterCovariance
     stable: bool
+    without_each_part: np.ndarray
+    inflation: float
     rejected: dict = field(default_factory=dict)
     evaluations: int = 0
+
+    @cached_property
+    def held_out(self):
+        """Misfit of each run that the values were not fitted to, shape (K,)."""
+        return held_out_costs(self.shooting, self.without_each_part)
 
 
 def model_of(problem, names, values, name=''):
@@ -123,10 +137,22 @@ def fit(problem, shooting, names, values, rounds=2):
         evaluations += found.evaluations
         shooting.weigh(values)
     found = shooting.refine(values, max_evaluations=8)
-    values, cost = found.values, found.cost
+    return replace(fit_at(problem, shooting, found.values, found.cost), evaluations=evaluations + found.evaluations)
+
+
+def fit_at(problem, shooting, values, cost):
+    """The fit that some values of a shooting's unknowns are.
+
+    Its covariance is by the residuals' autocorrelation and the runs' scatter; regularisation is not counted in.
+    """
+    names = shooting.unknowns.names
+    linear = shooting.linearised(values)
+    without = values_without_each_part(shooting, values, shooting.by_part(*linear))
+    residuals, jacobians = shooting.by_channel(*linear)
+    covariance = sandwich_covariance(residuals, jacobians, MEMORY)
     return Fit(
-        tuple(names), values, cost, shooting, covariance_of(shooting, values),
-        _is_stable(problem, names, values), evaluations=evaluations + found.evaluations,
+        names, values, cost, shooting, replace(covariance, matrix=covariance_over_runs(without, covariance.matrix)),
+        _is_stable(problem, names, values), without, _inflation(np.concatenate(residuals), covariance),
     )  # fmt: skip
 
 
@@ -190,7 +216,7 @@ def _exchanged(found, start):
 def _best(found):
     """Of some fits the stable one that explains runs held out best; of all, where none is stable."""
     stable = [f for f in found if f.stable] or found
-    return min(stable, key=lambda f: np.sum(held_out_costs(f.shooting, f.values)))
+    return min(stable, key=lambda f: np.sum(f.held_out))
 
 
 def off_course(problem, window, names, values, kept):
@@ -221,15 +247,8 @@ def off_course(problem, window, names, values, kept):
     found = first_fit(free, shooting_of(free, window), names, values)
     # what is all but unstable converges slowly
     found = fit(free, found.shooting, found.names, found.values)
-    ahead, behind = (float(np.sum(held_out_costs(f.shooting, f.values))) for f in (found, kept))
+    ahead, behind = (float(np.sum(f.held_out)) for f in (found, kept))
     return (free, found) if found.stable and ahead < OFF_COURSE * behind else (problem, kept)
-
-
-def covariance_of(shooting, values):
-    """Covariance of the unknowns by residuals' autocorrelation and runs' scatter; regularisation not counted in."""
-    residuals, jacobians = shooting.reports(values)
-    found = sandwich_covariance(residuals, jacobians, MEMORY)
-    return replace(found, matrix=covariance_over_runs(shooting, values, found.matrix))
 
 
 def with_noise(problem, found):
@@ -258,10 +277,9 @@ def with_drift_spread(problem, found):
     """
     if not problem.drift_spread:
         return problem
-    inflation = _inflation(found)
-    variance = inflation * found.shooting.drift_variance(found.values)
+    variance = found.inflation * found.shooting.drift_variance(found.values)
     spread = np.sqrt(np.mean(found.shooting.drift**2 + variance))
-    return replace(problem, drift_spread=float(max(spread, MIN_DRIFT_SPREAD) / np.sqrt(inflation)))
+    return replace(problem, drift_spread=float(max(spread, MIN_DRIFT_SPREAD) / np.sqrt(found.inflation)))
 
 
 def renewed(problem, found, parts=1):
@@ -295,7 +313,6 @@ def select(problem, first, note=None):
     now = first
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
     rejected = {}
-    held_out = held_out_costs(now.shooting, now.values)
     for _ in range(MAX_TERMS):
         ranked = _ranked(problem, now, remaining)
         best = next(((group, gain) for group, gain in ranked if gain > 0.0), None)
@@ -309,14 +326,13 @@ def select(problem, first, note=None):
         if now.stable and not tried.stable:
             rejected[' '.join(group)] = 'unstable'
             continue
-        if not _gains(tried, now, len(group)):
+        gain, misfit = _gain(tried, now)
+        if not _is_no_chance(gain, tried, len(group)):
             rejected[' '.join(group)] = 'no gain'
             continue
-        costs = held_out_costs(tried.shooting, tried.values)
-        if not (_is_of_thrust(group) or helps(costs, held_out)):
+        if not (_shows_in_thrust(group, gain, misfit) or helps(tried.held_out, now.held_out)):
             rejected[' '.join(group)] = 'no gain on runs held out'
             continue
-        held_out = costs
         remaining = [c for c in remaining if EXCLUSIVE.get(c[0]) not in group]
         now = tried
         if note is not None:
@@ -379,7 +395,7 @@ def _offers(problem, now, candidates):
     names = [n for group in candidates for n in group]
     start = np.concatenate([now.values, [_first_value(problem, n) for n in names]])
     wide = now.shooting.with_unknowns(problem.unknowns((*now.names, *names)), problem.base)
-    residuals, jacobians = wide.reports(start)
+    residuals, jacobians = wide.by_channel(*wide.linearised(start))
     residual, jacobian = np.concatenate(residuals), np.concatenate(jacobians)
     usable = np.all(np.isfinite(jacobian), axis=1) & np.isfinite(residual)
     residual, jacobian = residual[usable], jacobian[usable]
@@ -389,7 +405,6 @@ def _offers(problem, now, candidates):
     basis, factor = np.linalg.qr(held[:, size > 0] / size[size > 0])
     left = residual - basis @ (basis.T @ residual)
     fresh = added - basis @ (basis.T @ added)
-    inflation = _inflation(now)
     offers, place = [], 0
     for group in candidates:
         columns = slice(place, place + len(group))
@@ -405,7 +420,7 @@ def _offers(problem, now, candidates):
         drop = np.sum(left**2) - np.sum((left + part @ step) ** 2)
         shift = np.zeros(n)
         shift[size > 0] = -np.linalg.lstsq(factor, basis.T @ (whole @ step), rcond=None)[0] / size[size > 0]
-        offers.append((group, drop / inflation - _threshold(now, len(group)), shift))
+        offers.append((group, drop / now.inflation - _threshold(now, len(group)), shift))
     return offers
 
 
@@ -414,13 +429,9 @@ def _threshold(found, count):
     return count * (np.log(max(found.covariance.effective_samples, 10.0)) + MARGIN)
 
 
-def _inflation(found):
-    """By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares."""
-    residuals, _ = found.shooting.reports(found.values)
-    total = np.concatenate(residuals)
-    count = total.size
-    excess = float(np.mean(np.clip(np.nan_to_num(total, nan=1e3), -1e3, 1e3) ** 2))
-    return max(count / max(found.covariance.effective_samples, 1.0) * excess, 1e-9)
+def _inflation(residuals, covariance):
+    excess = float(np.mean(np.clip(np.nan_to_num(residuals, nan=1e3), -1e3, 1e3) ** 2))
+    return max(residuals.size / max(covariance.effective_samples, 1.0) * excess, 1e-9)
 
 
 def _cost_with(tried, now):
@@ -430,16 +441,27 @@ def _cost_with(tried, now):
     return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
 
 
-def _gains(more, fewer, count):
-    """Whether terms explain more of the runs together than chance would."""
-    reference = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
-    gain = reference - _cost_with(more, fewer)
-    return gain * 2.0 / _inflation(more) >= 0.5 * _threshold(more, count)
+def _gain(more, fewer):
+    """What terms explain of the runs together, and what there is to explain without them."""
+    misfit = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
+    return misfit - _cost_with(more, fewer), misfit
+
+
+def _is_no_chance(gain, more, count):
+    return gain * 2.0 / more.inflation >= 0.5 * _threshold(more, count)
 
 
 def _is_of_thrust(names):
-    """Of the thrusters' curve: it may show in one run only, and held out, that run cannot vouch for it."""
     return all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in names)
+
+
+def _shows_in_thrust(names, gain, misfit):
+    """Whether terms are of the thrusters' curve and explain as much as the hull's terms must of runs held out.
+
+    They may show in one run only, and held out, that run cannot vouch for them. Less than this they also gain by taking
+    up small errors of the hull's terms.
+    """
+    return _is_of_thrust(names) and gain > MIN_GAIN * misfit
 
 
 def _first_value(problem, name):
@@ -449,7 +471,6 @@ def _first_value(problem, name):
 def _without_weak(problem, now, rejected):
     """Drop added and tentative terms that are insignificant beside the others, or of no use to runs held out."""
     kept = {*problem.free, *CURRENT}
-    held_out = held_out_costs(now.shooting, now.values)
     while True:
         std = np.sqrt(np.diag(now.covariance.matrix))
         with np.errstate(invalid='ignore', divide='ignore'):
@@ -463,13 +484,17 @@ def _without_weak(problem, now, rejected):
         keep = [k for k in range(len(now.names)) if k != worst]
         fewer = without(problem, (name,))
         tried = fit(fewer, now.shooting, tuple(now.names[k] for k in keep), now.values[keep], rounds=1)
-        costs = held_out_costs(tried.shooting, tried.values)
-        of_use = _gains(now, tried, 1) if _is_of_thrust((name,)) else certain > WEAK and helps(held_out, costs)
+        if _is_of_thrust((name,)):
+            gain, misfit = _gain(now, tried)
+            of_use = _is_no_chance(gain, now, 1) and (
+                _shows_in_thrust((name,), gain, misfit) or helps(now.held_out, tried.held_out))
+        else:
+            of_use = certain > WEAK and helps(now.held_out, tried.held_out)
         if of_use or (now.stable and not tried.stable):
             kept.add(name)
             continue
         rejected[name] = 'no gain' if _is_of_thrust((name,)) else 'no gain on runs held out'
-        problem, now, held_out = fewer, tried, costs
+        problem, now = fewer, tried
 
 
 def without_bounds(problem, found):

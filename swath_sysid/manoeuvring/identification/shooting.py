@@ -226,7 +226,8 @@ class MultipleShooting:
 
     def jacobian(self, values):
         """Derivatives of `residuals` with the initial states and drifts eliminated, shape (rows, n)."""
-        projected, state_part, drift_part = self._eliminated(*self._slopes(values))
+        _, *slopes = self._slopes(values)
+        projected, state_part, drift_part = self._eliminated(*slopes)
         n = values.size
         prior = np.diag(np.where(np.isfinite(self.unknowns.spread), 1.0 / self.unknowns.spread, 0.0))
         parts = [part.reshape(n, -1).T for part in (projected, state_part, drift_part)]
@@ -274,24 +275,26 @@ class MultipleShooting:
         """Use the robust weights of another shooting over the same windows."""
         self._robust = other._robust
 
-    def reports(self, values):
-        """Residuals and eliminated Jacobians by window and channel, for the covariance.
+    def linearised(self, values):
+        """Weighted residuals, (3, S + 1, W), and eliminated Jacobian, (n, 3, S + 1, W), at the present states."""
+        residual, *slopes = self._slopes(values)
+        return residual, self._eliminated(*slopes)[0]
+
+    def by_channel(self, residual, jacobian):
+        """What `linearised` found by window and channel, for the covariance.
 
         Returns
         -------
         residuals : list of ndarray, shape (N_k,)
         jacobians : list of ndarray, shape (N_k, n)
         """
-        p, current = self.parameters(values)
-        residual, _ = self._with_state_slopes(p, current)
-        projected = self._eliminated(*self._slopes(values))[0]
         residuals, jacobians = [], []
         for w in range(self.windows.count):
             for c in range(3):
                 known = self._known[c, :, w]
                 if known.sum() >= 8:
                     residuals.append(residual[c, known, w])
-                    jacobians.append(projected[:, c, known, w].T)
+                    jacobians.append(jacobian[:, c, known, w].T)
         return residuals, jacobians
 
     @property
@@ -302,21 +305,10 @@ class MultipleShooting:
             index = np.arange(index.size) * MIN_PARTS // index.size
         return np.unique(index, return_inverse=True)[1]
 
-    def parts(self, values):
-        """Residuals and eliminated Jacobians of each part.
-
-        Returns
-        -------
-        list of (ndarray of shape (N_k,), ndarray of shape (N_k, n))
-        """
-        p, current = self.parameters(values)
-        residual, _ = self._with_state_slopes(p, current)
-        projected = self._eliminated(*self._slopes(values))[0]
-        found = []
-        for part in range(self.part_of_window.max() + 1):
-            known = self._known & (self.part_of_window == part)
-            found.append((residual[known], projected[:, known].T))
-        return found
+    def by_part(self, residual, jacobian):
+        """What `linearised` found by part: a list of (ndarray of shape (N_k,), ndarray of shape (N_k, n))."""
+        places = (self._known & (self.part_of_window == k) for k in range(self.part_of_window.max() + 1))
+        return [(residual[known], jacobian[:, known].T) for known in places]
 
     def free_run_residuals(self, values_by_part):
         """Residuals over the noise of free runs from the measured states, without drifts: each part under its values.
@@ -509,7 +501,7 @@ class MultipleShooting:
         return slopes
 
     def _slopes(self, values):
-        """Derivatives of the weighted residuals by the unknowns (n, 3, S+1, W) and by the states (3, 3, S+1, W)."""
+        """Weighted residuals (3, S+1, W), their derivatives by the unknowns (n, ...) and by the states (3, ...)."""
         p, current = self.parameters(values)
         searched = np.flatnonzero(self.unknowns.shares.any(axis=0))
         columns = np.repeat(p[:, None], 4 + searched.size, axis=1)
@@ -534,7 +526,7 @@ class MultipleShooting:
             if name in CURRENT:
                 unit = np.array([name == c for c in CURRENT], dtype=float)
                 slopes[j] = np.einsum('j,jcsw->csw', unit, self._drift_slopes())
-        return slopes, state_slopes
+        return residual, slopes, state_slopes
 
     def _eliminated(self, slopes, state_slopes):
         """Slopes less the part that the best initial states and drifts take up, and these two parts.

@@ -23,7 +23,8 @@ def calibrated(identified, runs):
     """The model with the scale of its forecasts' intervals, by lead and channel.
 
     Every scale makes the interval of `HELD` hold that share of the errors of forecasts under held thrust, and as much
-    more as so few of them call for that do not overlap (split conformal prediction, Lei et al. 2018).
+    more as so few of them call for that do not overlap and that no thrust outlasts (split conformal prediction, Lei
+    et al. 2018).
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def calibrated(identified, runs):
     for c in range(len(MEASURABLE)):
         for k in range(len(LEADS)):
             known = np.isfinite(errors[:, k, c])
-            apart = min(known.sum(), duration / LEADS[k])
+            apart = min(known.sum(), duration / max(LEADS[k], identified.forecast.thrust_time))
             # where the sensor's own noise is larger, the errors say nothing about the forecast
             if known.sum() >= MIN_FORECASTS and np.median(variances[known, k, c]) > noise[c] ** 2:
                 scale[c, k] = _scale(errors[known, k, c], variances[known, k, c], noise[c], HELD * (1.0 + 1.0 / apart))

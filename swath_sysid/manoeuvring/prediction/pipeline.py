@@ -12,7 +12,12 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.stability import Region
-from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter, ManoeuvreFilterSettings
+from swath_sysid.manoeuvring.prediction.predictor import (
+    DISTURBANCES,
+    MEASURABLE,
+    ManoeuvreFilter,
+    ManoeuvreFilterSettings,
+)
 
 LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
@@ -170,7 +175,7 @@ class ManoeuvreOutlook:
         self._filter = ManoeuvreFilter(identified, self.settings.filter)
         if before.is_started:
             self._filter.x, self._filter.P, self._filter.stamp = before.x.copy(), before.P.copy(), before.stamp
-            self._filter.x[8:] = 0.0
+            self._filter.x[DISTURBANCES] = 0.0
         if before.thrust.last[0] > -math.inf:
             self._filter.thrust.command(*before.thrust.last)
 

@@ -1,11 +1,15 @@
 """Extended Kalman filter and forecast of a manoeuvring craft.
 
-State: u, v (through the water), r, heading, x, y, current east, current north, and disturbances of the surge, sway and
-yaw accelerations (wind, waves, what the model lacks). The mean follows the identified model, the covariance its
-linearisation:
+State: u, v (through the water), r, heading, x, y, current east, current north, disturbances of the surge, sway and
+yaw accelerations (wind, waves, what the model lacks), and by how much thrust to come will differ from held thrust, N.
+The mean follows the identified model, the covariance its linearisation:
 
     d(current)/dt = slow random walk
     d(disturbance)/dt = -disturbance / tau + white noise      (Singer 1970, first-order Markov)
+
+Thrust to come is zero but in a forecast under held thrust. Where thrusts are held for a time T on average, and then
+others are chosen, independently, with mean m and covariance S, what differs from a held thrust h has the second moment
+(1 - exp(-t / T)) (S + (h - m)(h - m)^T) after a time t: that of a first-order Markov process of time constant 2 T.
 
 What is measured is what the sensors record: see `hull.measurement`.
 """
@@ -26,15 +30,15 @@ from swath_sysid.manoeuvring.hull.measurement import (
     recorded_speeds,
     through_water,
 )
-from swath_sysid.manoeuvring.hull.simulation import runge_kutta_columns, substeps_for, track
+from swath_sysid.manoeuvring.hull.simulation import moved, runge_kutta_columns, substeps_for
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 
 STATES = (
     'u', 'v', 'r', 'heading', 'x', 'y', 'current_east', 'current_north', 'surge_disturbance', 'sway_disturbance',
-    'yaw_disturbance',
+    'yaw_disturbance', 'port_thrust_to_come', 'starboard_thrust_to_come',
 )  # fmt: skip
 U, V, R, HEADING, X, Y, EAST, NORTH = range(8)
-DISTURBANCES = slice(8, 11)
+DISTURBANCES, THRUST_TO_COME = slice(8, 11), slice(11, 13)
 MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
 LONGEST_STEP = 0.1
 """s of a step of the filter, at most."""
@@ -94,9 +98,9 @@ class ManoeuvreForecast:
     ----------
     stamps : ndarray, shape (L,)
         s.
-    states : ndarray, shape (L, 11)
+    states : ndarray, shape (L, 13)
         See ``STATES``.
-    covariances : ndarray, shape (L, 11, 11)
+    covariances : ndarray, shape (L, 13, 13)
     recorded : ndarray, shape (L, 6)
         What the sensors will record of it: see ``MEASURABLE``.
     recorded_covariances : ndarray, shape (L, 6, 6)
@@ -121,7 +125,7 @@ class ManoeuvreFilter:
 
     Attributes
     ----------
-    x, P : ndarray, shapes (11,), (11, 11)
+    x, P : ndarray, shapes (13,), (13, 13)
         State and its covariance.
     stamp : float
         s; NaN before the start.
@@ -135,7 +139,7 @@ class ManoeuvreFilter:
         self.x, self.P = np.zeros(len(STATES)), np.eye(len(STATES))
         self.stamp = math.nan
         self._noise = identified.forecast or _usual_noise(identified, self.settings)
-        self._walk, self._thrust_walk = _process_intensity(identified, self._noise)
+        self._walk = _process_intensity(identified, self._noise)
         self._columns = np.repeat(self.model.values[:, None], MOVES.shape[1], axis=1)
         most = abs(float(thrust_curve(self.model.largest_input, self.model.values)))
         self._substeps = substeps_for(self.model, LONGEST_STEP, thrust=((most,), (most,)))
@@ -156,10 +160,10 @@ class ManoeuvreFilter:
         u, v = through_water(measured.get('surge', 0.0), measured.get('sway', 0.0), r, compass, current, p)
         ahead, aside = recorded_position(0.0, 0.0, heading, p)
         place = measured.get('x', ahead) - ahead, measured.get('y', aside) - aside
-        self.x = np.array([u, v, r, heading, *place, *current, 0.0, 0.0, 0.0])
+        self.x = np.array([u, v, r, heading, *place, *current, *np.zeros(5)])
         spread = [self.settings.noise(n) if n in measured else unknown for n, unknown in
                   zip(MEASURABLE, (1.0, 0.3, 0.3, 0.01, 0.01, 0.01), strict=True)]  # fmt: skip
-        self.P = np.diag(np.square([*spread, 0.1, 0.1, *self._noise.disturbance]))
+        self.P = np.diag(np.square([*spread, 0.1, 0.1, *self._noise.disturbance, 0.0, 0.0]))
         self.stamp = stamp
         self._rejections = dict.fromkeys(MEASURABLE, 0)
 
@@ -186,18 +190,18 @@ class ManoeuvreFilter:
         self.stamp += step
 
     def _propagated(self, states, thrust, step):
-        """States (11, C) after a step under acting thrusts (2,)."""
+        """States (13, C) after a step under acting thrusts (2,)."""
         time = self._noise.disturbance_time[:, None]
         decay = np.exp(-step / time)
         push = states[DISTURBANCES] * (time / step * (1.0 - decay))
-        port, starboard = (np.full((1, states.shape[1]), side) for side in thrust)
+        port, starboard = (thrust[:, None] + states[THRUST_TO_COME])[:, None]
         motion = runge_kutta_columns(
             np.ascontiguousarray(states[:3]), port, starboard, push, self._columns, self.model.active, step,
             self._substeps)
-        u, v, r = np.moveaxis(motion, 1, 0)
-        pose = track(u, v, r, step, states[HEADING], states[X : Y + 1], states[EAST : NORTH + 1])
-        return np.concatenate([motion[-1], [series[-1] for series in pose], states[EAST : NORTH + 1],
-                               states[DISTURBANCES] * decay])  # fmt: skip
+        pose = states[HEADING : Y + 1] + moved(motion[0], motion[1], states[HEADING], step, states[EAST : NORTH + 1])
+        return np.concatenate([motion[-1], pose, states[EAST : NORTH + 1],
+                               states[DISTURBANCES] * decay,
+                               states[THRUST_TO_COME] * math.exp(-0.5 * step / self._noise.thrust_time)])  # fmt: skip
 
     def correct(self, name, value, std=None):
         """Update with one measured channel.
@@ -242,7 +246,7 @@ class ManoeuvreFilter:
         return advice
 
     def _recorded(self, states):
-        """What the sensors record of states (11, C), shape (6, C)."""
+        """What the sensors record of states (13, C), shape (6, C)."""
         u, v, r, heading, x, y, east, north = states[:8]
         p = self.model.values
         compass = recorded_heading(heading, p)
@@ -268,7 +272,10 @@ class ManoeuvreFilter:
         begin = self.stamp
         for lead, port, starboard in future or ():
             ahead.thrust.command(begin + lead, port, starboard)
-        walk = self._walk if future else self._walk + self._thrust_walk
+        walk = self._walk
+        if not future:
+            walk = walk.copy()
+            walk[THRUST_TO_COME, THRUST_TO_COME] = self._thrust_to_come()
         rows = []
         for lead in leads:
             ahead._advance(begin + lead, walk)
@@ -278,19 +285,25 @@ class ManoeuvreFilter:
         return ManoeuvreForecast(begin + np.asarray(leads, dtype=float), *map(np.array, zip(*rows, strict=True)))
 
 
+    def _thrust_to_come(self):
+        """White noise that drives what thrust to come differs by, N^2/s, shape (2, 2)."""
+        noise = self._noise
+        away = self.thrust.held - noise.thrust_mean
+        return (noise.thrust_covariance + np.outer(away, away)) / noise.thrust_time
+
+
 def _usual_noise(identified, settings):
     """Disturbances as large as it takes to leave, behind the hull's damping, the residuals of the identification."""
     jacobian = identified.model.jacobian(max(identified.region.fastest * 0.6, 0.1), 0.0, 0.0)
     own = np.array([settings.speed_noise, settings.speed_noise, settings.yaw_rate_noise])
     # what the sensors' own noise explains of the residuals needs no disturbance
     left = np.sqrt(np.maximum(identified.noise**2 - own**2, (0.2 * identified.noise) ** 2))
-    return ForecastNoise(left * np.maximum(-np.diag(jacobian), 0.05), np.full(3, USUAL_DISTURBANCE_TIME), np.zeros(3),
-                         np.zeros(4))  # fmt: skip
+    return ForecastNoise(left * np.maximum(-np.diag(jacobian), 0.05), np.full(3, USUAL_DISTURBANCE_TIME), np.zeros(2),
+                         np.zeros((2, 2)), math.inf, np.zeros(4))  # fmt: skip
 
 
 def _process_intensity(identified, noise):
-    """White noise that drives the state, a second, and what thrust to come adds in a forecast; shape (11, 11) each."""
+    """White noise that drives the state, a second, shape (13, 13); without what thrust to come adds in a forecast."""
     steady = np.square(np.maximum(0.02 * identified.noise, 1e-4))
     driving = 2.0 * noise.disturbance**2 / noise.disturbance_time
-    known = np.diag([*steady, 1e-8, 1e-6, 1e-6, 1e-5, 1e-5, *driving])
-    return known, np.diag([*np.zeros(8), *(2.0 * noise.thrust**2 / noise.disturbance_time)])
+    return np.diag([*steady, 1e-8, 1e-6, 1e-6, 1e-5, 1e-5, *driving, 0.0, 0.0])

@@ -113,7 +113,8 @@ def fit_arx(runs, until=1.0):
     return Arx(np.linalg.solve(normal, scaled.T @ target) / size[:, None])
 
 
-def score_forecasts(identified, runs, training=(), supplied=False, settings=None, leads=LEADS, truth=None):
+def score_forecasts(identified, runs, training=(), supplied=False, settings=None, leads=LEADS, truth=None,
+                    held=False):  # fmt: skip
     """Forecast runs as a live filter would have, once a second, and compare.
 
     Parameters
@@ -132,6 +133,8 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
         s.
     truth : sequence of Run, optional
         What really happened in the runs, where that is known: the errors are against it, not against the sensors.
+    held : bool
+        Score only the leads over which the inputs did hold.
 
     Returns
     -------
@@ -153,7 +156,7 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
         others = training or [other for k, other in enumerate(runs) if k != index]
         arx = fit_arx(others) if others else fit_arx([run], until=0.5)
         true = run if truth is None else truth[index]
-        count += _score_run(identified, run, true, arx, supplied, settings, leads, errors, inside)
+        count += _score_run(identified, run, true, arx, supplied, settings, leads, held, errors, inside)
     if not count:
         raise InputError(f'no run is longer than {SETTLING + leads[0]:.0f} s with known thrust: give longer runs')
     rmse = {
@@ -185,7 +188,7 @@ def filtered(identified, run, settings=None):
         yield k, filter_
 
 
-def _score_run(identified, run, true, arx, supplied, settings, leads, errors, inside):
+def _score_run(identified, run, true, arx, supplied, settings, leads, held, errors, inside):
     every, first = max(1, round(EVERY / run.step)), round(SETTLING / run.step)
     motion, inputs, known = _arx_series(run)
     places = [round(lead / run.step) for lead in leads]
@@ -195,7 +198,8 @@ def _score_run(identified, run, true, arx, supplied, settings, leads, errors, in
     for k, filter_ in filtered(identified, run, settings):
         if k < first or (k - first) % every or not run.driven[k]:
             continue
-        reach = [i for i, place in enumerate(places) if k + place < len(run.time) and run.driven[k : k + place].all()]
+        usable = run.driven[k:] & (inputs[k:] == inputs[k]).all(axis=1) if held else run.driven[k:]
+        reach = [i for i, place in enumerate(places) if k + place < len(run.time) and usable[:place].all()]
         if not reach:
             continue
         count += 1
