@@ -62,7 +62,8 @@ def test_hulls_follow_the_draft_by_powers():
 
 @pytest.mark.parametrize(
     ('values', 'trend'),
-    [([3, 2, 1], 'falls'), ([1, 2, 3], 'rises'), ([1, 0.9, 1.05], 'steady'), ([1, 3, 2], 'neither')],
+    [([3, 2, 1], 'falls'), ([1, 2, 3], 'rises'), ([1, 0.9, 1.05], 'steady'), ([1, 3, 2], 'rises, then falls'),
+     ([1, 3, 2, 4], 'mixed'), ([3, 2, 2, 1], 'falls')],
 )
 def test_trends(values, trend):
     assert trend_of(values) == trend
@@ -130,6 +131,12 @@ def test_the_catamarans_own_method_fits_its_track_and_tells_none_of_its_derivati
     assert len(free) == 10
     assert sum(d.std > abs(d.truth) for d in free) >= 8
     assert all(d.lower <= d.estimate <= d.upper for d in free)
+
+
+def test_the_drift_of_the_catamarans_turn_is_not_taken_for_a_compass_askew(manoeuvring):
+    assert 'compass-misaligned' not in {a.code for a in manoeuvring.ours.advice}
+    exact, _ = manoeuvring.runs['identification']
+    assert track_error(manoeuvring.simulated(manoeuvring.ours.model, 'identification'), exact) < 2.0
 
 
 def test_the_catamarans_derivatives_are_read_in_the_prime_system(manoeuvring):

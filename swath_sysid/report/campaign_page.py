@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from swath_sysid.report.figures import MEASURED
 
 if TYPE_CHECKING:
-    from swath_sysid.report.tables import Table
+    from swath_sysid.report.tables import Column, Table
 
 STYLE_SHEET = """
 :root{color-scheme:light dark;--paper:#ffffff;--ink:#1f2933;--faint:#5c6b7a;--line:#d8dee4;--panel:#f6f8fa;
@@ -42,7 +42,7 @@ table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-num
 th,td{padding:.22rem .55rem;text-align:right;border-bottom:1px solid var(--line);overflow-wrap:break-word}
 td:not(.words){white-space:nowrap}
 th{font-weight:600;vertical-align:bottom}
-th:first-child,td:first-child,td.words{text-align:left}
+th:first-child,td:first-child,.words{text-align:left}
 thead th{border-bottom:2px solid var(--line)}
 td.best{background:var(--good-back);color:var(--good);font-weight:650}
 td.beyond{color:var(--bad)}
@@ -139,21 +139,31 @@ def table_as_html(table: Table) -> str:
     """A table; on a narrow screen every row becomes a card."""
     size = 'wide' if len(table.columns) > MANY_COLUMNS else 'few' if len(table.columns) <= FEW_COLUMNS else ''
     kind = f' class="{size}"' if size else ''
-    head = ''.join(f'<th scope="col">{escaped(c.name)}</th>' for c in table.columns)
+    head = ''.join(
+        f'<th scope="col"{_css("words" if any(_is_words(c, row[j]) for row in table.rows) else None)}>'
+        f'{escaped(c.name)}</th>'
+        for j, c in enumerate(table.columns)
+    )
     rows = []
     for k, row in enumerate(table.rows):
         cells = []
         for j, (column, value) in enumerate(zip(table.columns, row, strict=True)):
-            shown = column.show(value)
-            words = isinstance(value, str) and not shown.replace('.', '').isdigit()
-            kinds = [name for name in (table.marks.get((k, j)), 'words' if words else None) if name]
-            css = f' class="{" ".join(kinds)}"' if kinds else ''
-            cells.append(f'<td{css} data-name="{escaped(column.name)}">{escaped(shown)}</td>')
+            css = _css(table.marks.get((k, j)), 'words' if _is_words(column, value) else None)
+            cells.append(f'<td{css} data-name="{escaped(column.name)}">{escaped(column.show(value))}</td>')
         rows.append(f'<tr>{"".join(cells)}</tr>')
     return (
         f'<h3>{escaped(table.title)}</h3><p class="note">{escaped(table.note)}</p>'
         f'<table{kind}><thead><tr>{head}</tr></thead><tbody>\n' + '\n'.join(rows) + '\n</tbody></table>'
     )
+
+
+def _is_words(column: Column, value: object):
+    return isinstance(value, str) and not column.show(value).replace('.', '').isdigit()
+
+
+def _css(*kinds: str | None):
+    named = ' '.join(filter(None, kinds))
+    return f' class="{named}"' if named else ''
 
 
 def inline(drawing: Drawing) -> str:

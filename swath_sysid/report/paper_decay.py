@@ -60,7 +60,7 @@ def _in_short(study: DecayStudy, wall_s: float):
     obtained = [study.chosen(r).genetic.value for r in records]
     ratio = np.median(np.array(obtained) / printed)
     return [
-        f'{len(records)} records of {p.repeats} repeat(s) each, {len(p.equations)} equations: searched with the ranges '
+        f'{len(records)} records, {_repeats(p.repeats)}, {len(p.equations)} equations: searched with the ranges '
         f'and the budget of the study by genetic algorithm and by particle swarm, and fitted by the simulated motion; '
         f'{wall_s:.0f} s.',
         f'The objective values come out at {ratio:.2f} of the printed ones (median): they are the noise of the rate, '
@@ -71,6 +71,10 @@ def _in_short(study: DecayStudy, wall_s: float):
         f'The simulated motion brings back the hull: {sum(inside)} of {len(inside)} ratios within two standard '
         f'deviations. The objective of the study does not: {_bias(study)}.',
     ]
+
+
+def _repeats(count: int):
+    return 'each the best of three' if count == 3 else 'one repeat each'
 
 
 def _bias(study: DecayStudy):

@@ -83,7 +83,6 @@ def _objective_by_equation(study: DecayStudy, spec: dict[str, Any]):
             axes.plot(places, [record.searched[e].genetic.value for e in p.equations], 'o-', color=SERIES[k],
                       markersize=4, linewidth=1.2, label=f'{factor:g} T here')  # fmt: skip
         axes.set_xticks(places)
-        axes.set_ylim(bottom=0.0)
         legend_below(axes)
         yield Drawing(f'objective_{angle:g}', f'objective value by equation, {angle:g} deg', figure)
 

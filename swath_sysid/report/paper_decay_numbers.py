@@ -50,13 +50,17 @@ def coefficient_names(study: DecayStudy) -> list[str]:
     return [name for name in ('N', 'W', 'x', 'C1', 'C2', 'C3') if name in used]
 
 
-def trend_of(values: ArrayLike) -> str:
-    """``falls``, ``rises``, ``steady`` or ``neither`` of values along a curve."""
+def trend_of(values: ArrayLike, steady: float = STEADY) -> str:
+    """``falls``, ``rises``, ``steady``, ``rises, then falls``, ``falls, then rises`` or ``mixed``, along a curve.
+
+    ``steady`` is the share of the largest value by which a steady curve changes at most.
+    """
     values = np.asarray(values, dtype=float)
-    if np.ptp(values) <= STEADY * np.abs(values).max():
+    if np.ptp(values) <= steady * np.abs(values).max():
         return 'steady'
-    steps = np.diff(values)
-    return 'falls' if (steps <= 0.0).all() else 'rises' if (steps >= 0.0).all() else 'neither'
+    ways = ['rises' if step > 0.0 else 'falls' for step in np.diff(values) if step]
+    turns = [way for k, way in enumerate(ways) if way != ways[k - 1] or k == 0]
+    return ', then '.join(turns) if len(turns) <= 2 else 'mixed'
 
 
 def next_step_errors(study: DecayStudy, record: StudiedRecord, ratios: dict[str, float] | None) -> np.ndarray:

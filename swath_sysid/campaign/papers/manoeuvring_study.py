@@ -2,7 +2,7 @@
 
 Its method: nonlinear least squares on the simulated motion, from GPS position and speed of one turn, the resistance
 fixed by towing, every other derivative within a range. Ours: `identify_manoeuvring` on the same turn, with the
-compass and the gyro that a craft has today.
+compass and the gyro that a craft has today, and the same resistance.
 """
 from dataclasses import dataclass
 
@@ -112,7 +112,7 @@ def run_manoeuvring_study(seed=1):
         exact = _turn(truth, content['assumed'], port, starboard)
         runs[name] = exact, with_noise(exact, NOISE, seed + k)
     estimated, std, shares, free = _estimated(content, truth, values, runs['identification'][1])
-    ours = _ours(content, runs)
+    ours = _ours(content, runs, {name: values[name] for name in content['fixed_by_towing']})
     derivatives = tuple(
         _derivative(content, units, name, truth, estimated, std.get(name, float('nan')), ours) for name in prime
     )
@@ -167,7 +167,7 @@ def _estimated(content, truth, values, measured):
     return model_of(found.x), std, np.array([*history, found.x]), free
 
 
-def _ours(content, runs):
+def _ours(content, runs, towed):
     trials = [
         ManoeuvringTrial(
             m.time, m.port, m.starboard, surge=m.surge, sway=m.sway, yaw_rate=m.yaw_rate, heading=m.heading, x=m.x,
@@ -177,7 +177,7 @@ def _ours(content, runs):
     ]  # fmt: skip
     settings = ManoeuvringSettings(
         mass=content['craft']['displacement_kg'], lever=content['assumed']['lever_m'],
-        length=content['craft']['length_m'], fixed=content['thrust'], current='none',
+        length=content['craft']['length_m'], fixed={**content['thrust'], **towed}, current='none',
     )  # fmt: skip
     identification, validation = prepare_all(trials)
     return identify_manoeuvring([identification], settings, [validation])

@@ -17,6 +17,9 @@ USUAL_CURRENT = 0.3
 USUAL_DEVIATION = 0.15
 """rad; a deviation by the course is not taken for a compass askew, and is left to the identification."""
 
+TURNING, ONE_SIDED = math.radians(1.0), 0.75
+"""rad/s, and the share of the time that runs turn faster than that to one side."""
+
 REMEMBERED = 10.0
 """Half seconds over which wind and manoeuvres leave the same sway: this many samples count as one."""
 
@@ -30,7 +33,7 @@ def aligned(trials, advice):
     """
     rows = [_sway_by_cause(t) for t in trials]
     usable = [r for r in rows if r is not None]
-    if not usable:
+    if not usable or _turns_to_one_side(np.concatenate([causes[:, 1] for _, causes, _ in usable])):
         return trials
     count = sum(len(sway) for sway, _, _ in usable)
     sway, shared, currents = np.zeros(count), np.zeros((count, 5)), np.zeros((count, 2 * len(usable)))
@@ -57,6 +60,11 @@ def aligned(trials, advice):
             f'{"port" if offset > 0.0 else "starboard"} of its heading on straight courses: heading and speeds were '
             f'turned by that much; calibrate the compass')))  # fmt: skip
     return [_turned(trial, offset) for trial in trials]
+
+
+def _turns_to_one_side(yaw_rate):
+    """Whether the drift of turns to one side alone leaves the same sway as a compass askew."""
+    return max(np.mean(yaw_rate > TURNING), np.mean(yaw_rate < -TURNING)) > ONE_SIDED
 
 
 def _sway_by_cause(trial):
