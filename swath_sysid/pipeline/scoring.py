@@ -9,8 +9,8 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import EDGE
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
-from swath_sysid.attitude.prediction.point import POINT_MOTION, Point
-from swath_sysid.attitude.prediction.quiescence import ATTITUDE, QuiescenceLimits, Reliability, quantity_at
+from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION, Point
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability, quantity_at
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts

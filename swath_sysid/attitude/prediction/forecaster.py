@@ -19,7 +19,7 @@ from swath_sysid.attitude.prediction.blend import Blend
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
 from swath_sysid.attitude.prediction.oscillator import oscillators
-from swath_sysid.attitude.prediction.point import Point, PointMotion, point_motion
+from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
 from swath_sysid.attitude.prediction.quiescence import (
     AT_A_POINT,
     Quiescence,
@@ -47,7 +47,6 @@ from swath_sysid.common.row_buffer import RowBuffer
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
 """Of a sample, those that may show the waves; a record that lacks some is forecast from the others."""
 
-TARGETS = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
 AXIS_OF_TARGET = (0, 1, 0, 1)
 
 OSCILLATOR, HULL = 'oscillator', 'hull-filter'
@@ -77,7 +76,7 @@ EXCITATION_WINDOW = 600.0
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
 
-_ROW, _MEASURED_COUNT = len(CHANNELS), len(TARGETS)
+_ROW, _MEASURED_COUNT = len(CHANNELS), len(ATTITUDE)
 _MEASURED = slice(_ROW, _ROW + _MEASURED_COUNT)
 _BLOCK = slice(_ROW + _MEASURED_COUNT, _ROW + 2 * _MEASURED_COUNT)
 _COLUMNS = _ROW + 2 * _MEASURED_COUNT
@@ -230,14 +229,14 @@ class Forecaster:
         self._agreements = {axis: AgreementMeter() for axis in AXES}
         self._noise = dict.fromkeys(AXES, (math.nan, math.nan))
         self._noise_to_hull = dict(self._noise)
-        self._reported_noise = [0.0] * len(TARGETS)
+        self._reported_noise = [0.0] * len(ATTITUDE)
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
         self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
         self._asked, self._over_horizon = (self._places_of(wanted) for wanted in (leads, horizon))
         # the oldest forecast that is scored lies one longest lead behind the window
         self._history = RowBuffer(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
-        quantities = *TARGETS, *[quantity_at(point.name, kind) for point in s.points for kind in AT_A_POINT]
+        quantities = *ATTITUDE, *[quantity_at(point.name, kind) for point in s.points for kind in AT_A_POINT]
         self._quiescence: Any = None if s.quiescence is None else Quiescence(s.quiescence, horizon, quantities)
         self._vertical: Any = None
         # heave and vertical velocity at the rows, as they were then: what windows of calm are judged by
@@ -454,7 +453,7 @@ class Forecaster:
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._blend.steps.size == whole.size
 
     def _restart_block(self):
-        self._block_sum, self._block_count = [0.0] * len(TARGETS), [0] * len(TARGETS)
+        self._block_sum, self._block_count = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
         self._smoothed = [math.nan] * _ROW
 
     def _follow_rows(self, sample: CraftSample, elapsed: float):
@@ -489,7 +488,7 @@ class Forecaster:
 
     def _take_row(self, row: np.ndarray, steps: int):
         """A row is complete, so many steps after the one before."""
-        self._block_sum, self._block_count = [0.0] * len(TARGETS), [0] * len(TARGETS)
+        self._block_sum, self._block_count = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
         self._history.append(row)
         for space in self._spaces.values():
             space.step(row)
@@ -530,7 +529,7 @@ class Forecaster:
     def _use(self, name: str, model: InnovationsModel | None):
         if model is not None:
             horizon = self._leads[-1] + 2.0 * self._step
-            self._spaces[name] = space = InnovationsFilter(model, TARGETS, horizon, self._blend.steps)
+            self._spaces[name] = space = InnovationsFilter(model, ATTITUDE, horizon, self._blend.steps)
             space.seed(self._past(max(_SEEDED_FROM, _SEEDED_ROWS * self._step)))
 
     # -- what is learnt of the sea
@@ -592,8 +591,8 @@ class Forecaster:
 
         ``age`` is the time since the newest row, s; None: the leads are whole steps from it.
         """
-        mean = np.full((len(CANDIDATES), leads.size, len(TARGETS)), math.nan)
-        covariance = np.zeros((*mean.shape, len(TARGETS)))
+        mean = np.full((len(CANDIDATES), leads.size, len(ATTITUDE)), math.nan)
+        covariance = np.zeros((*mean.shape, len(ATTITUDE)))
         hull_place = _PLACE[HULL]
         for place, (axis, hull) in enumerate(self._hulls.items()):
             # without a hull it carries on the rate, which an oscillator does better
@@ -676,7 +675,7 @@ class Forecaster:
         newest, time = self._history.newest, self._time - self._since_row
         self._quiescence.learn(self._time, lambda times: self._what_came(newest + (times - time) / self._step))
         activity = [self._sizes[axis].activity for axis in AXIS_OF_TARGET]
-        activity += [max(abs(value), _MIN_ACTIVITY) for value in motion[0, len(TARGETS):].tolist()]
+        activity += [max(abs(value), _MIN_ACTIVITY) for value in motion[0, len(ATTITUDE):].tolist()]
         trim = np.array([*self._trim, *[0.0] * (motion.shape[1] - len(AXES))])
         return self._quiescence.assess(self._time, motion, np.sqrt(variance), np.array(activity), trim)
 

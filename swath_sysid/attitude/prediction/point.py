@@ -10,7 +10,11 @@ from typing import Any
 
 import numpy as np
 
+ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
+"""What is measured and forecast of every craft."""
+
 POINT_MOTION = ('heave', 'vertical_velocity', 'vertical_acceleration')
+"""What is forecast at each point."""
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
+from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.common.errors import InputError
+
+AT_A_POINT = POINT_MOTION[:2]
+"""What can be limited at each point, beside `ATTITUDE` of the craft."""
 
 _ENOUGH = 30
 _SIZE_MEMORY = 60.0
 """s; a shorter one follows groups of waves, in which the errors grow less than the motion does."""
-
-
-ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
-"""What can be limited of every craft; of each point, its heave and vertical velocity, too."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,6 @@ class QuiescenceLimits:
             quantity_at(point.name, kind): getattr(point, kind) for point in self.points for kind in AT_A_POINT
         }
         return np.array([of_points.get(name, getattr(self, name, math.inf)) for name in quantities])
-
-
-AT_A_POINT = ('heave', 'vertical_velocity')
 
 
 def quantity_at(point: str, kind: str) -> str:

@@ -8,10 +8,11 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
+from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
-from swath_sysid.attitude.prediction.vertical import ATTITUDE, FORCE, VerticalFit, VerticalRequest, fit_vertical
+from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalRequest, fit_vertical
 
 ALL_CHANNELS, SHORT_MEMORY, EACH_ALONE = 'waves', 'waves-short', 'axis-alone'
 SEA_MODELS = (SHORT_MEMORY, ALL_CHANNELS, EACH_ALONE)

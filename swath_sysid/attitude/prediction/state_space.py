@@ -135,12 +135,13 @@ class InnovationsFilter:
         """
         self.restart()
         count = self.model.lags
-        first = first_complete(np.isfinite(rows[:, self._places]).all(axis=1), count) if count else None
-        if first is not None:
-            lags = (rows[first:first + count, self._places] - self.model.mean) * self._scale
+        complete = np.isfinite(rows[:, self._places]).all(axis=1)
+        if count and (whole := whole_lags(complete, count)).any():
+            end = int(np.argmax(whole)) + 1
+            lags = (rows[end - count:end, self._places] - self.model.mean) * self._scale
             self._x, self._p = self.model.from_lags @ lags[::-1].ravel(), None
             self._recent.extend(lags[-_PAST:])
-            rows = rows[first + count:]
+            rows = rows[end:]
         for row in rows:
             self.step(row)
 
@@ -358,21 +359,18 @@ def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:
     )  # fmt: skip
 
 
-def first_complete(complete: np.ndarray, count: int) -> int | None:
-    """The first place from which ``count`` rows are complete; None where there is none.
+def whole_lags(complete: np.ndarray, count: int) -> np.ndarray:
+    """Whether a row and the ``count - 1`` before it are complete, shape (N,).
 
     Parameters
     ----------
     complete : ndarray of bool, shape (N,)
         By row, whether nothing is missing.
     count : int
-        Number of rows in succession.
+        Number of rows, this one included.
     """
-    if complete.size < count:
-        return None
-    runs = np.cumsum(np.concatenate([[0], complete]))
-    found = np.flatnonzero(runs[count:] - runs[:-count] == count)
-    return int(found[0]) if found.size else None
+    runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
+    return runs[count:] - runs[:-count] == count
 
 
 def cubic_weights(part: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import fft
 from scipy.linalg import cholesky, eigh, solve_triangular
 
-from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side
+from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side, whole_lags
 
 # variance of white noise that every channel is given, over the channel's own: without it, channels of which one follows
 # from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %)
@@ -209,20 +209,6 @@ def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
             result[inner[seen][:, None] + np.arange(lost - 1, -1, -1)] = filled
             break
     return result
-
-
-def whole_lags(complete: np.ndarray, count: int) -> np.ndarray:
-    """Whether a row and the ``count - 1`` before it are complete, shape (N,).
-
-    Parameters
-    ----------
-    complete : ndarray of bool, shape (N,)
-        By row, whether nothing is missing.
-    count : int
-        Number of rows, this one included.
-    """
-    runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
-    return runs[count:] - runs[:-count] == count
 
 
 def lag_gram(rows: np.ndarray, count: int) -> tuple[np.ndarray, int]:

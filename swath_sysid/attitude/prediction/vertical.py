@@ -20,13 +20,12 @@ from swath_sysid.attitude.motion.vertical import (
     vertical_acceleration,
     zero_phase_integral,
 )
+from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
 
-VERTICAL = ('heave', 'vertical_velocity', 'vertical_acceleration', 'roll_acceleration', 'pitch_acceleration')
-"""What is forecast here; the angular accelerations are for points away from the sensor."""
-
-ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
-"""What is forecast elsewhere, with errors that are correlated with those here."""
+VERTICAL = (*POINT_MOTION, 'roll_acceleration', 'pitch_acceleration')
+"""What is forecast here, with errors that are correlated with those of `ATTITUDE`; the angular accelerations are for
+points away from the sensor."""
 
 FORCE = ('accel_x', 'accel_y', 'accel_z')
 
