@@ -6,7 +6,7 @@ from swath_sysid.common.errors import InputError
 PACKAGE = 'swath_sysid'
 
 
-def share_folder(module_file=__file__):
+def share_folder(module_file: str | Path = __file__) -> Path:
     """The folder that holds package.xml, config/ and launch/ of this very installation.
 
     Found from the module's own path rather than through ament's index: the index needs a sourced environment,

@@ -14,7 +14,7 @@ SERVING_VERBS = ('run', 'page', 'replay', 'record')
 EXIT_INTERRUPTED = 130
 
 
-def command_line():
+def command_line() -> int:
     """``swath-sysid``; returns the exit code."""
     verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
     serving = verb in SERVING_VERBS
@@ -32,13 +32,13 @@ def command_line():
         _end_on_signals(EXIT_INTERRUPTED)
 
 
-def verb_command(verb, *options):
+def verb_command(verb: str, *options) -> list[str]:
     """The words that run a verb in a process of its own."""
     return [sys.executable, '-m', 'swath_sysid.start', verb, *options]
 
 
-def _end_on_signals(code):
-    def end(*_):
+def _end_on_signals(code: int):
+    def end(*_) -> None:
         os._exit(code)
 
     signal.signal(signal.SIGINT, end)

@@ -10,7 +10,8 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.intake import CraftSample
-from swath_sysid.attitude.prediction.forecaster import CHANNELS, TARGETS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.forecaster import CHANNELS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_fit import (
     ALL_CHANNELS,
     LONGEST_FILLED,
@@ -158,7 +159,7 @@ def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
     measured['roll'][:] = steps if roll == 'coarse' else rng.normal(0.0, roll, count)
     measured['accel_z'][:] = STANDARD_GRAVITY - heave[:count] @ frequency**2 + rng.normal(0.0, sensor, count)
     fit = fit_sea(SeaRequest(1.0, STEP, CHANNELS, values, vertical=VerticalRequest(ahead + 2, 0.0, row)))
-    waves = InnovationsFilter(fit.waves[ALL_CHANNELS], TARGETS, 3.0, np.arange(1, 4))
+    waves = InnovationsFilter(fit.waves[ALL_CHANNELS], ATTITUDE, 3.0, np.arange(1, 4))
     waves.seed(values[-600:])
     forecaster = VerticalForecaster(STEP, ahead + 2)
     for place in range(count):

@@ -10,8 +10,8 @@ from swath_sysid.attitude.prediction.state_space import (
     InnovationsFilter,
     InnovationsModel,
     cubic_weights,
-    first_complete,
     side_by_side,
+    whole_lags,
 )
 
 STEP = 0.1
@@ -216,7 +216,8 @@ def test_models_side_by_side_forecast_as_they_do_alone():
 
 def test_a_run_of_complete_rows_is_found():
     complete = np.array([1, 1, 0, 1, 1, 1, 1, 0], dtype=bool)
-    assert [first_complete(complete, count) for count in (1, 2, 3, 4, 5, 9)] == [0, 0, 3, 3, None, None]
+    ends = [np.flatnonzero(whole_lags(complete, count)).tolist()[:1] for count in (1, 2, 3, 4, 5, 9)]
+    assert ends == [[0], [1], [5], [6], [], []]
 
 
 @settings(max_examples=25)

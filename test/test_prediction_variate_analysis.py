@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from swath_sysid.attitude.prediction.oscillator import angle_statistics, oscillators
-from swath_sysid.attitude.prediction.state_space import InnovationsFilter
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter, whole_lags
 from swath_sysid.attitude.prediction.variate_analysis import (
     broken,
     fill_short_gaps,
@@ -14,7 +14,6 @@ from swath_sysid.attitude.prediction.variate_analysis import (
     identify_alone,
     lag_gram,
     useful_channels,
-    whole_lags,
     without_breaks,
 )
 

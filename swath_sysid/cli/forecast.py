@@ -13,10 +13,10 @@ from rich.table import Table
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.point import Point
-from swath_sysid.attitude.prediction.quiescence import ATTITUDE, QuiescenceLimits
+from swath_sysid.attitude.prediction.point import ATTITUDE, Point
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite
+from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite, leads, numbers
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial
@@ -37,7 +37,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('record', metavar='RECORD', help='CSV file, rosbag2 bag or MTi text export')
     parser.add_argument('--axis', choices=AXES, help='score this axis only (default: all measured)')
     parser.add_argument('--model', metavar='MODEL.yaml', help='the identified hull')
-    parser.add_argument('--leads', type=_leads, default=DEFAULT_LEADS, metavar='S,S,...', help='leads in seconds')
+    parser.add_argument('--leads', type=leads, default=DEFAULT_LEADS, metavar='S,S,...', help='leads in seconds')
     parser.add_argument(
         '--warmup', type=_not_negative, metavar='S',
         help='seconds at the start that are not scored (default: 600, or a third of a shorter record)',
@@ -192,22 +192,8 @@ def _percentages(shares: Any):
     return (_cell(100.0 * share, 1) for share in shares)
 
 
-def _numbers(text: str):
-    try:
-        return tuple(finite(part) for part in text.split(','))
-    except ValueError as error:
-        raise ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from error
-
-
-def _leads(text: str):
-    leads = _numbers(text)
-    if not leads or any(lead <= 0.0 for lead in leads):
-        raise ArgumentTypeError('leads are positive seconds, separated by commas')
-    return tuple(sorted(set(leads)))
-
-
 def _limits(text: str):
-    parts = _numbers(text)
+    parts = numbers(text)
     if len(parts) != 2 or min(parts) < 0.0:
         raise ArgumentTypeError('give two values, of which none is negative: ROLL,PITCH')
     return tuple(math.radians(part) or math.inf for part in parts)
@@ -217,10 +203,10 @@ def _point(text: str):
     name, colon, place = text.partition(':')
     if not (colon and name.isidentifier()):
         raise ArgumentTypeError(f"'{text}' is not a point: write NAME:x,y,z with a name of letters, digits and _")
-    numbers = _numbers(place)
-    if len(numbers) != 3:
+    coordinates = numbers(place)
+    if len(coordinates) != 3:
         raise ArgumentTypeError(f"'{text}' is not a point: give three coordinates in m, NAME:x,y,z")
-    return Point(name, numbers)
+    return Point(name, coordinates)
 
 
 def _with_sensor(points: list[Point]) -> tuple[Point, ...]:

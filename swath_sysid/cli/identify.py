@@ -1,6 +1,5 @@
 """``swath-sysid identify``: from decay records, or a record in waves, to a hull model."""
 
-import json
 import sys
 import time
 from argparse import ArgumentParser, Namespace
@@ -100,13 +99,11 @@ def run(arguments: Namespace) -> int:
     tables = tank_tables(found, particulars, type_b) if arguments.extinction else []
     write_fit(arguments, found, fit_figure, is_to_be_written(arguments, found.verdict))
     show_advice((*found.advice, *found.verdict.warnings))
-    if arguments.json:
-        advice = (*read_advice, *found.advice, *found.verdict.warnings)
-        data = fit_as_data(found, time.perf_counter() - began, inertia)
-        data |= {table.name: table_as_data(table) for table in tables} | warnings_as_data(advice)
-        print(json.dumps(finite_or_none(data), indent=2))
-    else:
-        print('\n'.join([*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t)))]))
+    data = fit_as_data(found, time.perf_counter() - began, inertia)
+    data |= {table.name: table_as_data(table) for table in tables}
+    data |= warnings_as_data((*read_advice, *found.advice, *found.verdict.warnings))
+    lines = [*fit_in_words(found, inertia), *(line for t in tables for line in ('', *table_in_words(t)))]
+    print_result(arguments.json, finite_or_none(data), lines)
     return conclude_fit(arguments, found.verdict)
 
 

@@ -14,6 +14,7 @@ from swath_sysid.cli.sources import (
     assignment,
     check_model_and_plot,
     finite,
+    leads,
     provenance_of,
     refuse_twice,
     without_copies,
@@ -239,7 +240,10 @@ def _add_forecast(parser: ArgumentParser) -> None:
         '--future', choices=('held', 'supplied'), default='held',
         help='inputs to come: held at their last value, or known (default: %(default)s)',
     )  # fmt: skip
-    parser.add_argument('--leads', metavar='S,S,..', help='default: ' + ','.join(f'{lead:g}' for lead in LEADS))
+    parser.add_argument(
+        '--leads', type=leads, default=LEADS, metavar='S,S,..',
+        help='default: ' + ','.join(f'{lead:g}' for lead in LEADS),
+    )
     parser.add_argument('--plot', metavar='FILE.png')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
@@ -247,10 +251,9 @@ def _add_forecast(parser: ArgumentParser) -> None:
 def _forecast(arguments: Namespace):
     check_model_and_plot(arguments, [*arguments.runs, *arguments.train, arguments.model])
     identified = read_manoeuvring_model(arguments.model)
-    leads = _leads(arguments.leads) if arguments.leads else LEADS
     runs = read_runs([*arguments.runs, *arguments.train], arguments)
     scored, training = runs[: len(arguments.runs)], runs[len(arguments.runs) :]
-    scores = score_forecasts(identified, scored, training, arguments.future == 'supplied', leads=leads)
+    scores = score_forecasts(identified, scored, training, arguments.future == 'supplied', leads=arguments.leads)
     if arguments.plot:
         save_figure(forecast_figure(scores, arguments.future), arguments.plot)
     advice = condensed([a for run in runs for a in run.advice])
@@ -260,22 +263,12 @@ def _forecast(arguments: Namespace):
     return 0
 
 
-def _leads(text: str):
-    try:
-        leads = tuple(finite(part) for part in text.split(','))
-    except ValueError as error:
-        raise InputError(f"'{text}' is not a list of leads: write, for example, 1,5,10") from error
-    if not leads or leads[0] <= 0.0 or any(b <= a for a, b in zip(leads, leads[1:], strict=False)):
-        raise InputError(f'the leads must be positive and rising, not {text}')
-    return leads
-
-
 def _add_play_through(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
     parser.add_argument('--model', metavar='MODEL.yaml', help='without: steady motion')
     parser.add_argument('--output', required=True, metavar='OUT.mcap')
     parser.add_argument('--rate', type=finite, default=5.0, metavar='HZ', help='forecasts a second, at most')
-    parser.add_argument('--leads', metavar='S,S,..', default='1,5,10', help='default: %(default)s')
+    parser.add_argument('--leads', type=leads, default='1,5,10', metavar='S,S,..', help='default: %(default)s')
 
 
 def _play_through(arguments: Namespace):
@@ -286,7 +279,7 @@ def _play_through(arguments: Namespace):
     trial = _read(arguments.runs[0], arguments)
     identified = read_manoeuvring_model(arguments.model) if arguments.model else None
     silence = 0.5 if arguments.gap_means_zero else 0.0
-    settings = ManoeuvreOutlookSettings(leads=_leads(arguments.leads), rate=arguments.rate, stop_after=silence)
+    settings = ManoeuvreOutlookSettings(leads=arguments.leads, rate=arguments.rate, stop_after=silence)
     count = write_forecasts(arguments.output, play_manoeuvres(trial, settings, identified), settings.leads)
     show_advice(condensed(trial.advice))
     print(f'{arguments.output}: {count} forecasts')

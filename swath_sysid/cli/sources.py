@@ -1,7 +1,7 @@
 """Arguments and reading of records, shared by the verbs that take them."""
 
 import math
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +56,22 @@ def finite(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f'{text} is not finite')
     return value
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Finite numbers for argparse, separated by commas."""
+    try:
+        return tuple(finite(part) for part in text.split(','))
+    except ValueError as error:
+        raise ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from error
+
+
+def leads(text: str) -> tuple[float, ...]:
+    """Leads in s for argparse, in their order; one that is given twice counts once."""
+    found = numbers(text)
+    if min(found) <= 0.0:
+        raise ArgumentTypeError('leads are positive seconds, separated by commas')
+    return tuple(sorted(set(found)))
 
 
 def assignment(text: str, example: str) -> tuple[str, float]:

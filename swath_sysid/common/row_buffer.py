@@ -1,5 +1,5 @@
 """A ring buffer: rows of numbers, the newest last, in memory that does not grow."""
-from collections.abc import Sequence
+from collections.abc import Iterable
 from struct import pack_into
 
 import numpy as np
@@ -28,7 +28,7 @@ class RowBuffer:
         """Number of the newest row; -1 before the first."""
         return self._number - 1
 
-    def append(self, row: Sequence[float]) -> None:
+    def append(self, row: Iterable[float]) -> None:
         """Add a row, of as many numbers as there are columns; NaN where nothing is known."""
         if self._end == len(self._rows):
             self._rows[:self.capacity] = self._rows[self._end - self.capacity:]

@@ -1,12 +1,15 @@
 """Writing files so that no reader ever finds half of one."""
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError
+
+KINDS = {stat.S_ISCHR: 'a device', stat.S_ISBLK: 'a device', stat.S_ISFIFO: 'a pipe', stat.S_ISSOCK: 'a socket'}
 
 
 @contextmanager
@@ -23,16 +26,10 @@ def replacing(path: str | Path) -> Iterator[Path]:
         The folder does not exist or cannot be written to, the disk is full, or a folder stands at
         `path` already (folders are never replaced).
     """
-    if not Path(path).name:
-        raise InputError(f"'{path}' names no file: give one")
     try:
-        path = Path(os.path.realpath(path))
+        path = Path(os.path.realpath(refuse_no_file(path)))
     except ValueError as error:
         raise InputError(f'a file cannot have this name ({error}): choose another') from error
-    if path.is_dir():
-        raise InputError(f'{path} is a folder that exists already: choose another name, or remove it first')
-    if path.exists() and not path.is_file():
-        raise InputError(f'{path} is a device or a pipe: give the name of a file')
     if path.is_symlink():
         raise InputError(f'{path} is a symbolic link that leads back to itself: choose another name')
     try:
@@ -50,6 +47,21 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise InputError(f'cannot write {path}: {error.strerror or error}; choose another place') from error
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
+
+
+def refuse_no_file(path: str | Path, option: str = '') -> str | Path:
+    """The path, unless it names no file, or there is a folder, a device or a pipe: then `InputError`."""
+    shown = f'{option} {path}'.strip()
+    if os.path.isdir(path):
+        raise InputError(f'{shown} is a folder that exists already: choose another name, or remove it first')
+    if not Path(path).name or str(path).endswith(os.sep):
+        raise InputError(f"{option} '{path}' names no file: give one".strip())
+    if os.path.exists(path):
+        mode = os.stat(path).st_mode
+        for test, kind in KINDS.items():
+            if test(mode):
+                raise InputError(f'{shown} is {kind}: give the name of a file')
+    return path
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -141,8 +141,7 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
         beyond reading.
     """
     path = Path(path)
-    with ExitStack() as stack:
-        readers, advice = _open_bag(path, stack)
+    with opened_bag(path) as (readers, advice):
         if advice and not any(c.msgtype == IMU_TYPE for reader in readers for c in reader.connections):
             raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
         topic = _choose_topic(path, readers, topic)
@@ -305,12 +304,8 @@ def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Advice]]]:
         There is no such bag, or it is damaged beyond reading.
     """
     with ExitStack() as stack:
-        yield _open_bag(Path(path), stack)
-
-
-def _open_bag(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
-    """Readers of everything in a bag, opened, and advice about its state."""
-    return (_open_folder if existing(path).is_dir() else _open_storage)(path, stack)
+        found = existing(path)
+        yield (_open_folder if found.is_dir() else _open_storage)(found, stack)
 
 
 def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:

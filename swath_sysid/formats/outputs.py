@@ -1,19 +1,17 @@
 """Where results are to go, looked at before the work begins: what would destroy something is refused."""
 import errno
 import os
-import stat
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.atomic import refuse_no_file
 from swath_sysid.formats.tables import read_head
 
 TIME_WORDS = ('time', 'stamp', 'packetcounter', 'sampletimefine')
 """A table with a column of which the name begins so is a recording."""
-
-KINDS = {stat.S_ISCHR: 'a device', stat.S_ISBLK: 'a device', stat.S_ISFIFO: 'a pipe', stat.S_ISSOCK: 'a socket'}
 
 
 @dataclass(frozen=True)
@@ -129,16 +127,7 @@ def _check_target(output: Output) -> None:
         if path.is_dir() and _is_bag(path):
             raise InputError(f'{output.option} {path} is a rosbag2 bag: choose a folder of its own')
         return
-    if path.is_dir():
-        raise InputError(f'{output.option} {path} is a folder that exists already: choose another name, or remove it '
-                         f'first')
-    if not path.name or str(output.path).endswith(os.sep):
-        raise InputError(f"{output.option} '{output.path}' names no file: give one")
-    if path.exists():
-        mode = path.stat().st_mode
-        what = next((kind for test, kind in KINDS.items() if test(mode)), None)
-        if what:
-            raise InputError(f'{output.option} {path} is {what}: give the name of a file')
+    refuse_no_file(output.path, output.option)
 
 
 def _refuse_input(output: Output, path: Path) -> None:

@@ -31,14 +31,12 @@ class Heard:
 
     Attributes
     ----------
-    readings : sequence of ImuReading
     angles : sequence of (int, float)
         Stamp, ns, and measured angle about the axis, rad.
     forecasts : dict of float to sequence of (int, float, float)
         Lead to the stamps they are for, ns, angle and standard deviation, rad.
     nexts : int
         Forecasts one sample ahead.
-    models : dict of str to IdentifiedModel
     model_ns : int or None
         Stamp of the sensor when the first model came.
     versions : int

@@ -76,7 +76,6 @@ class Facts:
         The last minute, by axis.
     model : IdentifiedModel or None
         Of the axis to be identified.
-    models_received : int
     is_kept : bool
         Whether the user has accepted the model.
     """

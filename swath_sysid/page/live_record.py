@@ -62,10 +62,6 @@ def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], p
         ``roll``, ``roll_std``, ...
     positions : sequence of float
         The columns of each lead in turn.
-
-    Returns
-    -------
-    Horizon
     """
     table = dict(zip(columns, np.asarray(positions, dtype=float).reshape(len(leads_ns), len(columns)).T, strict=True))
     means = {name: values for name, values in table.items() if not name.endswith('_std')}

@@ -1,8 +1,12 @@
 """What a forecast must beat: simple and standard forecasts, each from the record's past alone."""
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
+
+from swath_sysid.attitude.motion.trial import Trial
 
 REGRESSIONS = {'ar_40': 40, 'var_40': 40, 'var_60': 60}
 """Order of each regression, given enough past; an autoregression reads its own angle, the others every channel."""
@@ -52,22 +56,22 @@ class Record:
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, trial):
+    def of(cls, trial: Trial) -> Self:
         """Every channel of a trial."""
         return cls(trial.time, np.column_stack(list(trial.channels.values())), tuple(trial.channels))
 
     @cached_property
-    def interval(self):
+    def interval(self) -> float:
         """The sensor's usual interval as its samples keep it, s: the nearest round figure would drift from them."""
         intervals = np.diff(self.time)
         even = np.abs(intervals - np.median(intervals)) < 0.5 * np.median(intervals)
         return float(intervals[even].mean())
 
-    def column(self, name):
+    def column(self, name: str) -> Any:
         """One channel, or None."""
         return self.values[:, self.names.index(name)] if name in self.names else None
 
-    def at(self, wanted, places=None):
+    def at(self, wanted: np.ndarray, places: Sequence[int] | None = None) -> np.ndarray:
         """The channels at given times, linear between neighbouring samples.
 
         Parameters
@@ -95,7 +99,7 @@ class Record:
             result[on] = values[neighbour[on]]
         return result
 
-    def after_gap(self, name, stamps, duration):
+    def after_gap(self, name: str, stamps: np.ndarray, duration: float) -> np.ndarray:
         """Whether each stamp lies within a gap of a channel, or within `duration` after it.
 
         A gap is where at least one sample of the channel was lost or is NaN; what is missing before
@@ -108,7 +112,9 @@ class Record:
         return (stamps - first[ended] <= duration) | (stamps > last[ended])
 
 
-def baseline_forecasts(record, axes, stamps, leads, window):
+def baseline_forecasts(
+    record: Record, axes: Sequence[str], stamps: np.ndarray, leads: np.ndarray, window: float
+) -> dict[str, dict[str, np.ndarray]]:
     """Forecasts of every baseline, issued at the stamps from the samples up to and with them.
 
     Parameters
@@ -142,7 +148,9 @@ def baseline_forecasts(record, axes, stamps, leads, window):
     return result
 
 
-def simple_forecasts(record, name, stamps, leads, window):
+def simple_forecasts(
+    record: Record, name: str, stamps: np.ndarray, leads: np.ndarray, window: float
+) -> dict[str, np.ndarray]:
     """Persistence, constant rate and the mean of the past.
 
     Parameters
@@ -182,7 +190,10 @@ def simple_forecasts(record, name, stamps, leads, window):
     }
 
 
-def running_regression(record, channels, targets, order, stamps, leads, window):
+def running_regression(
+    record: Record, channels: Sequence[int], targets: Sequence[int], order: int, stamps: np.ndarray, leads: np.ndarray,
+    window: float,
+) -> np.ndarray:
     """A vector autoregression by ridge least squares, iterated ahead and refitted as time goes on.
 
     Parameters
@@ -234,7 +245,7 @@ def running_regression(record, channels, targets, order, stamps, leads, window):
     return result
 
 
-def _useful(values, channels):
+def _useful(values: np.ndarray, channels: Sequence[int]):
     """Those channels that are mostly there and move."""
     return tuple(
         c for c in channels
@@ -242,7 +253,7 @@ def _useful(values, channels):
     )  # fmt: skip
 
 
-def _supported_order(order, rows, channels):
+def _supported_order(order: int, rows: int, channels: int):
     """The highest of `ORDERS`, up to the one wanted, that so many rows can teach; None where none."""
     supported = (o for o in ORDERS if o <= order and rows - o >= ROWS_A_COEFFICIENT * channels * o)
     return next(supported, None)
@@ -262,7 +273,7 @@ class _RunningSums:
     count: int = 0
 
     @classmethod
-    def begun(cls, grid, channels, order, begin, end):
+    def begun(cls, grid: np.ndarray, channels: tuple[int, ...], order: int, begin: int, end: int) -> Self:
         """Empty, in the standard deviations of the rows from `begin` to `end`."""
         values = grid[:, channels]
         centre, scale = np.nanmean(values[begin:end], axis=0), np.nanstd(values[begin:end], axis=0)
@@ -271,13 +282,13 @@ class _RunningSums:
             channels, order, centre, scale, (values - centre) / scale, (begin, begin), np.zeros((size, size))
         )
 
-    def slide(self, begin, end):
+    def slide(self, begin: int, end: int) -> None:
         """Make the window that of the rows from `begin` to `end`."""
         self._add(max(self.span[1], self.span[0] + self.order), end, 1)
         self._add(self.span[0] + self.order, begin + self.order, -1)
         self.span = begin, end
 
-    def _add(self, first, last, sign):
+    def _add(self, first: int, last: int, sign: int):
         """Add or take away the rows from `first` to `last`, each with those before it; incomplete ones do not count."""
         if last <= first:
             return
@@ -288,7 +299,7 @@ class _RunningSums:
         self.gram += sign * (rows.T @ rows)
         self.count += sign * rows.shape[0]
 
-    def solve(self):
+    def solve(self) -> tuple[np.ndarray, np.ndarray]:
         """Constant, shape (M,), and coefficients, shape (M p, M), of the next row."""
         width = len(self.channels)
         past = np.r_[0, 1 + width:self.gram.shape[0]]
@@ -299,7 +310,7 @@ class _RunningSums:
         return coefficients[0], coefficients[1:]
 
 
-def _ahead(constant, coefficients, targets, steps):
+def _ahead(constant: np.ndarray, coefficients: np.ndarray, targets: Sequence[int], steps: np.ndarray):
     """Constant, shape (L, T), and matrix, shape (L, T, M p), from the lags to the targets so many steps ahead."""
     width = constant.size
     row = np.zeros((len(targets), coefficients.shape[0]))

@@ -1,10 +1,13 @@
 """What a demonstration showed: forecasts of a released craft against what was measured then."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import euler_angles
+from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
@@ -49,7 +52,6 @@ class Demonstration:
 
     Attributes
     ----------
-    axis, hull : str
     release_angle : float
         rad, from trim.
     period : float
@@ -78,29 +80,24 @@ class Demonstration:
     unaided: tuple[LeadForecasts, ...]
 
     @property
-    def period_lead(self):
+    def period_lead(self) -> float:
         """The lead that is one natural period, s."""
         return min((f.lead for f in self.forecasts), key=lambda lead: abs(lead - self.period))
 
-    def end(self, release):
+    def end(self, release: int) -> float:
         """Until when motion after the release of that number counts, s."""
         lifted_again = (following - LIFTING for following in self.releases[release + 1:])
         return min(self.releases[release] + SCORED_SPAN, float(self.time[-1]), *lifted_again)
 
-    def during(self, forecasts, release):
-        """The forecasts that were issued and came due between letting go and the end, aware of the first.
-
-        Returns
-        -------
-        LeadForecasts
-        """
+    def during(self, forecasts: LeadForecasts, release: int) -> LeadForecasts:
+        """The forecasts that were issued and came due between letting go and the end, aware of the first."""
         issued = forecasts.time - forecasts.lead
         chosen = (issued >= self.releases[release] + UNAWARE) & (forecasts.time <= self.end(release))
         return LeadForecasts(
             forecasts.lead, forecasts.time[chosen], forecasts.angle[chosen], forecasts.std[chosen]
         )
 
-    def error(self, forecasts, release):
+    def error(self, forecasts: LeadForecasts, release: int) -> float:
         """Root mean square error over the standard deviation of the motion since letting go (NRMSE).
 
         NaN where no forecast came due.
@@ -133,12 +130,12 @@ class Verdict:
     unaided: float
 
     @property
-    def is_good(self):
+    def is_good(self) -> bool:
         """Whether both figures are met."""
         return self.after <= LARGEST_ERROR and self.after <= LARGEST_SHARE * self.unaided
 
     @property
-    def text(self):
+    def text(self) -> str:
         """One line."""
         comparison = (
             f'forecast {self.lead:g} s (one natural period) ahead: NRMSE {self.after:.3f} with the identified model, '
@@ -149,17 +146,13 @@ class Verdict:
         return f'NOT PASSED (at most {LARGEST_ERROR}, and a quarter of that without a model): {comparison}'
 
 
-def verdict_of(demonstration):
+def verdict_of(demonstration: Demonstration) -> Verdict:
     """Judge a demonstration by its forecasts one natural period ahead.
 
     Parameters
     ----------
     demonstration : Demonstration
         Of both releases.
-
-    Returns
-    -------
-    Verdict
     """
     lead = demonstration.period_lead
     published, unaided = (
@@ -169,14 +162,14 @@ def verdict_of(demonstration):
     return Verdict(lead, error(published, 0), error(published, 1), error(unaided, 1))
 
 
-def attitude_at(forecast, axis):
+def attitude_at(forecast: Any, axis: str) -> tuple[float, float]:
     """Angle about an axis and its standard deviation, rad, of an `AttitudeForecast`."""
     place = AXES.index(axis)
     angle = float(euler_angles(*forecast.orientation)[place])
     return angle, float(np.sqrt(forecast.orientation_covariance[4 * place]))
 
 
-def without_model(readings, axis, settings: PipelineSettings):
+def without_model(readings: Iterable[ImuReading], axis: str, settings: PipelineSettings) -> dict[float, list[tuple]]:
     """The forecasts of the same messages if no model were known.
 
     Parameters

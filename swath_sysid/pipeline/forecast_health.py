@@ -87,10 +87,6 @@ def installation_report(check: InstallationCheck) -> Report:
     ----------
     check : InstallationCheck
         Of the running sensor; it judges anew where that is due.
-
-    Returns
-    -------
-    Report
     """
     contradictions = check.judge()
     level, message = OK, check.described

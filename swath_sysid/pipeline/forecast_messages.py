@@ -1,5 +1,6 @@
 """Forecasts as the values of the messages that publish them: what every driver sends or writes."""
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.intake import NANOSECOND
+from swath_sysid.attitude.prediction.forecast import Forecast
 
 UNKNOWN_ANGLE_VARIANCE = math.pi**2
 """rad^2; of a heading, which is not forecast but held, and of an axis that the sensor does not measure."""
@@ -32,10 +34,8 @@ class AttitudeForecast(NamedTuple):
         The time it is for.
     orientation : tuple of 4 floats
         Quaternion x, y, z, w.
-    orientation_covariance : tuple of 9 floats
     rates : tuple of 3 floats
         Body rates, rad/s.
-    rates_covariance : tuple of 9 floats
     """
 
     stamp_ns: int
@@ -70,7 +70,9 @@ class HorizonForecast:
     velocities: np.ndarray
 
 
-def attitude_forecast(stamp_ns, lead, axes, yaw, yaw_rate):
+def attitude_forecast(
+    stamp_ns: int, lead: float, axes: Mapping[str, Sequence[float]], yaw: float, yaw_rate: float
+) -> AttitudeForecast:
     """The forecast at one lead as an attitude with covariance.
 
     Parameters
@@ -83,10 +85,6 @@ def attitude_forecast(stamp_ns, lead, axes, yaw, yaw_rate):
         By axis that the sensor measures: angle, rate, angle variance, covariance of both, rate variance.
     yaw, yaw_rate : float
         Held heading, rad, and its rate, rad/s.
-
-    Returns
-    -------
-    AttitudeForecast
     """
     roll, roll_rate, roll_variance, _, roll_rate_variance = axes.get('roll', _NOTHING_KNOWN)
     pitch, pitch_rate, pitch_variance, _, pitch_rate_variance = axes.get('pitch', _NOTHING_KNOWN)
@@ -99,7 +97,9 @@ def attitude_forecast(stamp_ns, lead, axes, yaw, yaw_rate):
     )
 
 
-def attitudes_at_leads(forecast, stamp_ns, yaw, yaw_rate):
+def attitudes_at_leads(
+    forecast: Forecast, stamp_ns: int, yaw: float, yaw_rate: float
+) -> tuple[tuple[float, AttitudeForecast], ...]:
     """The forecast at each of its leads as an attitude with covariance.
 
     Parameters
@@ -128,7 +128,7 @@ def attitudes_at_leads(forecast, stamp_ns, yaw, yaw_rate):
     ])
 
 
-def horizon_forecast(forecast, stamp_ns):
+def horizon_forecast(forecast: Forecast, stamp_ns: int) -> HorizonForecast:
     """The forecast over the horizon as a table.
 
     Parameters
@@ -137,10 +137,6 @@ def horizon_forecast(forecast, stamp_ns):
         Over the horizon.
     stamp_ns : int
         When issued.
-
-    Returns
-    -------
-    HorizonForecast
     """
     positions, velocities = np.empty((2, forecast.leads.size, 2 * len(forecast.axes)))
     for place, ahead in enumerate(forecast.axes.values()):
@@ -156,7 +152,7 @@ def horizon_forecast(forecast, stamp_ns):
     )
 
 
-def _diagonal(about_x, about_y, about_z):
+def _diagonal(about_x: float, about_y: float, about_z: float):
     return (about_x, 0.0, 0.0, 0.0, about_y, 0.0, 0.0, 0.0, about_z)
 
 
@@ -170,7 +166,6 @@ class PointForecast(NamedTuple):
 
     Attributes
     ----------
-    name : str
     lead : float
         s.
     stamp_ns : int
@@ -186,7 +181,6 @@ class PointForecast(NamedTuple):
     twist_covariance : ndarray, shape (6, 6)
     acceleration : float
         Upwards, m/s^2.
-    acceleration_variance : float
     """
 
     name: str
@@ -202,7 +196,7 @@ class PointForecast(NamedTuple):
     acceleration_variance: float
 
 
-def points_at_leads(forecast, stamp_ns):
+def points_at_leads(forecast: Forecast, stamp_ns: int) -> list[PointForecast]:
     """The forecast of each point at each of its leads.
 
     Parameters
@@ -211,10 +205,6 @@ def points_at_leads(forecast, stamp_ns):
         At the leads.
     stamp_ns : int
         When issued.
-
-    Returns
-    -------
-    list of PointForecast
     """
     if not forecast.points:
         return []
@@ -227,7 +217,10 @@ def points_at_leads(forecast, stamp_ns):
     ]
 
 
-def _point_forecast(name, lead, stamp_ns, at, place, motion, covariance):
+def _point_forecast(
+    name: str, lead: float, stamp_ns: int, at: Sequence[float], place: Sequence[float], motion: Sequence[float],
+    covariance: np.ndarray,
+):
     heave, velocity, acceleration = motion
     orientation = attitude.quaternion(at[0], at[1], 0.0)
     back = attitude.conjugate(*orientation)
@@ -251,5 +244,5 @@ def _point_forecast(name, lead, stamp_ns, at, place, motion, covariance):
     )  # fmt: skip
 
 
-def _cross(a, b):
+def _cross(a: Sequence[float], b: Sequence[float]):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -3,22 +3,30 @@
 The live node, play-through, scoring, the demonstration and the benchmarks run this object, so that all of them forecast
 the same. A sample's way: intake (stamp, frame, plausibility: once), forecaster, the values of the messages.
 """
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import NamedTuple
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
-from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, ImuReading, Intake
+from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, CraftSample, ImuReading, Intake, Taken
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import JUMPED_BACK, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecast import Forecast
-from swath_sysid.attitude.prediction.forecaster import FORECASTER_REASONS, Forecaster, ForecasterSettings
+from swath_sysid.attitude.prediction.forecaster import (
+    FORECASTER_REASONS,
+    Forecaster,
+    ForecasterDiagnostics,
+    ForecasterSettings,
+)
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.pipeline.forecast_messages import (
     AttitudeForecast,
     HorizonForecast,
+    PointForecast,
     attitude_forecast,
     attitudes_at_leads,
     horizon_forecast,
@@ -28,17 +36,12 @@ from swath_sysid.pipeline.forecast_messages import (
 PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)
 """Everything that is counted."""
 
+OnNext = Callable[[AttitudeForecast], None]
+
 
 @dataclass(frozen=True)
 class PipelineSettings:
-    """Where the sensor sits, how its stamps are read, and how is forecast.
-
-    Attributes
-    ----------
-    installation : Installation
-    stamps : StampSettings
-    forecaster : ForecasterSettings
-    """
+    """Where the sensor sits, how its stamps are read, and how is forecast."""
 
     installation: Installation = field(default_factory=Installation)
     stamps: StampSettings = field(default_factory=StampSettings)
@@ -78,7 +81,7 @@ class PipelineStep(NamedTuple):
     heading: tuple[float, float] = (0.0, 0.0)
     sea: SeaReport | None = None
 
-    def attitudes(self):
+    def attitudes(self) -> tuple[tuple[float, AttitudeForecast], ...]:
         """For the topics of the leads: tuple of (lead, AttitudeForecast); empty unless due."""
         return () if self.forecast is None else attitudes_at_leads(self.forecast, self.stamp_ns, *self.heading)
 
@@ -86,12 +89,12 @@ class PipelineStep(NamedTuple):
         """The values over the horizon; None unless due."""
         return None if self.horizon is None else horizon_forecast(self.horizon, self.stamp_ns)
 
-    def points(self):
+    def points(self) -> list[PointForecast]:
         """For the topics of named points: list of `PointForecast`; empty unless due and learnt."""
         return [] if self.forecast is None else points_at_leads(self.forecast, self.stamp_ns)
 
     @property
-    def quiescence(self):
+    def quiescence(self) -> float | None:
         """The probability of keeping the limits; None where none is known, or it is not due."""
         return self.horizon.quiescence if self.horizon is not None and isfinite(self.horizon.quiescence) else None
 
@@ -108,7 +111,7 @@ class ForecastPipeline:
         That of the settings, where another core shares it.
     """
 
-    def __init__(self, settings=None, intake=None):
+    def __init__(self, settings: PipelineSettings | None = None, intake: Intake | None = None) -> None:
         self.settings = settings or PipelineSettings()
         self.forecaster = Forecaster(self.settings.forecaster)
         self.installation = InstallationCheck(self.settings.installation)
@@ -116,10 +119,11 @@ class ForecastPipeline:
         self.used = 0
         self._intake = intake or Intake(self.settings.installation, self.settings.stamps)
         self._models = dict.fromkeys(AXES)
-        self._first_ns = self._last_ns = None
+        self._first_ns: int | None = None
+        self._last_ns = 0
         self._yaw = self._yaw_rate = 0.0
 
-    def set_models(self, models):
+    def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
         """Swap the hulls under the running filters; one that stays the same is not touched.
 
         Parameters
@@ -133,11 +137,11 @@ class ForecastPipeline:
                 self._models[axis] = model
                 self.forecaster.set_model(axis, model)
 
-    def install(self, fit: SeaFit):
+    def install(self, fit: SeaFit) -> None:
         """Take over the fit that a step asked for; it is used from its request's stamp plus the refit delay on."""
         self.forecaster.install(fit)
 
-    def add(self, reading: ImuReading, on_next=None):
+    def add(self, reading: ImuReading, on_next: OnNext | None = None) -> PipelineStep:
         """Take one IMU message.
 
         Parameters
@@ -146,18 +150,14 @@ class ForecastPipeline:
             The message.
         on_next : callable, optional
             Called with the step's ``next`` as soon as it is known: the leads take longer.
-
-        Returns
-        -------
-        PipelineStep
         """
         return self.add_converted(self._intake.take(reading), on_next)
 
-    def add_sample(self, sample, on_next=None):
+    def add_sample(self, sample: CraftSample, on_next: OnNext | None = None) -> PipelineStep:
         """Take one sample of the craft's motion, as a record holds it; see `add`."""
         return self.add_converted(self._intake.place(sample), on_next)
 
-    def add_converted(self, taken, on_next=None):
+    def add_converted(self, taken: Taken, on_next: OnNext | None = None) -> PipelineStep:
         """Take what the intake made of one message or sample.
 
         Parameters
@@ -166,10 +166,6 @@ class ForecastPipeline:
             As `Intake.take` or `Intake.place` gave it.
         on_next : callable, optional
             See `add`.
-
-        Returns
-        -------
-        PipelineStep
         """
         sample, reasons = taken
         for reason in reasons:
@@ -190,7 +186,7 @@ class ForecastPipeline:
             self._yaw_rate = sample.yaw_rate
         following = None
 
-        def publish_next(lead, axes):
+        def publish_next(lead: float, axes: dict) -> None:
             nonlocal following
             following = attitude_forecast(stamp_ns, lead, axes, self._yaw, self._yaw_rate)
             if on_next is not None:
@@ -206,6 +202,6 @@ class ForecastPipeline:
             stamp_ns, (self._yaw, self._yaw_rate), observed.sea,
         )  # fmt: skip
 
-    def diagnostics(self):
+    def diagnostics(self) -> ForecasterDiagnostics:
         """The running state; see `Forecaster.diagnostics`."""
         return self.forecaster.diagnostics()

@@ -58,12 +58,10 @@ class Report:
 
     Attributes
     ----------
-    name : str
     level : int
         `OK`, `WARN` or `ERROR`.
     message : str
         What is wrong and what to do; else what goes on.
-    values : dict of str to object
     """
 
     name: str
@@ -200,10 +198,6 @@ class StreamHealth(Reasons):
             Messages the core used.
         interval : float, optional
             Usual time between messages, s, once it is known.
-
-        Returns
-        -------
-        Report
         """
         if self._begun is None:
             self._begun = now
@@ -332,10 +326,6 @@ def stability_report(watch: StabilityWatch) -> Report:
     ----------
     watch : StabilityWatch
         Its newest finding is reported.
-
-    Returns
-    -------
-    Report
     """
     found = watch.newest
     if found is None:

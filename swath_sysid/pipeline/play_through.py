@@ -1,5 +1,5 @@
 """The live pipeline without its processes: buffer, identifier and predictor run over messages one after another."""
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from swath_sysid.attitude.identification.refit import (
     refit,
     window_provenance,
 )
-from swath_sysid.attitude.motion.intake import NANOSECOND, Intake
+from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading, Intake
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
 from swath_sysid.attitude.prediction.sea_fit import SeaFit, SeaRequest, fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, PipelineStep
@@ -25,9 +25,6 @@ class PlayThroughSettings:
 
     Attributes
     ----------
-    window : WindowSettings
-    refit : RefitSettings
-    forecasts : PipelineSettings
     auto_identify : bool
         Refit whenever the buffer publishes a window.
     refit_delay : float
@@ -89,9 +86,9 @@ class PlayThrough:
     """
 
     def __init__(
-        self, settings=None, models=None, fit: Callable[[RefitRequest], RefitOutcome] = refit,
-        fit_sea: Callable[[SeaRequest], SeaFit] = fit_sea,
-    ):
+        self, settings: PlayThroughSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None,
+        fit: Callable[[RefitRequest], RefitOutcome] = refit, fit_sea: Callable[[SeaRequest], SeaFit] = fit_sea,
+    ) -> None:
         self.settings = settings or PlayThroughSettings()
         window, forecasts = self.settings.window, self.settings.forecasts
         alike = (window.installation, window.stamps) == (forecasts.installation, forecasts.stamps)
@@ -110,21 +107,17 @@ class PlayThrough:
         self._unpublished = bool(models)
 
     @property
-    def is_refitting(self):
+    def is_refitting(self) -> bool:
         """Whether a fit is under way by the stamps."""
         return self._running is not None
 
-    def add(self, reading):
+    def add(self, reading: ImuReading) -> Played:
         """Take in one IMU message.
 
         Parameters
         ----------
         reading : ImuReading
             The message.
-
-        Returns
-        -------
-        Played
         """
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)
@@ -144,7 +137,7 @@ class PlayThrough:
             self._start_refit(stamp_ns)
         return Played(stamp_ns, models, finished.table, step, verdict)
 
-    def _is_due(self, stamp_ns):
+    def _is_due(self, stamp_ns: int):
         """Whether the window is to be identified by itself now."""
         interval_ns = round(self.settings.identify_interval / NANOSECOND)
         if not interval_ns:
@@ -157,7 +150,7 @@ class PlayThrough:
         self._due_ns = stamp_ns + interval_ns
         return True
 
-    def _start_refit(self, stamp_ns):
+    def _start_refit(self, stamp_ns: int):
         """Fit the newest window, unless a fit is still under way by the stamps."""
         if self._running is None and self._waiting is not None:
             software = f'swath_sysid {__version__}'
@@ -166,7 +159,7 @@ class PlayThrough:
             self._running, self._waiting = (stamp_ns, outcome), None
             self.refits += 1
 
-    def _finish_refit(self, stamp_ns):
+    def _finish_refit(self, stamp_ns: int):
         """The models in use from now on where they have changed, and what a fit that ended has found."""
         models = self.refitter.models if self._unpublished else None
         self._unpublished = False

@@ -1,13 +1,16 @@
 """The forecast pipeline run causally through a record, with what is learnt of the sea taken over by stamp."""
 import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
-from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS
+from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
@@ -35,7 +38,6 @@ class Run:
 
     Attributes
     ----------
-    steps : tuple of Issued
     step_times, refit_times : tuple of float
         s.
     reliability : Reliability or None
@@ -51,17 +53,13 @@ class Run:
     quiescence_limits: QuiescenceLimits | None = None
 
 
-def samples_of(trial):
+def samples_of(trial: Trial) -> Iterator[CraftSample]:
     """The trial as its sensor would have sent it, sample by sample.
 
     Parameters
     ----------
     trial : Trial
         The channels that it lacks become NaN.
-
-    Yields
-    ------
-    CraftSample
     """
     measured, absent = trial.channels, np.full(trial.time.size, math.nan)
     columns = [measured.get(name, absent) for name in (*CHANNELS, *FURTHER_CHANNELS)]
@@ -73,7 +71,11 @@ def samples_of(trial):
         yield CraftSample._make((stamp_ns, *motion, *unknown, math.nan, *further))
 
 
-def run_through(trial, settings=None, models=None, clock=None, progress=None, limits_from=None, points_ahead=True):
+def run_through(
+    trial: Trial, settings: ForecasterSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None,
+    clock: Callable[[], float] | None = None, progress: Callable[[float], None] | None = None,
+    limits_from: tuple[float, QuiescenceLimits] | None = None, points_ahead: bool = True,
+) -> Run:
     """Run the pipeline through a record; every fit is used from its request's stamp plus the refit delay on.
 
     Parameters
@@ -92,10 +94,6 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
         Limits of quiescence from a stamp on; their reliability is recorded from there.
     points_ahead : bool
         Keep vertical motion over the horizon, which takes 20 kB a point and forecast.
-
-    Returns
-    -------
-    Run
     """
     now = clock or (lambda: math.nan)
     pipeline = ForecastPipeline(PipelineSettings() if settings is None else PipelineSettings(forecaster=settings))
@@ -105,12 +103,12 @@ def run_through(trial, settings=None, models=None, clock=None, progress=None, li
     every = max(1, trial.time.size // 200)
     for index, (stamp, sample) in enumerate(zip(trial.time.tolist(), samples_of(trial), strict=True)):
         if pending is not None and stamp >= pending[0]:
-            pipeline.forecaster.set_quiescence(limits)
+            pipeline.forecaster.set_quiescence(pending[1])
             pending = None
         begun = now()
         step = pipeline.add_sample(sample)
         step_times.append(now() - begun)
-        if step.forecast is not None:
+        if step.forecast is not None and step.horizon is not None:
             horizon = step.horizon if points_ahead else replace(step.horizon, points={})
             steps.append(Issued(stamp, step.forecast, horizon))
         if step.sea_request is not None:

@@ -1,18 +1,20 @@
 """Skill, measured honestly: every forecast that was issued counts, beside what it must beat."""
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import EDGE
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
-from swath_sysid.attitude.prediction.point import POINT_MOTION, Point
-from swath_sysid.attitude.prediction.quiescence import ATTITUDE, QuiescenceLimits, Reliability, quantity_at
+from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION, Point
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability, quantity_at
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts
+from swath_sysid.pipeline.record_run import Run
 from swath_sysid.pipeline.vertical_record import vertical_record
 
 FORECAST = 'forecast'
@@ -91,16 +93,12 @@ class Skill:
     ----------
     leads : ndarray, shape (L,)
         s.
-    axes : dict of str to QuantitySkill
     warmup, until : float
         s from the record's start; forecasts issued between them were scored.
     window : float
         s of past that the baselines learnt from.
     step_time, refit_time : dict of str to float
         Seconds ('median', 'most') of the run; NaN where not measured.
-    quiescence : Reliability or None
-    quiescence_limits : QuiescenceLimits or None
-    advice : tuple of Advice
     points : dict of str to dict of str to QuantitySkill
         By point and `POINT_MOTION`.
     """
@@ -118,7 +116,7 @@ class Skill:
     points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)
 
 
-def usual_limits(trial, limits, warmup):
+def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> QuiescenceLimits | None:
     """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up.
 
     Parameters
@@ -143,10 +141,14 @@ def usual_limits(trial, limits, warmup):
     if warmup < _MIN_WARMUP or not warm:
         return None
     usual = {axis: abs(np.nanmean(angle)) + _SELDOM * np.nanstd(angle) for axis, angle in warm.items()}
-    return replace(limits, **{axis: float(max(limit, _MIN_LIMIT)) for axis, limit in usual.items()})
+    found: dict[str, Any] = {axis: float(max(limit, _MIN_LIMIT)) for axis, limit in usual.items()}
+    return replace(limits, **found)
 
 
-def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
+def score(
+    trial: Trial, run: Run, leads: Sequence[float] | np.ndarray, warmup: float, window: float,
+    until: float | None = None, seed: int = 0, points: Sequence[Point] = (),
+) -> Skill:
     """Score the forecasts of a run and the baselines at the same instants.
 
     Every forecast issued between `warmup` and `until` counts, unless nothing was measured at the time that it is
@@ -170,10 +172,6 @@ def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
         Of the bootstrap.
     points : sequence of Point
         Of those whose vertical motion was forecast; it is scored by that of the whole record (`vertical_record`).
-
-    Returns
-    -------
-    Skill
 
     Raises
     ------
@@ -227,7 +225,10 @@ def score(trial, run, leads, warmup, window, until=None, seed=0, points=()):
     )  # fmt: skip
 
 
-def score_forecasts(record, name, stamps, leads, forecasts, stand_in, seed=0):
+def score_forecasts(
+    record: Record, name: str, stamps: np.ndarray, leads: np.ndarray, forecasts: np.ndarray, stand_in: np.ndarray,
+    seed: int = 0,
+) -> QuantitySkill:
     """Score anyone's forecasts of one channel, as `score` does those of a run.
 
     Parameters
@@ -256,7 +257,7 @@ def score_forecasts(record, name, stamps, leads, forecasts, stand_in, seed=0):
     return _score(record, name, at, {FORECAST: forecasts, 'persistence': stand_in}, none, 'persistence')
 
 
-def _issued(steps, axis, leads):
+def _issued(steps: Sequence[Any], axis: str, leads: np.ndarray):
     """Angles, shape (N, L), and half widths, shape (N, L, 3), as issued; NaN where the axis was not forecast."""
     places = _places(steps, leads)
     absent = np.full(leads.size, np.nan), np.full((leads.size, LEVELS.size), np.nan)
@@ -266,7 +267,7 @@ def _issued(steps, axis, leads):
     return angle, half_width
 
 
-def _issued_at_point(steps, name, leads):
+def _issued_at_point(steps: Sequence[Any], name: str, leads: np.ndarray):
     """`POINT_MOTION`, shape (N, L, 3), and half widths, shape (N, L, 3, 3), as issued; NaN before it is learnt."""
     places, count = _places(steps, leads), len(POINT_MOTION)
     mean = np.full((len(steps), leads.size, count), np.nan)
@@ -279,7 +280,7 @@ def _issued_at_point(steps, name, leads):
     return mean, deviation[..., None] * NORMAL_QUANTILES
 
 
-def _places(steps, leads):
+def _places(steps: Sequence[Any], leads: np.ndarray):
     """Of the leads among those that were forecast."""
     given = steps[0].forecast.leads
     places = np.abs(given[:, None] - leads).argmin(axis=0)
@@ -298,7 +299,9 @@ class _Occasions(NamedTuple):
     seed: int
 
 
-def _score(record, name, at, methods, half_width, stand_in):
+def _score(
+    record: Record, name: str, at: _Occasions, methods: Mapping[str, np.ndarray], half_width: np.ndarray, stand_in: str
+):
     """Scores of the methods' forecasts of a channel; where one has no value the one named stands in."""
     stamps, leads = at.stamps, at.leads
     truth = record.at(stamps[:, None] + leads, [record.names.index(name)])[..., 0]
@@ -333,7 +336,7 @@ def _score(record, name, at, methods, half_width, stand_in):
     )  # fmt: skip
 
 
-def block_sums(stamps, values):
+def block_sums(stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Sums over blocks of time.
 
     Parameters
@@ -352,7 +355,7 @@ def block_sums(stamps, values):
     return np.add.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
 
 
-def resampled(sums, seed):
+def resampled(sums: np.ndarray, seed: int) -> np.ndarray:
     """Totals of blocks drawn with replacement, again and again (Kuensch 1989, with blocks that do not overlap).
 
     Parameters
@@ -373,13 +376,13 @@ def resampled(sums, seed):
     return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), _REPLICATES) @ sums
 
 
-def _middle(values):
+def _middle(values: np.ndarray):
     """The central interval over replicates, shape (L, 2)."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     return np.quantile(values, (tail, 1.0 - tail), axis=0).T
 
 
-def _advice_on(axis, scores):
+def _advice_on(axis: str, scores: QuantitySkill):
     missing = int(round(float(np.max(np.nan_to_num(scores.stood_in[FORECAST] * scores.counted)))))
     if not missing:
         return []
@@ -389,7 +392,7 @@ def _advice_on(axis, scores):
     ))]  # fmt: skip
 
 
-def _spread(times):
+def _spread(times: Sequence[float]):
     finite = [t for t in times if t == t]
     if not finite:
         return {'median': math.nan, 'most': math.nan}

@@ -1,9 +1,10 @@
 """The vertical motion of a whole record, looking both ways: what forecasts of it are scored by."""
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.motion.trial import CHANNELS
+from swath_sysid.attitude.motion.trial import CHANNELS, Trial
 from swath_sysid.attitude.motion.vertical import (
     ACCELERATION,
     EDGE,
@@ -12,7 +13,7 @@ from swath_sysid.attitude.motion.vertical import (
     vertical_acceleration,
     zero_phase_integral,
 )
-from swath_sysid.attitude.prediction.point import point_motion
+from swath_sysid.attitude.prediction.point import Point, point_motion
 from swath_sysid.attitude.prediction.quiescence import quantity_at
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import Record
@@ -42,13 +43,13 @@ class Stretch(NamedTuple):
     channels: dict[str, np.ndarray]
 
     @property
-    def acceleration(self):
+    def acceleration(self) -> np.ndarray:
         """Vertical, m/s^2, shape (N,)."""
         roll, pitch, *force = (self.channels[name] for name in WITHOUT_RATES)
         return vertical_acceleration(roll, pitch, np.stack(force, axis=1))
 
 
-def even_stretches(trial, names=CHANNELS):
+def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretch]:
     """The stretches of a record in which all of some channels were measured.
 
     Parameters
@@ -57,10 +58,6 @@ def even_stretches(trial, names=CHANNELS):
         The whole record.
     names : sequence of str
         Among them those of `WITHOUT_RATES`.
-
-    Returns
-    -------
-    list of Stretch
 
     Raises
     ------
@@ -90,7 +87,7 @@ def even_stretches(trial, names=CHANNELS):
     return stretches
 
 
-def vertical_record(trial, points):
+def vertical_record(trial: Trial, points: Sequence[Point]) -> Record:
     """Heave, vertical velocity and acceleration at points, by integrals without phase error and the lever arm.
 
     Parameters
@@ -121,7 +118,7 @@ def vertical_record(trial, points):
     return Record(time, values, tuple(quantity_at(point.name, kind) for point in points for kind in _WITH_RATES))
 
 
-def _at_points(stretch, points):
+def _at_points(stretch: Stretch, points: Sequence[Point]):
     """Times and, for each point, heave, twice velocity and twice acceleration."""
     acceleration, channels = stretch.acceleration, stretch.channels
     vertical = [zero_phase_integral(acceleration, stretch.step, times) for times in (HEAVE, VELOCITY, ACCELERATION)]

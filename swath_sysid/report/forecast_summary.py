@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from swath_sysid.attitude.prediction.forecast import LEVELS
-from swath_sysid.attitude.prediction.quiescence import ATTITUDE
+from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.pipeline.scoring import AFTER_GAP, CONFIDENCE
 from swath_sysid.report.fit_summary import warnings_as_data

@@ -118,7 +118,7 @@ def coefficients(study: DecayStudy) -> Table:
     chosen = study.chosen(record)
     for term in equation_named(study.publication.chosen).terms:
         name, factor = COEFFICIENTS[term]
-        given = printed.published_form.get(name)
+        given: Any = printed.published_form.get(name)
         if given is None:
             given = printed.ratios.get(term)
         elif name != "I'":

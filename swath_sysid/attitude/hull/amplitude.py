@@ -54,10 +54,6 @@ def amplitude_curves(ratios: np.ndarray, amplitude: np.ndarray, friction_rate: f
         rad, greater than zero.
     friction_rate : float
         rad/s.
-
-    Returns
-    -------
-    AmplitudeCurves
     """
     ratios = np.asarray(ratios, dtype=float)
     amplitude = np.asarray(amplitude, dtype=float)

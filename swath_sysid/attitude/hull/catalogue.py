@@ -110,7 +110,6 @@ class PublishedHull:
 
     Attributes
     ----------
-    name, axis, description : str
     model : DecayModel
         The ratios, trim zero.
     form : PublishedForm or None
@@ -211,9 +210,5 @@ def hull_of_family(equation_name: str) -> PublishedHull | None:
     ----------
     equation_name : str
         ``swath-roll-3`` and ``swath-roll-3+friction`` belong to the study of ``swath-roll``.
-
-    Returns
-    -------
-    PublishedHull or None
     """
     return PUBLISHED_HULLS.get(equation_name.removesuffix('+friction').rpartition('-')[0])

@@ -72,10 +72,6 @@ def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
         Of the craft as it was tested.
     ratio : float or Fraction
         Length of the result over length of the model given.
-
-    Returns
-    -------
-    DecayModel
     """
     factors = _factors(ratio)
     return replace(model, ratios=model.ratios * factors, friction_rate=model.friction_rate / math.sqrt(ratio))
@@ -93,10 +89,6 @@ def scaled(identified: IdentifiedModel, ratio: Fraction) -> IdentifiedModel:
         Of the craft as it was tested.
     ratio : Fraction
         Of `length_ratio`.
-
-    Returns
-    -------
-    IdentifiedModel
     """
     origin, before = _at_scale_of_trials(identified)
     total = _ratio_in_all(before, ratio)
@@ -138,10 +130,6 @@ def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
         Of the craft as it was tested.
     ratio : Fraction
         Length of the result over that of the model given.
-
-    Returns
-    -------
-    tuple of Advice
     """
     damping = [name for name in DAMPING_NAMES if name in model.equation.terms and name != 'b0']
     side = 'smaller' if ratio > 1 else 'larger'

@@ -14,7 +14,6 @@ class IdentifiedModel:
 
     Attributes
     ----------
-    model : DecayModel
     covariance : ndarray, shape (n, n)
         Of the ratios of ``model.equation.terms``, in their order.
     trim_std : float

@@ -71,10 +71,6 @@ def from_published(equation: Equation, form: PublishedForm, axis: str, trim: flo
         ``roll`` or ``pitch``.
     trim : float
         rad.
-
-    Returns
-    -------
-    DecayModel
     """
     moments = {
         'b0': form.friction,

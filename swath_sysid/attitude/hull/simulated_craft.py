@@ -22,15 +22,12 @@ class CraftSettings:
 
     Attributes
     ----------
-    model : DecayModel
     angle : float
         To which the craft is lifted, from trim, rad.
     rate_hz : float
         Samples a second.
     lift, hold : float
         s.
-    noise : SensorNoise
-    seed : int
     """
 
     model: DecayModel
@@ -146,10 +143,6 @@ def returns(model: DecayModel, angle: float) -> bool:
         Of the hull.
     angle : float
         From trim, rad.
-
-    Returns
-    -------
-    bool
     """
     angles, _ = simulate(model, model.trim + angle, 0.0, np.linspace(0.0, RETURN_SPAN, 301))
     moved = angles - model.trim

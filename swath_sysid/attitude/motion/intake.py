@@ -50,10 +50,8 @@ class ImuReading(NamedTuple):
         rad^2, by rows; -1 in the first place: no orientation; all zero: unknown.
     rates : sequence of 3 floats
         rad/s.
-    rates_covariance : sequence of 9 floats
     force : sequence of 3 floats
         Specific force, m/s^2.
-    force_covariance : sequence of 9 floats
     """
 
     stamp_ns: int
@@ -70,7 +68,6 @@ class CraftSample(NamedTuple):
 
     Attributes
     ----------
-    stamp_ns : int
     roll, pitch, roll_rate, pitch_rate : float
         Euler angles and rates, rad and rad/s.
     accel_x, accel_y, accel_z : float
@@ -137,10 +134,6 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
         The message.
     installation : Installation
         Of the sensor.
-
-    Returns
-    -------
-    Taken
     """
     stamp_ns, orientation, angle_covariance, body_rates, rate_covariance, specific_force, force_covariance = reading
     reasons: list[str] = []

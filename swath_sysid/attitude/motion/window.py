@@ -56,8 +56,6 @@ class WindowSettings:
         Whether to look for free decays that have ended.
     smallest_decay : float
         rad; a decay of a smaller first amplitude is not reported.
-    installation : Installation
-    stamps : StampSettings
     """
 
     window: float = 60.0
@@ -111,10 +109,8 @@ class FinishedDecay:
 
     Attributes
     ----------
-    axis : str
     segment : DecaySegment
         In the time of ``table.trial()``.
-    table : MotionTable
     """
 
     axis: str
@@ -127,7 +123,6 @@ class WindowStep(NamedTuple):
 
     Attributes
     ----------
-    kept : bool
     reasons : tuple of str
         From `WINDOW_REASONS`: what was counted.
     finished : FinishedDecay or None
@@ -232,10 +227,6 @@ class MotionWindow:
         ----------
         since : float, optional
             Stamp of the first row wanted, s.
-
-        Returns
-        -------
-        MotionTable
         """
         rows = self._rows.last()
         if since is not None:
@@ -357,10 +348,6 @@ def averaged(table: MotionTable, rate: float) -> MotionTable:
         Of any rate.
     rate : float
         Hz.
-
-    Returns
-    -------
-    MotionTable
     """
     rows = table.rows
     if len(rows) < 2:

@@ -1,4 +1,6 @@
 """Several forecasts made one, lead by lead, by their measured errors; and the spread that those errors call for."""
+from collections.abc import Sequence
+
 import numpy as np
 
 # s, and as many leads, at most so many s; errors are forgotten with this time constant: those at short leads are many
@@ -51,7 +53,7 @@ class Blend:
         Mean square error of the blend, and the share of its 90 % intervals that held.
     """
 
-    def __init__(self, leads, step, axes, prior):
+    def __init__(self, leads: np.ndarray, step: float, axes: int, prior: Sequence[float]) -> None:
         self._step = step
         whole = np.maximum(np.round(np.asarray(leads) / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
@@ -62,7 +64,7 @@ class Blend:
         self._keep = (1.0 - step / memory)[:, None]
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Forget everything."""
         candidates, steps, axes = self._shape
         self._row = 0
@@ -81,7 +83,10 @@ class Blend:
         self.coverage = np.full((steps, axes), 1.0 - _MISSES)
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
 
-    def take(self, reading, mean, variance, noise_variance=0.0, foreseeable=None, free=0):
+    def take(
+        self, reading: np.ndarray, mean: np.ndarray, variance: np.ndarray, noise_variance: float | np.ndarray = 0.0,
+        foreseeable: np.ndarray | None = None, free: np.ndarray | int = 0,
+    ) -> None:
         """Score the forecasts that this row makes known, and keep those issued at it.
 
         Parameters
@@ -117,7 +122,7 @@ class Blend:
         row[-1] = _QUANTILE**2 * (self.scale * true + noise_variance)
         self._row += 1
 
-    def _judge(self, blended, interval):
+    def _judge(self, blended: np.ndarray, interval: np.ndarray):
         """How large the errors are and how many intervals hold, of all forecasts."""
         known = np.isfinite(blended) & np.isfinite(interval)
         gain = self._step / (_MEMORY_VARIANCE + self._step) * known
@@ -125,7 +130,7 @@ class Blend:
         self.blended_square += gain * (square - self.blended_square)
         self.coverage += gain * ((square <= interval) - self.coverage)
 
-    def renew(self, candidate, axis=slice(None)):
+    def renew(self, candidate: int, axis: int | slice = slice(None)) -> None:
         """A candidate has a new model: what its last one did wrong is held against it no more than against a new one.
 
         Parameters
@@ -138,7 +143,7 @@ class Blend:
         square = self.mean_square[..., axis]
         square[candidate] = np.minimum(square[candidate], _UNPROVEN * square.min(axis=0))
 
-    def skip(self, count):
+    def skip(self, count: int) -> None:
         """Pass over rows without readings or forecasts.
 
         Parameters
@@ -152,7 +157,10 @@ class Blend:
             self._row += 1
         self._row += max(count - self._issued.shape[0], 0)
 
-    def _learn(self, errors, blended, variance, interval, noise_variance, was_free):
+    def _learn(
+        self, errors: np.ndarray, blended: np.ndarray, variance: np.ndarray, interval: np.ndarray,
+        noise_variance: float | np.ndarray, was_free: tuple,
+    ):
         known = np.isfinite(blended)
         if not known.any():
             return
@@ -177,12 +185,14 @@ class Blend:
         self.weights = error_weights(self.mean_square, self._time, self._prior)
 
     @staticmethod
-    def _aged(time, known, keep, added):
+    def _aged(time: np.ndarray, known: np.ndarray, keep: float | np.ndarray, added: float | np.ndarray) -> tuple:
         """The time that an average stands for after one more row, and the weight of that row in it."""
         time = np.where(known, keep * time + added, time)
         return time, np.where(known, added / np.maximum(time, 1e-12), 0.0)
 
-    def combine(self, mean, covariance, axis_of, noise_variance=0.0):
+    def combine(
+        self, mean: np.ndarray, covariance: np.ndarray, axis_of: Sequence[int], noise_variance: float | np.ndarray = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The blended forecast at the leads.
 
         Parameters
@@ -209,7 +219,7 @@ class Blend:
         return _weighted(weights, mean), blended * factor[:, :, None] * factor[:, None, :]
 
 
-def error_weights(mean_square, time, prior):
+def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) -> np.ndarray:
     """Weights from mean square errors, those of little experience drawn to their common level (geometric mean).
 
     Parameters
@@ -232,7 +242,7 @@ def error_weights(mean_square, time, prior):
     return weights / weights.sum(axis=0)
 
 
-def present_weights(weights, present):
+def present_weights(weights: np.ndarray, present: np.ndarray) -> np.ndarray:
     """Weights of those that are there: zero for the others, of sum one over the first dimension.
 
     Parameters
@@ -246,7 +256,7 @@ def present_weights(weights, present):
     return weights / np.maximum(weights.sum(axis=0), 1e-12)
 
 
-def _weighted(weights, values):
+def _weighted(weights: np.ndarray, values: np.ndarray):
     """Weighted sum over the first dimension; NaN where no weight is."""
     are_there = weights > 0.0
     total = np.where(are_there, weights * values, 0.0).sum(axis=0)

@@ -10,6 +10,7 @@
 """
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -17,7 +18,7 @@ from scipy.linalg import cholesky, eigh, expm, solve_discrete_lyapunov, solve_to
 from scipy.ndimage import gaussian_filter1d
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter
+from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, ExcitationRequest, HullFilter
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment
 from swath_sysid.attitude.prediction.variate_analysis import spectral_radius
 
@@ -61,7 +62,7 @@ class Spectrum:
     noise: np.ndarray
 
 
-def fit_excitation(request):
+def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
     """Learn the moment of a window.
 
     Parameters
@@ -91,24 +92,24 @@ class _Hull:
     damping_scale: float
 
     @classmethod
-    def of(cls, model, trim, stiffness, damping):
+    def of(cls, model: DecayModel, trim: float, stiffness: float, damping: float) -> Self:
         return cls(model, trim, math.exp(stiffness), math.exp(damping))
 
-    def moment(self, angle, rate, acceleration):
+    def moment(self, angle: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
         """The exciting moment that makes this motion, rad/s^2."""
         still = self.model.trim
         restoring = -self.model.acceleration(angle - self.trim + still, 0.0)
         damping = -self.model.acceleration(still, rate)
         return acceleration + self.restoring_scale * restoring + self.damping_scale * damping
 
-    def linearised(self, rates):
+    def linearised(self, rates: np.ndarray) -> tuple[float, float]:
         """Stiffness, 1/s^2, and the damping, 1/s, that takes as much energy from these rates."""
         by_angle, _ = self.model.jacobian(self.model.trim, 0.0)
         damping = -self.model.acceleration(self.model.trim, rates)
         return -by_angle * self.restoring_scale, self.damping_scale * float(damping @ rates / (rates @ rates))
 
 
-def moment_spectrum(request, hull):
+def moment_spectrum(request: ExcitationRequest, hull: _Hull) -> Spectrum:
     """Spectrum of the moment, noise subtracted.
 
     Parameters
@@ -117,10 +118,6 @@ def moment_spectrum(request, hull):
         The window.
     hull : _Hull
         That of the request.
-
-    Returns
-    -------
-    Spectrum
     """
     step, n = request.step, request.angle.size
     ramp = max(20, n // 100)
@@ -149,7 +146,7 @@ def moment_spectrum(request, hull):
     return Spectrum(f, np.maximum(smooth - noise, MIN_SIGNAL * noise), noise)
 
 
-def _sine_taper_spectrum(values, step):
+def _sine_taper_spectrum(values: np.ndarray, step: float):
     length = next_fast_len(values.size, real=True)
     place = np.pi * np.arange(1, values.size + 1) / (values.size + 1)
     tapers = np.sqrt(2.0 / (values.size + 1)) * np.sin(np.outer(np.arange(1, TAPERS + 1), place))
@@ -157,7 +154,7 @@ def _sine_taper_spectrum(values, step):
     return 2.0 * np.pi * np.fft.rfftfreq(length, step), density
 
 
-def autoregression(covariance):
+def autoregression(covariance: np.ndarray) -> tuple[np.ndarray, float]:
     """Yule and Walker's equations.
 
     Parameters
@@ -177,13 +174,13 @@ def autoregression(covariance):
     return coefficients, max(float(column[0] - coefficients @ covariance[1:]), 1e-12 * float(column[0]))
 
 
-def autocovariance(spectrum, step, lags):
+def autocovariance(spectrum: Spectrum, step: float, lags: int) -> np.ndarray:
     """Of a process with that spectrum, at lags 0 .. ``lags`` - 1 times the step; frequencies as an FFT has them."""
     first = spectrum.frequency[0]
     return irfft(np.append(0.0, spectrum.density), round(2.0 * np.pi / (first * step)))[:lags] / step
 
 
-def reduced_moment(spectrum, request, hull):
+def reduced_moment(spectrum: Spectrum, request: ExcitationRequest, hull: _Hull) -> ModalMoment:
     """The few states of the moment that forecasts of the angle need.
 
     Parameters
@@ -192,10 +189,6 @@ def reduced_moment(spectrum, request, hull):
         Of the moment, from `moment_spectrum`.
     request, hull
         As of `moment_spectrum`.
-
-    Returns
-    -------
-    ModalMoment
     """
     step = request.step
     order = min(round(AUTOREGRESSION_SPAN / step), request.angle.size // 10)
@@ -234,7 +227,7 @@ def reduced_moment(spectrum, request, hull):
     return ModalMoment.from_discrete(transition, back[0], 0.5 * (stationary + stationary.T), step)
 
 
-def _filtered_covariance(a, q, noise):
+def _filtered_covariance(a: np.ndarray, q: np.ndarray, noise: tuple[float, float]):
     """Steady covariance after the update with the first two states measured, by structure-preserving doubling.
 
     Chu, Fan, Lin and Wang (2004), Int. J. Control 77, 767.
@@ -262,12 +255,12 @@ def _filtered_covariance(a, q, noise):
     return h - h @ c.T @ np.linalg.solve(c @ h @ c.T + r, c @ h)
 
 
-def _root(matrix):
+def _root(matrix: np.ndarray):
     values, vectors = eigh(0.5 * (matrix + matrix.T))
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _state_at_end(request, moment):
+def _state_at_end(request: ExcitationRequest, moment: ModalMoment):
     """Mean, covariance and sizes of a filter with that moment after it has run over the window's end."""
     r = request
     fitted = HullFilter.for_window(r, moment)

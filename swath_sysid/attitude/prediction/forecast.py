@@ -31,7 +31,7 @@ class AxisForecast:
     covariance: np.ndarray
 
     @property
-    def half_width(self):
+    def half_width(self) -> np.ndarray:
         """Half widths of the central 50, 90 and 99 % intervals of the angle, rad, shape (L, 3): of a normal one."""
         return np.sqrt(self.covariance[:, 0, 0])[:, None] * NORMAL_QUANTILES
 

@@ -5,31 +5,40 @@ and a state space of all channels for each memory. They are weighted lead by lea
 the newest samples contradict is left out.
 """
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.blend import Blend
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
 from swath_sysid.attitude.prediction.oscillator import oscillators
-from swath_sysid.attitude.prediction.point import Point, point_motion
-from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, Quiescence, QuiescenceLimits, quantity_at
+from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
+from swath_sysid.attitude.prediction.quiescence import (
+    AT_A_POINT,
+    Quiescence,
+    QuiescenceLimits,
+    Reliability,
+    quantity_at,
+)
 from swath_sysid.attitude.prediction.sea_fit import (
     ALL_CHANNELS,
     EACH_ALONE,
     SEA_MODELS,
     SHORT_MEMORY,
+    SeaFit,
     SeaRequest,
     newest_stretch,
 )
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.sensor_noise import AgreementMeter, NoiseMeter
-from swath_sysid.attitude.prediction.state_space import InnovationsFilter
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel
 from swath_sysid.attitude.prediction.vertical import FORCE, VerticalForecaster, VerticalRequest
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -38,7 +47,6 @@ from swath_sysid.common.row_buffer import RowBuffer
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
 """Of a sample, those that may show the waves; a record that lacks some is forecast from the others."""
 
-TARGETS = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
 AXIS_OF_TARGET = (0, 1, 0, 1)
 
 OSCILLATOR, HULL = 'oscillator', 'hull-filter'
@@ -68,7 +76,7 @@ EXCITATION_WINDOW = 600.0
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
 
-_ROW, _MEASURED_COUNT = len(CHANNELS), len(TARGETS)
+_ROW, _MEASURED_COUNT = len(CHANNELS), len(ATTITUDE)
 _MEASURED = slice(_ROW, _ROW + _MEASURED_COUNT)
 _BLOCK = slice(_ROW + _MEASURED_COUNT, _ROW + 2 * _MEASURED_COUNT)
 _COLUMNS = _ROW + 2 * _MEASURED_COUNT
@@ -115,7 +123,6 @@ class ForecasterSettings:
         s; when the sea is first learnt, and the least time between fits.
     refit_delay : float
         s from a request's stamp to its fit's use: the time that the background has for it.
-    hull : HullFilterSettings
     quiescence : QuiescenceLimits or None
         Limits whose probability of being kept is forecast; None: it is not.
     points : tuple of Point
@@ -191,7 +198,6 @@ class ForecasterDiagnostics:
         Running error over the size of the motion, and share of the 90 % intervals that held.
     candidate_nrmse, weights : ndarray, shape (K, A, L)
         The running error of each of `CANDIDATES`, and what it contributes.
-    advice : tuple of Advice
     """
 
     sample_interval: float
@@ -215,7 +221,7 @@ class Forecaster:
     settings : ForecasterSettings, optional
     """
 
-    def __init__(self, settings=None):
+    def __init__(self, settings: ForecasterSettings | None = None) -> None:
         self.settings = s = settings or ForecasterSettings()
         self._hulls = {axis: HullFilter(s.hull) for axis in AXES}
         self._models = dict.fromkeys(AXES)
@@ -223,14 +229,14 @@ class Forecaster:
         self._agreements = {axis: AgreementMeter() for axis in AXES}
         self._noise = dict.fromkeys(AXES, (math.nan, math.nan))
         self._noise_to_hull = dict(self._noise)
-        self._reported_noise = [0.0] * len(TARGETS)
+        self._reported_noise = [0.0] * len(ATTITUDE)
         leads = np.array(s.leads)
         horizon = s.horizon_step * np.arange(1, round(s.horizon / s.horizon_step) + 1)
         self._leads = np.unique(np.round(np.concatenate([leads, horizon]), 9))
         self._asked, self._over_horizon = (self._places_of(wanted) for wanted in (leads, horizon))
         # the oldest forecast that is scored lies one longest lead behind the window
         self._history = RowBuffer(math.ceil((s.window + self._leads[-1]) * ROW_RATE * 1.25) + 1, _COLUMNS)
-        quantities = *TARGETS, *[quantity_at(point.name, kind) for point in s.points for kind in AT_A_POINT]
+        quantities = *ATTITUDE, *[quantity_at(point.name, kind) for point in s.points for kind in AT_A_POINT]
         self._quiescence: Any = None if s.quiescence is None else Quiescence(s.quiescence, horizon, quantities)
         self._vertical: Any = None
         # heave and vertical velocity at the rows, as they were then: what windows of calm are judged by
@@ -242,18 +248,18 @@ class Forecaster:
         self._intervals = self._irregular = 0
         self._is_linked = False
         self._blend: Any = None
-        self._spaces = {}
+        self._spaces: dict[str, InnovationsFilter] = {}
         self._waiting: Any = None
         self._rows_since_surprise = [10**9] * len(AXES)
 
-    def _places_of(self, leads):
+    def _places_of(self, leads: np.ndarray):
         """Of these among all leads; a slice where they are all, which takes no copy."""
         places = np.searchsorted(self._leads, leads - 1e-6)
         return places if places.size < self._leads.size else slice(None)
 
     # -- models and fits
 
-    def set_model(self, axis, identified):
+    def set_model(self, axis: str, identified: IdentifiedModel | None) -> None:
         """Swap the hull of an axis under the running filter.
 
         Parameters
@@ -272,7 +278,7 @@ class Forecaster:
             self._blend.renew(_PLACE[HULL], AXES.index(axis))
         self._refit_due = -math.inf
 
-    def install(self, fit):
+    def install(self, fit: SeaFit) -> None:
         """Take over what was learnt; it is used from its request's time plus ``refit_delay`` on.
 
         So a live run whose background is quick enough forecasts what an offline run does.
@@ -284,17 +290,21 @@ class Forecaster:
         """
         self._waiting = fit
 
-    def set_quiescence(self, limits):
-        """Ask for the probability of keeping other limits, over the duration that was configured."""
-        self._quiescence.set_limits(limits)
+    def set_quiescence(self, limits: QuiescenceLimits | None) -> None:
+        """Ask for the probability of keeping other limits, over the duration that was configured; None: as before."""
+        if limits is not None:
+            self._quiescence.set_limits(limits)
 
-    def quiescence_reliability(self):
+    def quiescence_reliability(self) -> Reliability | None:
         """How often the craft stayed quiet, by the probability issued; None where no limits are configured."""
         return None if self._quiescence is None else self._quiescence.record.diagram()
 
     # -- samples
 
-    def observe(self, sample, stamp, elapsed, publish_next=None):
+    def observe(
+        self, sample: CraftSample, stamp: float, elapsed: float | None,
+        publish_next: Callable[[float, dict], None] | None = None,
+    ) -> Observed:
         """Take one sample.
 
         Parameters
@@ -308,17 +318,14 @@ class Forecaster:
         publish_next : callable, optional
             Called with the sensor's interval, s, and, by axis, angle, rate and their covariance (three
             numbers) one sample ahead, as soon as these are known.
-
-        Returns
-        -------
-        Observed
         """
-        linked = self._is_linked and elapsed is not None and elapsed <= LONGEST_BRIDGE
+        since = elapsed if self._is_linked and elapsed is not None else math.inf
+        linked = since <= LONGEST_BRIDGE
+        elapsed = since if linked else 0.0
         if linked:
             self._time += elapsed
             self._follow_interval(elapsed)
         else:
-            elapsed = 0.0
             self._break_off()
         reasons = self._follow_hulls(sample, elapsed, linked)
         if publish_next is not None and self._interval == self._interval:
@@ -356,7 +363,7 @@ class Forecaster:
         if self._quiescence is not None:
             self._quiescence.clear()
 
-    def _follow_interval(self, elapsed):
+    def _follow_interval(self, elapsed: float):
         """The sensor's interval is the mean of those that resemble each other; a new rate is found by their lack."""
         if abs(elapsed / self._interval - 1.0) < _REGULAR:
             self._intervals = min(self._intervals + 1, 1000)
@@ -374,7 +381,7 @@ class Forecaster:
         elif self._intervals in _SETTLING_INTERVALS and deviation > _INEXACT_STEP:
             self._correct_step()
 
-    def _follow_hulls(self, sample, elapsed, linked):
+    def _follow_hulls(self, sample: CraftSample, elapsed: float, linked: bool):
         even = abs(elapsed - self._interval) < _REGULAR * self._interval
         reasons: tuple[str, ...] = ()
         for place, (axis, hull) in enumerate(self._hulls.items()):
@@ -398,7 +405,7 @@ class Forecaster:
                 reasons += (RESTARTED[axis],)
         return reasons
 
-    def _variances(self, place, axis, angle, rate, sample, even):
+    def _variances(self, place: int, axis: str, angle: float, rate: float, sample: CraftSample, even: bool):
         """Of the sensor's noise: what it reports; where it reports nothing, as measured."""
         of_angle, of_rate = self._meters[axis]
         if not even:
@@ -412,7 +419,7 @@ class Forecaster:
 
     # -- rows: the motion at even steps
 
-    def _begin_rows(self, samples):
+    def _begin_rows(self, samples: int):
         """Rows of another step: nothing that was learnt in rows holds for them."""
         self._samples_a_row = samples
         self._step = samples * self._interval
@@ -446,10 +453,10 @@ class Forecaster:
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._blend.steps.size == whole.size
 
     def _restart_block(self):
-        self._block_sum, self._block_count = [0.0] * len(TARGETS), [0] * len(TARGETS)
+        self._block_sum, self._block_count = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
         self._smoothed = [math.nan] * _ROW
 
-    def _follow_rows(self, sample, elapsed):
+    def _follow_rows(self, sample: CraftSample, elapsed: float):
         self._since_row += elapsed
         measured = _channels_of(sample)
         for place, value in enumerate(measured[:_MEASURED_COUNT]):
@@ -479,9 +486,9 @@ class Forecaster:
             *row, *measured[:_MEASURED_COUNT], *[total / count if count else math.nan for total, count in block]
         ]), steps)  # fmt: skip
 
-    def _take_row(self, row, steps):
+    def _take_row(self, row: np.ndarray, steps: int):
         """A row is complete, so many steps after the one before."""
-        self._block_sum, self._block_count = [0.0] * len(TARGETS), [0] * len(TARGETS)
+        self._block_sum, self._block_count = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
         self._history.append(row)
         for space in self._spaces.values():
             space.step(row)
@@ -497,7 +504,7 @@ class Forecaster:
         )  # fmt: skip
         self._rows_since_surprise = [rows + steps for rows in self._rows_since_surprise]
 
-    def _skip_rows(self, count):
+    def _skip_rows(self, count: int):
         if count > 0:
             self._history.skip(count)
             self._blend.skip(count)
@@ -515,14 +522,14 @@ class Forecaster:
         self._oscillator_due = self._time + (_YOUNG_INTERVAL if is_young else _OLD_INTERVAL)
         self._use(OSCILLATOR, oscillators(self._past(_OSCILLATOR_WINDOW), CHANNELS, self._step, AXES))
 
-    def _past(self, duration):
+    def _past(self, duration: float):
         """The channels' rows of the last so many seconds."""
         return self._history.last(int(duration / self._step) + 1)[:, :_ROW]
 
-    def _use(self, name, model):
+    def _use(self, name: str, model: InnovationsModel | None):
         if model is not None:
             horizon = self._leads[-1] + 2.0 * self._step
-            self._spaces[name] = space = InnovationsFilter(model, TARGETS, horizon, self._blend.steps)
+            self._spaces[name] = space = InnovationsFilter(model, ATTITUDE, horizon, self._blend.steps)
             space.seed(self._past(max(_SEEDED_FROM, _SEEDED_ROWS * self._step)))
 
     # -- what is learnt of the sea
@@ -550,7 +557,7 @@ class Forecaster:
         delay = (0.5 * samples - 1.0) * self._interval if samples >= SMOOTHED_FROM else 0.0
         return VerticalRequest(self._vertical.ahead, delay, self._history.newest)
 
-    def _excitation_request(self, place, axis):
+    def _excitation_request(self, place: int, axis: str):
         hull = self._hulls[axis]
         if self._models[axis] is None or not hull.is_started:
             return None
@@ -579,13 +586,13 @@ class Forecaster:
         following = self._due + period
         self._due = following if self._time - slack < following <= self._time + period else self._time + period - slack
 
-    def _candidates(self, leads, age):
+    def _candidates(self, leads: np.ndarray, age: float | None):
         """Forecasts of every candidate, (K, L, 4), and their covariances, (K, L, 4, 4); NaN where there is none.
 
         ``age`` is the time since the newest row, s; None: the leads are whole steps from it.
         """
-        mean = np.full((len(CANDIDATES), leads.size, len(TARGETS)), math.nan)
-        covariance = np.zeros((*mean.shape, len(TARGETS)))
+        mean = np.full((len(CANDIDATES), leads.size, len(ATTITUDE)), math.nan)
+        covariance = np.zeros((*mean.shape, len(ATTITUDE)))
         hull_place = _PLACE[HULL]
         for place, (axis, hull) in enumerate(self._hulls.items()):
             # without a hull it carries on the rate, which an oscillator does better
@@ -619,7 +626,7 @@ class Forecaster:
         ]
         return ((level[_PLACE[HULL]] < level + math.log(_ALIKE)) & explains)[:, AXIS_OF_TARGET]
 
-    def _issue(self, stamp):
+    def _issue(self, stamp: float):
         if self._leads_are_rows and abs(self._since_row) < 0.5 * self._interval:
             candidates = self._at_row
         else:
@@ -647,7 +654,7 @@ class Forecaster:
         """Roll and pitch about which the craft moves, rad."""
         return tuple([size.mean for size in self._sizes])
 
-    def _at_points(self, mean, covariance):
+    def _at_points(self, mean: np.ndarray, covariance: np.ndarray):
         vertical = self._vertical.forecast(self._leads, self._since_row, mean, covariance)
         if vertical is None:
             return {}
@@ -657,7 +664,7 @@ class Forecaster:
             for point in self.settings.points
         }
 
-    def _stays_quiet(self, mean, covariance, points):
+    def _stays_quiet(self, mean: np.ndarray, covariance: np.ndarray, points: Mapping[str, PointMotion]):
         motion, variance = [mean], [np.diagonal(covariance, axis1=1, axis2=2)]
         for point in self.settings.points:
             ahead = points.get(point.name)
@@ -668,11 +675,11 @@ class Forecaster:
         newest, time = self._history.newest, self._time - self._since_row
         self._quiescence.learn(self._time, lambda times: self._what_came(newest + (times - time) / self._step))
         activity = [self._sizes[axis].activity for axis in AXIS_OF_TARGET]
-        activity += [max(abs(value), _MIN_ACTIVITY) for value in motion[0, len(TARGETS):].tolist()]
+        activity += [max(abs(value), _MIN_ACTIVITY) for value in motion[0, len(ATTITUDE):].tolist()]
         trim = np.array([*self._trim, *[0.0] * (motion.shape[1] - len(AXES))])
         return self._quiescence.assess(self._time, motion, np.sqrt(variance), np.array(activity), trim)
 
-    def _what_came(self, rows):
+    def _what_came(self, rows: np.ndarray):
         """The quantities that may be limited, at rows by number: measured, and for points as they were known then."""
         attitude = self._history.at(rows)[:, _MEASURED]
         parts = [attitude]
@@ -685,13 +692,8 @@ class Forecaster:
 
     # -- for people
 
-    def diagnostics(self):
-        """The running state, for people.
-
-        Returns
-        -------
-        ForecasterDiagnostics
-        """
+    def diagnostics(self) -> ForecasterDiagnostics:
+        """The running state, for people."""
         started = {axis: hull for axis, hull in self._hulls.items() if hull.is_started}
         advice = tuple(
             Advice('no-model', f'no {axis} model has arrived, so no hull helps the forecast: identify the hull')
@@ -718,7 +720,7 @@ class Forecaster:
         )  # fmt: skip
 
 
-def _by_axis(places, mean, covariance):
+def _by_axis(places: Sequence[int], mean: np.ndarray, covariance: np.ndarray):
     """Joint forecasts of angles and then rates, each axis by itself."""
     count = len(places)
     return {
@@ -736,17 +738,17 @@ class MotionSize:
         s.
     """
 
-    def __init__(self, memory):
+    def __init__(self, memory: float) -> None:
         self._memory = memory
         self._elapsed = 0.0
         self.mean = math.nan
         self._square = self._rate_square = self._recent = _MIN_VARIANCE
 
-    def restart(self):
+    def restart(self) -> None:
         """Begin the recent size anew."""
         self._recent = _MIN_VARIANCE
 
-    def follow(self, angle, rate, elapsed):
+    def follow(self, angle: float, rate: float, elapsed: float) -> None:
         """Take the filtered motion, rad and rad/s, so many seconds later."""
         self._elapsed += elapsed
         slow = elapsed / min(self._memory, self._elapsed) if elapsed > 0.0 else 0.0
@@ -762,11 +764,11 @@ class MotionSize:
         self._recent += quick * (0.5 * (square + share * rate * rate) - self._recent)
 
     @property
-    def deviation(self):
+    def deviation(self) -> float:
         """Over the memory, rad."""
         return math.sqrt(self._square)
 
     @property
-    def activity(self):
+    def activity(self) -> float:
         """Over the last seconds, rad."""
         return max(math.sqrt(self._recent), _MIN_ACTIVITY)

@@ -12,13 +12,15 @@ Wald's sequential test: once a hand lets go, the hull alone remains within some 
 """
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import term_moments
 from swath_sysid.attitude.prediction import hull_step
 from swath_sysid.attitude.prediction.hull_step import HULL_STATES
@@ -29,6 +31,9 @@ from swath_sysid.common.errors import InputError
 
 ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
 OF_HULL = slice(TRIM, HULL_STATES)
+
+Pair = tuple[float, float]
+"""Of the angle and of the rate."""
 
 NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
@@ -124,17 +129,13 @@ class HullUncertainty(NamedTuple):
     damping_std: float = 0.0
 
     @classmethod
-    def of(cls, identified):
+    def of(cls, identified: IdentifiedModel) -> Self:
         """Relative uncertainty of the restoring and damping moments at the amplitude of the identification.
 
         Parameters
         ----------
         identified : IdentifiedModel
             With the covariance of its ratios; where that is zero, the defaults hold.
-
-        Returns
-        -------
-        HullUncertainty
         """
         if not identified.covariance.any():
             return cls()
@@ -146,7 +147,7 @@ class HullUncertainty(NamedTuple):
         parts = model.ratios[model.equation.indices] * moments
         is_damping = model.equation.indices < 4
 
-        def relative(chosen):
+        def relative(chosen: np.ndarray) -> float:
             direction = np.where(chosen, moments, 0.0)
             variance = float(direction @ identified.covariance @ direction)
             return math.sqrt(max(variance, 0.0)) / max(abs(float(parts[chosen].sum())), 1e-12)
@@ -243,7 +244,6 @@ class ExcitationFit:
 
     Attributes
     ----------
-    moment : ModalMoment
     mean, covariance : ndarray, shapes (n,) and (n, n)
         Of the whole state of a filter with it, at the time of the window's last sample.
     levels : tuple of 2 floats
@@ -259,13 +259,13 @@ class ExcitationFit:
 class HullTrack:
     """Extended Kalman filter of a hull under a moment; each call says how much time has passed."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.x, self.P = np.zeros(HULL_STATES), np.eye(HULL_STATES)
         self.moment = NO_MOMENT
         self.strain = 1.0
         self.set_hull(None)
 
-    def set_hull(self, model):
+    def set_hull(self, model: DecayModel | None) -> None:
         """Swap the equation; None: a constant rate that the moment drives."""
         self.hull = NO_HULL if model is None else (
             tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate)
@@ -276,21 +276,21 @@ class HullTrack:
             fastest = max(math.sqrt(abs(by_angle)), abs(by_rate))
         self.drifts = TRIM_DRIFT, 0.0 if model is None else SCALE_DRIFT
         self.longest = min(LONGEST_STEP, 0.25 / fastest if fastest > 0.0 else LONGEST_STEP)
-        self.foreseen = None
+        self.foreseen: Any = None
 
-    def set_state(self, mean, covariance):
+    def set_state(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Replace the state, of whatever size."""
         self.x, self.P = np.array(mean), np.array(covariance)
         self.foreseen = None
 
-    def set_part(self, places, mean, covariance):
+    def set_part(self, places: slice, mean: Any, covariance: np.ndarray) -> None:
         """Replace some states, which become independent of the others."""
         self.x[places] = mean
         self.P[places] = self.P[:, places] = 0.0
         self.P[places, places] = covariance
         self.foreseen = None
 
-    def advance(self, duration):
+    def advance(self, duration: float) -> None:
         """Predict over a duration, s."""
         foreseen, self.foreseen = self.foreseen, None
         if foreseen is not None and abs(foreseen[0] - duration) < 1e-6:
@@ -298,7 +298,7 @@ class HullTrack:
         elif duration > 0.0:
             self._predict(duration)
 
-    def ahead(self, lead):
+    def ahead(self, lead: float) -> tuple[np.ndarray, np.ndarray]:
         """Mean and covariance one lead after the present state, which stays as it is."""
         if self.foreseen is None or self.foreseen[0] != lead:
             now = self.x.copy(), self.P.copy()
@@ -307,7 +307,7 @@ class HullTrack:
             self.x, self.P = now
         return self.foreseen[1:]
 
-    def forecast(self, leads):
+    def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
         now = self.x, self.P
         self.x, self.P = self.x.copy(), self.P.copy()
@@ -315,18 +315,18 @@ class HullTrack:
         self.x, self.P = now
         return found
 
-    def _predict_to(self, durations):
+    def _predict_to(self, durations: np.ndarray):
         means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
         hull_step.predict_to(
             self.x, self.P, self.moment, self.hull, self.drifts, durations, self.longest, means, spreads
         )
         return means, spreads
 
-    def _predict(self, duration):
+    def _predict(self, duration: float):
         """Move the state on by a duration, s, longer than zero."""
         hull_step.predict(self.x, self.P, self.moment, self.hull, self.drifts, duration, self.longest)
 
-    def innovation(self, elapsed, values, variances):
+    def innovation(self, elapsed: float, values: Pair, variances: Pair) -> tuple[int, float, float, float]:
         """Number of values, their NIS and log likelihood, and the NIS had the moment jumped."""
         (angle, rate), (of_angle, of_rate) = values, variances
         found = hull_step.innovation(
@@ -336,7 +336,7 @@ class HullTrack:
             self.strain += STRAIN_GAIN * (found[1] / found[0] - self.strain)
         return found
 
-    def take_in(self, values, variances, learns):
+    def take_in(self, values: Pair, variances: Pair, learns: bool) -> None:
         """Update with what was measured of angle and rate (NaN: not measured); see `hull_step.update`."""
         (angle, rate), (of_angle, of_rate) = values, variances
         hull_step.observe(self.x, self.P, angle, rate, of_angle, of_rate, learns)
@@ -370,7 +370,7 @@ class HullFilter:
         Their variances over those that they were taken up with.
     """
 
-    def __init__(self, settings=None):
+    def __init__(self, settings: HullFilterSettings | None = None) -> None:
         self.settings = s = settings or HullFilterSettings()
         self.free, self.driven = _track(), _track()
         self.is_started = self.is_free = False
@@ -382,11 +382,11 @@ class HullFilter:
         self._use_moments([markov_moment(MARKOV_STD**2, MARKOV_TIME)], [1.0])
         size = HULL_STATES + self.moments[0].size
         self.driven.set_state(np.zeros(size), np.eye(size))
-        self.model = None
+        self.model: DecayModel | None = None
         self.set_hull(None)
 
     @classmethod
-    def for_window(cls, request, moment):
+    def for_window(cls, request: ExcitationRequest, moment: ModalMoment) -> Self:
         """A filter for the window of a request, with the moment learnt from it, not started yet.
 
         Trim and scales are learnt only if the filter that asked has not learnt them in this window: no sample
@@ -398,10 +398,6 @@ class HullFilter:
             The window, and the hull as it is known.
         moment : ModalMoment
             Learnt from the window.
-
-        Returns
-        -------
-        HullFilter
         """
         made = cls()
         made.set_hull(request.model)
@@ -418,31 +414,31 @@ class HullFilter:
     # -- hull and moment ---------------------------------------------------------------------------------------
 
     @property
-    def speaking(self):
+    def speaking(self) -> HullTrack:
         """The track whose state and forecasts count."""
         return self.free if self.is_free else self.driven
 
     @property
-    def x(self):
+    def x(self) -> np.ndarray:
         """Mean of the state, shape (n,): angle, rate, trim, logarithms of the scales, the moment's."""
         return self.speaking.x
 
     @property
-    def P(self):
+    def P(self) -> np.ndarray:
         """Covariance of the state, shape (n, n)."""
         return self.speaking.P
 
     @property
-    def strain(self):
+    def strain(self) -> float:
         """Running mean of the innovations squared over their expectation; one is healthy."""
         return self.speaking.strain
 
     @property
-    def learns_hull(self):
+    def learns_hull(self) -> bool:
         """Whether trim and scales are learnt: not while a moment of which nothing is known may explain anything."""
         return self._may_learn and self._quiet > QUIET
 
-    def set_hull(self, model, uncertainty=None):
+    def set_hull(self, model: DecayModel | None, uncertainty: HullUncertainty | None = None) -> None:
         """Swap the hull; the state of motion and the moment's estimate go on.
 
         Parameters
@@ -465,7 +461,7 @@ class HullFilter:
             self.levels[0] = 1.0
             self.start(*self.x[:2].tolist(), *np.diag(self.P)[:2].tolist())
 
-    def _prior_of(self, uncertainty):
+    def _prior_of(self, uncertainty: HullUncertainty):
         """Variances of trim and the logarithms of the scales."""
         if self.model is None:
             return np.array([UNKNOWN_TRIM_STD**2, 0.0, 0.0])
@@ -476,7 +472,7 @@ class HullFilter:
             min(max(uncertainty.damping_std, MIN_DAMPING_STD), MAX_SCALE_STD),
         ])
 
-    def set_excitation(self, fit, age=0.0):
+    def set_excitation(self, fit: ExcitationFit, age: float = 0.0) -> None:
         """Take up a learnt moment.
 
         The driven hull goes on from the state that the fit found at its window's end, and takes in anew the samples
@@ -507,7 +503,10 @@ class HullFilter:
         for sample in reversed(since):
             self.observe(*sample)
 
-    def excitation_request(self, step, angle, rate, angle_variance, rate_variance, samples=1):
+    def excitation_request(
+        self, step: float, angle: np.ndarray, rate: np.ndarray, angle_variance: float, rate_variance: float,
+        samples: int = 1,
+    ) -> ExcitationRequest | None:
         """A window of the past, with what is known of the hull now, for `fit_excitation`.
 
         Parameters
@@ -533,7 +532,7 @@ class HullFilter:
             rate, angle_variance, rate_variance, samples,
         )  # fmt: skip
 
-    def _use_moments(self, moments, levels):
+    def _use_moments(self, moments: Sequence[ModalMoment], levels: Sequence[float]):
         self.moments, self.levels = list(moments), np.array(levels, dtype=float)
         ends = np.cumsum([0, *[m.size for m in self.moments]]).tolist()
         self._of_moment = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
@@ -543,7 +542,7 @@ class HullFilter:
         self._insignificant = INSIGNIFICANT**2 / self.moments[0].variance
         self.driven.moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
 
-    def _set_level(self, place, level):
+    def _set_level(self, place: int, level: float):
         """Give a moment another size: the covariance that it tends to."""
         self.levels[place] = level = min(max(level, MIN_LEVEL), MAX_LEVEL)
         part = self._of_moment[place]
@@ -552,7 +551,7 @@ class HullFilter:
 
     # -- the samples -------------------------------------------------------------------------------------------
 
-    def start(self, angle, rate, angle_variance, rate_variance):
+    def start(self, angle: float, rate: float, angle_variance: float, rate_variance: float) -> None:
         """Begin anew from one sample (NaN: not measured). Trim, scales and the moments' sizes are kept.
 
         Parameters
@@ -577,7 +576,9 @@ class HullFilter:
         self.rejections = 0
         self._challenge()
 
-    def observe(self, elapsed, angle, rate, angle_variance, rate_variance):
+    def observe(
+        self, elapsed: float, angle: float, rate: float, angle_variance: float, rate_variance: float
+    ) -> Observed:
         """Predict over the time since the sample before, and take in what was measured (NaN: not measured).
 
         Parameters
@@ -588,10 +589,6 @@ class HullFilter:
             rad, rad/s.
         angle_variance, rate_variance : float
             Of the sensor's noise, rad^2 and rad^2/s^2.
-
-        Returns
-        -------
-        Observed
         """
         self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
         values, variances, driven, free = (angle, rate), (angle_variance, rate_variance), self.driven, self.free
@@ -624,7 +621,7 @@ class HullFilter:
             self._since_level = 0.0
         return Observed(nis, measured, False, False, log_likelihood, surprised)
 
-    def _weigh(self, for_free):
+    def _weigh(self, for_free: float):
         """Wald's sequential test of the track that speaks against the other one; whether the other takes over.
 
         Wald (1945), Ann. Math. Stat. 16, 117. The other one begins anew from the state of that which speaks as often
@@ -652,7 +649,9 @@ class HullFilter:
         self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
         self.driven.strain = 1.0
 
-    def _refuse(self, angle, rate, angle_variance, rate_variance, nis, measured):
+    def _refuse(
+        self, angle: float, rate: float, angle_variance: float, rate_variance: float, nis: float, measured: int
+    ):
         self.rejections += 1
         if self.rejections < self.settings.gate_patience:
             return Observed(nis, measured, rejected=True)
@@ -663,25 +662,25 @@ class HullFilter:
             self._raise_level(float(self.model.acceleration(at, float(self.x[RATE]))) ** 2)
         return Observed(nis, measured, restarted=True)
 
-    def _something_new(self, angle, rate, elapsed):
+    def _something_new(self, angle: float, rate: float, elapsed: float):
         """The innovations are too large: another moment has begun to act, of the size that they show."""
         self.driven.strain = 1.0
         e0, e1 = angle - float(self.driven.x[ANGLE]), rate - float(self.driven.x[RATE])
         size = e1 / elapsed if e1 == e1 else 2.0 * e0 / (elapsed * elapsed)
         self._raise_level((NEWCOMER * size) ** 2)
 
-    def _raise_level(self, variance):
+    def _raise_level(self, variance: float):
         """Let the unknown moment be that much larger, and a learnt sea as large as when it was learnt."""
         self._add(0, variance / self.moments[0].variance)
         for place in range(1, len(self.moments)):
             self._add(place, max(1.0 - self.levels[place], 0.0))
 
-    def _add(self, place, level):
+    def _add(self, place: int, level: float):
         part = self._parts[place]
         self.driven.P[part, part] += level * self.moments[place].stationary
         self._set_level(place, self.levels[place] + level)
 
-    def _judge_levels(self, elapsed):
+    def _judge_levels(self, elapsed: float):
         """Let each moment's size follow what its estimated states support."""
         for place, (moment, part, inverse) in enumerate(zip(self.moments, self._parts, self._inverses, strict=True)):
             level = float(self.levels[place])
@@ -690,15 +689,11 @@ class HullFilter:
             gain = min(elapsed / LEVEL_TIMES[place], 1.0)
             self._set_level(place, level * math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0)))
 
-    def advice(self):
+    def advice(self) -> tuple[Advice, ...]:
         """What to say of the model: whether the sea, or the craft in still water, contradicts it.
 
         The scales begin at one with their identified uncertainty. Innovations that draw one further than
         `CONTRADICTION` of its standard deviations were not made by this hull.
-
-        Returns
-        -------
-        tuple of Advice
         """
         if self.model is None:
             return ()
@@ -721,7 +716,7 @@ class HullFilter:
 
     # -- the forecast ------------------------------------------------------------------------------------------
 
-    def ahead(self, lead):
+    def ahead(self, lead: float) -> tuple[float, float, float, float, float]:
         """One lead after the present state, which stays as it is.
 
         Returns
@@ -734,7 +729,7 @@ class HullFilter:
             mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1)
         )
 
-    def forecast(self, leads):
+    def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angle and rate at leads after the present state, which stays as it is.
 
         Parameters

@@ -36,7 +36,7 @@ LARGEST_RATE_VARIANCE = 100.0
 
 
 @accelerated
-def expected_ratios(ratios, stiffness, damping, rate, variance):
+def expected_ratios(ratios: tuple, stiffness: float, damping: float, rate: float, variance: float) -> tuple:
     """The ratios with both scales, and with the linear damping that makes the damping its mean over a normal rate.
 
     E[w^3] = m^3 + 3 m v, and E[|w| w] is near m sqrt(m^2 + 8 v / pi), right for small and for large m (Roberts and
@@ -52,7 +52,10 @@ def expected_ratios(ratios, stiffness, damping, rate, variance):
 
 
 @accelerated
-def hull_step(angle, rate, trim, stiffness, damping, moment, rate_variance, step, hull):
+def hull_step(
+    angle: float, rate: float, trim: float, stiffness: float, damping: float, moment: float, rate_variance: float,
+    step: float, hull: tuple,
+) -> tuple[float, float, tuple, tuple]:
     """One step of the hull under a held moment, and its linearisation in the middle of the step.
 
     Parameters
@@ -112,7 +115,7 @@ def hull_step(angle, rate, trim, stiffness, damping, moment, rate_variance, step
 
 
 @accelerated
-def block_transitions(blocks, step):
+def block_transitions(blocks: np.ndarray, step: float) -> np.ndarray:
     """The 2 x 2 blocks of exp(A step), shape (B, 4): two diagonal elements, above, below."""
     made = np.empty((blocks.shape[0], 4))
     for k in range(blocks.shape[0]):
@@ -126,7 +129,10 @@ def block_transitions(blocks, step):
 
 
 @accelerated
-def predict(mean, covariance, moment, hull, drifts, duration, longest):
+def predict(
+    mean: np.ndarray, covariance: np.ndarray, moment: tuple, hull: tuple, drifts: tuple[float, float], duration: float,
+    longest: float,
+) -> None:
     """Move mean and covariance on by a duration, in place.
 
     Over a step the moment acts by the mean of its values at both ends, and so does its noise.
@@ -233,7 +239,7 @@ def predict(mean, covariance, moment, hull, drifts, duration, longest):
 
 
 @accelerated
-def _move_blocks(covariance, f, stationary):
+def _move_blocks(covariance: np.ndarray, f: np.ndarray, stationary: np.ndarray):
     """The moment's block of the covariance: F (P - Pi) F' + Pi, block by block, from the lower triangle."""
     first = HULL_STATES
     for k in range(f.shape[0]):
@@ -256,7 +262,7 @@ def _move_blocks(covariance, f, stationary):
 
 
 @accelerated
-def limit(covariance):
+def limit(covariance: np.ndarray) -> None:
     """Bound the variances of angle and rate, in place, without a change of their correlations."""
     for place, most in ((0, LARGEST_ANGLE_VARIANCE), (1, LARGEST_RATE_VARIANCE)):
         if covariance[place, place] > most:
@@ -267,7 +273,7 @@ def limit(covariance):
 
 
 @accelerated
-def update(mean, covariance, place, value, variance, learns):
+def update(mean: np.ndarray, covariance: np.ndarray, place: int, value: float, variance: float, learns: bool) -> None:
     """Take in one measured state, in place: place 0 the angle, 1 the rate. Independent noises: one after the other.
 
     Where trim and scales are not learnt they are considered (Schmidt 1966): they and what is known of them stay,
@@ -294,7 +300,10 @@ def update(mean, covariance, place, value, variance, learns):
 
 
 @accelerated
-def observe(mean, covariance, angle, rate, angle_variance, rate_variance, learns):
+def observe(
+    mean: np.ndarray, covariance: np.ndarray, angle: float, rate: float, angle_variance: float, rate_variance: float,
+    learns: bool,
+) -> None:
     """Take in what was measured of angle and rate (NaN: not measured), in place; see `update`."""
     if angle == angle:
         update(mean, covariance, 0, angle, angle_variance, learns)
@@ -303,7 +312,10 @@ def observe(mean, covariance, angle, rate, angle_variance, rate_variance, learns
 
 
 @accelerated
-def predict_to(mean, covariance, moment, hull, drifts, durations, longest, means, spreads):
+def predict_to(
+    mean: np.ndarray, covariance: np.ndarray, moment: tuple, hull: tuple, drifts: tuple[float, float],
+    durations: np.ndarray, longest: float, means: np.ndarray, spreads: np.ndarray,
+) -> None:
     """Predict on over successive durations, in place, and keep angle and rate with their covariance after each."""
     for k in range(durations.size):
         if durations[k] > 0.0:
@@ -315,7 +327,10 @@ def predict_to(mean, covariance, moment, hull, drifts, durations, longest, means
 
 
 @accelerated
-def innovation(mean, covariance, output, hull, elapsed, angle, rate, angle_variance, rate_variance, min_jump):
+def innovation(
+    mean: np.ndarray, covariance: np.ndarray, output: np.ndarray, hull: tuple, elapsed: float, angle: float,
+    rate: float, angle_variance: float, rate_variance: float, min_jump: float,
+) -> tuple[int, float, float, float]:
     """How far what was measured (NaN: not measured) lies from what was expected.
 
     Returns
@@ -356,7 +371,7 @@ def innovation(mean, covariance, output, hull, elapsed, angle, rate, angle_varia
 
 
 @accelerated
-def support(mean, covariance, begin, inverse):
+def support(mean: np.ndarray, covariance: np.ndarray, begin: int, inverse: np.ndarray) -> tuple[float, float]:
     """Of the states from ``begin`` on: the trace of V^-1 P and the square z' V^-1 z, with V^-1 given."""
     trace = square = 0.0
     for i in range(inverse.shape[0]):

@@ -8,8 +8,10 @@ A block diagonal with blocks [[s, v], [-v, s]] (a pair of poles s +- i v) or dia
 interval t the transition is F(t) = exp(A t), two numbers a block, and the noise Q(t) = Pi - F(t) Pi F(t)': no matrix
 exponential and no Lyapunov equation has to be solved while the filter runs, however uneven the samples are.
 """
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Self
 
 import numpy as np
 from scipy.linalg import block_diag, eig, expm, solve_continuous_lyapunov
@@ -44,22 +46,24 @@ class ModalMoment:
     stationary: np.ndarray
 
     @property
-    def size(self):
+    def size(self) -> int:
         """Number of states."""
         return self.output.size
 
     @property
-    def variance(self):
+    def variance(self) -> float:
         """Of the moment, rad^2/s^4."""
         return float(self.output @ self.stationary @ self.output)
 
     @property
-    def generator(self):
+    def generator(self) -> np.ndarray:
         """The matrix A, shape (n, n)."""
         return block_diag(*[[[first, v], [-v, second]] for first, second, v in self.blocks])
 
     @classmethod
-    def from_discrete(cls, transition, output, stationary, step):
+    def from_discrete(
+        cls, transition: np.ndarray, output: np.ndarray, stationary: np.ndarray, step: float
+    ) -> Self:
         """Bring a stable discrete state space into continuous modal form.
 
         Parameters
@@ -72,10 +76,6 @@ class ModalMoment:
             Covariance of the state.
         step : float
             s.
-
-        Returns
-        -------
-        ModalMoment
         """
         values, vectors = _separate_poles(transition)
         # a negative real number has no real continuous counterpart: what alternates from step to step is forgotten
@@ -102,7 +102,7 @@ class ModalMoment:
         found = cls(np.array(blocks), new_output, covariance)
         return found._realisable(float(output @ stationary @ output))
 
-    def _realisable(self, variance):
+    def _realisable(self, variance: float):
         """Let some white noise drive it: -(A Pi + Pi A') is made positive semidefinite, the variance kept."""
         generator = self.generator
         drive = -(generator @ self.stationary + self.stationary @ generator.T)
@@ -113,7 +113,7 @@ class ModalMoment:
         made = self.output @ stationary @ self.output
         return ModalMoment(self.blocks, self.output, stationary * (variance / made if made > 0.0 else 1.0))
 
-    def transition(self, interval):
+    def transition(self, interval: float) -> np.ndarray:
         """F over an interval, s; shape (n, n)."""
         first, second, v = self.blocks.T
         a, b = np.exp(first * interval), np.exp(second * interval)
@@ -124,7 +124,7 @@ class ModalMoment:
         return made
 
 
-def _separate_poles(matrix):
+def _separate_poles(matrix: np.ndarray):
     """Eigenvalues and eigenvectors; coinciding ones are nudged apart until the eigenvectors are a basis."""
     nudge, size = 0.0, np.abs(matrix).max()
     ramp = np.diag(np.linspace(-1.0, 1.0, matrix.shape[0]))
@@ -137,7 +137,7 @@ def _separate_poles(matrix):
 
 
 @cache
-def markov_moment(variance, time):
+def markov_moment(variance: float, time: float) -> ModalMoment:
     """A moment of which nothing is known but its size and how long it lasts: second-order Markov.
 
     Its spectrum is that of white noise through a low-pass of second order, damped a little less than critically.
@@ -148,10 +148,6 @@ def markov_moment(variance, time):
         rad^2/s^4.
     time : float
         One over the corner frequency, s.
-
-    Returns
-    -------
-    ModalMoment
     """
     corner = 1.0 / time
     generator = np.array([[0.0, 1.0], [-corner * corner, -1.8 * corner]])
@@ -159,7 +155,7 @@ def markov_moment(variance, time):
     return ModalMoment.from_discrete(expm(generator * time), np.array([1.0, 0.0]), stationary, time)
 
 
-def joined(moments, levels):
+def joined(moments: Sequence[ModalMoment], levels: Sequence[float] | np.ndarray) -> ModalMoment:
     """The sum of independent moments as one, each with so many times its variance."""
     return ModalMoment(
         np.concatenate([m.blocks for m in moments]),

@@ -4,6 +4,8 @@ At short leads it carries the rate on, at long ones it returns to the mean, so t
 rate and the mean are each good at.  Its natural frequency is the ratio of the rate's to the angle's standard deviation,
 for which the regression of the angle a little later on angle and rate is the best linear one whatever the spectrum.
 """
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
@@ -18,7 +20,9 @@ _MIN_ANGLE = 1e-5
 _NOISE = 1e-8
 
 
-def oscillators(values, names, step, angles):
+def oscillators(
+    values: np.ndarray, names: Sequence[str], step: float, angles: Sequence[str]
+) -> InnovationsModel | None:
     """A model of the angles alone, each with its rate where that is measured.
 
     Parameters
@@ -49,7 +53,7 @@ def oscillators(values, names, step, angles):
     return side_by_side(parts) if parts else None
 
 
-def _oscillator(values, names, step, angle, rate):
+def _oscillator(values: np.ndarray, names: Sequence[str], step: float, angle: int, rate: int | None):
     mean, deviation, frequency = angle_statistics(values[:, angle], None if rate is None else values[:, rate], step)
     # in units of the standard deviations of angle and rate, whose covariance is then one
     drift = frequency * np.array([[0.0, 1.0], [-1.0, -2.0 * _DAMPING]])
@@ -70,7 +74,7 @@ def _oscillator(values, names, step, angle, rate):
     )  # fmt: skip
 
 
-def angle_statistics(angle, rate, step):
+def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) -> tuple[float, float, float]:
     """Mean, standard deviation and natural frequency of an angle, drawn to what is expected while little is known.
 
     Parameters

@@ -4,11 +4,17 @@ With u(roll, pitch) the world's vertical in the craft's axes and r the point, it
 vertical velocity and acceleration the derivatives of that in time (Fossen 2021, section 2.2, of the third row of the
 rotation matrix).
 """
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
+"""What is measured and forecast of every craft."""
+
 POINT_MOTION = ('heave', 'vertical_velocity', 'vertical_acceleration')
+"""What is forecast at each point."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +23,6 @@ class Point:
 
     Attributes
     ----------
-    name : str
     place : tuple of 3 floats
         m from the sensor, x forward, y port, z up.
     """
@@ -42,15 +47,17 @@ class PointMotion:
 
     place: tuple[float, float, float]
     mean: np.ndarray
-    covariance: np.ndarray | None
+    covariance: Any
 
-    def at(self, chosen):
+    def at(self, chosen: Any) -> 'PointMotion':
         """Of some of the leads."""
         covariance = None if self.covariance is None else self.covariance[chosen]
         return PointMotion(self.place, self.mean[chosen], covariance)
 
 
-def height_partials(place, roll, pitch):
+def height_partials(
+    place: Sequence[float], roll: float | np.ndarray, pitch: float | np.ndarray
+) -> dict[tuple[int, int], Any]:
     """Height of a point above the sensor, u . r, and its partial derivatives.
 
     Parameters
@@ -81,7 +88,10 @@ def height_partials(place, roll, pitch):
     return partials
 
 
-def point_motion(place, mean_attitude, motion, covariance=None):
+def point_motion(
+    place: tuple[float, float, float], mean_attitude: tuple[float, float], motion: np.ndarray,
+    covariance: np.ndarray | None = None,
+) -> PointMotion:
     """Vertical motion at a point from that at the sensor, with its covariance to first order.
 
     Parameters
@@ -94,16 +104,12 @@ def point_motion(place, mean_attitude, motion, covariance=None):
         Heave, vertical velocity and acceleration, roll and pitch acceleration, roll, pitch and their rates.
     covariance : ndarray, shape (L, 9, 9), optional
         Of these.
-
-    Returns
-    -------
-    PointMotion
     """
     heave, velocity, acceleration, roll_acc, pitch_acc, roll, pitch, roll_rate, pitch_rate = motion.T
 
     h = height_partials(place, roll, pitch)
 
-    def turning(i, j):
+    def turning(i: int, j: int) -> np.ndarray:
         """(d/dt)^2 of u . r, differentiated i times in roll and j times in pitch."""
         return (
             h[i + 2, j] * roll_rate**2 + 2.0 * h[i + 1, j + 1] * roll_rate * pitch_rate + h[i, j + 2] * pitch_rate**2

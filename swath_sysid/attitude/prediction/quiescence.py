@@ -7,21 +7,22 @@ and Smith 2003), and the members that stay inside are counted.
 """
 import math
 from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
 
+from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.common.errors import InputError
+
+AT_A_POINT = POINT_MOTION[:2]
+"""What can be limited at each point, beside `ATTITUDE` of the craft."""
 
 _ENOUGH = 30
 _SIZE_MEMORY = 60.0
 """s; a shorter one follows groups of waves, in which the errors grow less than the motion does."""
-
-
-ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
-"""What can be limited of every craft; of each point, its heave and vertical velocity, too."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,6 @@ class PointLimits:
 
     Attributes
     ----------
-    name : str
     heave, vertical_velocity : float
         Largest either way, m about the mean level and m/s; infinite: does not matter.
     """
@@ -52,7 +52,6 @@ class QuiescenceLimits:
         Largest rates either way, rad/s.
     duration : float
         s from now for the probability, and the least length of a window of calm.
-    points : tuple of PointLimits
     about_trim : bool
         The angles' limits are about the present trim.
     probability : float
@@ -80,7 +79,7 @@ class QuiescenceLimits:
         if not 0.0 < self.probability < 1.0:
             raise InputError(f'the probability of a window of calm must be between 0 and 1, not {self.probability}')
 
-    def bounds(self, quantities):
+    def bounds(self, quantities: Sequence[str]) -> np.ndarray:
         """The limits of quantities by name, shape (V,); infinite where there is none."""
         of_points = {
             quantity_at(point.name, kind): getattr(point, kind) for point in self.points for kind in AT_A_POINT
@@ -88,10 +87,7 @@ class QuiescenceLimits:
         return np.array([of_points.get(name, getattr(self, name, math.inf)) for name in quantities])
 
 
-AT_A_POINT = ('heave', 'vertical_velocity')
-
-
-def quantity_at(point, kind):
+def quantity_at(point: str, kind: str) -> str:
     """The name of what is limited at a point."""
     return f'{point}.{kind}'
 
@@ -143,13 +139,13 @@ class ReliabilityRecord:
     bins : int
     """
 
-    def __init__(self, bins=10):
+    def __init__(self, bins: int = 10) -> None:
         self._edges = np.linspace(0.0, 1.0, bins + 1)
         self._count = np.zeros(bins, dtype=int)
         self._forecast, self._observed = np.zeros((2, bins))
         self._squared_error = 0.0
 
-    def add(self, forecast, observed):
+    def add(self, forecast: float, observed: bool) -> None:
         """One probability and what came of it.
 
         Parameters
@@ -165,13 +161,8 @@ class ReliabilityRecord:
         self._observed[place] += observed
         self._squared_error += (forecast - observed) ** 2
 
-    def diagram(self):
-        """The diagram so far.
-
-        Returns
-        -------
-        Reliability
-        """
+    def diagram(self) -> Reliability:
+        """The diagram so far."""
         known = int(self._count.sum())
         with np.errstate(invalid='ignore'):
             forecast, observed = self._forecast / self._count, self._observed / self._count
@@ -205,7 +196,10 @@ class Quiescence:
         s between them.
     """
 
-    def __init__(self, limits, leads, quantities=ATTITUDE, members=300, spacing=1.0):
+    def __init__(
+        self, limits: QuiescenceLimits, leads: np.ndarray, quantities: Sequence[str] = ATTITUDE, members: int = 300,
+        spacing: float = 1.0,
+    ) -> None:
         self._leads = leads
         self._within = int(np.sum(leads <= limits.duration + 1e-9))
         self._quantities = tuple(quantities)
@@ -217,7 +211,7 @@ class Quiescence:
         self.clear()
         self.set_limits(limits)
 
-    def set_limits(self, limits):
+    def set_limits(self, limits: QuiescenceLimits) -> None:
         """Take other limits; the duration stays, and what was learnt of the forecasts serves them at once.
 
         Parameters
@@ -235,13 +229,13 @@ class Quiescence:
         for _ in range(len(self._pending)):
             self._pending.append(replace(self._pending.popleft(), probability=math.nan))
 
-    def clear(self):
+    def clear(self) -> None:
         """Forget forecasts that have not come true yet."""
         self._pending: deque = deque()
         self._last = math.nan
         self._square = np.zeros(len(self._quantities))
 
-    def learn(self, now, motion_at):
+    def learn(self, now: float, motion_at: Callable[[np.ndarray], np.ndarray]) -> None:
         """Take in the error trajectories that have become known.
 
         Parameters
@@ -262,7 +256,10 @@ class Quiescence:
             if issued.probability == issued.probability and np.isfinite(actual).all():
                 self.record.add(issued.probability, bool((np.abs(actual) <= self._bound).all()))
 
-    def assess(self, now, motion, deviation, activity, trim=None):
+    def assess(
+        self, now: float, motion: np.ndarray, deviation: np.ndarray, activity: np.ndarray,
+        trim: np.ndarray | None = None,
+    ) -> tuple[float, CalmWindow | None]:
         """Probability of staying inside, for the forecast issued now, and when the craft will next be quiet.
 
         Parameters
@@ -298,7 +295,7 @@ class Quiescence:
             self._pending.append(_Issued(now, motion, size, about, probability))
         return probability, window
 
-    def _follow_size(self, now, activity):
+    def _follow_size(self, now: float, activity: np.ndarray):
         """Size of the motion lately, shape (V,)."""
         elapsed, self._last = now - self._last, now
         gain = elapsed / (_SIZE_MEMORY + elapsed) if elapsed > 0.0 else 1.0
@@ -307,7 +304,7 @@ class Quiescence:
         self._square = np.where(np.isnan(self._square), square, self._square + gain * (square - self._square))
         return np.sqrt(self._square)
 
-    def _members_inside(self, motion, size):
+    def _members_inside(self, motion: np.ndarray, size: np.ndarray):
         """Whether each member is inside at each lead, shape (members, H); None before enough is known."""
         # forecasts grow better as the sea is learnt: while little is known, its older half is left out
         count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
@@ -324,7 +321,7 @@ class Quiescence:
             inside &= np.abs(excursion, out=excursion) <= bound
         return inside
 
-    def _calm_window(self, inside):
+    def _calm_window(self, inside: np.ndarray):
         """The first stretch as long as the duration that is quiet with the asked probability, to its end."""
         members, leads = inside.shape
         needed = math.ceil(self._asked * (members + 1.0) - 0.5)
@@ -346,7 +343,7 @@ class Quiescence:
             _share(lasting[:, begin] >= longest),
         )
 
-    def _by_marginals(self, motion, deviation):
+    def _by_marginals(self, motion: np.ndarray, deviation: np.ndarray):
         # before any experience: the worst single lead, as if the errors along the horizon were one
         motion, wide = motion[:, self._bounded], np.maximum(deviation[:, self._bounded], 1e-12)
         upper = ndtr((self._bound - motion) / wide)
@@ -354,6 +351,6 @@ class Quiescence:
         return float(np.min(upper - lower))
 
 
-def _share(inside):
+def _share(inside: np.ndarray):
     # no count of a finite ensemble proves zero or one
     return (int(inside.sum()) + 0.5) / (inside.size + 1.0)

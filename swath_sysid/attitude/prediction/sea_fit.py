@@ -8,10 +8,11 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
+from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.variate_analysis import identify, identify_alone
-from swath_sysid.attitude.prediction.vertical import ATTITUDE, FORCE, VerticalFit, VerticalRequest, fit_vertical
+from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, VerticalRequest, fit_vertical
 
 ALL_CHANNELS, SHORT_MEMORY, EACH_ALONE = 'waves', 'waves-short', 'axis-alone'
 SEA_MODELS = (SHORT_MEMORY, ALL_CHANNELS, EACH_ALONE)
@@ -41,7 +42,6 @@ class SeaRequest:
         By axis with an identified hull.
     vertical : VerticalRequest or None
         None: vertical motion is not asked for.
-    wants_sea_state : bool
     """
 
     time: float
@@ -78,17 +78,13 @@ class SeaFit:
     sea: SeaReport | None = None
 
 
-def fit_sea(request):
+def fit_sea(request: SeaRequest) -> SeaFit:
     """Identify the waves from a short and a long past, each axis alone, and the exciting moment of each hull.
 
     Parameters
     ----------
     request : SeaRequest
         The past to learn from.
-
-    Returns
-    -------
-    SeaFit
     """
     past, names, step = request.values, request.names, request.step
     waves = {
@@ -97,9 +93,9 @@ def fit_sea(request):
         EACH_ALONE: identify_alone(past, names, step, AXES),
     }
     excitations = {axis: fit_excitation(asked) for axis, asked in request.excitations.items()}
-    vertical = None
-    if request.vertical is not None and waves[ALL_CHANNELS] is not None:
-        vertical = _fit_vertical(request, waves[ALL_CHANNELS])
+    vertical, model = None, waves[ALL_CHANNELS]
+    if request.vertical is not None and model is not None:
+        vertical = _fit_vertical(request, request.vertical, model)
     return SeaFit(
         request.time,
         {name: model for name, model in waves.items() if model is not None},
@@ -109,7 +105,7 @@ def fit_sea(request):
     )
 
 
-def sea_of(request):
+def sea_of(request: SeaRequest) -> SeaReport:
     """The `SeaReport` of the newest stretch of a `SeaRequest`."""
     place = {name: number for number, name in enumerate(request.names)}
     needed = request.values[:, [place[name] for name in (*AXES, *FORCE)]].T
@@ -119,7 +115,7 @@ def sea_of(request):
     return sea_report(vertical_acceleration(roll, pitch, np.stack(force, axis=1)), roll, pitch, request.step)
 
 
-def _fit_vertical(request, model):
+def _fit_vertical(request: SeaRequest, wanted: VerticalRequest, model: InnovationsModel):
     """From the newest stretch of the past that is whole in all that is needed."""
     needed = sorted({*model.places, *(request.names.index(name) for name in (*ATTITUDE, *FORCE))})
     rows = np.full_like(request.values, math.nan)
@@ -130,10 +126,10 @@ def _fit_vertical(request, model):
     stretch = np.full((numbered.shape[1], rows.shape[1]), math.nan)
     stretch[:, needed] = numbered[:-1].T
     age = len(rows) - 1 - int(numbered[-1, -1])
-    return fit_vertical(stretch, request.names, request.step, model, request.vertical, age)
+    return fit_vertical(stretch, request.names, request.step, model, wanted, age)
 
 
-def newest_stretch(channels, step):
+def newest_stretch(channels: np.ndarray, step: float) -> np.ndarray:
     """The newest stretch without a long gap; short gaps are filled along straight lines.
 
     Parameters
@@ -161,7 +157,7 @@ def newest_stretch(channels, step):
     ])
 
 
-def warm_up():
+def warm_up() -> None:
     """A small fit of simulated waves, so that the next one finds everything loaded."""
     time = np.arange(0.0, 30.0, 0.1)
     values = np.stack([np.sin((1.0 + 0.3 * c) * time + np.sin((2.0 + c) * time)) for c in range(7)], axis=1)

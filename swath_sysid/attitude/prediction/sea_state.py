@@ -74,7 +74,6 @@ class SeaReport:
 
     Attributes
     ----------
-    state : SeaState or None
     reason : str
         Why there is none.
     """
@@ -83,17 +82,13 @@ class SeaReport:
     reason: str = ''
 
 
-def sea_report(acceleration, roll, pitch, step):
+def sea_report(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, step: float) -> SeaReport:
     """As `sea_state`, for who goes on where there is none.
 
     Parameters
     ----------
     acceleration, roll, pitch, step
         See `sea_state`.
-
-    Returns
-    -------
-    SeaReport
     """
     try:
         return SeaReport(sea_state(acceleration, roll, pitch, step))
@@ -101,7 +96,7 @@ def sea_report(acceleration, roll, pitch, step):
         return SeaReport(None, str(error))
 
 
-def sea_state(acceleration, roll, pitch, step, seed=0):
+def sea_state(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, step: float, seed: int = 0) -> SeaState:
     """The sea from vertical acceleration and attitude.
 
     Parameters
@@ -112,10 +107,6 @@ def sea_state(acceleration, roll, pitch, step, seed=0):
         s.
     seed : int
         Of the draws that give the interval of the peak period.
-
-    Returns
-    -------
-    SeaState
 
     Raises
     ------
@@ -159,7 +150,7 @@ def sea_state(acceleration, roll, pitch, step, seed=0):
     )  # fmt: skip
 
 
-def _peak_frequency(frequency, spectrum):
+def _peak_frequency(frequency: np.ndarray, spectrum: np.ndarray):
     """Where the spectrum is largest, between bins by the parabola through the logarithms of three, shape (...)."""
     top = np.clip(np.argmax(spectrum, axis=-1), 1, frequency.size - 2)
     before, at, after = (
@@ -170,7 +161,7 @@ def _peak_frequency(frequency, spectrum):
     return frequency[top] + np.clip(shift, -0.5, 0.5) * (frequency[1] - frequency[0])
 
 
-def _peak_interval(frequency, spectrum, segments, seed):
+def _peak_interval(frequency: np.ndarray, spectrum: np.ndarray, segments: float, seed: int):
     """By draws of spectra that are as uncertain as this one (chi-squared), and half the resolution either way."""
     rng = np.random.default_rng(seed)
     groups = np.floor(np.arange(frequency.size) / _INDEPENDENT_BINS).astype(int)
@@ -180,7 +171,7 @@ def _peak_interval(frequency, spectrum, segments, seed):
     return float(1.0 / (high + half)), float(1.0 / (low - half))
 
 
-def cross_spectra(channels, step, rows):
+def cross_spectra(channels: np.ndarray, step: float, rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Spectra and cross spectra, one-sided, averaged over halfway overlapping segments (Welch 1967).
 
     Parameters
@@ -210,7 +201,7 @@ def cross_spectra(channels, step, rows):
     return fft.rfftfreq(rows, step), np.einsum('asf,bsf->abf', lines.conj(), lines) * density / starts.size
 
 
-def _axis(spectra, spectrum, segments):
+def _axis(spectra: np.ndarray, spectrum: np.ndarray, segments: float):
     """The waves' axis: heave and the slopes along and across the craft are a quarter period apart.
 
     The slope is -pitch along the bow and roll to port; acceleration is heave turned about. ``spectra`` are the cross

@@ -35,17 +35,17 @@ class NoiseMeter:
         Standard deviation before enough samples have come, and its bounds, in the channel's unit.
     """
 
-    def __init__(self, initial, least, most):
+    def __init__(self, initial: float, least: float, most: float) -> None:
         self.variance = self._average = initial**2
         self._least, self._most, self._floor = least**2, most**2, 0.01 * least**2
         self._count = _FIRST
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Forget the neighbours (after a gap or a missing value), not what was learnt."""
         self._a = self._b = self._c = math.nan
 
-    def take(self, value):
+    def take(self, value: float) -> float:
         """Take in the next value and return the noise variance."""
         a, b, c = self._a, self._b, self._c
         self._a, self._b, self._c = b, c, value
@@ -71,18 +71,18 @@ class AgreementMeter:
     white noise explains.  White noise of the rate that explains it has that mean square over span and interval.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._seconds = self._square = self._chance = 0.0
         self._past: deque[tuple[float, float]] = deque()
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Forget the neighbours (after a gap or a missing value), not what was learnt."""
         self._past.clear()
         self._rate = math.nan
         self._time = self._integral = 0.0
 
-    def take(self, elapsed, angle, rate, angle_variance, rate_variance):
+    def take(self, elapsed: float, angle: float, rate: float, angle_variance: float, rate_variance: float) -> float:
         """Take in the next sample.
 
         Parameters
@@ -123,7 +123,7 @@ class AgreementMeter:
             self._chance += gain * (chance - self._chance)
         return self._excess(elapsed)
 
-    def _excess(self, elapsed):
+    def _excess(self, elapsed: float):
         if self._seconds < _SETTLED or self._square < _BEYOND_CHANCE * self._chance:
             return 0.0
         return (self._square - self._chance) / (_SPAN * elapsed)

@@ -7,7 +7,9 @@ error.  Where a sample or a channel is lost, the Kalman update with the noises K
 how much is not known.
 """
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -56,10 +58,10 @@ class InnovationsModel:
     c: np.ndarray
     s: np.ndarray
     prior: np.ndarray
-    from_lags: np.ndarray | None = None
+    from_lags: Any = None
 
     @property
-    def lags(self):
+    def lags(self) -> int:
         """Complete rows that a start from lags needs."""
         return 0 if self.from_lags is None else self.from_lags.shape[1] // len(self.channels)
 
@@ -84,7 +86,9 @@ class InnovationsFilter:
         Running mean of the targets' innovations squared over their expectation; one is healthy.
     """
 
-    def __init__(self, model, targets, horizon, steps=()):
+    def __init__(
+        self, model: InnovationsModel, targets: Sequence[str], horizon: float, steps: Sequence[int] = ()
+    ) -> None:
         self.model = model
         self.targets = tuple(targets)
         self.horizon = horizon
@@ -101,25 +105,25 @@ class InnovationsFilter:
         self._prepare(np.array(steps, dtype=int))
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Forget all rows."""
         self._x = np.zeros(self.model.a.shape[0])
-        self._p = self.model.prior
+        self._p: Any = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
         self._told = None
         self.strain = 1.0
 
     @property
-    def state(self):
+    def state(self) -> np.ndarray:
         """The state after the newest row, shape (n,)."""
         return self._x
 
     @property
-    def state_covariance(self):
+    def state_covariance(self) -> np.ndarray | None:
         """Of its error, shape (n, n); None where it is known."""
         return self._p
 
-    def seed(self, rows):
+    def seed(self, rows: np.ndarray) -> None:
         """Start anew and step through the recent past.
 
         From the first run of complete rows that gives the state by its lags; where there is none, from nothing.
@@ -131,16 +135,17 @@ class InnovationsFilter:
         """
         self.restart()
         count = self.model.lags
-        first = first_complete(np.isfinite(rows[:, self._places]).all(axis=1), count) if count else None
-        if first is not None:
-            lags = (rows[first:first + count, self._places] - self.model.mean) * self._scale
+        complete = np.isfinite(rows[:, self._places]).all(axis=1)
+        if count and (whole := whole_lags(complete, count)).any():
+            end = int(np.argmax(whole)) + 1
+            lags = (rows[end - count:end, self._places] - self.model.mean) * self._scale
             self._x, self._p = self.model.from_lags @ lags[::-1].ravel(), None
             self._recent.extend(lags[-_PAST:])
-            rows = rows[first + count:]
+            rows = rows[end:]
         for row in rows:
             self.step(row)
 
-    def step(self, row):
+    def step(self, row: np.ndarray) -> None:
         """Take in the next row.
 
         Parameters
@@ -162,12 +167,12 @@ class InnovationsFilter:
             self._p = np.zeros_like(self.model.a)
         self._update(z, np.isfinite(z))
 
-    def _follow_strain(self, error):
+    def _follow_strain(self, error: np.ndarray):
         square = float(error @ self._precision @ error) / error.size
         if square == square:
             self.strain += self._strain_gain * (square - self.strain)
 
-    def _update(self, z, seen):
+    def _update(self, z: np.ndarray, seen: np.ndarray):
         """The Kalman update with the channels that were seen; all or none of them, too.
 
         With V = C P C' + S of the seen, G = (A P C' + K S) V^-1:  x <- A x + G e,  P <- A P A' + K S K' - G V G'.
@@ -195,7 +200,7 @@ class InnovationsFilter:
         self._p = None if known else covariance
         self._recent.append(np.where(seen, z, expected))
 
-    def skip(self, count):
+    def skip(self, count: int) -> None:
         """Step over rows that are all missing, however many, at the price of a few.
 
         A^count x and the covariance are found by doubling: with Q_n = sum of A^i Q A^i' below n,
@@ -221,7 +226,7 @@ class InnovationsFilter:
         for _ in range(min(count, _PAST)):
             self.step(missing)
 
-    def forecast(self, leads, age=0.0):
+    def forecast(self, leads: np.ndarray, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """The targets at leads, with the covariance of each lead's targets.
 
         Between whole steps the mean is interpolated by cubics, the covariance linearly.
@@ -251,7 +256,7 @@ class InnovationsFilter:
         part = part[:, None, None]
         return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._steps + 1)]
 
-    def at_steps(self):
+    def at_steps(self) -> tuple[np.ndarray, np.ndarray]:
         """As `forecast`, at the steps that were prepared: one matrix product, and while all is known no other."""
         return self._ahead(*self._at_steps)
 
@@ -261,7 +266,7 @@ class InnovationsFilter:
             self._told = self._ahead(self._of_past, self._of_state, self._free)
         return self._told
 
-    def _ahead(self, of_past, of_state, free):
+    def _ahead(self, of_past: np.ndarray, of_state: np.ndarray, free: np.ndarray):
         means = (of_past @ np.concatenate([self._x, *self._recent])).reshape(-1, len(self.targets)) + self._offset
         if self._p is None:
             return means, free
@@ -288,7 +293,7 @@ class InnovationsFilter:
                 self._offset[place] = model.mean[source] if is_direct else 0.0
         return sources
 
-    def _prepare(self, prepared):
+    def _prepare(self, prepared: np.ndarray):
         """What every forecast needs of the model: its response, ahead of time.
 
         The error of a forecast h steps ahead is the sum of psi_j e over j < h, psi_0 = 1, psi_j = C A^(j-1) K, and
@@ -298,7 +303,7 @@ class InnovationsFilter:
         self._steps = steps = int(np.ceil(self.horizon / m.step - 1e-6))
         sources = self._find_targets()
 
-        def as_targets(path):
+        def as_targets(path: np.ndarray) -> np.ndarray:
             """Of the channels at consecutive steps, shape (T, C, ...), the targets from two steps further in."""
             result = np.full((path.shape[0] - 4, len(self.targets), *path.shape[2:]), np.nan)
             for place, source, factors in sources:
@@ -323,7 +328,7 @@ class InnovationsFilter:
         self._at_steps = of_steps, self._of_state[prepared], self._free[prepared]
 
 
-def side_by_side(models):
+def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:
     """Models of different channels as one, without any coupling.
 
     Parameters
@@ -354,24 +359,21 @@ def side_by_side(models):
     )  # fmt: skip
 
 
-def first_complete(complete, count):
-    """The first place from which ``count`` rows are complete; None where there is none.
+def whole_lags(complete: np.ndarray, count: int) -> np.ndarray:
+    """Whether a row and the ``count - 1`` before it are complete, shape (N,).
 
     Parameters
     ----------
     complete : ndarray of bool, shape (N,)
         By row, whether nothing is missing.
     count : int
-        Number of rows in succession.
+        Number of rows, this one included.
     """
-    if complete.size < count:
-        return None
-    runs = np.cumsum(np.concatenate([[0], complete]))
-    found = np.flatnonzero(runs[count:] - runs[:-count] == count)
-    return int(found[0]) if found.size else None
+    runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
+    return runs[count:] - runs[:-count] == count
 
 
-def cubic_weights(part):
+def cubic_weights(part: np.ndarray) -> np.ndarray:
     """Weights of the values at -1, 0, 1, 2 for the cubic through them at ``part``: Lagrange's formula.
 
     Parameters

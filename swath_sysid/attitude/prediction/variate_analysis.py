@@ -4,13 +4,14 @@ The state is what the past has to say of the future: the leading canonical varia
 ahead (Larimore 1990; Van Overschee and De Moor 1996, chapter 4, the CVA weighting).  A, K, C and S are then regressions
 of rows and of next states on states; all of them need only the Gram matrix of the lags.
 """
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy import fft
 from scipy.linalg import cholesky, eigh, solve_triangular
 
-from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side
+from swath_sysid.attitude.prediction.state_space import InnovationsModel, side_by_side, whole_lags
 
 # variance of white noise that every channel is given, over the channel's own: without it, channels of which one follows
 # from others without error have singular innovations; more costs .1 s ahead (1e-6: 5 to 20 %)
@@ -32,7 +33,7 @@ _LARGEST_RADIUS = 0.9999
 _MAX_GROWTH = 1.01
 
 
-def identify(values, names, step):
+def identify(values: np.ndarray, names: Sequence[str], step: float) -> InnovationsModel | None:
     """The innovations model of a window.
 
     Pure: the same window gives the same model, in whatever process.
@@ -74,7 +75,9 @@ def identify(values, names, step):
     )
 
 
-def identify_alone(values, names, step, angles):
+def identify_alone(
+    values: np.ndarray, names: Sequence[str], step: float, angles: Sequence[str]
+) -> InnovationsModel | None:
     """As `identify`, each angle from itself and its rate alone: fewer coefficients, for little data.
 
     Parameters
@@ -98,7 +101,7 @@ def identify_alone(values, names, step, angles):
     return side_by_side(models) if models else None
 
 
-def useful_channels(values):
+def useful_channels(values: np.ndarray) -> list[int]:
     """Columns that are there most of the time and that vary.
 
     Parameters
@@ -113,7 +116,7 @@ def useful_channels(values):
     ]  # fmt: skip
 
 
-def without_breaks(rows):
+def without_breaks(rows: np.ndarray) -> np.ndarray:
     """Rows at which the motion is broken off become missing, so that no lags reach across.
 
     Parameters
@@ -131,7 +134,7 @@ def without_breaks(rows):
     return result
 
 
-def lags_for(rows, step):
+def lags_for(rows: np.ndarray, step: float) -> int | None:
     """Lags on either side that the window can carry; None where it carries none.
 
     Parameters
@@ -148,12 +151,12 @@ def lags_for(rows, step):
     return None
 
 
-def max_lags(step):
+def max_lags(step: float) -> int:
     """Lags on either side, however much data there is."""
     return min(_MAX_LAGS, round(_LONGEST_REACH / step))
 
 
-def broken(rows, step):
+def broken(rows: np.ndarray, step: float) -> bool:
     """Whether losses have left few of the lags whole that the window would have without them.
 
     Parameters
@@ -168,7 +171,7 @@ def broken(rows, step):
     return not complete.all() and whole_lags(complete, count).sum() < _WHOLE_ENOUGH * (complete.size - count + 1)
 
 
-def fill_short_gaps(rows):
+def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
     """Lost rows by regression on those before and after, learnt where nothing is lost.
 
     For a model's identification only: it looks ahead.
@@ -208,21 +211,7 @@ def fill_short_gaps(rows):
     return result
 
 
-def whole_lags(complete, count):
-    """Whether a row and the ``count - 1`` before it are complete, shape (N,).
-
-    Parameters
-    ----------
-    complete : ndarray of bool, shape (N,)
-        By row, whether nothing is missing.
-    count : int
-        Number of rows, this one included.
-    """
-    runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
-    return runs[count:] - runs[:-count] == count
-
-
-def lag_gram(rows, count):
+def lag_gram(rows: np.ndarray, count: int) -> tuple[np.ndarray, int]:
     """Sum of z z' over z = [y[t], y[t-1], ..., y[t-count+1]], for all t where none of them is missing.
 
     The matrix is nearly block Toeplitz: block (a+1, b+1) is block (a, b) with, for each run of such t, one product more
@@ -264,7 +253,7 @@ def lag_gram(rows, count):
     return gram, int(whole.sum())
 
 
-def canonical_state_space(gram, width, states):
+def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np.ndarray, ...] | None:
     """The innovations form from the mean Gram matrix of 2 j lags of C standardised channels.
 
     Parameters
@@ -275,10 +264,6 @@ def canonical_state_space(gram, width, states):
         C.
     states : int
         Canonical variates that are kept, at most j C.
-
-    Returns
-    -------
-    tuple (A, K, C, S, prior, from_lags), or None where A grows much or A - K C is not stable
     """
     half = gram.shape[0] // 2
     lags = half // width
@@ -318,7 +303,7 @@ def canonical_state_space(gram, width, states):
     return a, k, c, 0.5 * (s + s.T), 0.5 * (prior + prior.T), from_lags
 
 
-def spectral_radius(matrix):
+def spectral_radius(matrix: np.ndarray) -> float:
     """Largest absolute value of the eigenvalues.
 
     Parameters

@@ -4,7 +4,9 @@ The truth of heave is a zero-phase integral, known only half a minute later; unt
 space's state and on leaky integrals of the vertical acceleration.  (The integrals as channels of the state space would
 make it singular: they are functions of a channel that is there already.)
 """
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -18,13 +20,12 @@ from swath_sysid.attitude.motion.vertical import (
     vertical_acceleration,
     zero_phase_integral,
 )
-from swath_sysid.attitude.prediction.state_space import cubic_weights
+from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
 
-VERTICAL = ('heave', 'vertical_velocity', 'vertical_acceleration', 'roll_acceleration', 'pitch_acceleration')
-"""What is forecast here; the angular accelerations are for points away from the sensor."""
-
-ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
-"""What is forecast elsewhere, with errors that are correlated with those here."""
+VERTICAL = (*POINT_MOTION, 'roll_acceleration', 'pitch_acceleration')
+"""What is forecast here, with errors that are correlated with those of `ATTITUDE`; the angular accelerations are for
+points away from the sensor."""
 
 FORCE = ('accel_x', 'accel_y', 'accel_z')
 
@@ -101,7 +102,10 @@ class VerticalRequest:
     row: int = 0
 
 
-def fit_vertical(stretch, names, step, model, request, age=0):
+def fit_vertical(
+    stretch: np.ndarray, names: Sequence[str], step: float, model: InnovationsModel, request: VerticalRequest,
+    age: int = 0,
+) -> VerticalFit | None:
     """Learn vertical motion from a stretch of complete rows.
 
     Parameters
@@ -156,7 +160,7 @@ def fit_vertical(stretch, names, step, model, request, age=0):
     )  # fmt: skip
 
 
-def states_from_lags(model, past, used):
+def states_from_lags(model: InnovationsModel, past: np.ndarray, used: np.ndarray) -> np.ndarray:
     """The state of the waves after rows, from the lags that each ends.
 
     Parameters
@@ -188,16 +192,17 @@ class VerticalForecaster:
         Rows ahead that are forecast.
     """
 
-    def __init__(self, step, ahead):
+    def __init__(self, step: float, ahead: int) -> None:
         self.ahead = ahead
         self._step = step
         self._integrals = LeakyIntegrals(step)
-        self._fit = self._state = self._mean = None
+        self._fit: VerticalFit | None = None
+        self._mean: Any = None
         # forecasts by the number of the row after which they were issued, until their truth is known
         self._issued = np.full((round((_SCORED + 2.0 * EDGE) / step) + ahead, ahead + 1, 3), np.nan)
         self._rows = 0
 
-    def install(self, fit, newest, waves):
+    def install(self, fit: VerticalFit | None, newest: int, waves: InnovationsFilter) -> None:
         """Use what was learnt, calibrated by how the forecasts issued so far came true.
 
         Parameters
@@ -230,7 +235,7 @@ class VerticalForecaster:
         self._left = fit.covariance[:, :count, :count] * scale**2 - self._slope @ cross.transpose(0, 2, 1)
         self._look_ahead(waves)
 
-    def take(self, measured, waves):
+    def take(self, measured: np.ndarray, waves: InnovationsFilter | None) -> None:
         """One row more.
 
         Parameters
@@ -245,7 +250,7 @@ class VerticalForecaster:
         self._issued[self._rows % self._issued.shape[0]] = np.nan if self._mean is None else self._mean[:, :3]
         self._rows += 1
 
-    def skip(self, count, waves):
+    def skip(self, count: int, waves: InnovationsFilter | None) -> None:
         """Rows are missing.
 
         Parameters
@@ -258,18 +263,20 @@ class VerticalForecaster:
         for _ in range(min(count, self._issued.shape[0])):
             self.take(np.full(5, np.nan), waves)
 
-    def _look_ahead(self, waves):
+    def _look_ahead(self, waves: InnovationsFilter | None):
         self._mean = self._state_covariance = None
         if self._fit is not None and waves is not None:
             self._mean = self._fit.weights @ np.concatenate([waves.state, self._integrals.values, [1.0]])
             self._state_covariance = waves.state_covariance
 
     @property
-    def now(self):
+    def now(self) -> tuple[float, float]:
         """Heave and vertical velocity at the newest row, m and m/s; NaN before anything is learnt."""
         return (np.nan, np.nan) if self._mean is None else tuple(self._mean[0, :2].tolist())
 
-    def forecast(self, leads, age, attitude, attitude_covariance):
+    def forecast(
+        self, leads: np.ndarray, age: float, attitude: np.ndarray, attitude_covariance: np.ndarray
+    ) -> VerticalMotion | None:
         """Vertical motion at leads, given the attitude forecast.
 
         The regression forecasts the attitude, too: where the forecast that is issued is better, so is the vertical

@@ -4,14 +4,15 @@ The trials are those of the hull that the study prints, released as it says, wit
 printed objective value of each record: one step ahead the noise sets it, as the difference of two readings. How the
 ratios follow the draft is not printed and assumed.
 """
-from concurrent.futures import as_completed
+from collections.abc import Callable
+from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, equation_named
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
@@ -87,12 +88,8 @@ class StudiedRecord:
 
     Attributes
     ----------
-    draft_factor, angle_deg : float
-    repeat : int
     hull : DecayModel
         That the record was simulated of.
-    problem : Problem
-    searched : dict of str to SearchedEquation
     ours : FitSummary
         Of the chosen equation, by the simulated motion.
     """
@@ -106,20 +103,20 @@ class StudiedRecord:
     ours: FitSummary
 
 
-def hull_at(name, draft_factor):
+def hull_at(name: str, draft_factor: float) -> DecayModel:
     """The published hull at a multiple of its design draft."""
     model = PUBLISHED_HULLS[name].model
     ratios = {term: value * draft_factor ** DRAFT_POWERS[term] for term, value in model.terms.items()}
     return DecayModel.from_terms(model.equation, ratios, axis=model.axis)
 
 
-def assumed_inertia(name):
+def assumed_inertia(name: str) -> float:
     """I' that the coefficients are shown with: as printed, or as the catalogue assumes; 0.09 where neither is."""
     form = PUBLISHED_HULLS[name].form
     return 0.09 if form is None else form.inertia
 
 
-def study_record(name, draft_factor, angle_deg, seed):
+def study_record(name: str, draft_factor: float, angle_deg: float, seed: int) -> StudiedRecord:
     """One condition: simulate its repeats, keep the best, search every equation, and fit the chosen one our way.
 
     Parameters
@@ -130,10 +127,6 @@ def study_record(name, draft_factor, angle_deg, seed):
         A row of its printed table of objective values.
     seed : int
         Of the noise of its repeats and of the searches.
-
-    Returns
-    -------
-    StudiedRecord
     """
     publication = decay_publication(name)
     printed = publication.printed_objective[draft_factor, angle_deg]
@@ -150,30 +143,30 @@ def study_record(name, draft_factor, angle_deg, seed):
     return StudiedRecord(draft_factor, angle_deg, repeat + 1, hull, problem, searched, ours)
 
 
-def _record(publication, hull, angle_deg, objective_value, seed):
+def _record(publication: DecayPublication, hull: DecayModel, angle_deg: float, objective_value: float, seed: int):
     """A simulated record, cut from the release to the duration of the study."""
     noise = SensorNoise(rate=objective_value / np.sqrt(2.0))
     trial = simulated_trial(hull, np.radians(angle_deg), publication.duration_s, RATE_HZ, noise, seed, hold=HOLD_S)
     return prepare([trial.axis(hull.axis)], HOLD_S, HOLD_S + publication.duration_s)
 
 
-def objective_of(problem):
+def objective_of(problem: Problem) -> OneStepObjective:
     """The published objective of a record."""
     return OneStepObjective.of(problem.motions, [s.trim for s in problem.states], problem.friction_rate)
 
 
-def _exact(problem, equation):
+def _exact(problem: Problem, equation: Equation):
     """The least value within the published ranges, in which a ratio is only bound to be positive."""
     objective = objective_of(problem)
     ratios = objective.minimum(equation, np.zeros(len(TERM_NAMES)), np.full(len(TERM_NAMES), np.inf))
     return Optimum(float(objective(ratios[None])[0]), float('nan'), _by_name(equation, ratios))
 
 
-def _by_name(equation, ratios):
+def _by_name(equation: Equation, ratios: np.ndarray):
     return {term: float(ratios[k]) for term, k in zip(equation.terms, equation.indices, strict=True)}
 
 
-def _searched(problem, equation, name, seed):
+def _searched(problem: Problem, equation: Equation, name: str, seed: int):
     return SearchedEquation(
         genetic=searched_optimum(problem, equation, name, SearchSettings(preset=name, seed=seed)),
         swarm=searched_optimum(problem, equation, name, SearchSettings('pso', **SWARM, seed=seed)),
@@ -181,7 +174,7 @@ def _searched(problem, equation, name, seed):
     )
 
 
-def searched_optimum(problem, equation, name, settings):
+def searched_optimum(problem: Problem, equation: Equation, name: str, settings: SearchSettings) -> Optimum:
     """Search the published objective in the published variables and ranges."""
     space, objective = published_space(equation, PRESETS[name], problem.scales), objective_of(problem)
     found = run_search(lambda c: objective(full_ratios(c, equation, problem.scales)), space, settings)
@@ -195,7 +188,6 @@ class DecayStudy:
 
     Attributes
     ----------
-    publication : DecayPublication
     records : tuple of StudiedRecord
         In the order of the printed objective values.
     inertias : tuple of float
@@ -206,21 +198,23 @@ class DecayStudy:
     records: tuple[StudiedRecord, ...]
     inertias: tuple[float, ...]
 
-    def at(self, draft_factor, angle_deg):
+    def at(self, draft_factor: float | None, angle_deg: float | None) -> StudiedRecord:
         """The record of one condition."""
         return next(r for r in self.records if (r.draft_factor, r.angle_deg) == (draft_factor, angle_deg))
 
     @property
-    def inertia(self):
+    def inertia(self) -> float:
         """I' that the coefficients are shown with."""
         return assumed_inertia(self.publication.name)
 
-    def chosen(self, record):
+    def chosen(self, record: StudiedRecord) -> SearchedEquation:
         """The searches of the chosen equation on a record."""
         return record.searched[self.publication.chosen]
 
 
-def run_decay_study(name, executor, note=lambda done, total: None):
+def run_decay_study(
+    name: str, executor: Executor, note: Callable[[int, int], None] = lambda done, total: None
+) -> DecayStudy:
     """Carry a study out again.
 
     Parameters
@@ -231,10 +225,6 @@ def run_decay_study(name, executor, note=lambda done, total: None):
         A record a task.
     note : callable, optional
         Called with the records done and in all.
-
-    Returns
-    -------
-    DecayStudy
     """
     publication = decay_publication(name)
     places = list(publication.printed_objective)

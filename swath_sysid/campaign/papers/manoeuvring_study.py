@@ -13,7 +13,7 @@ from swath_sysid.campaign.papers.publication import MANOEUVRING_STUDY, printed_v
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
 from swath_sysid.manoeuvring.hull.programme import SensorNoise, with_noise
-from swath_sysid.manoeuvring.hull.simulation import simulate
+from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification, identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_all
@@ -30,7 +30,6 @@ class EstimatedDerivative:
 
     Attributes
     ----------
-    name : str
     printed : float
         The number in the study's table.
     truth : float
@@ -41,7 +40,6 @@ class EstimatedDerivative:
         NaN where our identification leaves the term out.
     lower, upper : float
         Range of the estimate.
-    mariner : float
     """
 
     name: str
@@ -64,12 +62,8 @@ class ManoeuvringStudy:
     ----------
     content : dict
         Of its file.
-    truth, estimated : ManoeuvringModel
-    ours : ManoeuvringIdentification
-    derivatives : tuple of EstimatedDerivative
     iterations : ndarray, shape (K, n)
         Every free derivative over its true value, by iteration.
-    free : tuple of str
     runs : dict of str to (Manoeuvre, Manoeuvre)
         ``identification`` and ``validation``: as simulated, and as measured.
     """
@@ -83,23 +77,19 @@ class ManoeuvringStudy:
     free: tuple[str, ...]
     runs: dict
 
-    def simulated(self, model, run):
+    def simulated(self, model: ManoeuvringModel, run: str) -> Manoeuvre:
         """A model under the thrusts of a run, from its first state."""
         port, starboard = self.content['runs'][run]
         return _turn(model, self.content['assumed'], port, starboard)
 
 
-def run_manoeuvring_study(seed=1):
+def run_manoeuvring_study(seed: int = 1) -> ManoeuvringStudy:
     """Carry the study out again.
 
     Parameters
     ----------
     seed : int
         Of the noise of the first run; each further run takes the next.
-
-    Returns
-    -------
-    ManoeuvringStudy
     """
     content = printed_values(MANOEUVRING_STUDY)
     units = PrimeUnits(content['craft']['length_m'], content['assumed']['speed_m_s'])
@@ -119,7 +109,7 @@ def run_manoeuvring_study(seed=1):
     return ManoeuvringStudy(content, truth, estimated, ours, derivatives, shares, free, runs)
 
 
-def _craft(content, values):
+def _craft(content: dict, values: dict[str, float]):
     mass, length = content['craft']['displacement_kg'], content['craft']['length_m']
     known = {
         'm': mass, 'Iz': mass * (content['assumed']['gyradius_over_length'] * length) ** 2,
@@ -129,13 +119,13 @@ def _craft(content, values):
     return ManoeuvringModel(parameter_values({**known, **values}), length=length, largest_input=largest)
 
 
-def _turn(model, assumed, port, starboard):
+def _turn(model: ManoeuvringModel, assumed: dict, port: float, starboard: float):
     """An approach with the larger thrust on both sides, then the turn."""
     count = [round(assumed[key] / STEP_S) for key in ('approach_s', 'turn_s')]
     return simulate(model, np.repeat([starboard, port], count), np.repeat([starboard, starboard], count), STEP_S)
 
 
-def _estimated(content, truth, values, measured):
+def _estimated(content: dict, truth: ManoeuvringModel, values: dict[str, float], measured: Manoeuvre):
     """Least squares within ranges; model, standard deviations by name, shares of the truth by iteration, names."""
     assumed = content['assumed']
     free = tuple(name for name in values if name not in content['fixed_by_towing'])
@@ -143,10 +133,10 @@ def _estimated(content, truth, values, measured):
     port, starboard = content['runs']['identification']
     history = []
 
-    def model_of(shares):
+    def model_of(shares: np.ndarray) -> ManoeuvringModel:
         return truth.with_values(**dict(zip(free, shares * scale, strict=True)))
 
-    def residuals(shares):
+    def residuals(shares: np.ndarray) -> np.ndarray:
         found = _turn(model_of(shares), assumed, port, starboard)
         gap = np.concatenate([
             (found.x - measured.x) / NOISE.position, (found.y - measured.y) / NOISE.position,
@@ -154,7 +144,7 @@ def _estimated(content, truth, values, measured):
         ])  # fmt: skip
         return np.nan_to_num(gap, nan=1e6, posinf=1e6, neginf=-1e6)
 
-    def jacobian(shares):
+    def jacobian(shares: np.ndarray) -> np.ndarray:
         history.append(shares.copy())
         steps = RELATIVE_STEP * np.eye(len(free))
         return np.stack([residuals(shares + s) - residuals(shares - s) for s in steps], axis=1) / (2.0 * RELATIVE_STEP)
@@ -167,7 +157,7 @@ def _estimated(content, truth, values, measured):
     return model_of(found.x), std, np.array([*history, found.x]), free
 
 
-def _ours(content, runs, towed):
+def _ours(content: dict, runs: dict, towed):
     trials = [
         ManoeuvringTrial(
             m.time, m.port, m.starboard, surge=m.surge, sway=m.sway, yaw_rate=m.yaw_rate, heading=m.heading, x=m.x,
@@ -183,8 +173,11 @@ def _ours(content, runs, towed):
     return identify_manoeuvring([identification], settings, [validation])
 
 
-def _derivative(content, units, name, truth, estimated, std, ours):
-    def prime(value):
+def _derivative(
+    content: dict, units: PrimeUnits, name: str, truth: ManoeuvringModel, estimated: ManoeuvringModel, std: float,
+    ours: ManoeuvringIdentification,
+):
+    def prime(value: float) -> float:
         return units.to_prime(name, value) * 1e5
 
     assumed, own = content['assumed'], ours.derivatives.get(name)
@@ -198,7 +191,7 @@ def _derivative(content, units, name, truth, estimated, std, ours):
     )  # fmt: skip
 
 
-def track_error(found, measured):
+def track_error(found: Manoeuvre, measured: Manoeuvre) -> float:
     """Root mean square distance of two tracks, m."""
     return float(np.sqrt(np.mean((found.x - measured.x) ** 2 + (found.y - measured.y) ** 2)))
 

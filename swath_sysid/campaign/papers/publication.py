@@ -23,7 +23,6 @@ class PrintedTable:
         Which of the study.
     draft_factor, angle_deg : float or None
         Of the record that it is of, where it is of one.
-    rows : tuple
     ratios, published_form : dict of str to float
         Of the chosen equation: over the inertia, or with it.
     """
@@ -43,17 +42,12 @@ class DecayPublication:
 
     Attributes
     ----------
-    name, title, axis : str
     craft : dict
         Particulars, by the keys of a manifest.
     equations : tuple of str
         In the order of the study.
-    chosen : str
-    duration_s : float
-    repeats : int
     objective : PrintedTable
         Rows of draft_factor, angle_deg and values, rad/s.
-    coefficients : PrintedTable
     next_step : PrintedTable or None
         Rows of time, s, measured and identified rate, rad/s, and error, %.
     figures, claims : tuple of dict
@@ -75,7 +69,7 @@ class DecayPublication:
     next_step: PrintedTable | None = None
 
     @property
-    def printed_objective(self):
+    def printed_objective(self) -> dict[tuple[float, float], dict[str, float]]:
         """(draft factor, angle in deg) to equation to printed value, rad/s."""
         return {
             (row['draft_factor'], row['angle_deg']): dict(zip(self.equations, row['values'], strict=True))
@@ -83,7 +77,7 @@ class DecayPublication:
         }
 
     @property
-    def out_of_order(self):
+    def out_of_order(self) -> tuple[tuple, ...]:
         """(draft factor, angle, larger, contained equation) where the larger is printed with the larger value.
 
         An equation that contains another cannot fit worse than it: such a search had not converged.
@@ -97,7 +91,7 @@ class DecayPublication:
         )
 
 
-def printed_values(name):
+def printed_values(name: str) -> dict:
     """The content of a study's file.
 
     Raises
@@ -110,12 +104,12 @@ def printed_values(name):
     return yaml.safe_load(text)
 
 
-def _printed_table(content):
+def _printed_table(content: dict):
     entries: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
     return PrintedTable(**entries)
 
 
-def decay_publication(name):
+def decay_publication(name: str) -> DecayPublication:
     """A study of free decays by its name."""
     content = printed_values(name)
     tables = {

@@ -21,8 +21,6 @@ class NodeParameter:
         With its unit, where it has one that is not plain from the meaning.
     default : bool, int, float, str or list
         Its type is the parameter's.
-    meaning : str
-    unit : str
     lowest, highest : int, float or None
         Bounds, both included; of every element where the parameter is a list.
     choices : tuple of str
