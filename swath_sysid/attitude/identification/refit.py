@@ -5,6 +5,7 @@ this gives never replaces the model of a free decay, which covers other amplitud
 """
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -364,7 +365,7 @@ class Refitter:
         Known at the start, by axis.
     """
 
-    def __init__(self, settings: RefitSettings | None = None, models: dict[str, IdentifiedModel] | None = None):
+    def __init__(self, settings: RefitSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None):
         self.settings = settings or RefitSettings()
         self.models = dict(models or {})
         self.version = 0

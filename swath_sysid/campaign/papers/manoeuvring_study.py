@@ -157,7 +157,7 @@ def _estimated(content: dict, truth: ManoeuvringModel, values: dict[str, float],
     return model_of(found.x), std, np.array([*history, found.x]), free
 
 
-def _ours(content: dict, runs: dict, towed):
+def _ours(content: dict, runs: dict, towed: dict[str, float]):
     trials = [
         ManoeuvringTrial(
             m.time, m.port, m.starboard, surge=m.surge, sway=m.sway, yaw_rate=m.yaw_rate, heading=m.heading, x=m.x,
