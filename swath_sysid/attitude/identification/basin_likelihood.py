@@ -10,6 +10,7 @@ optimum is found by scoring: with a_k = d e_k / d z and b_k = d s_k / d z of inn
 """
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -52,8 +53,12 @@ MIN_NOISE = 1e-4
 """Of the amplitude: white noise where third differences show none."""
 PERTURBATION = 1e-5
 MAX_ITERATIONS = 30
-CONVERGED = 0.01
+CONVERGED = 0.003
 """Decrease of the negative log likelihood that a further step promises."""
+NEAR = 10.0
+"""Decrease that a step promises from which the curvature is learned."""
+LEAST_SHARE = 0.1
+"""Of the expected information along any direction, taken for the curvature of a step where less was learned."""
 HESSIAN_STEP = 0.05
 """Standard deviations of a parameter over which the gradient's change is taken."""
 LEAST_CURVATURE = 0.5
@@ -305,6 +310,9 @@ class BasinLikelihood:
     def minimise(self, starts):
         """The optima found from some parameters, side by side, the most likely first.
 
+        Where two searches have ended in the same optimum, the others go on only while they are about as likely and
+        elsewhere.
+
         Returns
         -------
         list of Evaluation
@@ -316,16 +324,36 @@ class BasinLikelihood:
         low[:n][self._bounded] = 0.0
         searches = [scoring(np.clip(z, low, high), low, high) for z in starts]
         asked = {k: next(search) for k, search in enumerate(searches)}
-        optima = []
+        lowest: dict[int, Evaluation] = {}
+        optima: list[Evaluation] = []
         while asked:
-            for k, evaluation in zip(list(asked), self.evaluate(list(asked.values())), strict=True):
+            evaluations = self.evaluate(list(asked.values()))
+            for k, evaluation in zip(list(asked), evaluations, strict=True):
+                lowest[k] = min(lowest.get(k, evaluation), evaluation, key=lambda each: each.cost)
                 try:
                     asked[k] = searches[k].send(evaluation)
                 except StopIteration as end:
                     optima.append(end.value)
                     del asked[k]
+            if self._agree(optima):
+                asked = {k: z for k, z in asked.items() if self._may_add(lowest[k], optima)}
         found = sorted((o for o in optima if o.is_finite), key=lambda optimum: optimum.cost)
         return [o for o in found if self._is_upright(o)] or found
+
+    def _agree(self, optima):
+        """Whether two are the same, and upright."""
+        upright = [o for o in optima if o.is_finite and self._is_upright(o)]
+        return any(self._is_at(one, other) for one, other in combinations(upright, 2))
+
+    def _may_add(self, point, optima):
+        """Whether a search that has come to a point may end in what the optima found do not tell."""
+        least = min(o.cost for o in optima)
+        return point.cost < least or point.cost < least + UNLIKELY and not any(self._is_at(point, o) for o in optima)
+
+    def _is_at(self, point, optimum):
+        """Whether a point is within ``SAME_MODE`` of an optimum, by what is expected of its uncertainty."""
+        std = np.sqrt(np.diag(np.linalg.inv(optimum.information)))
+        return bool(np.all(np.abs(point.z - optimum.z)[: self.term_count] < SAME_MODE * std[: self.term_count]))
 
     def _is_upright(self, point):
         return restoring_slope(0.0, self.unpack(point.z)[0], self._active) > 0.0
@@ -433,6 +461,9 @@ class BasinLikelihood:
 def scoring(z, low, high):
     """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each.
 
+    Near the optimum it learns from the gradients what of the curvature is not expected of the model but of this record
+    (Dennis, Gay and Welsch 1981): without that its steps overshoot there, and it ends slowly.
+
     Parameters
     ----------
     z, low, high : ndarray, shape (p,)
@@ -446,16 +477,22 @@ def scoring(z, low, high):
     best = yield z
     if not best.is_finite:
         return replace(best, cost=np.inf)
-    damping = 1e-3
+    damping, learned = 1e-3, np.zeros_like(best.information)
     for _ in range(MAX_ITERATIONS):
-        damped = best.information + damping * np.diag(np.diag(best.information))
+        curvature = with_learned(best.information, learned) if learned.any() else best.information
+        damped = curvature + damping * np.diag(np.diag(best.information))
         trial = clipped_step(best.z, best.gradient, damped, low, high)
-        expected = -float(best.gradient @ (trial - best.z))
+        step = trial - best.z
+        expected = -float(best.gradient @ step)
         if expected < CONVERGED:
             break
         tried = yield trial
         # at the edge of where the motion runs away it may be known, but not how it changes
-        if tried.cost < best.cost and tried.is_finite:
+        better = tried.cost < best.cost and tried.is_finite
+        if expected < NEAR and tried.is_finite:
+            information = tried.information if better else best.information
+            learned = secant(learned, step, tried.gradient - best.gradient, information)
+        if better:
             gained, best = best.cost - tried.cost, tried
             damping = max(damping / 5.0, 1e-6)
             if gained < CONVERGED and expected < 10.0 * CONVERGED:
@@ -465,6 +502,29 @@ def scoring(z, low, high):
             if damping > 1e6:
                 break
     return best
+
+
+def with_learned(information, learned):
+    """The information (p, p) and what was learned beyond it, no less than ``LEAST_SHARE`` of the former anywhere."""
+    root = np.linalg.cholesky(information)
+    values, vectors = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, learned).T))
+    directions = root @ vectors
+    return directions * np.maximum(1.0 + values, LEAST_SHARE) @ directions.T
+
+
+def secant(learned, step, change, information):
+    """What the gradient's change over a step adds to the curvature beyond the information, (p, p): the update of
+    Dennis, Gay and Welsch (1981), of the least change that agrees with it.
+    """
+    along = float(change @ step)
+    if along <= 0.0:
+        return learned
+    beyond = change - information @ step
+    before = abs(float(step @ learned @ step))
+    sized = learned * min(1.0, abs(float(step @ beyond)) / before) if before > 0.0 else learned
+    missing = beyond - sized @ step
+    both = np.outer(missing, change)
+    return sized + (both + both.T) / along - float(missing @ step) * np.outer(change, change) / along**2
 
 
 def clipped_step(z, gradient, information, low, high):
