@@ -168,7 +168,7 @@ def test_where_the_motion_runs_away_there_is_no_fit(bench):
     likelihood, made = likelihood_of(bench)
     ratios = np.zeros(9)
     ratios[4] = -1e4 * made.truth['r1']
-    assert likelihood.best_of([likelihood.start(ratios, 0.003)]) is None
+    assert likelihood.minimise([likelihood.start(ratios, 0.003)]) == []
 
 
 def test_step_is_held_at_a_bound():

@@ -38,9 +38,10 @@ def _side_by_side(
     angles: np.ndarray, rates: np.ndarray, accelerations: np.ndarray,
 ) -> None:
     """All candidates at once: what plain Python is fast at."""
+    rows = tuple(ratios)
     for k in range(angles.shape[0]):
         angles[k], rates[k] = x, rate
-        accelerations[k], x, rate = step_of_arrays(x, rate, 0.0, step, ratios, active, friction_rate)
+        accelerations[k], x, rate = step_of_arrays(x, rate, 0.0, step, rows, active, friction_rate)
 
 
 def runge_kutta_population(

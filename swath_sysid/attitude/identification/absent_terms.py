@@ -85,25 +85,30 @@ def fit_and_test(problem, equation, ratios, states):
         None where a likelihood ratio as large is to be expected by chance.
     """
     likelihood = _likelihood(problem, equation)
-    basin = likelihood.fit(ratios, states)
+    optima = likelihood.minimise(likelihood.starts(ratios, states))
+    if not optima:
+        return None, None
     added = _lacking(equation, SMOOTH_TERMS)
-    if basin is None or not added:
-        return basin, None
+    if not added:
+        return likelihood.described(optima), None
     richer = _with_terms(equation, added)
     is_new = np.array([name in added for name in richer.terms])
-    places = np.flatnonzero(np.r_[~is_new, np.ones(basin.optimum.size - len(equation.terms), dtype=bool)])
-    start = np.zeros(basin.optimum.size + len(added))
-    start[places] = basin.optimum
-    complete = _likelihood(problem, richer).best_of([start])
-    if complete is None or _is_chance(complete, basin, len(added)):
-        return basin, None
+    places = np.flatnonzero(np.r_[~is_new, np.ones(optima[0].z.size - len(equation.terms), dtype=bool)])
+    start = np.zeros(optima[0].z.size + len(added))
+    start[places] = optima[0].z
+    complete = _likelihood(problem, richer)
+    complete_optima = complete.minimise([start])
+    if not complete_optima or _is_chance(complete_optima, optima, len(added)):
+        return likelihood.described(optima), None
     # what is missing may have been a better optimum of the equation itself
-    basin = likelihood.best_of([basin.optimum, complete.optimum[places]])
-    if _is_chance(complete, basin, len(added)):
+    optima = likelihood.minimise([optima[0].z, complete_optima[0].z[places]])
+    basin = likelihood.described(optima)
+    if _is_chance(complete_optima, optima, len(added)):
         return basin, None
-    strength = np.abs(complete.ratios[richer.indices]) / np.sqrt(np.diag(complete.covariance))
+    with_all = complete.described(complete_optima)
+    strength = np.abs(with_all.ratios[richer.indices]) / np.sqrt(np.diag(with_all.covariance))
     name = richer.terms[int(np.argmax(np.where(is_new, strength, -1.0)))]
-    return basin, AbsentTerm(name, float(np.sqrt(2.0 * (complete.log_likelihood - basin.log_likelihood))))
+    return basin, AbsentTerm(name, float(np.sqrt(2.0 * (with_all.log_likelihood - basin.log_likelihood))))
 
 
 def _lacking(equation, names):
@@ -112,8 +117,8 @@ def _lacking(equation, names):
     return [name for name in names if name not in taken]
 
 
-def _is_chance(complete, basin, added):
-    gained = complete.log_likelihood - basin.log_likelihood
+def _is_chance(complete, optima, added):
+    gained = optima[0].cost - complete[0].cost
     return bool(chdtrc(added, max(2.0 * gained, 0.0)) > CHANCE)
 
 

@@ -358,14 +358,8 @@ class BasinLikelihood:
     def _is_upright(self, point):
         return restoring_slope(0.0, self.unpack(point.z)[0], self._active) > 0.0
 
-    def fit(self, ratios, states):
-        """The best optimum from given ratios (9,) and states, and from a linear hull, in quiet and in moving basins.
-
-        Returns
-        -------
-        BasinFit or None
-            None where the motion runs away from all of these.
-        """
+    def starts(self, ratios, states):
+        """Parameters of given ratios (9,) and states, and of a linear hull, in quiet and in moving basins."""
         linear = self._prior_mean[: self.term_count].copy()
         if 'b1' in self._names:
             linear[self._names.index('b1')] = 1.0
@@ -374,13 +368,16 @@ class BasinLikelihood:
             start = self.start(ratios, level, states)
             start[: linear.size], start[linear.size + 1] = linear, 0.0
             starts.append(start)
-        return self.best_of(starts)
+        return starts
 
-    def best_of(self, starts):
-        """The best of the optima found from some parameters, a `BasinFit`; None where the motion runs away from all."""
-        optima = self.minimise(starts)
-        if not optima:
-            return None
+    def described(self, optima):
+        """The first of some optima, a `BasinFit`: the others widen its intervals where they are about as likely.
+
+        Parameters
+        ----------
+        optima : sequence of Evaluation
+            At least one, the most likely first.
+        """
         best = optima[0]
         z, n, units = best.z, self.term_count, self._ratio_units
         covariance = self._covariance_of(optima)
