@@ -4,16 +4,22 @@ Beside the likelihood they are sought by its ratio: the equation against one tha
 Beside least squares by a score test of each, at the optimum without it (Rao 1948).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chdtrc
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
-from swath_sysid.attitude.identification.basin_likelihood import BasinLikelihood
-from swath_sysid.attitude.identification.motion_fit import MotionFit
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
+from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
+from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.common.covariance import sandwich_covariance
+
+if TYPE_CHECKING:
+    from swath_sysid.attitude.identification.identify import Identification
 
 SIGNIFICANT = 3.5
 """Standard deviations from zero that chance does not make of four terms tried at once."""
@@ -39,7 +45,7 @@ class AbsentTerm:
     significance: float
 
 
-def absent_term(found):
+def absent_term(found: 'Identification') -> AbsentTerm | None:
     """The term whose absence the residuals of least squares show most.
 
     Parameters
@@ -63,7 +69,9 @@ def absent_term(found):
     return best if best is not None and best.significance > SIGNIFICANT else None
 
 
-def fit_and_test(problem, equation, ratios, states):
+def fit_and_test(
+    problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
+) -> tuple[BasinFit | None, AbsentTerm | None]:
     """The likelihood's optimum, and the term whose absence it shows.
 
     Parameters

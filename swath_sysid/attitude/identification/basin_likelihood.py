@@ -9,15 +9,18 @@ optimum is found by scoring: with a_k = d e_k / d z and b_k = d s_k / d z of inn
     information = sum(a_k a_k' / s_k + b_k b_k' / (2 s_k^2)).
 """
 
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, restoring_slope
 from swath_sysid.attitude.identification.innovations import innovations
+from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.scaling import LOWER, UPPER, Scales
+from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
 STEPS_PER_PERIOD = 24
@@ -46,7 +49,9 @@ STARTING_LEVELS = 0.003, 0.05, 0.3
 UNLIKELY = 4.0
 """Negative log posterior above the least from which another optimum is left out;"""
 SAME_MODE = 0.5
-"""standard deviations of each ratio within which two are one."""
+"""standard deviations of each ratio within which two are one;"""
+SAME_COST = 1.0
+"""negative log posterior above an optimum from which a search that passes it may still go elsewhere."""
 LOG_LIMITS = 7.0
 MAX_DAMPING = 0.9
 MIN_NOISE = 1e-4
@@ -90,7 +95,7 @@ class BlockedRecord:
     counts: np.ndarray
 
     @classmethod
-    def of(cls, motion, frequency):
+    def of(cls, motion: AxisMotion, frequency: float) -> 'BlockedRecord':
         """Average a motion over even blocks, a part of the period of ``frequency``, rad/s, long."""
         interval = motion.sample_interval
         samples = max(1, round(2.0 * np.pi / frequency / STEPS_PER_PERIOD / interval))
@@ -130,7 +135,7 @@ class Evaluation:
     information: np.ndarray
 
     @property
-    def is_finite(self):
+    def is_finite(self) -> bool:
         """Whether a search may go on from here."""
         return all(np.isfinite(each).all() for each in (self.cost, self.gradient, self.information))
 
@@ -186,7 +191,10 @@ class BasinLikelihood:
         rad/s.
     """
 
-    def __init__(self, motions, states, equation, scales: Scales, friction_rate):
+    def __init__(
+        self, motions: Sequence[AxisMotion], states: Sequence[InitialState], equation: Equation, scales: Scales,
+        friction_rate: float,
+    ) -> None:  # fmt: skip
         self._records = [BlockedRecord.of(m, scales.frequency) for m in motions]
         self._active = equation.active
         self._names = equation.terms
@@ -218,11 +226,11 @@ class BasinLikelihood:
         self._shared = n + len(BASIN_PRIORS)
 
     @property
-    def term_count(self):
+    def term_count(self) -> int:
         """Number of ratios, n."""
         return self._terms.size
 
-    def start(self, ratios, level, states=None):
+    def start(self, ratios: np.ndarray, level: float, states: Sequence[InitialState] | None = None) -> np.ndarray:
         """Parameters (n + 10 + 3 M,) of given ratios (9,), the rest at its prior mean.
 
         ``level`` is that of the disturbance over its unit; ``states`` are those at the first sample of each record.
@@ -247,7 +255,7 @@ class BasinLikelihood:
             for s, r in zip(states, self._records, strict=True)
         ])  # fmt: skip
 
-    def unpack(self, z):
+    def unpack(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ratios (9,), basin parameters (10,) and initial states (M, 3) of parameters, or of B of them."""
         n, shared = self.term_count, self._shared
         ratios = np.zeros((*z.shape[:-1], len(TERM_NAMES)))
@@ -258,7 +266,7 @@ class BasinLikelihood:
         states = z[..., shared:].reshape(*z.shape[:-1], -1, 3) * self._state_units
         return ratios, basin * self._basin_units, states
 
-    def innovations(self, z):
+    def innovations(self, z: np.ndarray) -> list[np.ndarray]:
         """Innovations and variances of each record, shape (2, 2 N)."""
         return [self._innovations_of(k, z[None])[..., 0] for k in range(len(self._records))]
 
@@ -272,7 +280,7 @@ class BasinLikelihood:
         )  # fmt: skip
         return found.reshape(2, -1, len(points))
 
-    def evaluate(self, points):
+    def evaluate(self, points: Sequence[np.ndarray] | np.ndarray) -> list[Evaluation]:
         """The posterior and its derivatives at some points, all in one pass of the filter.
 
         Parameters
@@ -307,11 +315,10 @@ class BasinLikelihood:
             for z, cost, gradient, information in zip(points, costs, gradients, informations, strict=True)
         ]
 
-    def minimise(self, starts):
+    def minimise(self, starts: Sequence[np.ndarray]) -> list[Evaluation]:
         """The optima found from some parameters, side by side, the most likely first.
 
-        Where two searches have ended in the same optimum, the others go on only while they are about as likely and
-        elsewhere.
+        A search ends where it comes to an optimum that another has found.
 
         Returns
         -------
@@ -335,30 +342,22 @@ class BasinLikelihood:
                 except StopIteration as end:
                     optima.append(end.value)
                     del asked[k]
-            if self._agree(optima):
-                asked = {k: z for k, z in asked.items() if self._may_add(lowest[k], optima)}
+            ended = [o for o in optima if o.is_finite]
+            asked = {k: z for k, z in asked.items() if not any(self._is_at(lowest[k], o) for o in ended)}
         found = sorted((o for o in optima if o.is_finite), key=lambda optimum: optimum.cost)
         return [o for o in found if self._is_upright(o)] or found
 
-    def _agree(self, optima):
-        """Whether two are the same, and upright."""
-        upright = [o for o in optima if o.is_finite and self._is_upright(o)]
-        return any(self._is_at(one, other) for one, other in combinations(upright, 2))
-
-    def _may_add(self, point, optima):
-        """Whether a search that has come to a point may end in what the optima found do not tell."""
-        least = min(o.cost for o in optima)
-        return point.cost < least or point.cost < least + UNLIKELY and not any(self._is_at(point, o) for o in optima)
-
     def _is_at(self, point, optimum):
-        """Whether a point is within ``SAME_MODE`` of an optimum, by what is expected of its uncertainty."""
+        """Whether a point is one that an optimum stands for: hardly less likely, and the same ratios."""
+        if not optimum.cost <= point.cost < optimum.cost + SAME_COST:
+            return False
         std = np.sqrt(np.diag(np.linalg.inv(optimum.information)))
         return bool(np.all(np.abs(point.z - optimum.z)[: self.term_count] < SAME_MODE * std[: self.term_count]))
 
     def _is_upright(self, point):
         return restoring_slope(0.0, self.unpack(point.z)[0], self._active) > 0.0
 
-    def starts(self, ratios, states):
+    def starts(self, ratios: np.ndarray, states: Sequence[InitialState]) -> list[np.ndarray]:
         """Parameters of given ratios (9,) and states, and of a linear hull, in quiet and in moving basins."""
         linear = self._prior_mean[: self.term_count].copy()
         if 'b1' in self._names:
@@ -370,7 +369,7 @@ class BasinLikelihood:
             starts.append(start)
         return starts
 
-    def described(self, optima):
+    def described(self, optima: Sequence[Evaluation]) -> BasinFit:
         """The first of some optima, a `BasinFit`: the others widen its intervals where they are about as likely.
 
         Parameters
@@ -455,7 +454,9 @@ class BasinLikelihood:
         return covariance
 
 
-def scoring(z, low, high):
+def scoring(
+    z: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> Generator[np.ndarray, Evaluation, Evaluation]:
     """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each.
 
     Near the optimum it learns from the gradients what of the curvature is not expected of the model but of this record
@@ -474,7 +475,7 @@ def scoring(z, low, high):
     best = yield z
     if not best.is_finite:
         return replace(best, cost=np.inf)
-    damping, learned = 1e-3, np.zeros_like(best.information)
+    damping, learned = 0.1, np.zeros_like(best.information)
     for _ in range(MAX_ITERATIONS):
         curvature = with_learned(best.information, learned) if learned.any() else best.information
         damped = curvature + damping * np.diag(np.diag(best.information))
@@ -501,7 +502,7 @@ def scoring(z, low, high):
     return best
 
 
-def with_learned(information, learned):
+def with_learned(information: np.ndarray, learned: np.ndarray) -> np.ndarray:
     """The information (p, p) and what was learned beyond it, no less than ``LEAST_SHARE`` of the former anywhere."""
     root = np.linalg.cholesky(information)
     values, vectors = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, learned).T))
@@ -509,7 +510,7 @@ def with_learned(information, learned):
     return directions * np.maximum(1.0 + values, LEAST_SHARE) @ directions.T
 
 
-def secant(learned, step, change, information):
+def secant(learned: np.ndarray, step: np.ndarray, change: np.ndarray, information: np.ndarray) -> np.ndarray:
     """What the gradient's change over a step adds to the curvature beyond the information, (p, p): the update of
     Dennis, Gay and Welsch (1981), of the least change that agrees with it.
     """
@@ -524,7 +525,9 @@ def secant(learned, step, change, information):
     return sized + (both + both.T) / along - float(missing @ step) * np.outer(change, change) / along**2
 
 
-def clipped_step(z, gradient, information, low, high):
+def clipped_step(
+    z: np.ndarray, gradient: np.ndarray, information: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
     """Newton's step within bounds: what would leave them is held at them and the rest solved again."""
     free = np.ones(z.size, dtype=bool)
     trial = z.copy()
@@ -540,7 +543,7 @@ def clipped_step(z, gradient, information, low, high):
     return trial
 
 
-def interval(value, std, bounded):
+def interval(value: float, std: float, bounded: bool) -> np.ndarray:
     """95 % of a Gaussian, or, where that reaches below a bound at zero, of what of it lies above: from zero up.
 
     Parameters

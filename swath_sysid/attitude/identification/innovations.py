@@ -22,6 +22,7 @@ from swath_sysid.attitude.hull.compiled import (
 from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 
+Pair = tuple[Value, Value]
 STATES = 10
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
 """Places in the state; the last four are the disturbance, its slope, and the same of what drives it."""
@@ -77,7 +78,7 @@ def disturbance(frequency: Value, damping: Value, step: float) -> tuple[np.ndarr
 
 
 @accelerated
-def move_hull(transition, stiffness, damping, step):
+def move_hull(transition: np.ndarray, stiffness: Value, damping: Value, step: float) -> None:
     """What of the transition depends on the motion, in place: the matrix exponential to third order."""
     k, c, h2, h3 = stiffness, damping, step * step / 2.0, step * step * step / 6.0
     by_moment, by_slope = step - h2 * c + h3 * (c * c - k), h2 - h3 * c
@@ -88,7 +89,9 @@ def move_hull(transition, stiffness, damping, step):
 
 
 @accelerated
-def disturbance_ahead(transition, moment, slope, drive, drive_slope):
+def disturbance_ahead(
+    transition: np.ndarray, moment: float, slope: float, drive: float, drive_slope: float
+) -> tuple[float, float, float, float]:
     """The disturbance, its slope and what drives it after a step, of those before it; the drive knows nothing of it."""
     f = transition
     return (
@@ -100,7 +103,7 @@ def disturbance_ahead(transition, moment, slope, drive, drive_slope):
 
 
 @accelerated
-def times_transition(transition, given, found):
+def times_transition(transition: np.ndarray, given: np.ndarray, found: np.ndarray) -> None:
     """The transition (10, 10) times a matrix, written transposed; twice in a row for a covariance."""
     f = transition
     for j in range(STATES):
@@ -116,7 +119,7 @@ def times_transition(transition, given, found):
 
 
 @accelerated
-def propagate_one(transition, m, c, q):
+def propagate_one(transition: np.ndarray, m: np.ndarray, c: np.ndarray, q: np.ndarray) -> None:
     """Mean (10,), but for x and w, and covariance (10, 10) after a step that adds ``q``, in place."""
     half = np.empty_like(c)
     times_transition(transition, c, half)
@@ -130,7 +133,7 @@ def propagate_one(transition, m, c, q):
             c[i, j] += q[i, j]
 
 
-def propagate_all(transition, m, c, q):
+def propagate_all(transition: np.ndarray, m: np.ndarray, c: np.ndarray, q: np.ndarray) -> None:
     """As `propagate_one`, (10, B) and (10, 10, B): products of matrices cost numpy less than rows do."""
     f, p = transition.transpose(2, 0, 1), c.transpose(2, 0, 1)
     np.matmul(f @ p, f.transpose(0, 2, 1), out=p)
@@ -139,7 +142,10 @@ def propagate_all(transition, m, c, q):
 
 
 @accelerated
-def read_one(m, c, by_x, by_w, e, noise, innovation, variance):
+def read_one(
+    m: np.ndarray, c: np.ndarray, by_x: Pair, by_w: Pair, e: Pair, noise: np.ndarray, innovation: np.ndarray,
+    variance: np.ndarray,
+) -> None:  # fmt: skip
     """Take in readings of the angle and the rate, one after the other.
 
     Parameters
@@ -175,7 +181,10 @@ def read_one(m, c, by_x, by_w, e, noise, innovation, variance):
             c[i, j] -= of_angle * with_angle[j] + of_rate * with_rate[j]
 
 
-def read_all(m, c, by_x, by_w, e, noise, innovation, variance):
+def read_all(
+    m: np.ndarray, c: np.ndarray, by_x: Pair, by_w: Pair, e: Pair, noise: np.ndarray, innovation: np.ndarray,
+    variance: np.ndarray,
+) -> None:  # fmt: skip
     """As `read_one`, for B filters, the last axis."""
     p = c.transpose(2, 0, 1)
     h = np.zeros((m.shape[1], 2, STATES))
@@ -200,8 +209,10 @@ propagate, read = (propagate_one, read_one) if HAS_NUMBA else (propagate_all, re
 
 @accelerated
 def run_filter(
-    ratios, active, friction_rate, m, c, q, transition, noise, step, bend, angle, rate, innovation, variance
-):
+    ratios: tuple, active: tuple[bool, ...], friction_rate: float, m: np.ndarray, c: np.ndarray, q: np.ndarray,
+    transition: np.ndarray, noise: np.ndarray, step: float, bend: float, angle: np.ndarray, rate: np.ndarray,
+    innovation: np.ndarray, variance: np.ndarray,
+) -> None:  # fmt: skip
     """Innovations and their variances, written into the last two arguments; of one filter or, the last axis, of B.
 
     Parameters
@@ -257,8 +268,10 @@ def run_filter(
 
 @accelerated
 def run_one_by_one(
-    ratios, active, friction_rate, m, c, q, transition, noise, step, bend, angle, rate, innovation, variance
-):
+    ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, m: np.ndarray, c: np.ndarray, q: np.ndarray,
+    transition: np.ndarray, noise: np.ndarray, step: float, bend: float, angle: np.ndarray, rate: np.ndarray,
+    innovation: np.ndarray, variance: np.ndarray,
+) -> None:  # fmt: skip
     """`run_filter` for each of B filters, the first axis of what is of each."""
     for b in range(len(m)):
         r = ratios[b]
@@ -269,9 +282,10 @@ def run_one_by_one(
 
 
 def innovations(
-    ratios, active, friction_rate, basin, initial, bias_std, floor, step, bend, angle, rate, counts, *,
-    compiled=HAS_NUMBA,
-):  # fmt: skip
+    ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, basin: np.ndarray, initial: np.ndarray,
+    bias_std: float, floor: np.ndarray, step: float, bend: float, angle: np.ndarray, rate: np.ndarray,
+    counts: np.ndarray, *, compiled: bool = HAS_NUMBA,
+) -> np.ndarray:  # fmt: skip
     """Innovations and their variances under B sets of parameters.
 
     One after the other where the filter is compiled, all at once where it is not: numpy takes as long for 20 as for 2.

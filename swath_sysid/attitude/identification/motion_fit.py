@@ -5,13 +5,16 @@ shared by all records. Angle and rate are weighted by their noise. All candidate
 perturbed copies that a Jacobian needs, are simulated side by side.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.simulation import STEPS_PER_PERIOD, interpolate, places_in_steps, runge_kutta_population
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.identification.scaling import Scales
+from swath_sysid.attitude.motion.trial import AxisMotion
 
 SEARCH_STEPS_PER_PERIOD = 24
 PERTURBATION = 1e-6
@@ -53,8 +56,9 @@ class MotionFit:
     """
 
     def __init__(
-        self, motions, equation, scales: Scales, noise: Noise, friction_rate, steps_per_period=STEPS_PER_PERIOD
-    ):
+        self, motions: Sequence[AxisMotion], equation: Equation, scales: Scales, noise: Noise, friction_rate: float,
+        steps_per_period: float = STEPS_PER_PERIOD,
+    ) -> None:  # fmt: skip
         self._motions = motions
         self._equation = equation
         self._noise = noise
@@ -68,23 +72,23 @@ class MotionFit:
         self._steps = max(steps for _, _, steps in self._places)
 
     @property
-    def term_count(self):
+    def term_count(self) -> int:
         """Number of ratios, n."""
         return len(self._terms)
 
-    def pack(self, ratios, states):
+    def pack(self, ratios: np.ndarray, states: Sequence[InitialState]) -> np.ndarray:
         """Parameter vector, dimensionless, of ratios (9,) and the initial states, shape (n + 3 M,)."""
         own = [np.array([s.x, s.rate, s.trim]) / self._state_units for s in states]
         return np.concatenate([ratios[self._terms] / self._units, *own])
 
-    def unpack(self, parameters):
+    def unpack(self, parameters: np.ndarray) -> tuple[np.ndarray, tuple[InitialState, ...]]:
         """Ratios (9,) and initial states of a parameter vector."""
         ratios = np.zeros(len(TERM_NAMES))
         ratios[self._terms] = parameters[: self.term_count] * self._units
         own = parameters[self.term_count :].reshape(-1, 3) * self._state_units
         return ratios, tuple(InitialState(*row) for row in own.tolist())
 
-    def objective_of_population(self, candidates, states):
+    def objective_of_population(self, candidates: np.ndarray, states: Sequence[InitialState]) -> np.ndarray:
         """Objective of each candidate from given initial states.
 
         Parameters
@@ -115,7 +119,7 @@ class MotionFit:
             values = np.sqrt(total / count)
         return np.where(np.isfinite(values), values, np.inf)
 
-    def residuals_and_jacobian(self, parameters):
+    def residuals_and_jacobian(self, parameters: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Weighted residuals and their derivatives, by forward differences in one simulation.
 
         Parameters
@@ -161,7 +165,9 @@ class MotionFit:
                     jacobians.append(jacobian)
         return residuals, jacobians
 
-    def refine(self, parameters, lower, upper):
+    def refine(
+        self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    ) -> tuple[np.ndarray, float, int]:
         """Least-squares refinement within bounds.
 
         Parameters
@@ -185,14 +191,14 @@ class MotionFit:
         vanished = found.x - bounds[0] < BOUND_MARGIN
         return np.where(vanished, bounds[0], found.x), float(np.sqrt(2.0 * found.cost / found.fun.size)), found.nfev
 
-    def refine_states(self, parameters):
+    def refine_states(self, parameters: np.ndarray) -> np.ndarray:
         """The parameters (n + 3 M,) with their initial states refined and their ratios kept."""
         states = np.arange(self.term_count, parameters.size)
         refined = parameters.copy()
         refined[states] = self._least_squares(parameters, states, (-np.inf, np.inf)).x
         return refined
 
-    def simulated(self, parameters):
+    def simulated(self, parameters: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
         """Simulated angle, rad, and rate, rad/s, at the samples of each record."""
         ratios, states = self.unpack(parameters)
         with np.errstate(over='ignore', invalid='ignore'):

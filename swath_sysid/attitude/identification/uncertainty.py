@@ -1,17 +1,19 @@
 """Uncertainty of a fit: covariance, correlation, and terms that a record cannot separate."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from swath_sysid.attitude.hull.amplitude import AmplitudeCurves, amplitude_curves
+from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 
 RELATIVE_STEP = 1e-4
 
 
-def inseparable_terms(terms, covariance):
+def inseparable_terms(terms: Sequence[str], covariance: np.ndarray) -> tuple[Advice, ...]:
     """Advice for each pair of terms that the records cannot separate.
 
     Parameters
@@ -52,7 +54,7 @@ class AmplitudeBands:
     damping_ratio_std: np.ndarray
 
 
-def amplitude_bands(model, covariance, amplitude):
+def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.ndarray) -> AmplitudeBands:
     """Curves against amplitude with the standard deviations that the ratios' covariance implies.
 
     Parameters
