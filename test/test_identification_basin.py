@@ -51,14 +51,25 @@ def motion_of(made):
     return AxisMotion(made.axis, made.time, made.angle, made.rate)
 
 
-def test_disturbance_has_unit_variance_and_its_spectrum_that_of_two_resonators():
-    frequency, damping, step = 3.0, 0.2, 0.07
-    transition, covariance = disturbance(frequency, damping, step)
-    one = np.array([[0.0, 1.0], [-(frequency**2), -2 * damping * frequency]])
-    assert transition[:2, :2] == pytest.approx(expm(one * step))
+def resonators(frequency, damping, spread):
+    """Drift of three resonators, each driven by frequency^2 times the next."""
+    drift = np.zeros((6, 6))
+    for first, power in ((0, -1), (2, 0), (4, 1)):
+        own = frequency * np.exp(power * spread)
+        drift[first : first + 2, first : first + 2] = [[0.0, 1.0], [-(own**2), -2 * damping * own]]
+    drift[1, 2] = drift[3, 4] = frequency**2
+    return drift
+
+
+def test_disturbance_has_unit_variance_and_its_spectrum_that_of_three_resonators():
+    frequency, damping, spread, step = 3.0, 0.2, 0.1, 0.07
+    shapes = np.array([frequency, 20.0]), np.array([damping, 0.05]), np.array([spread, 0.4])
+    transition, covariance = (each[0] for each in disturbance(*shapes, step))
+    assert transition == pytest.approx(expm(resonators(frequency, damping, spread) * step))
 
     def spectrum(w):
-        return 1.0 / ((frequency**2 - w**2) ** 2 + (2 * damping * frequency * w) ** 2) ** 2
+        own = frequency * np.exp(spread * np.array([-1.0, 0.0, 1.0]))
+        return 1.0 / np.prod((own**2 - w**2) ** 2 + (2 * damping * own * w) ** 2)
 
     total = quad(spectrum, 0, np.inf)[0]
     slope = quad(lambda w: w**2 * spectrum(w), 0, np.inf)[0]
@@ -71,7 +82,7 @@ def test_disturbance_has_unit_variance_and_its_spectrum_that_of_two_resonators()
 def linear_case(size=30, step=0.05):
     """A linear hull's readings, its ratios and the basin's parameters."""
     rng = np.random.default_rng(1)
-    basin = np.array([0.2, 3.0, 0.3, 2e-3, 1e-2, 3e-3, 0.4, 5e-3, 0.2, 1e-3])
+    basin = np.array([0.2, 3.0, 0.3, 0.1, 2e-3, 1e-2, 3e-3, 0.4, 5e-3, 0.2, 1e-3])
     counts = np.ones((size, 2))
     counts[7, 0] = counts[11, 1] = 0.0
     return (0.0, 0.8, 0, 0, 9.0, 0, 0, 0, 0), basin, step, counts, 0.02 * rng.normal(size=(2, size))
@@ -88,25 +99,23 @@ def run_filter(ratios, basin, step, counts, readings, bend=0.0, **how):
 
 def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
     ratios, basin, step, counts, readings = linear_case()
-    level, frequency, damping, *_ = basin
-    whole = np.zeros((10, 10))
+    level, *shape = basin[:4]
+    whole = np.zeros((12, 12))
     whole[0, 1], whole[1, 0], whole[1, 1], whole[1, 6] = 1.0, -ratios[4], -ratios[1], 1.0
-    whole[4, 4], whole[5, 5] = -1 / basin[6], -1 / basin[8]
-    for k in (6, 8):
-        whole[k, k + 1], whole[k + 1, k], whole[k + 1, k + 1] = 1.0, -(frequency**2), -2 * damping * frequency
-    whole[7, 8] = 1.0
+    whole[4, 4], whole[5, 5] = -1 / basin[7], -1 / basin[9]
+    whole[6:, 6:] = resonators(*shape)
     f = expm(whole * step)
-    start = np.zeros((10, 10))
-    start[3, 3], start[4, 4], start[5, 5] = 0.03**2, basin[5] ** 2, basin[7] ** 2
-    start[6:, 6:] = level**2 * disturbance(frequency, damping, step)[1]
-    noise = np.zeros((10, 10))
-    noise[2, 2] = basin[9] ** 2 * step
-    for block in (slice(4, 5), slice(5, 6), slice(6, 10)):
+    start = np.zeros((12, 12))
+    start[3, 3], start[4, 4], start[5, 5] = 0.03**2, basin[6] ** 2, basin[8] ** 2
+    start[6:, 6:] = level**2 * disturbance(*np.array(shape)[:, None], step)[1][0]
+    noise = np.zeros((12, 12))
+    noise[2, 2] = basin[10] ** 2 * step
+    for block in (slice(4, 5), slice(5, 6), slice(6, 12)):
         noise[block, block] = start[block, block] - f[block, block] @ start[block, block] @ f[block, block].T
-    read = np.zeros((2, 10))
+    read = np.zeros((2, 12))
     read[0, [0, 2, 4]], read[1, [1, 3, 5]] = 1.0, 1.0
     size = counts.shape[0]
-    mean, spread, means, covariances = np.r_[0.1, -0.05, 0.01, np.zeros(7)], start, [], []
+    mean, spread, means, covariances = np.r_[0.1, -0.05, 0.01, np.zeros(9)], start, [], []
     for k in range(size):
         if k:
             mean, spread = f @ mean, f @ spread @ f.T + noise
@@ -120,7 +129,7 @@ def test_likelihood_of_a_linear_hull_is_that_of_the_joint_gaussian():
             joint[2 * later : 2 * later + 2, 2 * k : 2 * k + 2] = block
             joint[2 * k : 2 * k + 2, 2 * later : 2 * later + 2] = block.T
             across = f @ across
-    joint += np.diag(np.tile(basin[3:5] ** 2, size))
+    joint += np.diag(np.tile(basin[4:6] ** 2, size))
     seen = counts.ravel() > 0
     expected = multivariate_normal(np.ravel(means)[seen], joint[np.ix_(seen, seen)]).logpdf(readings.T.ravel()[seen])
     e, s = run_filter(ratios, basin, step, counts, readings)[..., 0]

@@ -119,6 +119,11 @@ def fit_and_test(
     return basin, AbsentTerm(name, float(np.sqrt(2.0 * (with_all.log_likelihood - basin.log_likelihood))))
 
 
+def lacks_terms(equation: Equation) -> bool:
+    """Whether an equation may still take a smooth term."""
+    return bool(_lacking(equation, SMOOTH_TERMS))
+
+
 def _lacking(equation, names):
     """Those of the names that an equation may still take: s2 stands for r2."""
     taken = (*equation.terms, *(('r2',) if 's2' in equation.terms else ()))

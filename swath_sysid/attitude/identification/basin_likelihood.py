@@ -34,7 +34,8 @@ equation, so that likelihoods can be compared."""
 BASIN_PRIORS = (
     ('level', np.log(3e-4), 3.0),  # of the restoring moment at the first amplitude: most basins are quiet
     ('frequency', 0.0, 0.4),  # of the hull's
-    ('damping', np.log(0.3), 0.7),
+    ('damping', np.log(0.15), 1.0),
+    ('spread', np.log(0.15), 0.7),
     ('angle_white', 0.0, 1.0),  # of what third differences show
     ('rate_white', 0.0, 1.0),
     ('angle_colour', np.log(0.3), 1.5),  # of the white noise
@@ -53,7 +54,8 @@ SAME_MODE = 0.5
 SAME_COST = 1.0
 """negative log posterior above an optimum from which a search that passes it may still go elsewhere."""
 LOG_LIMITS = 7.0
-MAX_DAMPING = 0.9
+LARGEST_SHAPE = 0.9
+"""Damping and spread of the disturbance stay below this."""
 MIN_NOISE = 1e-4
 """Of the amplitude: white noise where third differences show none."""
 PERTURBATION = 1e-5
@@ -146,14 +148,14 @@ class BasinFit:
 
     Attributes
     ----------
-    optimum : ndarray, shape (n + 10 + 3 M,)
+    optimum : ndarray, shape (n + 11 + 3 M,)
         Parameters of `BasinLikelihood`, dimensionless.
     ratios : ndarray, shape (9,)
     covariance : ndarray, shape (n, n)
         Of the ratios in use, about the optimum.
     intervals : ndarray, shape (n, 2)
         95 % of each ratio; one-sided where it ended at its limit.
-    basin : ndarray, shape (10,)
+    basin : ndarray, shape (11,)
         See `innovations`.
     states : ndarray, shape (M, 3)
         Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each first block.
@@ -213,8 +215,8 @@ class BasinLikelihood:
         ])  # fmt: skip
         period = 2.0 * np.pi / scales.frequency
         self._basin_units = np.array([
-            scales.frequency * rate, scales.frequency, 1.0, angle_noise, rate_noise, angle_noise, period, rate_noise,
-            period, amplitude / np.sqrt(period),
+            scales.frequency * rate, scales.frequency, 1.0, 1.0, angle_noise, rate_noise, angle_noise, period,
+            rate_noise, period, amplitude / np.sqrt(period),
         ])  # fmt: skip
         self._state_units = np.array([amplitude, rate, amplitude])
         n, m = self._terms.size, len(self._records)
@@ -231,7 +233,7 @@ class BasinLikelihood:
         return self._terms.size
 
     def start(self, ratios: np.ndarray, level: float, states: Sequence[InitialState] | None = None) -> np.ndarray:
-        """Parameters (n + 10 + 3 M,) of given ratios (9,), the rest at its prior mean.
+        """Parameters (n + 11 + 3 M,) of given ratios (9,), the rest at its prior mean.
 
         ``level`` is that of the disturbance over its unit; ``states`` are those at the first sample of each record.
         The disturbance begins at the frequency of those ratios, where it does most: from elsewhere its motion is taken
@@ -256,13 +258,14 @@ class BasinLikelihood:
         ])  # fmt: skip
 
     def unpack(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Ratios (9,), basin parameters (10,) and initial states (M, 3) of parameters, or of B of them."""
+        """Ratios (9,), basin parameters (11,) and initial states (M, 3) of parameters, or of B of them."""
         n, shared = self.term_count, self._shared
         ratios = np.zeros((*z.shape[:-1], len(TERM_NAMES)))
         ratios[..., self._terms] = z[..., :n] * self._ratio_units
         mean = self._prior_mean[n:shared]
         basin = np.exp(mean + LOG_LIMITS * np.tanh((z[..., n:shared] - mean) / LOG_LIMITS))
-        basin[..., 2] = MAX_DAMPING * basin[..., 2] / (MAX_DAMPING + basin[..., 2])
+        shape = basin[..., 2:4]
+        shape[...] = LARGEST_SHAPE * shape / (LARGEST_SHAPE + shape)
         states = z[..., shared:].reshape(*z.shape[:-1], -1, 3) * self._state_units
         return ratios, basin * self._basin_units, states
 

@@ -11,7 +11,7 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
-from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term, fit_and_test
+from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term, fit_and_test, lacks_terms
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
 from swath_sysid.attitude.identification.fit_quality import VANISHED, Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
@@ -356,7 +356,7 @@ def refined_in_basin(found: Identification) -> Identification:
 
     Where the equation lacks a term that the motion shows, the likelihood takes for the basin's motion what the
     equation cannot make: its optimum then simulates far worse than that of least squares, which stays. So it does
-    where the natural period leaves that of least squares, although no single term stands out, and where the
+    where the natural period leaves that of least squares, although no single term stands out, but one may be lacking, and where the
     likelihood's motion, unlike the filter's, runs away.
     """
     problem, equation = found.problem, found.model.equation
@@ -374,7 +374,7 @@ def refined_in_basin(found: Identification) -> Identification:
         return replace(found, absent_term=lacking, log_likelihood=basin.log_likelihood)
     parameters = fit.refine_states(parameters)
     refined = conclude(problem, found.settings, equation, fit, parameters, found.search, basin)
-    moved = _has_left(refined, found)
+    moved = lacks_terms(equation) and _has_left(refined, found)
     if moved:
         lacking = lacking or absent_term(found)
     best = refined if lacking is None and not moved else found

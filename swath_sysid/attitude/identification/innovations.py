@@ -1,10 +1,12 @@
 """Innovations of a free decay in a basin that is never quite still, by an extended Kalman filter.
 
 The state is the angle from trim x, its rate w, the residual motion of the basin as an exciting moment over inertia d
-of fourth order (a resonator driven by another: its spectrum falls off as steeply as that of waves, which a hull of less
-damping would have to imitate otherwise), the trim, the gyro's bias, and first-order noise of the angle and of the rate:
+of sixth order (three resonators, side by side in frequency, each driven by the next: its spectrum may be flat and falls
+off as steeply as that of waves, which a hull of less damping would have to imitate otherwise), the trim, the gyro's
+bias, and first-order noise of the angle and of the rate:
 
-    dx = w dt,   dw = (d - damping(w) - restoring(x)) dt,   (D^2 + 2 zeta_d w_d D + w_d^2)^2 d = white noise,
+    dx = w dt,   dw = (d - damping(w) - restoring(x)) dt,
+    product of (D^2 + 2 zeta_d w_i D + w_i^2) d = white noise,   w_i = w_d e^-s, w_d, w_d e^s,
     angle read = x + trim + n_a + white,   rate read = w + bias + n_r + white.
 
 With innovations e_k of variances s_k the likelihood of the readings is exp(-1/2 sum(log s_k + e_k^2 / s_k)).
@@ -19,62 +21,68 @@ from swath_sysid.attitude.hull.compiled import (
     restoring_moment,
     restoring_slope,
 )
-from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 
 Pair = tuple[Value, Value]
-STATES = 10
+STATES = 12
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
-"""Places in the state; the last four are the disturbance, its slope, and the same of what drives it."""
+"""Places in the state; the last six are the disturbance, its slope, and the same of what drives it and that."""
+HALVINGS, TAYLOR_ORDER = 4, 10
+"""Of the disturbance's exponential: exact to rounding up to two radians a step."""
 SUBSTEPS = 2
 """Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign."""
 
 (
-    LEVEL, FREQUENCY, DAMPING, ANGLE_WHITE, RATE_WHITE, ANGLE_COLOUR, ANGLE_MEMORY, RATE_COLOUR, RATE_MEMORY, DRIFT
-) = range(10)  # fmt: skip
+    LEVEL, FREQUENCY, DAMPING, SPREAD, ANGLE_WHITE, RATE_WHITE, ANGLE_COLOUR, ANGLE_MEMORY, RATE_COLOUR, RATE_MEMORY,
+    DRIFT,
+) = range(11)  # fmt: skip
 """Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency,
-rad/s, and damping ratio; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the coloured
+rad/s, damping ratio and spread; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the coloured
 noise of either; drift of the trim, rad in the square root of a second."""
 
 
-def disturbance(frequency: Value, damping: Value, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Exact transition of the disturbance and its slopes over a step, and their covariance where d has unit variance.
+def disturbance(
+    frequency: np.ndarray, damping: np.ndarray, spread: np.ndarray, step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Exact transition of the disturbance over a step, and its covariance where d has unit variance.
 
-    The transition of one resonator is e^(-s t) [[C + s S, S], [-k S, C - s S]] with k = w_d^2, s = zeta_d w_d,
-    v^2 = k - s^2, C = cos(v t) and S = sin(v t) / v. What drives the second enters its equation as less stiffness
-    would, so that their coupling is the derivative of this by -k. The covariance solves Lyapunov's equation.
+    Of d, its slope, and the same of what drives it: in units of d, so that frequency^2 times it drives d. The
+    exponential is its Taylor series, halved and squared; the covariance solves Lyapunov's equation.
 
     Parameters
     ----------
-    frequency : float or ndarray, shape (B,)
+    frequency : ndarray, shape (B,)
         rad/s.
-    damping : float or ndarray, shape (B,)
-        Of critical, less than one.
+    damping : ndarray, shape (B,)
+        Of critical.
+    spread : ndarray, shape (B,)
+        Of the resonators' frequencies: their logarithms differ by so much.
     step : float
         s.
 
     Returns
     -------
-    transition, covariance : ndarray, shape (4, 4) or (B, 4, 4)
+    transition, covariance : ndarray, shape (B, 6, 6)
     """
-    k, s = frequency**2, damping * frequency
-    v = np.sqrt(k - s * s)
-    cosine, sine = np.cos(v * step), np.sin(v * step) / v
-    transition, covariance = np.zeros((2, *np.shape(k), 4, 4))
-    own = np.array([[cosine + s * sine, sine], [-k * sine, cosine - s * sine]])
-    transition[..., :2, :2] = transition[..., 2:, 2:] = np.moveaxis(own, (0, 1), (-2, -1))
-    turn, bend = 0.5 * step * sine, (step * cosine - sine) / (2.0 * v * v)
-    coupling = np.array([[turn - s * bend, -bend], [sine + k * bend, turn + s * bend]])
-    transition[..., :2, 2:] = np.moveaxis(coupling, (0, 1), (-2, -1))
-    transition *= np.exp(-s * step)[..., None, None]
-    square = 4.0 * damping**2
-    share = k / (1.0 + square)
-    covariance[..., 0, 0], covariance[..., 1, 1] = 1.0, share
-    covariance[..., 2, 2], covariance[..., 3, 3] = 2.0 * square * k * share, 2.0 * square * k * k * share
-    covariance[..., 0, 2] = covariance[..., 2, 0] = square * share
-    covariance[..., 1, 2] = covariance[..., 2, 1] = 2.0 * s * share
-    covariance[..., 0, 3] = covariance[..., 3, 0] = -2.0 * s * share
-    return transition, covariance
+    drift = np.zeros((frequency.size, 6, 6))
+    for first, power in zip((0, 2, 4), (-1.0, 0.0, 1.0), strict=True):
+        own = np.exp(power * spread)
+        drift[:, first, first + 1] = 1.0
+        drift[:, first + 1, first], drift[:, first + 1, first + 1] = -(own**2), -2.0 * damping * own
+    drift[:, 1, 2] = drift[:, 3, 4] = 1.0
+    scaled = drift * (frequency * step)[:, None, None] / 2.0**HALVINGS
+    transition = np.eye(6)
+    for order in range(TAYLOR_ORDER, 0, -1):
+        transition = np.eye(6) + scaled @ transition / order
+    for _ in range(HALVINGS):
+        transition = transition @ transition
+    lyapunov = np.einsum('bik,jl->bijkl', drift, np.eye(6)) + np.einsum('bjl,ik->bijkl', drift, np.eye(6))
+    driven = np.zeros((frequency.size, 36, 1))
+    driven[:, -1] = -1.0
+    covariance = np.linalg.solve(lyapunov.reshape(-1, 36, 36), driven).reshape(-1, 6, 6)
+    units = np.stack([np.ones_like(frequency), frequency] * 3, axis=-1)
+    transition = transition * units[:, :, None] / units[:, None, :]
+    return transition, covariance / covariance[:, :1, :1] * units[:, :, None] * units[:, None, :]
 
 
 @accelerated
@@ -89,22 +97,8 @@ def move_hull(transition: np.ndarray, stiffness: Value, damping: Value, step: fl
 
 
 @accelerated
-def disturbance_ahead(
-    transition: np.ndarray, moment: float, slope: float, drive: float, drive_slope: float
-) -> tuple[float, float, float, float]:
-    """The disturbance, its slope and what drives it after a step, of those before it; the drive knows nothing of it."""
-    f = transition
-    return (
-        f[6, 6] * moment + f[6, 7] * slope + f[6, 8] * drive + f[6, 9] * drive_slope,
-        f[7, 6] * moment + f[7, 7] * slope + f[7, 8] * drive + f[7, 9] * drive_slope,
-        f[8, 8] * drive + f[8, 9] * drive_slope,
-        f[9, 8] * drive + f[9, 9] * drive_slope,
-    )
-
-
-@accelerated
 def times_transition(transition: np.ndarray, given: np.ndarray, found: np.ndarray) -> None:
-    """The transition (10, 10) times a matrix, written transposed; twice in a row for a covariance."""
+    """The transition (12, 12) times a matrix, written transposed; twice in a row for a covariance."""
     f = transition
     for j in range(STATES):
         x, w, d, slope = given[X, j], given[RATE, j], given[MOMENT, j], given[MOMENT + 1, j]
@@ -113,28 +107,36 @@ def times_transition(transition: np.ndarray, given: np.ndarray, found: np.ndarra
         found[j, TRIM], found[j, BIAS] = given[TRIM, j], given[BIAS, j]
         found[j, ANGLE_NOISE] = f[ANGLE_NOISE, ANGLE_NOISE] * given[ANGLE_NOISE, j]
         found[j, RATE_NOISE] = f[RATE_NOISE, RATE_NOISE] * given[RATE_NOISE, j]
-        found[j, 6], found[j, 7], found[j, 8], found[j, 9] = disturbance_ahead(
-            f, d, slope, given[MOMENT + 2, j], given[MOMENT + 3, j]
-        )
+        # each drive knows nothing of what it drives
+        for i in range(MOMENT, STATES):
+            total = 0.0
+            for k in range(i - i % 2, STATES):
+                total += f[i, k] * given[k, j]
+            found[j, i] = total
 
 
 @accelerated
 def propagate_one(transition: np.ndarray, m: np.ndarray, c: np.ndarray, q: np.ndarray) -> None:
-    """Mean (10,), but for x and w, and covariance (10, 10) after a step that adds ``q``, in place."""
+    """Mean (12,), but for x and w, and covariance (12, 12) after a step that adds ``q``, in place."""
     half = np.empty_like(c)
     times_transition(transition, c, half)
     times_transition(transition, half, c)
     for i in range(TRIM, MOMENT):
         m[i] *= transition[i, i]
         c[i, i] += q[i, i]
-    m[6], m[7], m[8], m[9] = disturbance_ahead(transition, m[6], m[7], m[8], m[9])
+    for i in range(MOMENT, STATES, 2):
+        value = slope = 0.0
+        for j in range(i, STATES):
+            value += transition[i, j] * m[j]
+            slope += transition[i + 1, j] * m[j]
+        m[i], m[i + 1] = value, slope
     for i in range(MOMENT, STATES):
         for j in range(MOMENT, STATES):
             c[i, j] += q[i, j]
 
 
 def propagate_all(transition: np.ndarray, m: np.ndarray, c: np.ndarray, q: np.ndarray) -> None:
-    """As `propagate_one`, (10, B) and (10, 10, B): products of matrices cost numpy less than rows do."""
+    """As `propagate_one`, (12, B) and (12, 12, B): products of matrices cost numpy less than rows do."""
     f, p = transition.transpose(2, 0, 1), c.transpose(2, 0, 1)
     np.matmul(f @ p, f.transpose(0, 2, 1), out=p)
     c += q
@@ -150,7 +152,7 @@ def read_one(
 
     Parameters
     ----------
-    m, c : ndarray, shape (10,) and (10, 10)
+    m, c : ndarray, shape (12,) and (12, 12)
         Mean and covariance of the state; overwritten.
     by_x, by_w : tuple of 2 floats
         What x and w add to each reading; trim and the angle's noise, bias and the rate's, they hold as they are.
@@ -223,7 +225,7 @@ def run_filter(
         The terms in use.
     friction_rate : float
         rad/s.
-    m, c : ndarray, shape (10,) and (10, 10), or (10, B) and (10, 10, B)
+    m, c : ndarray, shape (12,) and (12, 12), or (12, B) and (12, 12, B)
         Mean and covariance of the state at the first reading; overwritten.
     q : ndarray, shape as ``c``
         Covariance that a step adds.
@@ -296,7 +298,7 @@ def innovations(
         Ratios to inertia, a column a set.
     active, friction_rate, step, bend, angle, rate
         See `run_filter`.
-    basin : ndarray, shape (10, B)
+    basin : ndarray, shape (11, B)
         In the order of ``LEVEL`` to ``DRIFT``.
     initial : ndarray, shape (3, B)
         Angle from trim, rad, rate, rad/s, and trim, rad, at the first reading.
@@ -315,7 +317,9 @@ def innovations(
         Zero and one where nothing was read.
     """
     count = ratios.shape[1]
-    ahead, stationary = disturbance(basin[FREQUENCY], basin[DAMPING], step)
+    # most of the sets have the same disturbance
+    spectra, which = np.unique(basin[[FREQUENCY, DAMPING, SPREAD]], axis=1, return_inverse=True)
+    ahead, stationary = (each[which.ravel()] for each in disturbance(*spectra, step))
     m, (c, q, transition) = np.zeros((count, STATES)), np.zeros((3, count, STATES, STATES))
     m[:, [X, RATE, TRIM]] = initial.T
     c[:, BIAS, BIAS] = bias_std**2

@@ -26,9 +26,11 @@ motion less than 1e-5 of its amplitude."""
 
 LONGEST_AFTERMATH = 10.0
 """Periods after a decay that are looked at,"""
-LOUDEST_AFTERMATH = 0.35
-"""as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again. A hand that
-stops the craft, too, disturbs a decay; waves that do so keep it swinging by more than the decay's last amplitude."""
+LOUDEST_AFTERMATH = 0.5
+"""as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again."""
+STOPPED = 0.5
+"""A hand that stops the craft, too, disturbs a decay; waves that do so keep it moving, from peak to peak, by more than
+this part of the decay's last amplitude."""
 
 FIRST_LOOK_PERIODS = 0.12
 """The initial state is estimated from this part of a period."""
@@ -153,7 +155,7 @@ def _left_alone_until(motion: AxisMotion, segment: DecaySegment):
     if after.size < 8:
         return segment.end
     later = after.primary[after.size // 2 :]
-    if segment.ending == 'disturbed' and np.ptp(later) < segment.final_amplitude:
+    if segment.ending == 'disturbed' and np.ptp(later) < STOPPED * segment.final_amplitude:
         return segment.end
     limit = max(LOUDEST_AFTERMATH * segment.initial_amplitude, 1.5 * segment.final_amplitude)
     loud = np.flatnonzero(np.abs(after.primary - segment.trim) > limit)
