@@ -71,6 +71,8 @@ HESSIAN_STEP = 0.05
 LEAST_CURVATURE = 0.5
 """Of the posterior along any mixture of the basin's parameters, over that of the prior: where the likelihood bends
 away from its maximum it says no less than this about them."""
+LARGEST_RESTRICTION = 1.0
+"""By which the restricted likelihood moves the logarithm of a parameter of the basin, at most."""
 INTERVAL = 0.95
 NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
 
@@ -149,7 +151,7 @@ class BasinFit:
     Attributes
     ----------
     optimum : ndarray, shape (n + 11 + 3 M,)
-        Parameters of `BasinLikelihood`, dimensionless.
+        Parameters of `BasinLikelihood` where it is largest, dimensionless.
     ratios : ndarray, shape (9,)
     covariance : ndarray, shape (n, n)
         Of the ratios in use, about the optimum.
@@ -318,10 +320,17 @@ class BasinLikelihood:
             for z, cost, gradient, information in zip(points, costs, gradients, informations, strict=True)
         ]
 
-    def minimise(self, starts: Sequence[np.ndarray]) -> list[Evaluation]:
+    def minimise(self, starts: Sequence[np.ndarray], held: Sequence[int] | np.ndarray = ()) -> list[Evaluation]:
         """The optima found from some parameters, side by side, the most likely first.
 
         A search ends where it comes to an optimum that another has found.
+
+        Parameters
+        ----------
+        starts : sequence of ndarray, shape (p,)
+            Dimensionless.
+        held : sequence of int
+            Places of parameters that stay as they start.
 
         Returns
         -------
@@ -332,7 +341,12 @@ class BasinLikelihood:
         n = self.term_count
         low, high = np.full(self._prior_mean.size, -np.inf), np.full(self._prior_mean.size, np.inf)
         low[:n][self._bounded] = 0.0
-        searches = [scoring(np.clip(z, low, high), low, high) for z in starts]
+        searches = []
+        for z in starts:
+            bounds = low.copy(), high.copy()
+            for bound in bounds:
+                bound[[*held]] = z[[*held]]
+            searches.append(scoring(np.clip(z, *bounds), *bounds))
         asked = {k: next(search) for k, search in enumerate(searches)}
         lowest: dict[int, Evaluation] = {}
         optima: list[Evaluation] = []
@@ -380,9 +394,8 @@ class BasinLikelihood:
         optima : sequence of Evaluation
             At least one, the most likely first.
         """
-        best = optima[0]
-        z, n, units = best.z, self.term_count, self._ratio_units
-        covariance = self._covariance_of(optima)
+        n, units = self.term_count, self._ratio_units
+        z, covariance = self._posterior(optima)
         std = np.sqrt(np.diag(covariance)[:n])
         intervals = np.array([
             interval(*row) for row in zip(z[:n], std, self._bounded, strict=True)
@@ -394,19 +407,19 @@ class BasinLikelihood:
         )
         trim_variance = np.mean(np.diag(covariance)[self._shared + 2 :: 3])
         return BasinFit(
-            optimum=z,
+            optimum=optima[0].z,
             ratios=found_ratios,
             covariance=covariance[:n, :n] * np.outer(units, units),
             intervals=intervals * units[:, None],
             basin=basin,
             states=states,
             trim_std=float(np.sqrt(trim_variance)) * self._state_units[2],
-            log_likelihood=-best.cost,
+            log_likelihood=-optima[0].cost,
             normalised=normalised,
         )
 
-    def _covariance_of(self, optima):
-        """About the first of some optima, by cost: others that are about as likely count by their share of the whole.
+    def _posterior(self, optima):
+        """Parameters and their covariance, of some optima by cost: about the first, others count by their share.
 
         Each has the probability of a Gaussian of its height and covariance (Laplace's approximation).
         """
@@ -416,45 +429,55 @@ class BasinLikelihood:
             if optimum.cost > best.cost + UNLIKELY:
                 break
             if any(
-                np.all(np.abs(optimum.z - z)[:n] < SAME_MODE * np.sqrt(np.diag(covariance)[:n]))
-                for z, covariance, _ in modes
+                np.all(np.abs(optimum.z - at)[:n] < SAME_MODE * np.sqrt(np.diag(covariance)[:n]))
+                for at, _, covariance, _ in modes
             ):
                 continue
-            covariance = self._covariance(optimum)
+            z, covariance = self._restricted(optimum)
             weight = np.exp(best.cost - optimum.cost + 0.5 * np.linalg.slogdet(covariance)[1])
-            modes.append((optimum.z, covariance, weight))
-        total = sum(weight for *_, weight in modes)
-        return sum(
-            weight / total * (covariance + np.outer(z - best.z, z - best.z)) for z, covariance, weight in modes
+            modes.append((optimum.z, z, covariance, weight))
+        first, total = modes[0][1], sum(weight for *_, weight in modes)
+        return first, sum(
+            weight / total * (covariance + np.outer(z - first, z - first)) for _, z, covariance, weight in modes
         )
 
-    def _covariance(self, optimum):
-        """Of all parameters, the ratios and states not only given the basin's parameters but whatever these may be.
+    def _restricted(self, optimum):
+        """Parameters near an optimum and their covariance, which count that the ratios and states were fitted, too.
+
+        Fitted together, the basin's parameters explain what the ratios and states have already explained: its motion
+        comes out too small and too narrow. Their restricted likelihood (Patterson and Thompson 1971) takes that out;
+        one step of Newton's leads there from the optimum.
 
         The expected information has nothing that ties a mean to a variance; what another level or spectrum of the
         disturbance would make of the ratios is in the observed one (Efron and Hinkley 1978).
         """
         basin = np.arange(self.term_count, self._shared)
         others = np.setdiff1d(np.arange(optimum.z.size), basin)
+        block = np.ix_(others, others)
         steps = HESSIAN_STEP / np.sqrt(np.diag(optimum.information)[basin])
         moved = np.tile(optimum.z, (basin.size, 1))
         moved[np.arange(basin.size), basin] += steps
-        observed = np.array([each.gradient - optimum.gradient for each in self.evaluate(moved)]).T / steps
-        known = np.linalg.inv(optimum.information[np.ix_(others, others)])
-        if not np.isfinite(observed).all():
-            return np.linalg.inv(optimum.information)
-        ties = known @ observed[others]
+        found = self.evaluate(moved)
+        if not all(each.is_finite for each in found):
+            return optimum.z, np.linalg.inv(optimum.information)
+        observed = np.array([each.gradient - optimum.gradient for each in found]).T / steps
+        ties = np.linalg.solve(optimum.information[block], observed[others])
         scale = self._prior_std[basin]
         own = 0.5 * (observed[basin] + observed[basin].T) - observed[others].T @ ties
         curvature, directions = np.linalg.eigh(own * np.outer(scale, scale))
         directions *= scale[:, None]
         of_basin = directions / np.maximum(curvature, LEAST_CURVATURE) @ directions.T
-        covariance = np.empty((optimum.z.size, optimum.z.size))
+        logarithms = [np.linalg.slogdet(each.information[block])[1] for each in (optimum, *found)]
+        step = -of_basin @ (0.5 * (np.array(logarithms[1:]) - logarithms[0]) / steps)
+        start = optimum.z.copy()
+        start[basin] += np.clip(step, -LARGEST_RESTRICTION, LARGEST_RESTRICTION)
+        best = (self.minimise([start], held=basin) or [optimum])[0]
+        covariance = np.empty((start.size, start.size))
         covariance[np.ix_(basin, basin)] = of_basin
-        covariance[np.ix_(others, others)] = known + ties @ of_basin @ ties.T
+        covariance[block] = np.linalg.inv(best.information[block]) + ties @ of_basin @ ties.T
         covariance[np.ix_(others, basin)] = -ties @ of_basin
         covariance[np.ix_(basin, others)] = covariance[np.ix_(others, basin)].T
-        return covariance
+        return best.z, covariance
 
 
 def scoring(

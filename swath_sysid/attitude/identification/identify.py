@@ -356,8 +356,8 @@ def refined_in_basin(found: Identification) -> Identification:
 
     Where the equation lacks a term that the motion shows, the likelihood takes for the basin's motion what the
     equation cannot make: its optimum then simulates far worse than that of least squares, which stays. So it does
-    where the natural period leaves that of least squares, although no single term stands out, but one may be lacking, and where the
-    likelihood's motion, unlike the filter's, runs away.
+    where the natural period leaves that of least squares, although no single term stands out of those that may be
+    lacking, and where the likelihood's motion, unlike the filter's, runs away.
     """
     problem, equation = found.problem, found.model.equation
     if found.objective == 'one-step':

@@ -37,8 +37,8 @@ SUBSTEPS = 2
     DRIFT,
 ) = range(11)  # fmt: skip
 """Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency,
-rad/s, damping ratio and spread; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the coloured
-noise of either; drift of the trim, rad in the square root of a second."""
+rad/s, damping ratio and spread; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the
+coloured noise of either; drift of the trim, rad in the square root of a second."""
 
 
 def disturbance(
