@@ -319,7 +319,7 @@ def innovations(
     count = ratios.shape[1]
     # most of the sets have the same disturbance
     spectra, which = np.unique(basin[[FREQUENCY, DAMPING, SPREAD]], axis=1, return_inverse=True)
-    ahead, stationary = (each[which.ravel()] for each in disturbance(*spectra, step))
+    ahead, stationary = (each[which.ravel()] for each in disturbance(spectra[0], spectra[1], spectra[2], step))
     m, (c, q, transition) = np.zeros((count, STATES)), np.zeros((3, count, STATES, STATES))
     m[:, [X, RATE, TRIM]] = initial.T
     c[:, BIAS, BIAS] = bias_std**2
