@@ -27,8 +27,8 @@ Pair = tuple[Value, Value]
 STATES = 12
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
 """Places in the state; the last six are the disturbance, its slope, and the same of what drives it and that."""
-HALVINGS, TAYLOR_ORDER = 4, 10
-"""Of the disturbance's exponential: exact to rounding up to two radians a step."""
+HALVINGS, TAYLOR_ORDER = 10, 6
+"""Of the disturbance's exponential: to rounding at a radian a step, and stable at a hundred."""
 SUBSTEPS = 2
 """Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign."""
 
