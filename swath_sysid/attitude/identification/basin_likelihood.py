@@ -71,8 +71,6 @@ HESSIAN_STEP = 0.05
 LEAST_CURVATURE = 0.5
 """Of the posterior along any mixture of the basin's parameters, over that of the prior: where the likelihood bends
 away from its maximum it says no less than this about them."""
-LARGEST_RESTRICTION = 1.0
-"""By which the restricted likelihood moves the logarithm of a parameter of the basin, at most."""
 INTERVAL = 0.95
 NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
 
@@ -446,7 +444,7 @@ class BasinLikelihood:
 
         Fitted together, the basin's parameters explain what the ratios and states have already explained: its motion
         comes out too small and too narrow. Their restricted likelihood (Patterson and Thompson 1971) takes that out;
-        one step of Newton's leads there from the optimum.
+        one step of Newton's leads there from the optimum, as far as the record and not the prior has determined them.
 
         The expected information has nothing that ties a mean to a variance; what another level or spectrum of the
         disturbance would make of the ratios is in the observed one (Efron and Hinkley 1978).
@@ -466,11 +464,13 @@ class BasinLikelihood:
         own = 0.5 * (observed[basin] + observed[basin].T) - observed[others].T @ ties
         curvature, directions = np.linalg.eigh(own * np.outer(scale, scale))
         directions *= scale[:, None]
-        of_basin = directions / np.maximum(curvature, LEAST_CURVATURE) @ directions.T
+        variances = 1.0 / np.maximum(curvature, LEAST_CURVATURE)
+        of_basin = directions * variances @ directions.T
         logarithms = [np.linalg.slogdet(each.information[block])[1] for each in (optimum, *found)]
-        step = -of_basin @ (0.5 * (np.array(logarithms[1:]) - logarithms[0]) / steps)
+        slopes = 0.5 * (np.array(logarithms[1:]) - logarithms[0]) / steps
+        by_record = np.maximum(1.0 - variances, 0.0)
         start = optimum.z.copy()
-        start[basin] += np.clip(step, -LARGEST_RESTRICTION, LARGEST_RESTRICTION)
+        start[basin] -= directions * variances * by_record @ (directions.T @ slopes)
         best = (self.minimise([start], held=basin) or [optimum])[0]
         covariance = np.empty((start.size, start.size))
         covariance[np.ix_(basin, basin)] = of_basin
