@@ -355,6 +355,14 @@ def test_least_squares_stays_where_the_likelihood_leaves_its_period(bench):
 
 
 @pytest.mark.slow
+def test_a_verdict_says_so_where_terms_that_may_be_lacking_would_move_the_period(bench):
+    """Chance makes such a likelihood ratio of one complete equation in twenty at most; the stiffness is 8 std off."""
+    found = fit(bench.made_trial('hydrofoil-pitch 5', bench.SCENES['waves-0.3'], 0), 'linear')
+    assert (found.verdict.level, found.verdict.code) == ('doubtful', 'equation-open')
+    assert found.rival.widening > 1.5 and 'r2' in found.rival.name
+
+
+@pytest.mark.slow
 def test_no_term_is_missed_where_none_is_lacking(bench):
     made = bench.made_trial('swath-pitch 6', bench.SCENES['white'], 1)
     assert fit(made, bench.equation_of(made.truth)).absent_term is None

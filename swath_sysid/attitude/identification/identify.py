@@ -11,7 +11,13 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_INDEX
-from swath_sysid.attitude.identification.absent_terms import AbsentTerm, absent_term, fit_and_test, lacks_terms
+from swath_sysid.attitude.identification.absent_terms import (
+    AbsentTerm,
+    Rival,
+    absent_term,
+    fit_and_test,
+    lacks_terms,
+)
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
 from swath_sysid.attitude.identification.fit_quality import VANISHED, Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
@@ -113,24 +119,6 @@ class RecordFit:
 
 
 @dataclass(frozen=True)
-class Rival:
-    """An equation that explains the same records about as well.
-
-    Attributes
-    ----------
-    name : str
-    natural_period : float
-        s.
-    widening : float
-        Standard deviation of the linear stiffness with the equation open, over that of the equation chosen.
-    """
-
-    name: str
-    natural_period: float
-    widening: float
-
-
-@dataclass(frozen=True)
 class Identification:
     """An identified model and what must be known to use it.
 
@@ -170,7 +158,8 @@ class Identification:
     choice : str
         Why this equation, in one sentence; empty where it was given.
     rival : Rival or None
-        Where the equation was chosen by its likelihood: the other that leaves the period most open.
+        That leaves the period most open: of the others where the equation was chosen by its likelihood, else the
+        equation with every smooth term, where that is likely to be needed.
     """
 
     model: DecayModel
@@ -365,7 +354,7 @@ def refined_in_basin(found: Identification) -> Identification:
     if not suits_likelihood(problem, equation):
         return replace(found, absent_term=absent_term(found))
     states = [record.state for record in found.records]
-    basin, lacking = fit_and_test(problem, equation, found.model.ratios, states)
+    basin, lacking, rival = fit_and_test(problem, equation, found.model.ratios, states)
     if basin is None:
         return replace(found, absent_term=absent_term(found))
     fit = motion_fit(problem, equation)
@@ -379,8 +368,9 @@ def refined_in_basin(found: Identification) -> Identification:
         lacking = lacking or absent_term(found)
     best = refined if lacking is None and not moved else found
     return replace(
-        best, objective_value=found.objective_value, absent_term=lacking, log_likelihood=basin.log_likelihood
-    )
+        best, objective_value=found.objective_value, absent_term=lacking, log_likelihood=basin.log_likelihood,
+        rival=rival,
+    )  # fmt: skip
 
 
 def _has_left(refined: Identification, found: Identification):

@@ -21,6 +21,7 @@ from swath_sysid.attitude.hull.compiled import (
     restoring_moment,
     restoring_slope,
 )
+from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 
 Pair = tuple[Value, Value]

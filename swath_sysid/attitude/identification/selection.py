@@ -8,11 +8,11 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.decay_model import Equation
+from swath_sysid.attitude.identification.absent_terms import Rival
 from swath_sysid.attitude.identification.basin_likelihood import interval
 from swath_sysid.attitude.identification.identify import (
     Identification,
     IdentificationSettings,
-    Rival,
     identify_problem,
     motion_fit,
     refit_from,
