@@ -13,7 +13,7 @@ from scipy.special import chdtrc
 
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES
-from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood
+from swath_sysid.attitude.identification.basin_likelihood import BasinFit, BasinLikelihood, Evaluation
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit
 from swath_sysid.attitude.identification.problem import Problem
 from swath_sysid.common.covariance import sandwich_covariance
@@ -159,26 +159,26 @@ def lacks_terms(equation: Equation) -> bool:
     return bool(_lacking(equation, SMOOTH_TERMS))
 
 
-def _lacking(equation, names):
+def _lacking(equation: Equation, names: Sequence[str]):
     """Those of the names that an equation may still take: s2 stands for r2."""
     taken = (*equation.terms, *(('r2',) if 's2' in equation.terms else ()))
     return [name for name in names if name not in taken]
 
 
-def _is_chance(complete, optima, added, share):
+def _is_chance(complete: Sequence[Evaluation], optima: Sequence[Evaluation], added: int, share: float):
     gained = optima[0].cost - complete[0].cost
     return bool(chdtrc(added, max(2.0 * gained, 0.0)) > share)
 
 
-def _likelihood(problem, equation):
+def _likelihood(problem: Problem, equation: Equation):
     return BasinLikelihood(problem.observed, problem.states, equation, problem.scales, problem.friction_rate)
 
 
-def _with_terms(equation, names):
+def _with_terms(equation: Equation, names: Sequence[str]):
     return Equation(f'{equation.name} and {", ".join(names)}', (*equation.terms, *names))
 
 
-def _step_of_least_squares(found, equation, name):
+def _step_of_least_squares(found: 'Identification', equation: Equation, name: str):
     """What a Gauss-Newton step makes of a term, and its standard deviation under autocorrelated residuals."""
     problem = found.problem
     fit = MotionFit(problem.motions, equation, problem.scales, problem.noise, problem.friction_rate)
@@ -192,7 +192,7 @@ def _step_of_least_squares(found, equation, name):
     return float(step[place]), float(np.sqrt(covariance[place, place]))
 
 
-def _free(found, equation, name, size):
+def _free(found: 'Identification', equation: Equation, name: str, size: int):
     """Mask of the parameters that are not held at a bound."""
     free = np.ones(size, dtype=bool)
     free[: len(equation.terms)] = [

@@ -250,7 +250,7 @@ class BasinLikelihood:
             z[self._shared :] = self._first_states(states)
         return z
 
-    def _first_states(self, states):
+    def _first_states(self, states: Sequence[InitialState]):
         """States (3 M,) in the middle of each first block, dimensionless."""
         return np.concatenate([
             np.array([s.x + 0.5 * r.step * s.rate, s.rate, s.trim]) / self._state_units
@@ -273,7 +273,7 @@ class BasinLikelihood:
         """Innovations and variances of each record, shape (2, 2 N)."""
         return [self._innovations_of(k, z[None])[..., 0] for k in range(len(self._records))]
 
-    def _innovations_of(self, index, points):
+    def _innovations_of(self, index: int, points: np.ndarray):
         """Of a record, at B points, shape (2, 2 N, B)."""
         record = self._records[index]
         ratios, basin, states = self.unpack(points)
@@ -362,14 +362,14 @@ class BasinLikelihood:
         found = sorted((o for o in optima if o.is_finite), key=lambda optimum: optimum.cost)
         return [o for o in found if self._is_upright(o)] or found
 
-    def _is_at(self, point, optimum):
+    def _is_at(self, point: Evaluation, optimum: Evaluation):
         """Whether a point is one that an optimum stands for: hardly less likely, and the same ratios."""
         if not optimum.cost <= point.cost < optimum.cost + SAME_COST:
             return False
         std = np.sqrt(np.diag(np.linalg.inv(optimum.information)))
         return bool(np.all(np.abs(point.z - optimum.z)[: self.term_count] < SAME_MODE * std[: self.term_count]))
 
-    def _is_upright(self, point):
+    def _is_upright(self, point: Evaluation):
         return restoring_slope(0.0, self.unpack(point.z)[0], self._active) > 0.0
 
     def starts(self, ratios: np.ndarray, states: Sequence[InitialState]) -> list[np.ndarray]:
@@ -416,7 +416,7 @@ class BasinLikelihood:
             normalised=normalised,
         )
 
-    def _posterior(self, optima):
+    def _posterior(self, optima: Sequence[Evaluation]):
         """Parameters and their covariance, of some optima by cost: about the first, others count by their share.
 
         Each has the probability of a Gaussian of its height and covariance (Laplace's approximation).
@@ -439,7 +439,7 @@ class BasinLikelihood:
             weight / total * (covariance + np.outer(z - first, z - first)) for _, z, covariance, weight in modes
         )
 
-    def _restricted(self, optimum):
+    def _restricted(self, optimum: Evaluation):
         """Parameters near an optimum and their covariance, which count that the ratios and states were fitted, too.
 
         Fitted together, the basin's parameters explain what the ratios and states have already explained: its motion
@@ -589,6 +589,6 @@ def interval(value: float, std: float, bounded: bool) -> np.ndarray:
     return np.array([low, high])
 
 
-def _white(channels, least):
+def _white(channels: Sequence[np.ndarray | None], least: float):
     measured = [white_noise(c) for c in channels if c is not None]
     return max(float(np.median(measured)) if measured else 0.0, least)

@@ -214,7 +214,7 @@ class MotionFit:
                 for k, (state, (before, weights, _)) in enumerate(zip(states, self._places, strict=True))
             )
 
-    def _least_squares(self, parameters, chosen, bounds):
+    def _least_squares(self, parameters: np.ndarray, chosen: np.ndarray, bounds: tuple):
         """scipy's trust-region least squares over the chosen parameters, the others kept.
 
         Residuals and Jacobian come out of one simulation, so that the Jacobian is at hand when
@@ -222,14 +222,14 @@ class MotionFit:
         """
         held = {}
 
-        def residuals(values):
+        def residuals(values: np.ndarray):
             trial = parameters.copy()
             trial[chosen] = values
             parts, jacobians = self.residuals_and_jacobian(trial)
             held['jacobian'] = values.copy(), np.concatenate(jacobians)[:, chosen]
             return np.concatenate(parts)
 
-        def jacobian(values):
+        def jacobian(values: np.ndarray):
             if not np.array_equal(held['jacobian'][0], values):
                 residuals(values)
             return held['jacobian'][1]
@@ -241,12 +241,12 @@ class MotionFit:
             ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=MAX_EVALUATIONS,
         )  # fmt: skip
 
-    def _simulate(self, x, rate, ratios):
+    def _simulate(self, x: np.ndarray, rate: np.ndarray, ratios: np.ndarray):
         return runge_kutta_population(
             x, rate, ratios, self._equation.active, self._friction_rate, self._step, self._steps
         )
 
-    def _channel_residuals(self, index, simulated, columns, trim):
+    def _channel_residuals(self, index: int, simulated: tuple[np.ndarray, ...], columns: slice, trim: float):
         """Weighted residuals, shape (N, P), of the measured channels of a record: angle, rate."""
         motion = self._motions[index]
         before, weights, _ = self._places[index]
@@ -260,7 +260,7 @@ class MotionFit:
             residuals.append((found - motion.rate[:, None]) / self._noise.rate)
         return residuals
 
-    def _channel_trim_slopes(self, index):
+    def _channel_trim_slopes(self, index: int):
         """Derivative of each channel's residuals by the dimensionless trim."""
         motion = self._motions[index]
         angle = [self._state_units[2] / self._noise.angle] if motion.angle is not None else []

@@ -88,6 +88,6 @@ def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.nda
     return AmplitudeBands(curves, _spread(frequency, covariance), _spread(damping, covariance))
 
 
-def _spread(slopes, covariance):
+def _spread(slopes: np.ndarray, covariance: np.ndarray):
     """Standard deviation of a quantity of slopes (n, A) by the delta method, shape (A,)."""
     return np.sqrt(np.maximum(np.einsum('ia,ij,ja->a', slopes, covariance, slopes), 0.0))
