@@ -42,7 +42,7 @@ class ForecastNoise:
     leads: np.ndarray = field(default_factory=lambda: np.array([1.0]))
     scale: np.ndarray = field(default_factory=lambda: np.ones((6, 1)))
 
-    def scale_at(self, lead):
+    def scale_at(self, lead: float) -> np.ndarray:
         """Shape (6,), linear between the leads and held beyond them."""
         return np.array([np.interp(lead, self.leads, row) for row in self.scale])
 

@@ -55,7 +55,7 @@ class ManoeuvringTrial:
     source: str = ''
     advice: tuple[Advice, ...] = ()
 
-    def measured(self):
+    def measured(self) -> dict[str, np.ndarray]:
         """The channels that it holds, by name."""
         return {name: getattr(self, name) for name in MEASURED if getattr(self, name) is not None}
 
@@ -104,11 +104,11 @@ class Run:
     advice: tuple[Advice, ...] = ()
 
     @property
-    def channels(self):
+    def channels(self) -> np.ndarray:
         """Surge, sway and yaw rate, shape (3, N)."""
         return np.stack([self.surge, self.sway, self.yaw_rate])
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """s."""
         return float(self.time[-1] - self.time[0])
