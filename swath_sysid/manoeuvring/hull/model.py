@@ -27,7 +27,6 @@ class ManoeuvringModel:
         Of every parameter in `terms.NAMES`; what is not in use has its neutral value.
     thrust_input : str
         ``force`` (N a thruster) or ``command`` (-1 to 1).
-    name : str
     length : float
         Of the hulls, m: for the prime system and the standard tests.
     largest_input : float

@@ -131,10 +131,6 @@ def simulate(
         East, north, m.
     current : sequence of 2 floats, optional
         East and north, m/s; the model's own by default.
-
-    Returns
-    -------
-    Manoeuvre
     """
     port, starboard = np.asarray(port, dtype=float), np.asarray(starboard, dtype=float)
     thrust = acting_thrust(port, starboard, model.values, step)

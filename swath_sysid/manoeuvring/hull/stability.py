@@ -71,10 +71,6 @@ def check_stability(model: ManoeuvringModel, region: Region) -> StabilityCheck:
         That is examined.
     region : Region
         Speeds and inputs that it is examined at.
-
-    Returns
-    -------
-    StabilityCheck
     """
     speeds = straight_speeds(region)
     growth = growth_rates(model.values[:, None], model.active, speeds)[:, 0]

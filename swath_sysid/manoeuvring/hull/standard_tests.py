@@ -52,8 +52,6 @@ class ManoeuvringTest:
 
     Attributes
     ----------
-    name : str
-    manoeuvre : Manoeuvre
     numbers : dict of str to float
         Units in the names; NaN for what the test did not reach.
     curve : dict of str to ndarray
@@ -221,10 +219,6 @@ def run_test(name: str, model: ManoeuvringModel, settings: DriveSettings | None 
         That is driven.
     settings : DriveSettings, optional
         How the tests are driven.
-
-    Returns
-    -------
-    ManoeuvringTest
 
     Raises
     ------

@@ -35,14 +35,12 @@ class Parameter:
 
     Attributes
     ----------
-    name : str
     kind : str
         ``inertia``, ``damping``, ``cross``, ``offset``, ``thrust`` or ``sensor``.
     row : str
         The equation it stands in: ``X``, ``Y``, ``N``, or empty for thrust and sensor.
     factors : str
         What it multiplies, as powers of u, v, r and of their time derivatives U, V, R: ``uu``, ``vr``, ``R``.
-    unit : str
     neutral : float
         Its value where it is not in use.
     separated_by : str

@@ -60,8 +60,6 @@ class Problem:
 
     Attributes
     ----------
-    runs : tuple of Run
-    thrust_input : str
     base : ndarray, shape (n,)
         Known parameters, and first guesses of the others.
     free : tuple of str
@@ -72,7 +70,6 @@ class Problem:
         is taken for a hull's.
     candidates : tuple of tuple of str
         Groups of unknowns that may be added.
-    scales : Scales
     length : float
         m.
     towards : dict of str to (value, std)
@@ -80,11 +77,9 @@ class Problem:
         Parameters that these runs do not excite and that have usual values.
     flags : dict of str to str
         Parameters that need a warning, and its code.
-    region : Region
     noise : ndarray, shape (3,)
     drift_spread : float
         m/s, by how much the currents of the runs differ, beside their noise; 0: one current, or none.
-    advice : tuple of Advice
     ties : dict of str to str
         Parameters that are equal to another one, and to which.
     largest_growth : float
@@ -163,10 +158,6 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
         See `moving_runs`.
     settings : ManoeuvringSettings
         What is given, fixed and searched.
-
-    Returns
-    -------
-    Problem
 
     Raises
     ------

@@ -69,7 +69,6 @@ class Derivative:
         In the unit of the parameter; std NaN where it was given or assumed.
     prime : float or None
         Without dimensions; None for the thrusters' parameters.
-    unit : str
     flags : tuple of str
         Codes of the warnings that concern it.
     """
@@ -87,27 +86,18 @@ class ManoeuvringIdentification:
 
     Attributes
     ----------
-    model : ManoeuvringModel
     names : tuple of str
         What was identified, thrusters and current included.
     values : ndarray, shape (n,)
     covariance : ndarray, shape (n, n)
-    derivatives : dict of str to Derivative
     fixed : dict of str to float
         What was given or assumed, by name.
-    prime_units : PrimeUnits
     noise : ndarray, shape (3,)
         Residual standard deviation of surge, sway, yaw rate.
-    identification, validation : Scores or None
-    identified_on, validated_on : tuple of Run
-    stability : StabilityCheck
     rejected : dict of str to str
         Terms that were tried and refused, and why.
     currents : ndarray, shape (R, 2)
         East and north, m/s, of each run identified on, by its own motion.
-    effective_samples : float
-    evaluations : int
-    advice : tuple of Advice
     """
 
     model: ManoeuvringModel
@@ -157,10 +147,6 @@ def identify_manoeuvring(
         Called with the share of the work done, 0 to 1.
     should_cancel : callable, optional
         Asked between steps.
-
-    Returns
-    -------
-    ManoeuvringIdentification
 
     Raises
     ------

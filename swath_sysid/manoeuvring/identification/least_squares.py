@@ -50,10 +50,6 @@ def minimise(
         Of the residuals.
     tolerance : float
         Relative decrease of the cost below which it has converged.
-
-    Returns
-    -------
-    Minimum
     """
     x = np.clip(start, lower, upper)
     residual = residuals(x)

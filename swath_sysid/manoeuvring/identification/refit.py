@@ -31,13 +31,10 @@ class ManoeuvreRefitRequest:
 
     Attributes
     ----------
-    trial : ManoeuvringTrial
     current : IdentifiedManoeuvringModel or None
         The model held.
-    settings : ManoeuvringSettings
     least_improvement : float
         Part by which the new model must miss the held-out motion less than the current one.
-    provenance : dict
     """
 
     trial: ManoeuvringTrial
@@ -82,10 +79,6 @@ def refit_manoeuvring(
         Called with 0 to 1.
     should_cancel : callable, optional
         Asked between steps.
-
-    Returns
-    -------
-    ManoeuvreRefitOutcome
 
     Raises
     ------

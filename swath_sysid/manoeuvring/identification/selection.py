@@ -73,19 +73,13 @@ class Fit:
 
     Attributes
     ----------
-    names : tuple of str
     values : ndarray, shape (n,)
-    cost : float
-    shooting : MultipleShooting
-    covariance : ParameterCovariance
-    stable : bool
     without_each_part : ndarray, shape (K, n)
         The values that the runs but one would give.
     inflation : float
         By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares.
     rejected : dict of str to str
         Terms tried and refused, and why.
-    evaluations : int
     """
 
     names: tuple[str, ...]
@@ -127,10 +121,6 @@ def shooting_of(problem: Problem, window: float) -> MultipleShooting:
 
 def fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], values: np.ndarray, rounds: int = 2) -> Fit:
     """Refine some unknowns from a start, with robust weights taken anew in every round.
-
-    Returns
-    -------
-    Fit
     """
     shooting = shooting.with_unknowns(problem.unknowns(names), problem.base)
     evaluations = 0
@@ -310,10 +300,6 @@ def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = 
         Of the terms that are always free.
     note : callable, optional
         Called after each term with the number of terms so far.
-
-    Returns
-    -------
-    Fit
     """
     now = first
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]

@@ -106,7 +106,6 @@ class ShootingFit:
         Of the unknowns.
     cost : float
         Half the weighted sum of squares, regularisation included.
-    evaluations : int
     """
 
     values: np.ndarray

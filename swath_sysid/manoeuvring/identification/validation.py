@@ -34,7 +34,6 @@ class Simulated:
 
     Attributes
     ----------
-    windows : Windows
     states : ndarray, shape (S + 1, 3, W)
         Surge and sway over ground, yaw rate, as the sensors would record them; NaN behind the end of a window.
     heading, x, y : ndarray, shape (S + 1, W)
@@ -93,10 +92,6 @@ def simulate_windows(
         Of the windows, s.
     currents : ndarray, shape (R, 2), optional
         East and north, m/s, of each run; that of the model by default.
-
-    Returns
-    -------
-    Simulated
     """
     windows = cut(runs, length, shortest)
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
@@ -131,10 +126,6 @@ def score(
     model: ManoeuvringModel, runs: Sequence[Run], length: float = 20.0, currents: np.ndarray | None = None
 ) -> Scores:
     """Scores of a model on some runs; see `simulate_windows`.
-
-    Returns
-    -------
-    Scores
     """
     found = simulate_windows(model, runs, length, currents=currents)
     windows = found.windows

@@ -23,7 +23,6 @@ class Windows:
     ----------
     step : float
         s.
-    runs : tuple of Run
     run_index, start, steps : ndarray of int, shape (W,)
         Run, first sample, and number of steps of each window.
     measured : ndarray, shape (3, S + 1, W)
@@ -68,10 +67,6 @@ def cut(runs: Sequence[Run], length: float = LENGTH, shortest: float = SHORTEST)
         Of equal step.
     length, shortest : float
         s; what remains at the end of a run is kept if it is not shorter than ``shortest``.
-
-    Returns
-    -------
-    Windows
 
     Raises
     ------

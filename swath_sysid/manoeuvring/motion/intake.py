@@ -42,10 +42,6 @@ def prepare_all(
     step : float, optional
         s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
 
-    Returns
-    -------
-    list of Run
-
     Raises
     ------
     InputError

@@ -45,10 +45,6 @@ def set_right(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> lis
     advice : sequence of lists of Advice
         One a trial; they grow.
 
-    Returns
-    -------
-    list of ManoeuvringTrial
-
     Raises
     ------
     InputError

@@ -35,8 +35,6 @@ class ManoeuvringTrial:
         Half the distance between the thrusters, m, where stated.
     length : float or None
         Of the hulls, m, where stated.
-    source : str
-    advice : tuple of Advice
     """
 
     time: np.ndarray
@@ -80,9 +78,6 @@ class Run:
         rad (not wrapped) and m, without gaps; None where not measured.
     smooth : ndarray, shape (3, N)
         Smoothed surge, sway, yaw rate, NaN where none was measured.
-    thrust_input, source : str
-    lever, length : float or None
-    advice : tuple of Advice
     """
 
     step: float

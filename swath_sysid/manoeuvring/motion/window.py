@@ -99,10 +99,6 @@ class ManoeuvringWindow:
         source : str
             Its name.
 
-        Returns
-        -------
-        ManoeuvringTrial
-
         Raises
         ------
         InputError

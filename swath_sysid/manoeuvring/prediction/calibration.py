@@ -37,10 +37,6 @@ def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> I
     runs : sequence of Run
         Those that it was identified on.
 
-    Returns
-    -------
-    IdentifiedManoeuvringModel
-
     Raises
     ------
     InputError

@@ -51,7 +51,6 @@ class ManoeuvreOutlookSettings:
         s after which the filter begins anew.
     stop_after : float
         s without a thrust command after which the thrust is zero; 0: it holds for ever.
-    filter : ManoeuvreFilterSettings
     """
 
     leads: tuple[float, ...] = (1.0, 5.0, 10.0)
@@ -74,8 +73,8 @@ class ManoeuvreOutlookSettings:
 
 
 @dataclass(frozen=True)
-class OdometryReading:
-    """Pose and twist of one message; standard deviations None where the sender gives none.
+class PlanarMotion:
+    """Pose and twist at one time.
 
     Attributes
     ----------
@@ -85,8 +84,6 @@ class OdometryReading:
         East, north, m; rad.
     surge, sway, yaw_rate : float
         Body axes, over ground.
-    std : dict of str to float
-        By channel.
     """
 
     stamp: float
@@ -96,28 +93,19 @@ class OdometryReading:
     surge: float
     sway: float
     yaw_rate: float
-    std: dict
 
 
 @dataclass(frozen=True)
-class ManoeuvreState:
-    """Expected motion at one time.
+class OdometryReading(PlanarMotion):
+    """What one message says; standard deviations by channel, none where the sender gives none."""
 
-    Attributes
-    ----------
-    stamp, x, y, heading, surge, sway, yaw_rate : float
-        As `OdometryReading`.
-    pose_covariance, twist_covariance : ndarray, shape (3, 3)
-        Of x, y, heading, and of surge, sway, yaw rate.
-    """
+    std: dict[str, float]
 
-    stamp: float
-    x: float
-    y: float
-    heading: float
-    surge: float
-    sway: float
-    yaw_rate: float
+
+@dataclass(frozen=True)
+class ManoeuvreState(PlanarMotion):
+    """Expected motion; covariances, shape (3, 3), of x, y, heading, and of surge, sway, yaw rate."""
+
     pose_covariance: np.ndarray
     twist_covariance: np.ndarray
 
@@ -219,10 +207,6 @@ class ManoeuvreOutlook:
         ----------
         reading : OdometryReading
             In the order of arrival.
-
-        Returns
-        -------
-        OutlookStep
         """
         values = {name: getattr(reading, name) for name in MEASURABLE}
         if not all(map(math.isfinite, (reading.stamp, *values.values()))):

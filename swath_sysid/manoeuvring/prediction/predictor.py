@@ -130,7 +130,6 @@ class ManoeuvreFilter:
         State and its covariance.
     stamp : float
         s; NaN before the start.
-    thrust : ThrustMemory
     """
 
     def __init__(self, identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings | None = None):
@@ -265,10 +264,6 @@ class ManoeuvreFilter:
             s, increasing, positive.
         future : sequence of (lead, port, starboard), optional
             Inputs that hold from each lead on; without, the last ones hold, and are the less certain the further.
-
-        Returns
-        -------
-        ManoeuvreForecast
         """
         ahead = copy(self)
         ahead.thrust = deepcopy(self.thrust)

@@ -142,10 +142,6 @@ def score_forecasts(
     held : bool
         Score only the leads over which the inputs did hold.
 
-    Returns
-    -------
-    ForecastScores
-
     Raises
     ------
     InputError
