@@ -66,7 +66,7 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
 
 def _turns_to_one_side(yaw_rate: np.ndarray) -> bool:
     """Whether the drift of turns to one side alone leaves the same sway as a compass askew."""
-    return max(np.mean(yaw_rate > TURNING), np.mean(yaw_rate < -TURNING)) > ONE_SIDED
+    return bool(max(np.mean(yaw_rate > TURNING), np.mean(yaw_rate < -TURNING)) > ONE_SIDED)
 
 
 def _sway_by_cause(trial: ManoeuvringTrial):
