@@ -87,8 +87,11 @@ class ManoeuvringIdentifier(IdentificationNode):
 
     def _publish(self) -> str:
         """Publish the model and save it; a remark where it could not be saved."""
-        self._publisher.publish(String(data=manoeuvring_to_yaml(self.refitter.model)))
-        return self._file.keep(self.refitter.model)
+        model = self.refitter.model
+        if model is None:
+            return ''
+        self._publisher.publish(String(data=manoeuvring_to_yaml(model)))
+        return self._file.keep(model)
 
     def _on_odometry(self, message: Odometry) -> None:
         reading = odometry_reading(message)

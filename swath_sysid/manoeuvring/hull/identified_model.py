@@ -42,7 +42,7 @@ class ForecastNoise:
     leads: np.ndarray = field(default_factory=lambda: np.array([1.0]))
     scale: np.ndarray = field(default_factory=lambda: np.ones((6, 1)))
 
-    def scale_at(self, lead):
+    def scale_at(self, lead: float) -> np.ndarray:
         """Shape (6,), linear between the leads and held beyond them."""
         return np.array([np.interp(lead, self.leads, row) for row in self.scale])
 
@@ -53,7 +53,6 @@ class IdentifiedManoeuvringModel:
 
     Attributes
     ----------
-    model : ManoeuvringModel
     names : tuple of str
         Identified numbers, current included, in the order of the covariance.
     covariance : ndarray, shape (n, n)
@@ -61,7 +60,6 @@ class IdentifiedManoeuvringModel:
         Standard deviation of what the model left of surge, sway, m/s, and yaw rate, rad/s.
     region : Region
         Motion and inputs that it was identified at.
-    metrics, provenance : dict
     forecast : ForecastNoise or None
         None: not measured; forecasts fall back on `noise`.
     """

@@ -3,20 +3,22 @@
 The recorded heading is psi + B sin(recorded) + C cos(recorded), the classical semicircular deviation; recorded speeds
 are those of the sensor's place over ground, in axes turned by that deviation.
 """
+from collections.abc import Sequence
+
 import numpy as np
 
-from swath_sysid.manoeuvring.hull.terms import DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y
+from swath_sysid.manoeuvring.hull.terms import DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y, Numbers
 
 INVERSIONS = 4
 """Fixed-point rounds from true to recorded heading; each gains a factor of the deviation."""
 
 
-def deviation(recorded_heading, p):
+def deviation(recorded_heading: Numbers, p: np.ndarray) -> Numbers:
     """How far the compass is off at a recorded heading, rad, positive where it reads to port."""
     return p[DEVIATION_B] * np.sin(recorded_heading) + p[DEVIATION_C] * np.cos(recorded_heading)
 
 
-def recorded_heading(heading, p):
+def recorded_heading(heading: Numbers, p: np.ndarray) -> Numbers:
     """What the compass reads at a true heading, rad."""
     found = heading
     for _ in range(INVERSIONS):
@@ -24,13 +26,15 @@ def recorded_heading(heading, p):
     return found
 
 
-def turned(ahead, aside, angle):
+def turned(ahead: Numbers, aside: Numbers, angle: Numbers) -> tuple[Numbers, Numbers]:
     """Components of a vector in axes turned to port by an angle, rad."""
     cosine, sine = np.cos(angle), np.sin(angle)
     return ahead * cosine + aside * sine, aside * cosine - ahead * sine
 
 
-def recorded_speeds(u, v, r, heading, current, p):
+def recorded_speeds(
+    u: Numbers, v: Numbers, r: Numbers, heading: Numbers, current: Sequence | np.ndarray, p: np.ndarray
+) -> tuple[Numbers, Numbers]:
     """Surge and sway as recorded over ground, m/s.
 
     Parameters
@@ -49,7 +53,9 @@ def recorded_speeds(u, v, r, heading, current, p):
     return surge + along, sway + across
 
 
-def through_water(surge, sway, r, heading, current, p):
+def through_water(
+    surge: Numbers, sway: Numbers, r: Numbers, heading: Numbers, current: Sequence | np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """u and v of the origin through the water, m/s: the inverse of `recorded_speeds`.
 
     A speed that is NaN, as it was not measured, stays NaN and counts as none towards the other.
@@ -60,7 +66,7 @@ def through_water(surge, sway, r, heading, current, p):
     return np.where(np.isnan(surge), np.nan, u + r * p[SENSOR_Y]), np.where(np.isnan(sway), np.nan, v - r * p[SENSOR_X])
 
 
-def recorded_position(x, y, heading, p):
+def recorded_position(x: Numbers, y: Numbers, heading: Numbers, p: np.ndarray) -> tuple[Numbers, Numbers]:
     """Position of the sensor, m, of a craft at x, y with a true heading, rad."""
     cosine, sine = np.cos(heading), np.sin(heading)
     return x + p[SENSOR_X] * cosine - p[SENSOR_Y] * sine, y + p[SENSOR_X] * sine + p[SENSOR_Y] * cosine

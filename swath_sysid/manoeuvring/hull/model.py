@@ -1,4 +1,5 @@
 """A manoeuvring model: which terms, with which values."""
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from swath_sysid.manoeuvring.hull.terms import (
     INDEX,
     NAMES,
     NEUTRAL,
+    Numbers,
     accelerations,
 )
 
@@ -25,7 +27,6 @@ class ManoeuvringModel:
         Of every parameter in `terms.NAMES`; what is not in use has its neutral value.
     thrust_input : str
         ``force`` (N a thruster) or ``command`` (-1 to 1).
-    name : str
     length : float
         Of the hulls, m: for the prime system and the standard tests.
     largest_input : float
@@ -51,15 +52,15 @@ class ManoeuvringModel:
             raise InputError('mass and inertia, added mass included, must be positive: added mass is negative or zero')
         object.__setattr__(self, 'active', active_terms(values))
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str):
         return float(self.values[INDEX[name]])
 
     @property
-    def terms(self):
+    def terms(self) -> tuple[str, ...]:
         """Names of the parameters that differ from neutral, in catalogue order."""
         return tuple(n for n, used in zip(NAMES, self.active, strict=True) if used)
 
-    def with_values(self, **values):
+    def with_values(self, **values: float) -> 'ManoeuvringModel':
         """The model with some parameters changed.
 
         Raises
@@ -69,11 +70,13 @@ class ManoeuvringModel:
         """
         return replace(self, values=parameter_values(values, self.values))
 
-    def accelerations(self, u, v, r, port, starboard):
+    def accelerations(
+        self, u: Numbers, v: Numbers, r: Numbers, port: Numbers, starboard: Numbers
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """du/dt, dv/dt, dr/dt under acting thrusts in N; scalars or arrays of shape (P,)."""
         return accelerations(u, v, r, port, starboard, self.values, self.active)
 
-    def jacobian(self, u, v, r, port=0.0, starboard=0.0):
+    def jacobian(self, u: float, v: float, r: float, port: Numbers = 0.0, starboard: Numbers = 0.0) -> np.ndarray:
         """Derivatives of the accelerations by u, v and r, shape (3, 3), by central differences."""
         step = 1e-5
         state = np.array([u, v, r], dtype=float)[:, None]
@@ -83,7 +86,7 @@ class ManoeuvringModel:
         return (found[:, :3] - found[:, 3:]) / (2.0 * step)
 
 
-def parameter_values(values, base=NEUTRAL):
+def parameter_values(values: Mapping[str, float], base: np.ndarray = NEUTRAL) -> np.ndarray:
     """A full parameter vector, shape (n,), from some values by name.
 
     Raises
@@ -99,6 +102,6 @@ def parameter_values(values, base=NEUTRAL):
     return full
 
 
-def active_terms(values):
+def active_terms(values: np.ndarray) -> tuple[bool, ...]:
     """Which parameters differ from their neutral value, as a tuple of bools."""
     return tuple((np.asarray(values) != NEUTRAL).tolist())

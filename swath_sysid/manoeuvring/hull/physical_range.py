@@ -1,5 +1,6 @@
 """What no twin-thruster craft exceeds: the ranges outside of which a manoeuvring model is a mistake."""
 from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, X_G, YR_DOT, YV_DOT, M
 
 LARGEST = 1e12
@@ -24,7 +25,7 @@ PARAMETER_RANGES = {
 """Least and largest value of each parameter; wider than what an identification may find."""
 
 
-def check_physical(model):
+def check_physical(model: ManoeuvringModel) -> None:
     """Refuse a manoeuvring model that no craft can have.
 
     Parameters

@@ -9,7 +9,7 @@ WAMV_LEVER = 1.027135
 """m: half the distance between the thrusters of the simulated WAM-V 16."""
 
 
-def _wamv(name, largest, **derivatives):
+def _wamv(name: str, largest: float, **derivatives: float):
     values = parameter_values(dict(m=180.0, Iz=446.0, lever=WAMV_LEVER, **derivatives))
     return ManoeuvringModel(values, name=name, length=WAMV_LENGTH, largest_input=largest)
 
@@ -24,7 +24,7 @@ PRESETS = {
 """Derivatives by craft: VRX until 2023 and since. The largest input gives 1.7 and 1.5 m/s."""
 
 
-def preset(name):
+def preset(name: str) -> ManoeuvringModel:
     """The craft of that name.
 
     Raises

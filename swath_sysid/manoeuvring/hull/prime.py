@@ -33,7 +33,7 @@ class PrimeUnits:
         if not (self.length > 0.0 and self.speed > 0.0 and self.density > 0.0):
             raise InputError('length, speed and density of the prime system must be positive: give positive numbers')
 
-    def unit(self, name):
+    def unit(self, name: str) -> float:
         """The dimensional size of a derivative whose prime value is one.
 
         A derivative is a force (or moment) over the velocities it multiplies, or of the dimension of a mass.
@@ -56,10 +56,10 @@ class PrimeUnits:
             load /= sizes[factor]
         return load
 
-    def to_prime(self, name, value):
+    def to_prime(self, name: str, value: float) -> float:
         """Prime value of a dimensional derivative."""
         return value / self.unit(name)
 
-    def from_prime(self, name, prime):
+    def from_prime(self, name: str, prime: float) -> float:
         """Dimensional value of a prime derivative."""
         return prime * self.unit(name)

@@ -1,9 +1,11 @@
 """Simulated trials: a programme of runs, and what sensors would have recorded of them."""
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
 
@@ -37,7 +39,7 @@ class SensorNoise:
                 raise InputError(f'the noise of {name} must not be negative: give zero or a positive number')
 
 
-def trial_programme(model, step=STEP):
+def trial_programme(model: ManoeuvringModel, step: float = STEP) -> dict[str, Manoeuvre]:
     """Straight runs with thrust steps, turns to both sides at several speeds, zig-zags; about 15 min.
 
     Parameters
@@ -65,7 +67,7 @@ def trial_programme(model, step=STEP):
     }  # fmt: skip
 
 
-def with_noise(manoeuvre, noise, seed):
+def with_noise(manoeuvre: Manoeuvre, noise: SensorNoise, seed: int) -> Manoeuvre:
     """The manoeuvre as sensors would have recorded it; inputs and time are exact.
 
     Parameters
@@ -84,7 +86,7 @@ def with_noise(manoeuvre, noise, seed):
     """
     rng = np.random.default_rng(seed)
 
-    def disturbed(values, std):
+    def disturbed(values: np.ndarray, std: float) -> np.ndarray:
         return values + std * rng.standard_normal(values.size)
 
     return replace(
@@ -95,18 +97,20 @@ def with_noise(manoeuvre, noise, seed):
     )  # fmt: skip
 
 
-def _turns(base, differences, duration):
+def _turns(base: float, differences: Sequence[float], duration: float):
     return [(base + d, base - d, duration) for d in differences]
 
 
-def _steps(model, step, stages, full) -> Manoeuvre:
+def _steps(
+    model: ManoeuvringModel, step: float, stages: Sequence[tuple[float, float, float]], full: float
+) -> Manoeuvre:
     craft = SteeredCraft(model, step, 0.0, at_rest=True)
     for port, starboard, duration in stages:
         craft.hold(port * full, starboard * full, duration)
     return craft.manoeuvre()
 
 
-def _zigzag(model, step, base, difference, angle, duration):
+def _zigzag(model: ManoeuvringModel, step: float, base: float, difference: float, angle: float, duration: float):
     full = model.largest_input
     craft = SteeredCraft(model, step, base * full)
     turn = 1.0

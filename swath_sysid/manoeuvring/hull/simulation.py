@@ -1,10 +1,13 @@
 """Simulation of manoeuvres: one craft, or many windows of many candidates at once."""
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.manoeuvring.hull import terms
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
+from swath_sysid.manoeuvring.hull.terms import Numbers
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 
 STABLE_STEP = 2.0
@@ -15,13 +18,19 @@ UNDISTURBED = np.zeros((3, 1))
 
 
 @accelerated
-def _slopes(u, v, r, left, right, push, p, active):
+def _slopes(
+    u: np.ndarray, v: np.ndarray, r: np.ndarray, left: np.ndarray, right: np.ndarray, push: np.ndarray, p: np.ndarray,
+    active: tuple[bool, ...],
+):  # fmt: skip
     du, dv, dr = _accelerations(u, v, r, left, right, p, active)
     return du + push[0], dv + push[1], dr + push[2]
 
 
 @accelerated
-def runge_kutta_columns(state, port, starboard, push, p, active, step, substeps):
+def runge_kutta_columns(
+    state: np.ndarray, port: np.ndarray, starboard: np.ndarray, push: np.ndarray, p: np.ndarray,
+    active: tuple[bool, ...], step: float, substeps: int,
+) -> np.ndarray:  # fmt: skip
     """Integrate C craft side by side with the classical Runge-Kutta scheme.
 
     Parameters
@@ -99,7 +108,11 @@ class Manoeuvre:
     starboard: np.ndarray
 
 
-def simulate(model, port, starboard, step, state=(0.0, 0.0, 0.0), heading=0.0, position=(0.0, 0.0), current=None):
+def simulate(
+    model: ManoeuvringModel, port: np.ndarray, starboard: np.ndarray, step: float,
+    state: Sequence[float] = (0.0, 0.0, 0.0), heading: float = 0.0, position: Sequence | np.ndarray = (0.0, 0.0),
+    current: Sequence[float] | None = None,
+) -> Manoeuvre:  # fmt: skip
     """Simulate a craft under given inputs.
 
     Parameters
@@ -118,10 +131,6 @@ def simulate(model, port, starboard, step, state=(0.0, 0.0, 0.0), heading=0.0, p
         East, north, m.
     current : sequence of 2 floats, optional
         East and north, m/s; the model's own by default.
-
-    Returns
-    -------
-    Manoeuvre
     """
     port, starboard = np.asarray(port, dtype=float), np.asarray(starboard, dtype=float)
     thrust = acting_thrust(port, starboard, model.values, step)
@@ -143,7 +152,10 @@ def simulate(model, port, starboard, step, state=(0.0, 0.0, 0.0), heading=0.0, p
     )  # fmt: skip
 
 
-def track(u, v, r, step, heading, position, current):
+def track(
+    u: np.ndarray, v: np.ndarray, r: np.ndarray, step: float, heading: Numbers, position: Sequence | np.ndarray,
+    current: Sequence | np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Heading and position by the trapezoidal rule, along the first axis of u, v, r.
 
     Returns
@@ -156,8 +168,11 @@ def track(u, v, r, step, heading, position, current):
     return psi, x, y
 
 
-def moved(before, after, heading, step, current):
-    """By how much heading and position change over one step, as `track` has it; (heading, x, y).
+def moved(
+    before: Sequence | np.ndarray, after: Sequence | np.ndarray, heading: Numbers, step: float,
+    current: Sequence | np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """By how much heading and position change over one step, as `track` has it: heading, x, y; shape (3,) or (3, C).
 
     Parameters
     ----------
@@ -176,10 +191,13 @@ def moved(before, after, heading, step, current):
     for (u, v, _), psi in ((before, heading), (after, heading + turn)):
         cosine, sine = np.cos(psi), np.sin(psi)
         east, north = east + half * (u * cosine - v * sine), north + half * (u * sine + v * cosine)
-    return turn, east, north
+    return np.array([turn, east, north])
 
 
-def substeps_for(model, step, state=(0.0, 0.0, 0.0), thrust=((0.0,), (0.0,))):
+def substeps_for(
+    model: ManoeuvringModel, step: float, state: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    thrust: Sequence | np.ndarray = ((0.0,), (0.0,)),
+) -> int:  # fmt: skip
     """Runge-Kutta steps that the fastest damping of the craft needs within a step, 1 to 50.
 
     The damping is taken at the state given and at a speed that the largest thrust could drive.
@@ -191,7 +209,7 @@ def substeps_for(model, step, state=(0.0, 0.0, 0.0), thrust=((0.0,), (0.0,))):
     return int(np.clip(np.ceil(step * rate / STABLE_STEP), 1, 50))
 
 
-def steady_speed(model, total_thrust):
+def steady_speed(model: ManoeuvringModel, total_thrust: float) -> float:
     """Speed on a straight course at which the hull resists a total thrust, m/s, at most 30; by bisection."""
     low, high = 0.0, 30.0
     for _ in range(60):
@@ -201,6 +219,6 @@ def steady_speed(model, total_thrust):
     return low
 
 
-def _integral(values, step):
+def _integral(values: np.ndarray, step: float):
     middle = 0.5 * step * (values[1:] + values[:-1])
     return np.concatenate([np.zeros_like(values[:1]), np.cumsum(middle, axis=0)])

@@ -3,6 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, steady_speed, substeps_for
 from swath_sysid.manoeuvring.hull.terms import ADVANCE, DEDUCTION, XU_DOT, M, accelerations
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
@@ -61,7 +62,7 @@ class StabilityCheck:
     unstable_speed: float
 
 
-def check_stability(model, region):
+def check_stability(model: ManoeuvringModel, region: Region) -> StabilityCheck:
     """Small motions about every straight course, and free motion under every held input.
 
     Parameters
@@ -70,10 +71,6 @@ def check_stability(model, region):
         That is examined.
     region : Region
         Speeds and inputs that it is examined at.
-
-    Returns
-    -------
-    StabilityCheck
     """
     speeds = straight_speeds(region)
     growth = growth_rates(model.values[:, None], model.active, speeds)[:, 0]
@@ -86,12 +83,12 @@ def check_stability(model, region):
     )  # fmt: skip
 
 
-def straight_speeds(region):
+def straight_speeds(region: Region) -> np.ndarray:
     """Speeds ahead at which straight courses are examined, m/s, shape (9,)."""
     return np.linspace(max(0.0, region.slowest), max(region.fastest, 1e-3), SPEEDS)
 
 
-def growth_rates(p, active, speeds):
+def growth_rates(p: np.ndarray, active: tuple[bool, ...], speeds: np.ndarray) -> np.ndarray:
     """Largest real part of the eigenvalues of small motions about steady straight courses.
 
     Parameters
@@ -127,7 +124,7 @@ def growth_rates(p, active, speeds):
     return np.linalg.eigvals(jacobian).real.max(axis=1).reshape(count, candidates)
 
 
-def _largest_excess(model, region):
+def _largest_excess(model: ManoeuvringModel, region: Region):
     port, starboard = np.meshgrid(*2 * [np.linspace(region.least_input, region.most_input, INPUTS)])
     held = np.abs(starboard - port) <= region.largest_difference * (1.0 + 1e-9)
     inputs = np.stack([port[held], starboard[held]])
@@ -156,7 +153,7 @@ def _largest_excess(model, region):
     return float(np.max(share)) if np.all(np.isfinite(share)) else float('inf')
 
 
-def _limits(model, region, thrust):
+def _limits(model: ManoeuvringModel, region: Region, thrust: np.ndarray):
     """Speed, sway and yaw rate that these inputs may rightly drive: seen ones, or the steady ones of the hull."""
     ahead = steady_speed(model, float(np.max(thrust.sum(axis=0))))
     speed = max(abs(region.slowest), region.fastest, ahead, 0.1)
@@ -166,7 +163,7 @@ def _limits(model, region, thrust):
     return np.array([speed, max(region.largest_sway, 0.7 * speed), turning])
 
 
-def _steady_yaw_rate(model, difference):
+def _steady_yaw_rate(model: ManoeuvringModel, difference: float):
     """Yaw rate at which the hull's damping alone resists a difference of the thrusts, rad/s, at most 10."""
     low, high = 0.0, 10.0
     for _ in range(40):

@@ -52,8 +52,6 @@ class ManoeuvringTest:
 
     Attributes
     ----------
-    name : str
-    manoeuvre : Manoeuvre
     numbers : dict of str to float
         Units in the names; NaN for what the test did not reach.
     curve : dict of str to ndarray
@@ -66,13 +64,13 @@ class ManoeuvringTest:
     curve: dict[str, np.ndarray]
 
 
-def _inputs(model, settings, turn=1.0):
+def _inputs(model: ManoeuvringModel, settings: DriveSettings, turn: float = 1.0):
     """Port and starboard inputs; ``turn`` 1 to starboard, -1 to port."""
     base, difference = settings.base * model.largest_input, settings.difference * model.largest_input
     return base + turn * difference, base - turn * difference
 
 
-def turning_circle(model, settings):
+def turning_circle(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Advance, transfer, tactical and steady diameter, m, of a turn after a straight approach."""
     still = _still(model)
     base = settings.base * model.largest_input
@@ -107,7 +105,7 @@ def turning_circle(model, settings):
     return ManoeuvringTest('turning-circle', run, numbers, {})
 
 
-def zigzag(model, settings, reversals=6):
+def zigzag(model: ManoeuvringModel, settings: DriveSettings, reversals: int = 6) -> ManoeuvringTest:
     """Overshoots, deg, and period, s, of a zig-zag."""
     still = _still(model)
     base = settings.base * model.largest_input
@@ -136,7 +134,7 @@ def zigzag(model, settings, reversals=6):
     return ManoeuvringTest('zigzag', run, numbers, {})
 
 
-def speed_test(model, settings, steps=8):
+def speed_test(model: ManoeuvringModel, settings: DriveSettings, steps: int = 8) -> ManoeuvringTest:
     """Steady speed against input, from rest up to the largest input; ``settings`` are not needed."""
     craft = SteeredCraft(_still(model), STEP, 0.0, at_rest=True)
     inputs, speeds, times = [], [], []
@@ -157,7 +155,7 @@ def speed_test(model, settings, steps=8):
     return ManoeuvringTest('speed', craft.manoeuvre(), numbers, curve)
 
 
-def crash_stop(model, settings):
+def crash_stop(model: ManoeuvringModel, settings: DriveSettings) -> ManoeuvringTest:
     """Way and time from full ahead to a stop under full astern; the base input is not needed."""
     full = model.largest_input
     craft = SteeredCraft(_still(model), STEP, full)
@@ -179,7 +177,7 @@ def crash_stop(model, settings):
     return ManoeuvringTest('crash-stop', run, numbers, {})
 
 
-def spiral(model, settings, steps=6):
+def spiral(model: ManoeuvringModel, settings: DriveSettings, steps: int = 6) -> ManoeuvringTest:
     """Dieudonne's spiral: steady yaw rate against the thrust difference, from starboard to port and back."""
     down = np.linspace(1.0, -1.0, 2 * steps + 1)
     turns = np.concatenate([down, down[::-1][1:]])
@@ -210,7 +208,7 @@ TESTS = {
 }
 
 
-def run_test(name, model, settings=None):
+def run_test(name: str, model: ManoeuvringModel, settings: DriveSettings | None = None) -> ManoeuvringTest:
     """Run a standard test in still water.
 
     Parameters
@@ -221,10 +219,6 @@ def run_test(name, model, settings=None):
         That is driven.
     settings : DriveSettings, optional
         How the tests are driven.
-
-    Returns
-    -------
-    ManoeuvringTest
 
     Raises
     ------
@@ -239,7 +233,7 @@ def _still(model: ManoeuvringModel):
     return replace(model, current=(0.0, 0.0))
 
 
-def _hold_until_steady(craft, port, starboard, longest=120.0):
+def _hold_until_steady(craft: SteeredCraft, port: float, starboard: float, longest: float = 120.0):
     """Hold inputs until neither speed nor yaw rate changes by a thousandth of itself in 5 s."""
     before = None
     end = craft.time + longest
@@ -251,7 +245,7 @@ def _hold_until_steady(craft, port, starboard, longest=120.0):
         before = now
 
 
-def _when(rising, level, values):
+def _when(rising: np.ndarray, level: float, values: np.ndarray):
     """Value at the first passage of a level, linear between samples; NaN where it is not reached."""
     above = np.flatnonzero(np.asarray(rising) >= level)
     if not above.size or above[0] == 0:

@@ -1,6 +1,7 @@
 """A craft that is steered while it moves: the simulation, one step at a time."""
 import numpy as np
 
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import (
     UNDISTURBED,
     Manoeuvre,
@@ -26,7 +27,7 @@ class SteeredCraft:
         Start at rest instead.
     """
 
-    def __init__(self, model, step, first_input=0.0, at_rest=False):
+    def __init__(self, model: ManoeuvringModel, step: float, first_input: float = 0.0, at_rest: bool = False):
         self.model, self.step = model, step
         self._thrust = ThrustMemory(model.values, first_input)
         push = float(np.sum(self._thrust.advance(-step, step)))
@@ -37,29 +38,29 @@ class SteeredCraft:
         self._substeps = substeps_for(model, step, self._state, (np.array([most]), np.array([most])))
         self._p = model.values[:, None]
         self._rows = [(*self._state, *self._pose)]
-        self._inputs = []
+        self._inputs: list[tuple[float, float]] = []
 
     @property
-    def time(self):
+    def time(self) -> float:
         """s."""
         return self.step * len(self._inputs)
 
     @property
-    def u(self):
+    def u(self) -> float:
         """Speed ahead through the water, m/s."""
         return float(self._state[0])
 
     @property
-    def yaw_rate(self):
+    def yaw_rate(self) -> float:
         """rad/s."""
         return float(self._state[2])
 
     @property
-    def heading(self):
+    def heading(self) -> float:
         """rad, not wrapped."""
         return float(self._pose[0])
 
-    def advance(self, port, starboard):
+    def advance(self, port: float, starboard: float) -> None:
         """Hold both inputs over one step."""
         self._thrust.command(self.time, port, starboard)
         left, right = self._thrust.advance(self.time, self.step)[:, None, None]
@@ -71,12 +72,12 @@ class SteeredCraft:
         self._rows.append((*self._state, *self._pose))
         self._inputs.append((port, starboard))
 
-    def hold(self, port, starboard, duration):
+    def hold(self, port: float, starboard: float, duration: float) -> None:
         """Hold both inputs for a while, s."""
         for _ in range(round(duration / self.step)):
             self.advance(port, starboard)
 
-    def manoeuvre(self):
+    def manoeuvre(self) -> Manoeuvre:
         """Everything since the start."""
         u, v, r, psi, x, y = np.array(self._rows).T
         inputs = np.array([*self._inputs, self._inputs[-1]])

@@ -19,6 +19,9 @@ import numpy as np
 
 from swath_sysid.common.accelerator import accelerated
 
+Numbers = float | np.ndarray
+"""One number, or an array of them; what a function takes together broadcasts."""
+
 INERTIA, DAMPING, CROSS, OFFSET = 'inertia', 'damping', 'cross', 'offset'
 THRUST, SENSOR = 'thrust', 'sensor'
 
@@ -32,14 +35,12 @@ class Parameter:
 
     Attributes
     ----------
-    name : str
     kind : str
         ``inertia``, ``damping``, ``cross``, ``offset``, ``thrust`` or ``sensor``.
     row : str
         The equation it stands in: ``X``, ``Y``, ``N``, or empty for thrust and sensor.
     factors : str
         What it multiplies, as powers of u, v, r and of their time derivatives U, V, R: ``uu``, ``vr``, ``R``.
-    unit : str
     neutral : float
         Its value where it is not in use.
     separated_by : str
@@ -131,7 +132,7 @@ NEUTRAL = np.array([p.neutral for p in PARAMETERS])
 
 
 @accelerated
-def surge_force(u, v, r, p, active):
+def surge_force(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray, active: tuple[bool, ...]) -> Numbers:
     """X of the hull, N; products of the same velocity keep its sign.
 
     ``p`` is (n, P) or (n,) for the n parameters of the catalogue, ``active`` a tuple of n bools, u, v and r broadcast
@@ -152,7 +153,7 @@ def surge_force(u, v, r, p, active):
 
 
 @accelerated
-def sway_force(u, v, r, p, active):
+def sway_force(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray, active: tuple[bool, ...]) -> Numbers:
     """Y of the hull, N; see `surge_force`. Yuv multiplies abs(u) v, so that it damps ahead and astern, Yvr abs(r) v."""
     force = p[YV] * v
     if active[YVV]:
@@ -171,7 +172,7 @@ def sway_force(u, v, r, p, active):
 
 
 @accelerated
-def yaw_moment(u, v, r, p, active):
+def yaw_moment(u: Numbers, v: Numbers, r: Numbers, p: np.ndarray, active: tuple[bool, ...]) -> Numbers:
     """N of the hull, N m; see `surge_force`. Nur multiplies abs(u) r and Nvr abs(v) r, so that they always damp."""
     moment = p[NR] * r
     if active[NRR]:
@@ -196,7 +197,9 @@ def yaw_moment(u, v, r, p, active):
 
 
 @accelerated
-def accelerations(u, v, r, port, starboard, p, active):
+def accelerations(
+    u: Numbers, v: Numbers, r: Numbers, port: Numbers, starboard: Numbers, p: np.ndarray, active: tuple[bool, ...]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """du/dt, dv/dt, dr/dt under thrusts that act, N.
 
     Parameters

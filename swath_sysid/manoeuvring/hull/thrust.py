@@ -1,6 +1,7 @@
 """From commands to the thrust that acts: curve, transport delay, first-order lag."""
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.signal import lfilter
@@ -15,6 +16,7 @@ from swath_sysid.manoeuvring.hull.terms import (
     LAG,
     REVERSE_EXPONENT_RATIO,
     REVERSE_RATIO,
+    Numbers,
 )
 
 CURVE = (GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, FULL_INPUT, REVERSE_EXPONENT_RATIO)
@@ -25,7 +27,7 @@ REMEMBERED = 0.2
 """s beyond the delay for which a thruster keeps what it was commanded."""
 
 
-def thrust_curve(inputs, p):
+def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray:
     """Thrust of one thruster under held inputs, N.
 
     ``gain full ((|c| / full - dead_band) / (1 - dead_band))^exponent`` beyond the dead band, with the full input
@@ -47,7 +49,7 @@ def thrust_curve(inputs, p):
     return p[GAIN] * p[FULL_INPUT] * np.where(astern, -p[REVERSE_RATIO], 1.0) * beyond
 
 
-def delayed(values, delay, step):
+def delayed(values: np.ndarray, delay: float, step: float) -> np.ndarray:
     """Mean over each step of a held signal that arrives ``delay`` seconds late.
 
     Exact for a signal that is constant over each step; before the first sample the first holds.
@@ -58,7 +60,7 @@ def delayed(values, delay, step):
     return (1.0 - fraction) * padded[1 : values.size + 1] + fraction * padded[: values.size]
 
 
-def lag_factors(lag, step):
+def lag_factors(lag: float, step: float) -> tuple[float, float]:
     """What is left after a step of the distance from the input, and its mean over the step (first-order lag, exact)."""
     if lag < SHORTEST_LAG:
         return 0.0, 0.0
@@ -66,14 +68,14 @@ def lag_factors(lag, step):
     return decay, lag / step * (1.0 - decay)
 
 
-def lagged(values, lag, step):
+def lagged(values: np.ndarray, lag: float, step: float) -> np.ndarray:
     """Mean over each step of a held signal behind a first-order lag, steady at the start."""
     decay, share = lag_factors(lag, step)
     state = lfilter([0.0, 1.0 - decay], [1.0, -decay], values, zi=[values[0]])[0]
     return values + (state - values) * share
 
 
-def acting_thrust(port, starboard, p, step):
+def acting_thrust(port: np.ndarray, starboard: np.ndarray, p: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Thrust of both thrusters, N, mean over each step.
 
     Parameters
@@ -89,10 +91,11 @@ def acting_thrust(port, starboard, p, step):
     -------
     port, starboard : ndarray, shape (N,)
     """
-    return tuple(
+    left, right = (
         lagged(delayed(side * thrust_curve(inputs, p), p[DELAY], step), p[LAG], step)
         for inputs, side in ((port, 1.0 - p[BALANCE]), (starboard, 1.0 + p[BALANCE]))
     )
+    return left, right
 
 
 class ThrustMemory:
@@ -105,13 +108,13 @@ class ThrustMemory:
         Input of both that has acted so far.
     """
 
-    def __init__(self, p, first=0.0):
+    def __init__(self, p: np.ndarray, first: float = 0.0):
         self._p = p
         self._sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])
         self._history = deque([(-math.inf, first, first)])
-        self._state = None
+        self._state: np.ndarray | None = None
 
-    def command(self, stamp, port, starboard):
+    def command(self, stamp: float, port: float, starboard: float) -> bool:
         """Take inputs that hold from a stamp on; NaN and older than the last are refused."""
         if not (math.isfinite(port) and math.isfinite(starboard)) or stamp < self._history[-1][0]:
             return False
@@ -119,22 +122,22 @@ class ThrustMemory:
         return True
 
     @property
-    def last(self):
+    def last(self) -> tuple[float, float, float]:
         """Stamp and inputs of the last command."""
         return self._history[-1]
 
     @property
-    def held(self):
+    def held(self) -> np.ndarray:
         """Thrust of port and starboard if the last inputs hold, N, shape (2,)."""
         return self._sides * thrust_curve(self.last[1:], self._p)
 
-    def forget(self):
+    def forget(self) -> None:
         """Begin anew (time went backward)."""
         _, port, starboard = self._history[-1]
         self._history = deque([(-math.inf, port, starboard)])
         self._state = None
 
-    def advance(self, start, duration):
+    def advance(self, start: float, duration: float) -> np.ndarray:
         """Mean thrust of port and starboard over a step, N, shape (2,)."""
         begin = start - self._p[DELAY]
         end = begin + duration

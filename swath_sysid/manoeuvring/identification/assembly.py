@@ -1,4 +1,5 @@
 """From runs and settings to a problem: what is known, what is free, where the search begins."""
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +12,16 @@ from swath_sysid.manoeuvring.hull.stability import Region
 from swath_sysid.manoeuvring.hull.terms import INDEX
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.scaling import Scales
-from swath_sysid.manoeuvring.identification.settings import AUTO, DEFAULT_LENGTH, DEFAULT_LEVER, SHARED
+from swath_sysid.manoeuvring.identification.settings import (
+    AUTO,
+    DEFAULT_LENGTH,
+    DEFAULT_LEVER,
+    SHARED,
+    ManoeuvringSettings,
+)
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
 from swath_sysid.manoeuvring.identification.starts import surge_ratios, sway_ratios, yaw_ratios
-from swath_sysid.manoeuvring.motion.trial import COMMAND
+from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
 
 AT_ANCHOR_SPEED = 0.15
 AT_ANCHOR_YAW_RATE = 0.03
@@ -53,8 +60,6 @@ class Problem:
 
     Attributes
     ----------
-    runs : tuple of Run
-    thrust_input : str
     base : ndarray, shape (n,)
         Known parameters, and first guesses of the others.
     free : tuple of str
@@ -65,7 +70,6 @@ class Problem:
         is taken for a hull's.
     candidates : tuple of tuple of str
         Groups of unknowns that may be added.
-    scales : Scales
     length : float
         m.
     towards : dict of str to (value, std)
@@ -73,11 +77,9 @@ class Problem:
         Parameters that these runs do not excite and that have usual values.
     flags : dict of str to str
         Parameters that need a warning, and its code.
-    region : Region
     noise : ndarray, shape (3,)
     drift_spread : float
         m/s, by how much the currents of the runs differ, beside their noise; 0: one current, or none.
-    advice : tuple of Advice
     ties : dict of str to str
         Parameters that are equal to another one, and to which.
     largest_growth : float
@@ -102,17 +104,17 @@ class Problem:
     ties: dict[str, str]
     largest_growth: float = -MIN_DECAY
 
-    def unknowns(self, names):
+    def unknowns(self, names: Sequence[str]) -> Unknowns:
         """Units, bounds and regularisation of some unknowns."""
         rows = np.array([self._unknown(name) for name in names]).reshape(-1, 5)
         units, lower, upper, target, spread = rows.T
         return Unknowns(tuple(names), units, lower, upper, target, spread, self.ties)
 
-    def start(self, names):
+    def start(self, names: Sequence[str]) -> np.ndarray:
         """First guesses of some unknowns, shape (n,)."""
         return np.array([self.base[INDEX[n]] if n in INDEX else 0.0 for n in names])
 
-    def _unknown(self, name):
+    def _unknown(self, name: str):
         if name in CURRENT:
             return 0.1, -LARGEST_DRIFT, LARGEST_DRIFT, 0.0, DRIFT_SPREAD
         low, high = self.scales.bounds(name)
@@ -122,7 +124,7 @@ class Problem:
         return self.scales.unit(name), low, high, target, spread
 
 
-def moving_runs(runs):
+def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...]]:
     """Runs that moved, and advice for those at anchor.
 
     Raises
@@ -147,7 +149,7 @@ def moving_runs(runs):
     return tuple(kept), tuple(advice)
 
 
-def assemble(runs, settings):
+def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     """Make a problem of runs.
 
     Parameters
@@ -156,10 +158,6 @@ def assemble(runs, settings):
         See `moving_runs`.
     settings : ManoeuvringSettings
         What is given, fixed and searched.
-
-    Returns
-    -------
-    Problem
 
     Raises
     ------
@@ -222,7 +220,7 @@ def assemble(runs, settings):
     )  # fmt: skip
 
 
-def seen_region(runs):
+def seen_region(runs: Sequence[Run]) -> Region:
     """The motion and inputs of some runs, their outermost half percent left out."""
     surge, sway, rate = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
     inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
@@ -235,7 +233,10 @@ def seen_region(runs):
     )  # fmt: skip
 
 
-def _excited_rows(runs, speeds, sways, rates, advice, flags):
+def _excited_rows(
+    runs: Sequence[Run], speeds: np.ndarray, sways: np.ndarray, rates: np.ndarray, advice: list[Advice],
+    flags: dict[str, str],
+):  # fmt: skip
     """Equations that the runs excite."""
     rows = []
     total = np.concatenate([run.port + run.starboard for run in runs])
@@ -276,7 +277,7 @@ def _excited_rows(runs, speeds, sways, rates, advice, flags):
     return rows
 
 
-def _craft(runs, settings, advice):
+def _craft(runs: Sequence[Run], settings: ManoeuvringSettings, advice: list[Advice]):
     """Lever and length: given, stated in a record, or those of a WAM-V 16."""
     stated = [run.lever for run in runs if run.lever is not None]
     lever = settings.lever or (stated[0] if stated else None)
@@ -296,7 +297,10 @@ def _craft(runs, settings, advice):
     return lever or DEFAULT_LEVER, length or DEFAULT_LENGTH
 
 
-def _anchors(runs, thrust_input, settings, lever, rows, advice):
+def _anchors(
+    runs: Sequence[Run], thrust_input: str, settings: ManoeuvringSettings, lever: float, rows: list[str],
+    advice: list[Advice],
+):  # fmt: skip
     """Scale of mass and thrust: what is given, what follows, what cannot be separated.
 
     Returns
@@ -371,7 +375,7 @@ def _anchors(runs, thrust_input, settings, lever, rows, advice):
     return values, free, assumed
 
 
-def _ties(settings, free, advice):
+def _ties(settings: ManoeuvringSettings, free: list[str], advice: list[Advice]):
     """What one parameter is taken equal to another for.
 
     Nothing drives a craft sideways: its sway stays the same when m - Yur, m - Yv_dot and all else in Y are multiplied
@@ -387,7 +391,7 @@ def _ties(settings, free, advice):
     return {'Yur': 'Xu_dot'}
 
 
-def _candidates(runs, thrust_input, rows, settings):
+def _candidates(runs: Sequence[Run], thrust_input: str, rows: list[str], settings: ManoeuvringSettings):
     found: list[tuple[str, ...]] = [(name,) for row in rows for name in _CANDIDATES[row]]
     if 'Y' in rows:
         found += [(name,) for name in _CANDIDATES['N-sway']]
@@ -410,17 +414,17 @@ def _candidates(runs, thrust_input, rows, settings):
     return found
 
 
-def _goes_astern(runs):
+def _goes_astern(runs: Sequence[Run]):
     inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
     return np.mean(inputs < -0.02 * max(_largest(inputs), 1e-12)) > 0.02
 
 
-def _largest(values):
+def _largest(values: np.ndarray):
     values = np.abs(np.asarray(values, dtype=float))
     return float(np.nanquantile(values, 0.995)) if np.isfinite(values).any() else 0.0
 
 
-def _white(runs, channel):
+def _white(runs: Sequence[Run], channel: int):
     found = [white_noise(c[np.isfinite(c)]) for c in (run.channels[channel] for run in runs)]
     return max(float(np.median(found)), 1e-6)
 

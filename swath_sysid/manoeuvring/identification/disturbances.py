@@ -1,11 +1,15 @@
 """What a model leaves of the accelerations, and how thrust is held."""
+from collections.abc import Sequence
+
 import numpy as np
 
 from swath_sysid.common.signals import white_noise
 from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise
 from swath_sysid.manoeuvring.hull.measurement import through_water
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import BALANCE
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust, thrust_curve
+from swath_sysid.manoeuvring.motion.trial import Run
 
 LAGS = (1.0, 4.0)
 """s; sensor noise and its smoothing are forgotten at the first, a gust is not at the second."""
@@ -26,7 +30,7 @@ SENSORS = np.array([0.05, 0.01, 0.01, 0.5])
 MIN_SENSORS = np.array([0.005, 0.0005, 0.0005, 0.01])
 
 
-def forecast_noise(model, runs):
+def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNoise:
     """Disturbances, thrust to come and sensors, as the runs show them.
 
     A disturbance is taken for first-order Gauss-Markov; its variance and time follow from the autocovariance of the
@@ -61,7 +65,7 @@ def forecast_noise(model, runs):
     return ForecastNoise(disturbance, time, mean, covariance, held, np.maximum(_sensors(runs), MIN_SENSORS))
 
 
-def _thrust(model, runs):
+def _thrust(model: ManoeuvringModel, runs: Sequence[Run]):
     """Mean and covariance of the thrusts under held inputs, and for how long they are held: see `ForecastNoise`."""
     p = model.values
     sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])[:, None]
@@ -80,7 +84,7 @@ def _thrust(model, runs):
     return mean, covariance, float(np.clip(held, SHORTEST_HOLD, longest))
 
 
-def _accelerations_left(model, run):
+def _accelerations_left(model: ManoeuvringModel, run: Run):
     """Accelerations that the model leaves, shape (3, N)."""
     port, starboard = acting_thrust(run.port, run.starboard, model.values, run.step)
     surge, sway, rate = run.smooth
@@ -93,7 +97,7 @@ def _accelerations_left(model, run):
     return np.where(unknown, np.nan, measured - expected)
 
 
-def _sensors(runs):
+def _sensors(runs: Sequence[Run]):
     """Standard deviations of the sensors' white noise, usual ones where they are not recorded."""
     found = []
     for names, usual in zip((('surge', 'sway'), ('yaw_rate',), ('heading',), ('x', 'y')), SENSORS, strict=True):

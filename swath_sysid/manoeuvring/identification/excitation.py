@@ -1,13 +1,16 @@
 """How far runs excite each derivative: the share of its motion that no other one explains."""
+from collections.abc import Sequence
+
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS
+from swath_sysid.manoeuvring.motion.trial import Run
 
 ENOUGH = 0.15
 """A derivative of whose motion the others explain all but less than this share is hardly distinguished from them."""
 
 
-def excitation(runs):
+def excitation(runs: Sequence[Run]) -> dict[str, float]:
     """How well runs separate derivatives.
 
     In each equation the motion that a derivative multiplies is regressed on that of the others; what is left of it,
@@ -43,12 +46,12 @@ def excitation(runs):
     return found
 
 
-def lacking(shares):
+def lacking(shares: dict[str, float]) -> dict[str, str]:
     """Derivatives that lack excitation, with the manoeuvre that would help; dict of str to str."""
     return {name: PARAMETERS[INDEX[name]].separated_by for name, share in shares.items() if share < ENOUGH}
 
 
-def _equations(runs):
+def _equations(runs: Sequence[Run]):
     """Names and motions, shape (K, N), of surge, sway and yaw; the thrust is a motion without a name."""
     u, v, r = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
     changes = [np.concatenate([np.gradient(run.smooth[c], run.step) for run in runs]) for c in range(3)]

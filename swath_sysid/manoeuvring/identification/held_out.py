@@ -3,7 +3,11 @@
 The values without a run are those of all runs less the step that the run itself was worth (one Gauss-Newton step on
 the others); under them the run is simulated freely from its measured states.
 """
+from collections.abc import Sequence
+
 import numpy as np
+
+from swath_sysid.manoeuvring.identification.shooting import MultipleShooting
 
 LOSS_TURNS_AT = 3.0
 """Standard deviations beyond which a residual counts by its size, not its square."""
@@ -18,7 +22,9 @@ MIN_GAIN = 0.003
 """Share of the misfit that terms must explain of runs they were not fitted to."""
 
 
-def values_without_each_part(shooting, values, parts):
+def values_without_each_part(
+    shooting: MultipleShooting, values: np.ndarray, parts: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> np.ndarray:
     """The values that the runs but one would give, shape (K, n).
 
     What holds the fit beside the runs stays in force: the regularisation, the demand of stable straight courses, and
@@ -49,7 +55,7 @@ def values_without_each_part(shooting, values, parts):
     return np.array(found)
 
 
-def held_out_costs(shooting, values_without_it):
+def held_out_costs(shooting: MultipleShooting, values_without_it: np.ndarray) -> np.ndarray:
     """Misfit of each part in free runs under the values of the others, (K, n); shape (K,)."""
     residual = shooting.free_run_residuals(values_without_it)
     residual = np.clip(np.nan_to_num(residual, nan=1e3), -1e3, 1e3) / LOSS_TURNS_AT
@@ -57,7 +63,7 @@ def held_out_costs(shooting, values_without_it):
     return np.bincount(shooting.part_of_window, by_window)
 
 
-def helps(costs, costs_before):
+def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:
     """Whether terms help runs that they were not fitted to, beyond the runs' scatter.
 
     Parameters
@@ -76,7 +82,7 @@ def helps(costs, costs_before):
     return bool(gain.sum() > max(SCATTER * scatter, MIN_GAIN * float(weight @ costs_before)))
 
 
-def covariance_over_runs(without, matrix):
+def covariance_over_runs(without: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """A covariance no smaller than what the runs scatter by.
 
     The jackknife over runs (a sandwich over clusters with its leverage taken out: Bell and McCaffrey 2002, CR3)
@@ -94,7 +100,7 @@ def covariance_over_runs(without, matrix):
     return with_variances_of_at_least(matrix, scatter)
 
 
-def with_variances_of_at_least(matrix, least):
+def with_variances_of_at_least(matrix: np.ndarray, least: np.ndarray) -> np.ndarray:
     """A covariance with its variances raised to some, shape (n,), where they are smaller; correlations stay."""
     variance = np.diag(matrix)
     with np.errstate(invalid='ignore', divide='ignore'):

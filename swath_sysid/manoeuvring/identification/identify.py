@@ -1,4 +1,5 @@
 """Identification of a manoeuvring model from several runs jointly."""
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +12,11 @@ from swath_sysid.common.signals import white_noise
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.prime import PrimeUnits
-from swath_sysid.manoeuvring.hull.stability import StabilityCheck, check_stability
+from swath_sysid.manoeuvring.hull.stability import Region, StabilityCheck, check_stability
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
-from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs
+from swath_sysid.manoeuvring.identification.assembly import Problem, assemble, moving_runs
 from swath_sysid.manoeuvring.identification.selection import (
+    Fit,
     at_bound,
     currents_of,
     first_fit,
@@ -32,9 +34,9 @@ from swath_sysid.manoeuvring.identification.selection import (
     without_bounds,
 )
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.identification.shooting import CURRENT
+from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleShooting
 from swath_sysid.manoeuvring.identification.validation import Scores, score
-from swath_sysid.manoeuvring.motion.trial import CHANNELS
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
 ALIKE = 0.5
 """Share of the longer of two time constants from which the shorter one can be taken for it."""
@@ -67,7 +69,6 @@ class Derivative:
         In the unit of the parameter; std NaN where it was given or assumed.
     prime : float or None
         Without dimensions; None for the thrusters' parameters.
-    unit : str
     flags : tuple of str
         Codes of the warnings that concern it.
     """
@@ -85,27 +86,18 @@ class ManoeuvringIdentification:
 
     Attributes
     ----------
-    model : ManoeuvringModel
     names : tuple of str
         What was identified, thrusters and current included.
     values : ndarray, shape (n,)
     covariance : ndarray, shape (n, n)
-    derivatives : dict of str to Derivative
     fixed : dict of str to float
         What was given or assumed, by name.
-    prime_units : PrimeUnits
     noise : ndarray, shape (3,)
         Residual standard deviation of surge, sway, yaw rate.
-    identification, validation : Scores or None
-    identified_on, validated_on : tuple of Run
-    stability : StabilityCheck
     rejected : dict of str to str
         Terms that were tried and refused, and why.
     currents : ndarray, shape (R, 2)
         East and north, m/s, of each run identified on, by its own motion.
-    effective_samples : float
-    evaluations : int
-    advice : tuple of Advice
     """
 
     model: ManoeuvringModel
@@ -128,12 +120,15 @@ class ManoeuvringIdentification:
     advice: tuple[Advice, ...]
 
     @property
-    def has_currents_by_run(self):
+    def has_currents_by_run(self) -> bool:
         """Whether each run has a current of its own."""
         return bool(np.any(self.currents != self.model.current))
 
 
-def identify_manoeuvring(runs, settings=None, validation=None, progress=None, should_cancel=None):
+def identify_manoeuvring(
+    runs: Sequence[Run], settings: ManoeuvringSettings | None = None, validation: Sequence[Run] | None = None,
+    progress: Callable[[float], object] | None = None, should_cancel: Callable[[], bool] | None = None,
+) -> ManoeuvringIdentification:  # fmt: skip
     """Identify a craft from its runs.
 
     Linear regression and a genetic search give the start; multiple shooting refines it; terms are
@@ -153,10 +148,6 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     should_cancel : callable, optional
         Asked between steps.
 
-    Returns
-    -------
-    ManoeuvringIdentification
-
     Raises
     ------
     InputError
@@ -168,7 +159,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     if not runs:
         raise InputError('there is no run to identify from: give at least one')
 
-    def note(share):
+    def note(share: float) -> None:
         if progress is not None:
             progress(share)
         if should_cancel is not None and should_cancel():
@@ -225,7 +216,7 @@ def identify_manoeuvring(runs, settings=None, validation=None, progress=None, sh
     )  # fmt: skip
 
 
-def split(runs, share=1.0 / 3.0):
+def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
     """Runs to identify from, and runs held out: those without which the others still span the motion.
 
     Returns
@@ -240,7 +231,7 @@ def split(runs, share=1.0 / 3.0):
     for _ in range(max(1, round(share * len(runs)))):
         whole = np.nanmax(spans[kept], axis=0)
 
-        def rank(k, whole=whole):
+        def rank(k: int, whole: np.ndarray = whole) -> tuple[float, float]:
             rest = np.nanmax(spans[[j for j in kept if j != k]], axis=0)
             size = np.where(whole == 0.0, 1.0, np.abs(whole))
             # first what the others would lack, in steps of a tenth; then the livelier run makes the better test
@@ -250,19 +241,21 @@ def split(runs, share=1.0 / 3.0):
     return tuple(runs[k] for k in kept), tuple(run for k, run in enumerate(runs) if k not in kept)
 
 
-def _span(run):
+def _span(run: Run):
     """Extremes of speed, yaw rate and thrust difference to both sides, lowest input, and duration."""
     speed, _, rate = run.smooth
     difference = run.starboard - run.port
 
-    def most(values):
+    def most(values: np.ndarray) -> float:
         return float(np.nanquantile(values, 0.99)) if np.isfinite(values).any() else float('nan')
 
     least = np.minimum(run.port, run.starboard)
     return [most(speed), most(rate), most(-rate), most(difference), most(-difference), most(-least), run.duration]
 
 
-def _searched(problem, shooting, settings, note):
+def _searched(
+    problem: Problem, shooting: MultipleShooting, settings: ManoeuvringSettings, note: Callable[[float], object]
+):
     """The better of the regression's start and the best of a genetic search around it."""
     start = problem.start(problem.free)
     unknowns = problem.unknowns(problem.free)
@@ -279,7 +272,7 @@ def _searched(problem, shooting, settings, note):
     return search.best.copy()
 
 
-def _derivatives(problem, found, units):
+def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
     """Derivatives with their flags, and advice for what cannot be told apart."""
     std = np.sqrt(np.diag(found.covariance.matrix))
     unknowns = problem.unknowns(found.names)
@@ -325,7 +318,7 @@ def _derivatives(problem, found, units):
     return derivatives, tuple(advice)
 
 
-def _exchangeable(model, found, region):
+def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
     """Advice that the thrusters' lag and the hull's time constant of surge stand in for each other.
 
     Speed answers to thrust through both alike, so that their sum and product are found, not which is which; near each
@@ -340,14 +333,14 @@ def _exchangeable(model, found, region):
         f', or measure the lag and give it')),)  # fmt: skip
 
 
-def _distinct_currents(model, currents):
+def _distinct_currents(model: ManoeuvringModel, currents: np.ndarray):
     """The currents of the runs, or the model's for all where they hardly differ."""
     if np.max(np.hypot(*(currents - model.current).T), initial=0.0) > MIN_DIFFERENCE:
         return currents
     return np.tile(model.current, (len(currents), 1))
 
 
-def _drifts(model, currents):
+def _drifts(model: ManoeuvringModel, currents: np.ndarray):
     """Advice that the runs were given a current each."""
     if np.all(currents == model.current):
         return ()
@@ -358,7 +351,7 @@ def _drifts(model, currents):
         f'all runs if it was the same')),)  # fmt: skip
 
 
-def _white(runs):
+def _white(runs: Sequence[Run]):
     """Noise of the sensors by channel, by differences."""
     found = {}
     for c, name in enumerate(CHANNELS):
@@ -367,13 +360,15 @@ def _white(runs):
     return found
 
 
-def _separating(*names):
+def _separating(*names: str):
     """The manoeuvre that would separate terms."""
     found = dict.fromkeys(PARAMETERS[INDEX[n]].separated_by for n in names if n in INDEX)
     return ' and '.join(found) or 'runs in opposite directions'
 
 
-def _verdicts(stability, keeps_course, scores, validated, white):
+def _verdicts(
+    stability: StabilityCheck, keeps_course: bool, scores: Scores, validated: Scores | None, white: dict[str, float]
+):
     """Advice on stability and on how well the runs are reproduced."""
     advice = []
     if not (keeps_course or stability.stable) and stability.bounded:

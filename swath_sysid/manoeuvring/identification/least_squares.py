@@ -3,6 +3,7 @@
 scipy's least_squares decomposes the whole Jacobian at every step; here it is condensed to its
 triangular factor first, and scipy's lsq_linear solves the small bounded problem that is left.
 """
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +32,10 @@ class Minimum:
     evaluations: int
 
 
-def minimise(residuals, jacobian, start, lower, upper, max_evaluations=30, tolerance=1e-5):
+def minimise(
+    residuals: Callable[[np.ndarray], np.ndarray], jacobian: Callable[[np.ndarray], np.ndarray], start: np.ndarray,
+    lower: np.ndarray, upper: np.ndarray, max_evaluations: int = 30, tolerance: float = 1e-5,
+) -> Minimum:  # fmt: skip
     """Minimise half the sum of squares of the residuals within bounds.
 
     Parameters
@@ -46,10 +50,6 @@ def minimise(residuals, jacobian, start, lower, upper, max_evaluations=30, toler
         Of the residuals.
     tolerance : float
         Relative decrease of the cost below which it has converged.
-
-    Returns
-    -------
-    Minimum
     """
     x = np.clip(start, lower, upper)
     residual = residuals(x)
@@ -83,7 +83,7 @@ def minimise(residuals, jacobian, start, lower, upper, max_evaluations=30, toler
     return Minimum(x, cost, evaluations)
 
 
-def _condensed(jacobian, residual):
+def _condensed(jacobian: np.ndarray, residual: np.ndarray):
     """Triangular factor of the Jacobian, the residual seen through it, and the columns' sizes."""
     size = np.sqrt(np.einsum('mn,mn->n', jacobian, jacobian))
     size = np.where(size > 0.0, size, 1.0)
@@ -94,7 +94,9 @@ def _condensed(jacobian, residual):
     return factor * size, right, size
 
 
-def _bounded_step(factor, right, size, damping, lower, upper):
+def _bounded_step(
+    factor: np.ndarray, right: np.ndarray, size: np.ndarray, damping: float, lower: np.ndarray, upper: np.ndarray
+):
     """The damped Gauss-Newton step that stays within bounds."""
     matrix = np.concatenate([factor, np.sqrt(damping) * np.diag(size)]) / size
     target = np.concatenate([-right, np.zeros(size.size)])

@@ -1,4 +1,5 @@
 """Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, accepted, and the way back."""
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from swath_sysid.manoeuvring.identification.assembly import seen_region
 from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
-from swath_sysid.manoeuvring.identification.validation import score
+from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.intake import prepare
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
 
@@ -30,13 +31,10 @@ class ManoeuvreRefitRequest:
 
     Attributes
     ----------
-    trial : ManoeuvringTrial
     current : IdentifiedManoeuvringModel or None
         The model held.
-    settings : ManoeuvringSettings
     least_improvement : float
         Part by which the new model must miss the held-out motion less than the current one.
-    provenance : dict
     """
 
     trial: ManoeuvringTrial
@@ -67,7 +65,10 @@ class ManoeuvreRefitOutcome:
     current_misfit: float = float('nan')
 
 
-def refit_manoeuvring(request, *, progress=None, should_cancel=None):
+def refit_manoeuvring(
+    request: ManoeuvreRefitRequest, *, progress: Callable[[float], object] | None = None,
+    should_cancel: Callable[[], bool] | None = None,
+) -> ManoeuvreRefitOutcome:  # fmt: skip
     """Identify on a window, and compare with the current model on the part of it that was held out.
 
     Parameters
@@ -78,10 +79,6 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
         Called with 0 to 1.
     should_cancel : callable, optional
         Asked between steps.
-
-    Returns
-    -------
-    ManoeuvreRefitOutcome
 
     Raises
     ------
@@ -121,7 +118,7 @@ def refit_manoeuvring(request, *, progress=None, should_cancel=None):
     return ManoeuvreRefitOutcome(model, f'{summary}{better}', misfit, current_misfit)
 
 
-def pieces(run):
+def pieces(run: Run) -> list[Run]:
     """One long run as several, cut at gaps in the odometry and about every `PIECE` seconds.
 
     Raises
@@ -146,14 +143,14 @@ def pieces(run):
     return [part for part in found if part.duration >= 0.25 * PIECE]
 
 
-def _part(run, span, number):
+def _part(run: Run, span: slice, number: int):
     cut = {name: getattr(run, name) for name in (
         'time', 'port', 'starboard', 'driven', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')}  # fmt: skip
     cut = {name: values if values is None else values[span] for name, values in cut.items()}
     return replace(run, **cut, smooth=run.smooth[:, span], source=f'{run.source} part {number + 1}')
 
 
-def _misfit(scores, noise):
+def _misfit(scores: Scores, noise: np.ndarray):
     """Errors of free simulation over the noise, root mean square of the channels; infinite where a window diverged."""
     if scores.diverged:
         return float('inf')
@@ -161,7 +158,7 @@ def _misfit(scores, noise):
     return float(np.sqrt(np.nanmean(np.square(shares))))
 
 
-def warm_up():
+def warm_up() -> None:
     """Whoever calls this has loaded all that a refit needs."""
 
 
@@ -174,11 +171,11 @@ class ManoeuvreRefitter:
         Known at the start.
     """
 
-    def __init__(self, model=None):
+    def __init__(self, model: IdentifiedManoeuvringModel | None = None):
         self.model = model
-        self._history = []
+        self._history: list[IdentifiedManoeuvringModel | None] = []
 
-    def take(self, outcome):
+    def take(self, outcome: ManoeuvreRefitOutcome) -> bool:
         """Believe a refit that found a better model; whether it did."""
         if outcome.model is None:
             return False
@@ -186,7 +183,7 @@ class ManoeuvreRefitter:
         self.model = outcome.model
         return True
 
-    def rollback(self):
+    def rollback(self) -> bool:
         """Return to the model before; whether there was one."""
         if not self._history or self._history[-1] is None:
             return False
@@ -194,11 +191,11 @@ class ManoeuvreRefitter:
         return True
 
     @property
-    def steps_back(self):
+    def steps_back(self) -> int:
         """How often `rollback` can be called."""
         return sum(model is not None for model in self._history)
 
     @property
-    def described(self):
+    def described(self) -> str:
         """The model held, for people."""
         return 'no model' if self.model is None else ', '.join(self.model.names) or 'a model'

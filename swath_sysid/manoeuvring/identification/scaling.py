@@ -51,7 +51,7 @@ class Scales:
     mass: float
     inertia: float
 
-    def unit(self, name):
+    def unit(self, name: str) -> float:
         """The size of a parameter that is one in natural units."""
         parameter = PARAMETERS[INDEX[name]]
         if parameter.kind == INERTIA:
@@ -72,7 +72,7 @@ class Scales:
             load /= sizes[factor]
         return load
 
-    def bounds(self, name):
+    def bounds(self, name: str) -> tuple[float, float]:
         """Range of a parameter: no craft feeds on its own motion, none is lighter than half its mass."""
         parameter, unit = PARAMETERS[INDEX[name]], self.unit(name)
         if name in ('m', 'Iz', 'gain'):
@@ -93,7 +93,7 @@ class Scales:
             high = min(high, 0.6 / self.speed)
         return low, high
 
-    def prior(self, name):
+    def prior(self, name: str) -> float:
         """Standard deviation around what a parameter is regularised towards; infinite for none."""
         kind = PARAMETERS[INDEX[name]].kind
         if name in ('m', 'Iz', 'gain'):

@@ -1,4 +1,5 @@
 """The simplest adequate set of terms: forward selection by score tests, every step checked for stability."""
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,6 +11,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.stability import check_stability, straight_speeds
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
+from swath_sysid.manoeuvring.identification.assembly import Problem
 from swath_sysid.manoeuvring.identification.held_out import (
     MIN_GAIN,
     covariance_over_runs,
@@ -20,6 +22,7 @@ from swath_sysid.manoeuvring.identification.held_out import (
 )
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, MultipleShooting
 from swath_sysid.manoeuvring.identification.windows import cut
+from swath_sysid.manoeuvring.motion.trial import Run
 
 MEMORY = 10
 """Lags that must be small before a residual counts as forgotten (see noise.autocovariance)."""
@@ -70,19 +73,13 @@ class Fit:
 
     Attributes
     ----------
-    names : tuple of str
     values : ndarray, shape (n,)
-    cost : float
-    shooting : MultipleShooting
-    covariance : ParameterCovariance
-    stable : bool
     without_each_part : ndarray, shape (K, n)
         The values that the runs but one would give.
     inflation : float
         By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares.
     rejected : dict of str to str
         Terms tried and refused, and why.
-    evaluations : int
     """
 
     names: tuple[str, ...]
@@ -97,12 +94,12 @@ class Fit:
     evaluations: int = 0
 
     @cached_property
-    def held_out(self):
+    def held_out(self) -> np.ndarray:
         """Misfit of each run that the values were not fitted to, shape (K,)."""
         return held_out_costs(self.shooting, self.without_each_part)
 
 
-def model_of(problem, names, values, name=''):
+def model_of(problem: Problem, names: Sequence[str], values: np.ndarray, name: str = '') -> ManoeuvringModel:
     """The model that some values of the unknowns make."""
     found = dict(zip(names, values, strict=True))
     east, north = (float(found.get(c, 0.0)) for c in CURRENT)
@@ -113,7 +110,7 @@ def model_of(problem, names, values, name=''):
     )  # fmt: skip
 
 
-def shooting_of(problem, window):
+def shooting_of(problem: Problem, window: float) -> MultipleShooting:
     """Multiple shooting over the runs of a problem, with its always-free unknowns."""
     return MultipleShooting(
         cut(problem.runs, window), problem.base, problem.unknowns(problem.free), problem.noise, problem.scales.speed,
@@ -122,12 +119,8 @@ def shooting_of(problem, window):
     )  # fmt: skip
 
 
-def fit(problem, shooting, names, values, rounds=2):
+def fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], values: np.ndarray, rounds: int = 2) -> Fit:
     """Refine some unknowns from a start, with robust weights taken anew in every round.
-
-    Returns
-    -------
-    Fit
     """
     shooting = shooting.with_unknowns(problem.unknowns(names), problem.base)
     evaluations = 0
@@ -140,7 +133,7 @@ def fit(problem, shooting, names, values, rounds=2):
     return replace(fit_at(problem, shooting, found.values, found.cost), evaluations=evaluations + found.evaluations)
 
 
-def fit_at(problem, shooting, values, cost):
+def fit_at(problem: Problem, shooting: MultipleShooting, values: np.ndarray, cost: float) -> Fit:
     """The fit that some values of a shooting's unknowns are.
 
     Its covariance is by the residuals' autocorrelation and the runs' scatter; regularisation is not counted in.
@@ -156,7 +149,7 @@ def fit_at(problem, shooting, values, cost):
     )  # fmt: skip
 
 
-def currents_of(problem, model, runs, window):
+def currents_of(problem: Problem, model: ManoeuvringModel, runs: Sequence[Run], window: float) -> np.ndarray:
     """Current of each of some runs, by its own motion under a model; m/s, shape (R, 2).
 
     That of the model where the problem has one current for all, or a run holds no heading.
@@ -181,7 +174,7 @@ def currents_of(problem, model, runs, window):
     return currents
 
 
-def first_fit(problem, shooting, names, values):
+def first_fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], values: np.ndarray) -> Fit:
     """The best of several starts: few terms, the usual ones of the hull, or all usual ones with fast or slow sway.
 
     A hull that hardly keeps its course looks like a much heavier one without the usual terms, and one by one they do
@@ -201,7 +194,7 @@ def first_fit(problem, shooting, names, values):
     return _best(found)
 
 
-def _exchanged(found, start):
+def _exchanged(found: Fit, start: np.ndarray):
     """The start with what a fit took for the thrusters' lag as the hull's time constant of yaw, if that is shorter.
 
     Yaw answers to the thrusters through both alike; None where the fit has them the usual way round.
@@ -213,13 +206,15 @@ def _exchanged(found, start):
     return np.array([other.get(name, first) for name, first in zip(found.names, start, strict=True)])
 
 
-def _best(found):
+def _best(found: Sequence[Fit]):
     """Of some fits the stable one that explains runs held out best; of all, where none is stable."""
     stable = [f for f in found if f.stable] or found
     return min(stable, key=lambda f: np.sum(f.held_out))
 
 
-def off_course(problem, window, names, values, kept):
+def off_course(
+    problem: Problem, window: float, names: Sequence[str], values: np.ndarray, kept: Fit
+) -> tuple[Problem, Fit]:
     """The problem and fit of a craft that does not keep its course, where its runs say so; else those given.
 
     A fit that presses against the demand of stable courses is compared with the best one that is all but free of it.
@@ -251,7 +246,7 @@ def off_course(problem, window, names, values, kept):
     return (free, found) if found.stable and ahead < OFF_COURSE * behind else (problem, kept)
 
 
-def with_noise(problem, found):
+def with_noise(problem: Problem, found: Fit) -> Problem:
     """The problem with the noise that a fit has left, no smaller than `NOISE_FLOOR` of the motion.
 
     Channels in which nothing was measured keep theirs.
@@ -270,7 +265,7 @@ def with_noise(problem, found):
     return replace(problem, noise=np.array(noise))
 
 
-def with_drift_spread(problem, found):
+def with_drift_spread(problem: Problem, found: Fit) -> Problem:
     """The problem with the differences of the runs' currents as large as a fit found them (one step of EM).
 
     Where autocorrelated residuals are worth less than their number, so is their word against equal currents.
@@ -282,7 +277,7 @@ def with_drift_spread(problem, found):
     return replace(problem, drift_spread=float(max(spread, MIN_DRIFT_SPREAD) / np.sqrt(found.inflation)))
 
 
-def renewed(problem, found, parts=1):
+def renewed(problem: Problem, found: Fit, parts: int = 1) -> MultipleShooting:
     """A shooting with the noise of the problem and the states of a fit."""
     windows = found.shooting.windows
     shooting = MultipleShooting(
@@ -294,7 +289,7 @@ def renewed(problem, found, parts=1):
     return shooting
 
 
-def select(problem, first, note=None):
+def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = None) -> Fit:
     """Add terms one by one while they are worth it, then drop what has become weak.
 
     Parameters
@@ -305,10 +300,6 @@ def select(problem, first, note=None):
         Of the terms that are always free.
     note : callable, optional
         Called after each term with the number of terms so far.
-
-    Returns
-    -------
-    Fit
     """
     now = first
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]
@@ -341,7 +332,7 @@ def select(problem, first, note=None):
     return replace(now, rejected=rejected)
 
 
-def regularised_to_stable(problem, found):
+def regularised_to_stable(problem: Problem, found: Fit) -> tuple[Fit, tuple[Advice, ...]]:
     """A stable fit: cross terms are taken out, the least certain first, until it is; with advice."""
     removed = []
     while not found.stable:
@@ -365,13 +356,13 @@ def regularised_to_stable(problem, found):
     return found, advice
 
 
-def _ranked(problem, now, candidates):
+def _ranked(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
     """Groups of terms by what they promise beyond their threshold, largest first."""
     offers = [(group, gain) for group, gain, _ in _offers(problem, now, candidates)]
     return sorted(offers, key=lambda pair: (pair[0][0] in LAST, -pair[1]))
 
 
-def with_refused(problem, found):
+def with_refused(problem: Problem, found: Fit) -> Fit:
     """The fit with standard deviations that hold whether or not a single refused term is in truth there.
 
     The shift of each value that the term would bring counts as a variance, by the weight of the evidence for the term
@@ -388,7 +379,7 @@ def with_refused(problem, found):
         found.covariance, matrix=with_variances_of_at_least(found.covariance.matrix, variance)))
 
 
-def _offers(problem, now, candidates):
+def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
     """Of groups of terms: names, what they promise beyond their threshold, and by how much they shift the values."""
     if not candidates:
         return []
@@ -424,38 +415,38 @@ def _offers(problem, now, candidates):
     return offers
 
 
-def _threshold(found, count):
+def _threshold(found: Fit, count: int):
     """Weighted squares that a group of terms must explain: Schwarz's criterion and a margin."""
     return count * (np.log(max(found.covariance.effective_samples, 10.0)) + MARGIN)
 
 
-def _inflation(residuals, covariance):
+def _inflation(residuals: np.ndarray, covariance: ParameterCovariance):
     excess = float(np.mean(np.clip(np.nan_to_num(residuals, nan=1e3), -1e3, 1e3) ** 2))
     return max(residuals.size / max(covariance.effective_samples, 1.0) * excess, 1e-9)
 
 
-def _cost_with(tried, now):
+def _cost_with(tried: Fit, now: Fit):
     """Cost of a fit under the robust weights of another."""
     shooting = tried.shooting.with_unknowns(tried.shooting.unknowns, tried.shooting.parameters(tried.values)[0])
     shooting.take_weights(now.shooting)
     return 0.5 * float(np.sum(np.clip(np.nan_to_num(shooting.residuals(tried.values), nan=1e6), -1e6, 1e6) ** 2))
 
 
-def _gain(more, fewer):
+def _gain(more: Fit, fewer: Fit):
     """What terms explain of the runs together, and what there is to explain without them."""
     misfit = fewer.shooting.refine(fewer.values, max_evaluations=6).cost
     return misfit - _cost_with(more, fewer), misfit
 
 
-def _is_no_chance(gain, more, count):
+def _is_no_chance(gain: float, more: Fit, count: int):
     return gain * 2.0 / more.inflation >= 0.5 * _threshold(more, count)
 
 
-def _is_of_thrust(names):
+def _is_of_thrust(names: Sequence[str]):
     return all(n in INDEX and PARAMETERS[INDEX[n]].kind == THRUST for n in names)
 
 
-def _shows_in_thrust(names, gain, misfit):
+def _shows_in_thrust(names: Sequence[str], gain: float, misfit: float):
     """Whether terms are of the thrusters' curve and explain as much as the hull's terms must of runs held out.
 
     They may show in one run only, and held out, that run cannot vouch for them. Less than this they also gain by taking
@@ -464,11 +455,11 @@ def _shows_in_thrust(names, gain, misfit):
     return _is_of_thrust(names) and gain > MIN_GAIN * misfit
 
 
-def _first_value(problem, name):
+def _first_value(problem: Problem, name: str):
     return float(problem.start((name,))[0])
 
 
-def _without_weak(problem, now, rejected):
+def _without_weak(problem: Problem, now: Fit, rejected: dict[str, str]):
     """Drop added and tentative terms that are insignificant beside the others, or of no use to runs held out."""
     kept = {*problem.free, *CURRENT}
     while True:
@@ -497,7 +488,7 @@ def _without_weak(problem, now, rejected):
         problem, now = fewer, tried
 
 
-def without_bounds(problem, found):
+def without_bounds(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
     """The fit without terms that end at the limits of their ranges, which the runs do not determine; with the problem.
 
     Terms of choice go; linear damping stays at its limit, and is no longer searched.
@@ -518,14 +509,14 @@ def without_bounds(problem, found):
         found = replace(found, rejected=rejected)
 
 
-def at_bound(problem, name, value):
+def at_bound(problem: Problem, name: str, value: float) -> bool:
     """Whether a value lies at the limit of its range."""
     unknowns = problem.unknowns((name,))
     lower, upper, unit = unknowns.lower[0], unknowns.upper[0], unknowns.units[0]
     return value - lower < 1e-3 * min(upper - lower, unit) or upper - value < 1e-3 * unit
 
 
-def without(problem, names):
+def without(problem: Problem, names: Sequence[str]) -> Problem:
     """The problem with the first guesses of some unknowns at their neutral values."""
     base = problem.base.copy()
     for name in names:
@@ -534,10 +525,10 @@ def without(problem, names):
     return replace(problem, base=base)
 
 
-def _neutral(names):
+def _neutral(names: Sequence[str]):
     return np.array([NEUTRAL[INDEX[n]] if n in INDEX else 0.0 for n in names])
 
 
-def _is_stable(problem, names, values):
+def _is_stable(problem: Problem, names: Sequence[str], values: np.ndarray):
     found = check_stability(model_of(problem, names, values), problem.region)
     return found.bounded and found.largest_growth < max(problem.largest_growth, 0.0)

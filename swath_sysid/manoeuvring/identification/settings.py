@@ -38,7 +38,6 @@ class ManoeuvringSettings:
         Length of the windows, s.
     generations, population : int
         Of the genetic search for a start; 0 generations: regression alone.
-    seed : int
     """
 
     mass: float | None = None

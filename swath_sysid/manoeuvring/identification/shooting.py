@@ -4,6 +4,7 @@ The initial states are eliminated window by window, and the drift of each run ru
 Golub and Pereyra 1973, with Kaufman's Jacobian), so that the least-squares problem is one in the shared parameters
 only.
 """
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -36,6 +37,7 @@ from swath_sysid.manoeuvring.hull.terms import (
 )
 from swath_sysid.manoeuvring.hull.thrust import CURVE, acting_thrust
 from swath_sysid.manoeuvring.identification.least_squares import minimise
+from swath_sysid.manoeuvring.identification.windows import Windows
 
 THRUSTER = {*CURVE, BALANCE, LAG, DELAY}
 CURRENT = ('current_east', 'current_north')
@@ -84,12 +86,12 @@ class Unknowns:
     ties: dict[str, str] = field(default_factory=dict)
 
     @cached_property
-    def shares(self):
+    def shares(self) -> np.ndarray:
         """What each parameter has of each unknown, shape (P, n): one where it is the unknown, or tied to it."""
         standing_for = np.array([self.ties.get(name, name) for name in NAMES])
         return (standing_for[:, None] == np.array(self.names, dtype=str)).astype(float)
 
-    def placed_in(self, base, values):
+    def placed_in(self, base: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Full parameter vector, shape (P,): ``base`` with the values of the unknowns."""
         return np.where(self.shares.any(axis=1), self.shares @ values, base)
 
@@ -104,7 +106,6 @@ class ShootingFit:
         Of the unknowns.
     cost : float
         Half the weighted sum of squares, regularisation included.
-    evaluations : int
     """
 
     values: np.ndarray
@@ -139,8 +140,11 @@ class MultipleShooting:
         Of a step, over each of which the thrust that acts is held at its mean.
     """
 
-    def __init__(self, windows, base, unknowns, noise, speed, states=None, drift=None, drift_spread=0.0, speeds=(),
-                 largest_growth=-MIN_DECAY, parts=1):  # fmt: skip
+    def __init__(
+        self, windows: Windows, base: np.ndarray, unknowns: Unknowns, noise: np.ndarray, speed: float,
+        states: np.ndarray | None = None, drift: np.ndarray | None = None, drift_spread: float = 0.0,
+        speeds: Sequence[float] | np.ndarray = (), largest_growth: float = -MIN_DECAY, parts: int = 1,
+    ):  # fmt: skip
         self.windows, self.unknowns = windows, unknowns
         self._base = np.array(base, dtype=float)
         self._noise = np.asarray(noise, dtype=float)
@@ -160,20 +164,20 @@ class MultipleShooting:
         self._speeds, self._largest_growth = np.asarray(speeds, dtype=float), largest_growth
         self._member = (windows.run_index == np.arange(len(windows.runs))[:, None]).astype(float)
         self._parts = parts
-        self._thrust_cache = {}
+        self._thrust_cache: dict[bytes, tuple[np.ndarray, ...]] = {}
 
-    def with_unknowns(self, unknowns, base):
+    def with_unknowns(self, unknowns: Unknowns, base: np.ndarray) -> 'MultipleShooting':
         """The same windows, weights and states with other unknowns."""
         other = copy(self)
         other.unknowns, other._base = unknowns, np.array(base, dtype=float)
         return other
 
-    def parameters(self, values):
+    def parameters(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Full parameter vector, shape (n,), and current, shape (2,)."""
         found = dict(zip(self.unknowns.names, values, strict=True))
         return self.unknowns.placed_in(self._base, values), np.array([found.get(name, 0.0) for name in CURRENT])
 
-    def simulate(self, p_columns, states, active=None):
+    def simulate(self, p_columns: np.ndarray, states: np.ndarray, active: tuple[bool, ...] | None = None) -> np.ndarray:
         """Simulate copies of all windows.
 
         Parameters
@@ -197,7 +201,9 @@ class MultipleShooting:
                                  self._substeps(p_columns[:, 0]))  # fmt: skip
         return found.reshape(-1, 3, copies, count)
 
-    def _integrated(self, states, thrust, p, active, substeps):
+    def _integrated(
+        self, states: np.ndarray, thrust: Sequence[np.ndarray], p: np.ndarray, active: tuple[bool, ...], substeps: int
+    ):
         """States (S + 1, 3, C) at the samples from initial ones (3, C) under thrusts (S parts, C) of both sides."""
         states, port, starboard = map(np.ascontiguousarray, (states, *thrust))
         with np.errstate(over='ignore', invalid='ignore'):
@@ -205,7 +211,7 @@ class MultipleShooting:
                 states, port, starboard, UNDISTURBED, p, active, self.windows.step / self._parts, substeps)
         return found[:: self._parts]
 
-    def residuals(self, values):
+    def residuals(self, values: np.ndarray) -> np.ndarray:
         """Weighted residuals at the best initial states and drifts, with priors; shape (rows,)."""
         p, current = self.parameters(values)
         for _ in range(STATE_STEPS):
@@ -224,7 +230,7 @@ class MultipleShooting:
             self._instability(p[:, None])[:, 0],
         ])  # fmt: skip
 
-    def jacobian(self, values):
+    def jacobian(self, values: np.ndarray) -> np.ndarray:
         """Derivatives of `residuals` with the initial states and drifts eliminated, shape (rows, n)."""
         _, *slopes = self._slopes(values)
         projected, state_part, drift_part = self._eliminated(*slopes)
@@ -233,15 +239,15 @@ class MultipleShooting:
         parts = [part.reshape(n, -1).T for part in (projected, state_part, drift_part)]
         return np.concatenate([*parts, prior, self.instability_slopes(values)])
 
-    def refine(self, values, max_evaluations=20, tolerance=1e-5):
+    def refine(self, values: np.ndarray, max_evaluations: int = 20, tolerance: float = 1e-5) -> ShootingFit:
         """Bounded least squares over the unknowns."""
         lower, upper, units = self.unknowns.lower, self.unknowns.upper, self.unknowns.units
 
-        def scaled_residuals(x):
+        def scaled_residuals(x: np.ndarray) -> np.ndarray:
             found = self.residuals(x * units)
             return np.where(np.isfinite(found), np.clip(found, -1e6, 1e6), 1e6)
 
-        def scaled_jacobian(x):
+        def scaled_jacobian(x: np.ndarray) -> np.ndarray:
             found = self.jacobian(x * units) * units
             return np.where(np.isfinite(found), np.clip(found, -1e9, 1e9), 0.0)
 
@@ -249,14 +255,14 @@ class MultipleShooting:
             scaled_residuals, scaled_jacobian, values / units, lower / units, upper / units, max_evaluations, tolerance)
         return ShootingFit(found.x * units, found.cost, found.evaluations)
 
-    def settle(self, values):
+    def settle(self, values: np.ndarray) -> None:
         """Find the initial states, the drifts and the robust weights at these values."""
         for _ in range(3):
             self.residuals(values)
             self.weigh(values)
         self.residuals(values)
 
-    def weigh(self, values):
+    def weigh(self, values: np.ndarray) -> None:
         """Take the weights of the robust loss from the residuals at these values."""
         self._robust = np.ones_like(self._robust)
         p, current = self.parameters(values)
@@ -265,22 +271,22 @@ class MultipleShooting:
         # soft_l1: rho'(z) = 1 / sqrt(1 + z) at z = (residual / scale)^2
         self._robust = (1.0 + (residual / ROBUST_AT) ** 2) ** -0.25
 
-    def channel_residuals(self, values):
+    def channel_residuals(self, values: np.ndarray) -> np.ndarray:
         """Unweighted residuals, simulated less measured over ground, shape (3, S + 1, W); NaN where not measured."""
         p, current = self.parameters(values)
         states = self.simulate(p[:, None], self.states[:, None, :])[:, :, 0]
         return np.where(self._known, self._over_ground(states, p, current) - self._measured, np.nan)
 
-    def take_weights(self, other):
+    def take_weights(self, other: 'MultipleShooting') -> None:
         """Use the robust weights of another shooting over the same windows."""
         self._robust = other._robust
 
-    def linearised(self, values):
+    def linearised(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted residuals, (3, S + 1, W), and eliminated Jacobian, (n, 3, S + 1, W), at the present states."""
         residual, *slopes = self._slopes(values)
         return residual, self._eliminated(*slopes)[0]
 
-    def by_channel(self, residual, jacobian):
+    def by_channel(self, residual: np.ndarray, jacobian: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """What `linearised` found by window and channel, for the covariance.
 
         Returns
@@ -298,19 +304,19 @@ class MultipleShooting:
         return residuals, jacobians
 
     @property
-    def part_of_window(self):
+    def part_of_window(self) -> np.ndarray:
         """Number of the part of each window, (W,): its run, or its third where there are fewer than three runs."""
         index = self.windows.run_index
         if np.unique(index).size < MIN_PARTS:
             index = np.arange(index.size) * MIN_PARTS // index.size
         return np.unique(index, return_inverse=True)[1]
 
-    def by_part(self, residual, jacobian):
+    def by_part(self, residual: np.ndarray, jacobian: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """What `linearised` found by part: a list of (ndarray of shape (N_k,), ndarray of shape (N_k, n))."""
         places = (self._known & (self.part_of_window == k) for k in range(self.part_of_window.max() + 1))
         return [(residual[known], jacobian[:, known].T) for known in places]
 
-    def free_run_residuals(self, values_by_part):
+    def free_run_residuals(self, values_by_part: np.ndarray) -> np.ndarray:
         """Residuals over the noise of free runs from the measured states, without drifts: each part under its values.
 
         Parameters
@@ -338,7 +344,7 @@ class MultipleShooting:
             recorded = np.stack([*recorded_speeds(u, v, r, windows.heading, current, p), r])
             return np.where(self._known, (recorded - self._measured) / self._noise[:, None, None], 0.0)
 
-    def objective_of_population(self, candidates):
+    def objective_of_population(self, candidates: np.ndarray) -> np.ndarray:
         """Root mean square of the weighted residuals of candidates (P, n), from the present initial states."""
         columns = np.stack([self.parameters(row)[0] for row in candidates], axis=1)
         currents = np.stack([self.parameters(row)[1] for row in candidates], axis=1)
@@ -351,7 +357,7 @@ class MultipleShooting:
             total[k] = np.sqrt(np.mean(residual[self._known] ** 2))
         return np.where(np.isfinite(total), total, np.inf)
 
-    def _thrust(self, p):
+    def _thrust(self, p: np.ndarray):
         key = p[sorted(THRUSTER)].tobytes()
         if key not in self._thrust_cache:
             if len(self._thrust_cache) > 100:
@@ -362,7 +368,7 @@ class MultipleShooting:
                 self.windows.gather([a[side] for a in acting], self._parts) for side in (0, 1))
         return self._thrust_cache[key]
 
-    def _substeps(self, p):
+    def _substeps(self, p: np.ndarray):
         speed = 1.0 if not self._known[0].any() else float(np.max(np.abs(self._measured[0])))
         rate = 0.3 if not self._known[2].any() else float(np.max(np.abs(self._measured[2])))
         fastest = max(
@@ -372,18 +378,18 @@ class MultipleShooting:
         )
         return int(np.clip(np.ceil(self.windows.step / self._parts * fastest / STABLE_STEP), 1, 10))
 
-    def _over_ground(self, states, p, current):
+    def _over_ground(self, states: np.ndarray, p: np.ndarray, current: np.ndarray):
         """Surge, sway, yaw rate as recorded, shape (3, S + 1, W), of states (S + 1, 3, W)."""
         u, v, r = np.moveaxis(states, 1, 0)
         water = current[:, None] + self.drift @ self._member
         with np.errstate(over='ignore', invalid='ignore'):
             return np.stack([*recorded_speeds(u, v, r, self.windows.heading, water, p), r])
 
-    def _weighted(self, states, p, current):
+    def _weighted(self, states: np.ndarray, p: np.ndarray, current: np.ndarray):
         found = (self._over_ground(states, p, current) - self._measured) / self._noise[:, None, None]
         return np.where(self._known, found * self._robust, 0.0)
 
-    def _with_state_slopes(self, p, current):
+    def _with_state_slopes(self, p: np.ndarray, current: np.ndarray):
         columns = np.repeat(p[:, None], 4, axis=1)
         states = np.repeat(self.states[:, None, :], 4, axis=1)
         steps = PERTURBATION * np.maximum(self._state_units, 1e-2)
@@ -410,7 +416,7 @@ class MultipleShooting:
         slopes /= self._noise[:, None, None]
         return np.where(self._known, slopes * self._robust, 0.0)
 
-    def _best_move(self, residual, slopes):
+    def _best_move(self, residual: np.ndarray, slopes: np.ndarray):
         """Gauss-Newton step of the initial states of every window, shape (3, W), and of the drifts, (2, R)."""
         inverse, usable = self._state_information(slopes)
         drift_move = np.zeros_like(self.drift)
@@ -435,7 +441,7 @@ class MultipleShooting:
         limit = 30.0 * self._state_units[:, None] + 0.2 * np.abs(self.states)
         return np.clip(move, -limit, limit), drift_move
 
-    def _state_information(self, state_slopes):
+    def _state_information(self, state_slopes: np.ndarray):
         """Inverse information of the initial states, shape (W, 3, 3), and where it could be computed."""
         with np.errstate(over='ignore', invalid='ignore'):
             matrix = np.einsum('jcsw,kcsw->wjk', state_slopes, state_slopes)
@@ -444,7 +450,7 @@ class MultipleShooting:
         matrix[~usable] = np.eye(3)
         return np.linalg.inv(matrix), usable
 
-    def _without_states(self, slopes, state_slopes, inverse, usable):
+    def _without_states(self, slopes: np.ndarray, state_slopes: np.ndarray, inverse: np.ndarray, usable: np.ndarray):
         """Slopes (n, 3, S + 1, W) less what the best initial states take up, and what these take, (n, 3, W)."""
         with np.errstate(over='ignore', invalid='ignore'):
             cross = np.einsum('jcsw,ncsw->wjn', state_slopes, slopes)
@@ -453,7 +459,7 @@ class MultipleShooting:
             projected = slopes - np.einsum('jcsw,wjn->ncsw', state_slopes, taken)
         return projected, np.moveaxis(taken, 0, 2).transpose(1, 0, 2)
 
-    def _drift_information(self, projected, drifts):
+    def _drift_information(self, projected: np.ndarray, drifts: np.ndarray):
         """Inverse information of the drift of each run, shape (R, 2, 2)."""
         with np.errstate(over='ignore', invalid='ignore'):
             # the projection is idempotent: one projected side is enough, and the states' priors are in it
@@ -462,7 +468,7 @@ class MultipleShooting:
         matrix = 0.5 * (matrix + np.moveaxis(matrix, 1, 2)) + np.eye(2) / self._drift_spread**2
         return np.linalg.inv(matrix)
 
-    def drift_variance(self, values):
+    def drift_variance(self, values: np.ndarray) -> np.ndarray:
         """Variance of the drift of each run by the weights alone, shape (2, R); regularisation counted in."""
         p, current = self.parameters(values)
         _, state_slopes = self._with_state_slopes(p, current)
@@ -470,7 +476,7 @@ class MultipleShooting:
         projected, _ = self._without_states(drifts, state_slopes, *self._state_information(state_slopes))
         return np.diagonal(self._drift_information(projected, drifts), axis1=1, axis2=2).T
 
-    def with_drift_spread(self, spread):
+    def with_drift_spread(self, spread: float) -> 'MultipleShooting':
         """The same with the runs' currents expected to differ by so much, m/s."""
         other = copy(self)
         other._drift_spread = spread
@@ -478,7 +484,7 @@ class MultipleShooting:
             other.drift = np.zeros_like(self.drift)
         return other
 
-    def _instability(self, columns):
+    def _instability(self, columns: np.ndarray):
         """Weighted excess of growth over what is allowed, of candidates (n, K), shape (speeds, K)."""
         if not self._speeds.size:
             return np.zeros((0, columns.shape[1]))
@@ -486,7 +492,7 @@ class MultipleShooting:
         weight = STABILITY_WEIGHT * np.sqrt(self._known.sum())
         return weight * np.maximum(growth - self._largest_growth, 0.0)
 
-    def instability_slopes(self, values):
+    def instability_slopes(self, values: np.ndarray) -> np.ndarray:
         """Derivatives of `_instability` by the unknowns, shape (speeds, n)."""
         p, _ = self.parameters(values)
         searched = np.flatnonzero(self.unknowns.shares.any(axis=0))
@@ -500,7 +506,7 @@ class MultipleShooting:
         slopes[:, searched] = (found[:, 1:] - found[:, :1]) / steps
         return slopes
 
-    def _slopes(self, values):
+    def _slopes(self, values: np.ndarray):
         """Weighted residuals (3, S+1, W), their derivatives by the unknowns (n, ...) and by the states (3, ...)."""
         p, current = self.parameters(values)
         searched = np.flatnonzero(self.unknowns.shares.any(axis=0))
@@ -528,7 +534,7 @@ class MultipleShooting:
                 slopes[j] = np.einsum('j,jcsw->csw', unit, self._drift_slopes())
         return residual, slopes, state_slopes
 
-    def _eliminated(self, slopes, state_slopes):
+    def _eliminated(self, slopes: np.ndarray, state_slopes: np.ndarray):
         """Slopes less the part that the best initial states and drifts take up, and these two parts.
 
         Returns
@@ -551,12 +557,12 @@ class MultipleShooting:
             state_part = state_part + np.einsum('jkw,njw->nkw', drifts_taken / self._expected_spread, by_window)
         return projected, state_part, -drift / self._drift_spread
 
-    def _prior(self, values):
+    def _prior(self, values: np.ndarray):
         spread = self.unknowns.spread
         return np.where(np.isfinite(spread), (values - self.unknowns.target) / spread, 0.0)
 
 
-def _union(columns):
+def _union(columns: np.ndarray):
     """A column in which every parameter that any column uses differs from neutral."""
     spread = np.ptp(columns, axis=1)
     return columns[:, 0] + np.where(spread > 0.0, spread * 1.2345 + 1e-9, 0.0)

@@ -3,23 +3,27 @@
 Over spans of a second or so the change of each speed is the integral of its acceleration, which is linear
 in the ratios to inertia; bounded least squares (scipy's lsq_linear) keeps damping a damping.
 """
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from scipy.optimize import lsq_linear
+
+from swath_sysid.manoeuvring.motion.trial import Run
 
 SPAN = 1.0
 """s."""
 
 
-def _changes(series, span):
+def _changes(series: np.ndarray, span: int):
     return series[span:] - series[:-span]
 
 
-def _integrals(series, span, step):
+def _integrals(series: np.ndarray, span: int, step: float):
     total = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1]))]) * step
     return total[span:] - total[:-span]
 
 
-def _regress(columns, target, lower, upper):
+def _regress(columns: Sequence[np.ndarray], target: np.ndarray, lower: Sequence[float], upper: Sequence[float]):
     """Bounded regression on columns scaled to unit size; zeros where there is no usable row."""
     matrix, target = np.stack(columns, axis=1), np.asarray(target)
     known = np.all(np.isfinite(matrix), axis=1) & np.isfinite(target)
@@ -30,7 +34,7 @@ def _regress(columns, target, lower, upper):
     return found.x / size
 
 
-def _rows(runs, thrust, features):
+def _rows(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]], features: Callable):
     """Stacked changes and integrals over all runs: ``features(run, thrust)`` gives the target and the columns."""
     targets, columns = [], []
     for run, acting in zip(runs, thrust, strict=True):
@@ -42,7 +46,7 @@ def _rows(runs, thrust, features):
     return np.concatenate(targets), [np.concatenate(parts) for parts in zip(*columns, strict=True)]
 
 
-def surge_ratios(runs, thrust):
+def surge_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Thrust gain over inertia (at least 0), linear and quadratic damping over inertia (at most 0).
 
     Parameters
@@ -58,7 +62,7 @@ def surge_ratios(runs, thrust):
         Zeros where the runs do not determine them.
     """
 
-    def features(run, acting):
+    def features(run: Run, acting: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         u = run.smooth[0]
         return u, (acting[0] + acting[1], u, np.abs(u) * u)
 
@@ -66,18 +70,18 @@ def surge_ratios(runs, thrust):
     return _regress(columns, target, [0.0, -np.inf, -np.inf], [np.inf, 0.0, 0.0])
 
 
-def yaw_ratios(runs, thrust):
+def yaw_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Gain of the thrust difference over inertia, and linear yaw damping over inertia, shape (2,).
 
     Where speed and sway are measured the gain is that beside further damping and the Munk moment, which else make a
     craft that hardly keeps its course look heavy.
     """
 
-    def features(run, acting):
+    def features(run: Run, acting: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         r = run.smooth[2]
         return r, (acting[1] - acting[0], r)
 
-    def further(run, acting):
+    def further(run: Run, acting: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         u, v, r = run.smooth
         return r, (acting[1] - acting[0], r, np.abs(r) * r, np.abs(u) * r, u * v)
 
@@ -88,10 +92,10 @@ def yaw_ratios(runs, thrust):
     return np.array([rich[0], plain[1] * rich[0] / plain[0]]) if rich[0] > plain[0] > 0.0 else plain
 
 
-def sway_ratios(runs, thrust):
+def sway_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Mass over sway inertia (of -u r), and linear sway damping over inertia, shape (2,)."""
 
-    def features(run, _):
+    def features(run: Run, _: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         u, v, r = run.smooth
         return v, (-u * r, v)
 

@@ -1,4 +1,5 @@
 """Free simulation over windows, against what was measured."""
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,12 @@ from swath_sysid.manoeuvring.hull.measurement import (
     recorded_speeds,
     through_water,
 )
+from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import UNDISTURBED, runge_kutta_columns, substeps_for, track
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
-from swath_sysid.manoeuvring.identification.windows import cut
+from swath_sysid.manoeuvring.identification.windows import Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
-from swath_sysid.manoeuvring.motion.trial import CHANNELS
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
 LEADS = (5.0, 10.0, 20.0)
 """s, at which the errors of position and heading are reported."""
@@ -32,14 +34,13 @@ class Simulated:
 
     Attributes
     ----------
-    windows : Windows
     states : ndarray, shape (S + 1, 3, W)
         Surge and sway over ground, yaw rate, as the sensors would record them; NaN behind the end of a window.
     heading, x, y : ndarray, shape (S + 1, W)
         rad, m; from zero where not measured.
     """
 
-    windows: object
+    windows: Windows
     states: np.ndarray
     heading: np.ndarray
     x: np.ndarray
@@ -72,7 +73,10 @@ class Scores:
     diverged: int
 
 
-def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
+def simulate_windows(
+    model: ManoeuvringModel, runs: Sequence[Run], length: float = 20.0, shortest: float = 5.0,
+    currents: np.ndarray | None = None,
+) -> Simulated:  # fmt: skip
     """Simulate every window of some runs from its measured initial state.
 
     The initial state is the smoothed measurement at the start of the window; a sway that was not
@@ -88,10 +92,6 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
         Of the windows, s.
     currents : ndarray, shape (R, 2), optional
         East and north, m/s, of each run; that of the model by default.
-
-    Returns
-    -------
-    Simulated
     """
     windows = cut(runs, length, shortest)
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)
@@ -114,20 +114,18 @@ def simulate_windows(model, runs, length=20.0, shortest=5.0, currents=None):
             u, v, r, windows.step, heading[0] - deviation(heading[0], p), np.zeros((2, windows.count)), current)
         compass = recorded_heading(psi, p)
         recorded = np.stack([*recorded_speeds(u, v, r, compass, current, p), r], axis=1)
-        x, y = recorded_position(x, y, psi, p)
+        place = np.stack(recorded_position(x, y, psi, p))
         start = np.stack([_at_start(windows, name) for name in ('x', 'y')])
-        x, y = x - x[0] + start[0], y - y[0] + start[1]
+        x, y = place - place[:, :1] + start[:, None]
     behind = np.arange(len(psi))[:, None] > windows.steps
     recorded[np.repeat(behind[:, None], 3, axis=1)] = np.nan
     return Simulated(windows, recorded, *(np.where(behind, np.nan, a) for a in (compass, x, y)))
 
 
-def score(model, runs, length=20.0, currents=None):
+def score(
+    model: ManoeuvringModel, runs: Sequence[Run], length: float = 20.0, currents: np.ndarray | None = None
+) -> Scores:
     """Scores of a model on some runs; see `simulate_windows`.
-
-    Returns
-    -------
-    Scores
     """
     found = simulate_windows(model, runs, length, currents=currents)
     windows = found.windows
@@ -150,7 +148,7 @@ def score(model, runs, length=20.0, currents=None):
     return Scores(r2, rmse, position, heading, windows.count, _diverged(found))
 
 
-def _errors_at(found, references, lead):
+def _errors_at(found: Simulated, references: list[tuple], lead: float):
     windows = found.windows
     step = round(lead / windows.step)
     turned, missed = [], []
@@ -172,11 +170,11 @@ def _errors_at(found, references, lead):
     )
 
 
-def _rotated(x, y, angle):
+def _rotated(x: np.ndarray, y: np.ndarray, angle: float):
     return x * np.cos(angle) + y * np.sin(angle), -x * np.sin(angle) + y * np.cos(angle)
 
 
-def _reference_track(run):
+def _reference_track(run: Run):
     """Measured heading and position, smoothed; integrated from rate and speeds where not measured."""
     surge, sway, rate = (None if np.isnan(s).all() else np.where(np.isfinite(s), s, 0.0) for s in run.smooth)
     heading = run.heading
@@ -194,7 +192,7 @@ def _reference_track(run):
     return heading, x, y
 
 
-def _diverged(found):
+def _diverged(found: Simulated):
     """Windows that left the bounds, or are not finite."""
     measured = np.nanmax(np.abs(found.windows.measured), axis=(1, 2), initial=0.0)
     limits = RUN_AWAY * np.maximum(measured, [0.5, 0.5, 0.1])
@@ -207,13 +205,13 @@ def _diverged(found):
     return int(np.any(away, axis=(0, 1)).sum())
 
 
-def _at_start(windows, name):
+def _at_start(windows: Windows, name: str):
     series = [getattr(run, name) for run in windows.runs]
     return np.array([0.0 if series[run] is None else series[run][start]
                      for run, start in zip(windows.run_index, windows.start, strict=True)])  # fmt: skip
 
 
-def _lead_in_sway(model, windows, acting):
+def _lead_in_sway(model: ManoeuvringModel, windows: Windows, acting: Sequence[tuple[np.ndarray, np.ndarray]]):
     """Sway at the start of every window after a lead-in simulation from zero sway."""
     steps = round(LEAD_IN / windows.step)
     sway = np.zeros(windows.count)

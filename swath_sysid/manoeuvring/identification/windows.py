@@ -1,9 +1,11 @@
 """Runs cut into windows, each of which is simulated from its own initial state."""
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.motion.trial import Run
 
 LENGTH = 20.0
 SHORTEST = 5.0
@@ -21,7 +23,6 @@ class Windows:
     ----------
     step : float
         s.
-    runs : tuple of Run
     run_index, start, steps : ndarray of int, shape (W,)
         Run, first sample, and number of steps of each window.
     measured : ndarray, shape (3, S + 1, W)
@@ -42,11 +43,11 @@ class Windows:
     initial: np.ndarray
 
     @property
-    def count(self):
+    def count(self) -> int:
         """Number of windows."""
         return self.start.size
 
-    def gather(self, series, parts=1):
+    def gather(self, series: Sequence[np.ndarray], parts: int = 1) -> np.ndarray:
         """Values over the parts of the steps of each window, shape (S parts, W), of one series a run; ends are held."""
         longest = parts * int(self.steps.max())
         found = np.zeros((longest, self.count))
@@ -57,7 +58,7 @@ class Windows:
         return found
 
 
-def cut(runs, length=LENGTH, shortest=SHORTEST):
+def cut(runs: Sequence[Run], length: float = LENGTH, shortest: float = SHORTEST) -> Windows:
     """Cut runs into windows, none across a gap in the thrust or within `SETTLED` seconds behind one.
 
     Parameters
@@ -66,10 +67,6 @@ def cut(runs, length=LENGTH, shortest=SHORTEST):
         Of equal step.
     length, shortest : float
         s; what remains at the end of a run is kept if it is not shorter than ``shortest``.
-
-    Returns
-    -------
-    Windows
 
     Raises
     ------

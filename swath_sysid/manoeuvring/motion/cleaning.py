@@ -1,12 +1,13 @@
 """A trial without what no craft did: disorder in time, absurd values, spikes, channels that never change."""
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, MEASURED
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, MEASURED, ManoeuvringTrial
 
 ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'heading': 1e6}
 MIN_SPIKE = {'surge': 0.5, 'sway': 0.5, 'yaw_rate': 0.3, 'x': 3.0, 'y': 3.0}
@@ -19,12 +20,12 @@ NEIGHBOURS = 7
 MAX_SPIKES = 0.03
 
 
-def cleaned(trial, advice):
+def cleaned(trial: ManoeuvringTrial, advice: list[Advice]) -> ManoeuvringTrial:
     """The trial in order of time, absurd values and spikes missing; ``advice``, a list, grows."""
     return _without_spikes(_without_absurd(_in_order(trial, advice), advice), advice)
 
 
-def without_constant(trials, advice):
+def without_constant(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
     """Trials without the speeds and yaw rates that are constant in all of them: their senders did not measure them."""
     for name in CHANNELS:
         holding = [k for k, trial in enumerate(trials) if getattr(trial, name) is not None]
@@ -32,14 +33,19 @@ def without_constant(trials, advice):
         if not holding or any(np.nanmin(v) != np.nanmax(v) for v in values):
             continue
         for k in holding:
-            trials[k] = replace(trials[k], **{name: None})
+            trials[k] = _with(trials[k], name, None)
             advice[k].append(Advice('constant-channel', (
                 f'{trials[k].source}: {name} never changes, as where nothing is measured: it is taken as unknown; '
                 f'check its sender')))  # fmt: skip
     return trials
 
 
-def _in_order(trial, advice):
+def _with(trial: ManoeuvringTrial, name: str, values: np.ndarray | None) -> ManoeuvringTrial:
+    channel: dict[str, Any] = {name: values}
+    return replace(trial, **channel)
+
+
+def _in_order(trial: ManoeuvringTrial, advice: list[Advice]):
     """Samples in order of time, without repeated or unreadable stamps."""
     time = np.asarray(trial.time, dtype=float)
     good = np.isfinite(time)
@@ -54,17 +60,17 @@ def _in_order(trial, advice):
     for name in ('port', 'starboard', *MEASURED):
         values = getattr(trial, name)
         if values is not None:
-            trial = replace(trial, **{name: np.asarray(values, dtype=float)[good]})
+            trial = _with(trial, name, np.asarray(values, dtype=float)[good])
     return replace(trial, time=time[good])
 
 
-def _without_absurd(trial, advice):
+def _without_absurd(trial: ManoeuvringTrial, advice: list[Advice]):
     names = list(trial.measured())
     for name, values in trial.measured().items():
         with np.errstate(invalid='ignore'):
             bad = ~(np.abs(values) <= ABSURD[name])
         if bad.all():
-            trial = replace(trial, **{name: None})
+            trial = _with(trial, name, None)
             advice.append(Advice('empty-channel', f'{trial.source}: {name} holds no usable value and is left out'))
             continue
         wild = bad & np.isfinite(values)
@@ -72,7 +78,7 @@ def _without_absurd(trial, advice):
             advice.append(Advice('absurd-values', (
                 f'{trial.source}: {int(wild.sum())} values of {name} beyond {ABSURD[name]:g} left out: check its '
                 f'unit')))  # fmt: skip
-        trial = replace(trial, **{name: np.where(bad, np.nan, values)})
+        trial = _with(trial, name, np.where(bad, np.nan, values))
     rows = np.all([~np.isfinite(getattr(trial, n)) for n in names if getattr(trial, n) is not None], axis=0)
     if np.sum(rows):
         advice.append(Advice('missing-rows', (
@@ -81,7 +87,7 @@ def _without_absurd(trial, advice):
     return trial
 
 
-def _without_spikes(trial, advice):
+def _without_spikes(trial: ManoeuvringTrial, advice: list[Advice]):
     """Without single samples far from their neighbours on both sides, as receivers and buses make them."""
     for name, least in MIN_SPIKE.items():
         values = getattr(trial, name)
@@ -98,5 +104,5 @@ def _without_spikes(trial, advice):
             f'the sensor if they are many')))  # fmt: skip
         cleaned = values.copy()
         cleaned[known[spikes]] = np.nan
-        trial = replace(trial, **{name: cleaned})
+        trial = _with(trial, name, cleaned)
     return trial

@@ -1,11 +1,13 @@
 """The compass held against the craft's own motion: mounted or calibrated askew, it is turned along the keel."""
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 MIN_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
 SURE = 4.0
@@ -24,7 +26,7 @@ REMEMBERED = 10.0
 """Half seconds over which wind and manoeuvres leave the same sway: this many samples count as one."""
 
 
-def aligned(trials, advice):
+def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
     """The trials with the compass along the keel, where it was mounted or calibrated askew.
 
     A compass that is off by a small angle shows in the sway as that angle times the speed, whatever the course; a
@@ -62,12 +64,12 @@ def aligned(trials, advice):
     return [_turned(trial, offset) for trial in trials]
 
 
-def _turns_to_one_side(yaw_rate):
+def _turns_to_one_side(yaw_rate: np.ndarray) -> bool:
     """Whether the drift of turns to one side alone leaves the same sway as a compass askew."""
-    return max(np.mean(yaw_rate > TURNING), np.mean(yaw_rate < -TURNING)) > ONE_SIDED
+    return bool(max(np.mean(yaw_rate > TURNING), np.mean(yaw_rate < -TURNING)) > ONE_SIDED)
 
 
-def _sway_by_cause(trial):
+def _sway_by_cause(trial: ManoeuvringTrial):
     """Sway every half second under way ahead, and what may cause it; None where a trial does not show it.
 
     Returns
@@ -97,9 +99,9 @@ def _sway_by_cause(trial):
     return sway[keep], causes[keep], np.stack([-np.sin(heading), np.cos(heading)], axis=1)[keep]
 
 
-def _turned(trial, offset):
+def _turned(trial: ManoeuvringTrial, offset: float):
     """The trial with heading and speeds turned to port by an angle, rad."""
-    changed = {}
+    changed: dict[str, Any] = {}
     if trial.heading is not None:
         changed['heading'] = trial.heading + offset
     if trial.surge is not None and trial.sway is not None:

@@ -5,6 +5,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from swath_sysid.manoeuvring.motion.resampling import slope
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 USUAL_STEP = 0.1
 """s; also used for runs whose own interval is far from it."""
@@ -13,7 +14,7 @@ MOVING = 0.3
 """m/s; above this the course gives the heading."""
 
 
-def even(trial, *names):
+def even(trial: ManoeuvringTrial, *names: str) -> tuple[np.ndarray, list[np.ndarray | None]]:
     """Channels at even times, s and values, gaps bridged; None where a channel was not measured."""
     time = np.arange(trial.time[0], trial.time[-1], USUAL_STEP)
     found: list[np.ndarray | None] = []
@@ -28,7 +29,7 @@ def even(trial, *names):
     return time, found
 
 
-def speeds_of_track(trial):
+def speeds_of_track(trial: ManoeuvringTrial) -> tuple[np.ndarray, np.ndarray] | None:
     """Surge and sway by position and heading, m/s, at even times; None where not measured."""
     _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
     if heading is None or x is None or y is None:
@@ -37,7 +38,7 @@ def speeds_of_track(trial):
     return east * np.cos(heading) + north * np.sin(heading), -east * np.sin(heading) + north * np.cos(heading)
 
 
-def lowpass(values, tau):
+def lowpass(values: np.ndarray, tau: float) -> np.ndarray:
     """First-order low pass of even samples, time constant in s."""
     decay = math.exp(-USUAL_STEP / tau)
     return lfilter([1.0 - decay], [1.0, -decay], values, zi=[decay * values[0]])[0]

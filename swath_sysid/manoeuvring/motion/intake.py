@@ -1,4 +1,6 @@
 """From records to runs ready for identification; what one record does not determine is taken from all of them."""
+from collections.abc import Sequence
+
 import numpy as np
 
 from swath_sysid.common.advice import Advice
@@ -16,15 +18,17 @@ from swath_sysid.manoeuvring.motion.resampling import (
     unwrapped,
     without_held,
 )
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, POSE, ManoeuvringTrial, Run
 
 
-def prepare(trial, gap_means_zero=False, step=None):
+def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float | None = None) -> Run:
     """Make one trial ready for identification; see `prepare_all`."""
     return prepare_all([trial], gap_means_zero, step)[0]
 
 
-def prepare_all(trials, gap_means_zero=False, step=None):
+def prepare_all(
+    trials: Sequence[ManoeuvringTrial], gap_means_zero: bool = False, step: float | None = None
+) -> list[Run]:
     """Make trials of one craft ready for identification.
 
     Reversed and swapped channels, constant ones and a compass askew are found over all trials together.
@@ -37,10 +41,6 @@ def prepare_all(trials, gap_means_zero=False, step=None):
         Commands are published only while driving: where there are none the thrust is zero.
     step : float, optional
         s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
-
-    Returns
-    -------
-    list of Run
 
     Raises
     ------
@@ -56,7 +56,7 @@ def prepare_all(trials, gap_means_zero=False, step=None):
     return [_run(t, gap_means_zero, step, a) for t, a in zip(trials, advice, strict=True)]
 
 
-def _run(trial, gap_means_zero, step, advice):
+def _run(trial: ManoeuvringTrial, gap_means_zero: bool, step: float, advice: list[Advice]):
     """The run of a trial whose channels have been set right."""
     count = int((trial.time[-1] - trial.time[0]) / step) + 1
     if count < 20:
@@ -86,7 +86,10 @@ def _run(trial, gap_means_zero, step, advice):
     )  # fmt: skip
 
 
-def _derive_channels(measured, pose, step, advice, source):
+def _derive_channels(
+    measured: dict[str, np.ndarray], pose: dict[str, np.ndarray | None], step: float, advice: list[Advice],
+    source: str,
+):  # fmt: skip
     """Yaw rate from heading, speeds from position and heading, where they were not measured."""
     heading, x, y = (pose[name] for name in POSE)
     if 'yaw_rate' not in measured and heading is not None:

@@ -5,6 +5,7 @@ pooled over all runs, thrust is judged where the craft is driven ahead or astern
 stays.
 """
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 SEEN = 0.5
 """A pooled correlation beyond this, against expectation, counts as a reversed channel."""
@@ -23,7 +25,7 @@ DRIVEN = 0.3
 """Share of the thrust difference that the total thrust must exceed: below it a craft turns on the spot."""
 
 
-def mirrored(trial):
+def mirrored(trial: ManoeuvringTrial) -> ManoeuvringTrial:
     """The trial with port and starboard motion exchanged: NED to ENU, and back; thrusters stay."""
     changed = {name: -getattr(trial, name) for name in ('sway', 'yaw_rate') if getattr(trial, name) is not None}
     if trial.heading is not None:
@@ -33,7 +35,7 @@ def mirrored(trial):
     return replace(trial, **changed)
 
 
-def set_right(trials, advice):
+def set_right(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
     """The trials in ENU, reversed and swapped channels set right.
 
     Parameters
@@ -42,10 +44,6 @@ def set_right(trials, advice):
         Of one craft.
     advice : sequence of lists of Advice
         One a trial; they grow.
-
-    Returns
-    -------
-    list of ManoeuvringTrial
 
     Raises
     ------
@@ -64,7 +62,7 @@ def set_right(trials, advice):
     return _with_sides(trials, advice)
 
 
-def _likeness(pairs):
+def _likeness(pairs: Sequence[tuple]):
     """Correlation about zero of pairs of series, pooled; 0 where none is usable."""
     pairs = [pair for pair in pairs if pair is not None and len(pair[0])]
     if not pairs:
@@ -74,7 +72,9 @@ def _likeness(pairs):
     return float(a @ b) / size if size > 0.0 else 0.0
 
 
-def _reversed(trials, advice, names, code, meaning):
+def _reversed(
+    trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]], names: Sequence[str], code: str, meaning: str
+):
     """The trials with channels multiplied by -1, where they hold any of them."""
     found = []
     for trial, item in zip(trials, advice, strict=True):
@@ -85,7 +85,7 @@ def _reversed(trials, advice, names, code, meaning):
     return found
 
 
-def _courses(trial):
+def _courses(trial: ManoeuvringTrial):
     """Course over ground and heading under way, rad; None where the trial does not hold them."""
     _, (heading, x, y) = even(trial, 'heading', 'x', 'y')
     span = round(2.0 / USUAL_STEP)
@@ -98,7 +98,7 @@ def _courses(trial):
     return np.arctan2(aside, ahead)[moving], heading[span:-span][moving]
 
 
-def _with_heading_along_course(trials, advice):
+def _with_heading_along_course(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
     """The trials with headings mirrored or turned by quarters to agree with the course over ground."""
     pairs = [pair for pair in map(_courses, trials) if pair is not None]
     if not pairs:
@@ -133,7 +133,7 @@ def _with_heading_along_course(trials, advice):
     return found
 
 
-def _heading_and_rate(trial):
+def _heading_and_rate(trial: ManoeuvringTrial):
     """Slope of the heading and yaw rate."""
     _, (heading, rate) = even(trial, 'heading', 'yaw_rate')
     if heading is None or rate is None:
@@ -142,8 +142,8 @@ def _heading_and_rate(trial):
     return (slope - slope.mean(), rate - rate.mean()) if min(np.std(rate), np.std(slope)) > 0.02 else None
 
 
-def _speed_and_track(name, place):
-    def pair(trial):
+def _speed_and_track(name: str, place: int):
+    def pair(trial: ManoeuvringTrial) -> tuple | None:
         _, (measured,) = even(trial, name)
         track = speeds_of_track(trial)
         if measured is None or track is None or np.sqrt(np.mean(track[place] ** 2)) < 0.1:
@@ -163,7 +163,7 @@ _CHANNELS = (
 )  # fmt: skip
 
 
-def _with_thrust_ahead(trials, advice):
+def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
     """The trials with thrust, or the speed, reversed where the craft moves astern under positive thrust."""
     best = max((_likeness([_total_and_surge(t, tau) for t in trials]) for tau in (0.5, 2.0, 5.0)), key=abs)
     if best > -SEEN_IN_SPEED:
@@ -177,12 +177,12 @@ def _with_thrust_ahead(trials, advice):
         'the speed is negative under positive thrust and is reversed: check its sign, or that of both thrusts'))
 
 
-def _driven(port, starboard):
+def _driven(port: np.ndarray, starboard: np.ndarray):
     """Samples where the thrust drives ahead or astern and does not only turn the craft."""
     return np.abs(starboard + port) > DRIVEN * np.abs(starboard - port)
 
 
-def _total_and_surge(trial, tau):
+def _total_and_surge(trial: ManoeuvringTrial, tau: float):
     _, (surge, port, starboard) = even(trial, 'surge', 'port', 'starboard')
     if surge is None or port is None or starboard is None:
         return None
@@ -192,12 +192,12 @@ def _total_and_surge(trial, tau):
     return lowpass(port + starboard, tau)[keep], surge[keep]
 
 
-def _turning_likeness(trials):
+def _turning_likeness(trials: Sequence[ManoeuvringTrial]):
     """Of the thrust difference with the yaw rate."""
     return max((_likeness([_difference_and_rate(t, tau) for t in trials]) for tau in (0.3, 1.0, 3.0)), key=abs)
 
 
-def _difference_and_rate(trial, tau):
+def _difference_and_rate(trial: ManoeuvringTrial, tau: float):
     _, (rate, heading, port, starboard) = even(trial, 'yaw_rate', 'heading', 'port', 'starboard')
     if rate is None and heading is not None:
         rate = np.gradient(lowpass(heading, 0.5), USUAL_STEP)
@@ -207,7 +207,7 @@ def _difference_and_rate(trial, tau):
     return lowpass(starboard - port, tau)[keep], rate[keep]
 
 
-def _with_sides(trials, advice):
+def _with_sides(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
     """The trials with thrusters exchanged, or motion mirrored where no frame is stated, if they turn the wrong way."""
     found = list(trials)
     for stated in (True, False):

@@ -6,6 +6,7 @@ from scipy.signal import savgol_filter
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, white_noise
+from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 HOLD = 0.5
 """s for which a command is held after it was last published."""
@@ -20,7 +21,7 @@ NOISY = 0.1
 """A noise of this share of the motion gets the full smoothing."""
 
 
-def smoothed(values, step, width=SMOOTHING):
+def smoothed(values: np.ndarray, step: float, width: float = SMOOTHING) -> np.ndarray:
     """Local linear fit with a Gaussian window of ``width`` seconds; NaN where nothing is near.
 
     Shape (N,) to (N,).
@@ -33,7 +34,7 @@ def smoothed(values, step, width=SMOOTHING):
     place = np.arange(values.size, dtype=float)
     filled = np.where(known, values, 0.0)
 
-    def spread(weights):
+    def spread(weights: np.ndarray) -> np.ndarray:
         return gaussian_filter1d(weights, sigma, mode='constant', truncate=4.0)
 
     w0, m1, m2 = spread(1.0 * known), spread(known * place), spread(known * place**2)
@@ -46,14 +47,16 @@ def smoothed(values, step, width=SMOOTHING):
     return np.where(w0 > 1e-3 / spacing, fit, np.nan)
 
 
-def _noisiness(values):
+def _noisiness(values: np.ndarray):
     """Share of the full smoothing that a channel needs, 0.3 to 1, by its white noise."""
     if values.size < 8 or np.std(values) == 0.0:
         return 1.0
     return float(np.clip(white_noise(values) / (NOISY * np.std(values)), 0.3, 1.0))
 
 
-def thrust_on(grid, trial, gap_means_zero, advice):
+def thrust_on(
+    grid: np.ndarray, trial: ManoeuvringTrial, gap_means_zero: bool, advice: list[Advice]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Inputs held on the grid, and where they are known."""
     known = np.isfinite(trial.port) & np.isfinite(trial.starboard)
     if not known.any():
@@ -80,7 +83,7 @@ def thrust_on(grid, trial, gap_means_zero, advice):
     return np.where(driven, port, 0.0), np.where(driven, starboard, 0.0), driven
 
 
-def without_held(name, values, advice, source):
+def without_held(name: str, values: np.ndarray, advice: list[Advice], source: str) -> np.ndarray:
     """NaN for repetitions of a slower sensor's last value."""
     known = np.flatnonzero(np.isfinite(values))
     changed = np.diff(values[known]) != 0.0
@@ -97,7 +100,7 @@ def without_held(name, values, advice, source):
     return fresh
 
 
-def on_grid(grid, step, time, values):
+def on_grid(grid: np.ndarray, step: float, time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Fast channels averaged around each grid time, slow ones put at the nearest, NaN elsewhere."""
     known = np.isfinite(values)
     time, values = time[known], values[known]
@@ -120,13 +123,13 @@ def on_grid(grid, step, time, values):
     return np.where(near, values[nearest], np.nan)
 
 
-def slope(values, step, span):
+def slope(values: np.ndarray, step: float, span: float) -> np.ndarray:
     """Derivative of even samples by local parabolas over ``span`` seconds, shape (N,)."""
     window = max(5, 2 * int(span / step / 2) + 1)
     return savgol_filter(values, min(window, 2 * ((values.size - 1) // 2) + 1), 2, deriv=1, delta=step)
 
 
-def bridged(values):
+def bridged(values: np.ndarray) -> np.ndarray:
     """Linear over gaps, shape (N,)."""
     known = np.isfinite(values)
     if not known.any():
@@ -137,7 +140,7 @@ def bridged(values):
     return np.interp(place, place[known], values[known])
 
 
-def unwrapped(heading):
+def unwrapped(heading: np.ndarray) -> np.ndarray:
     """Without jumps of whole turns, across gaps too; shape (N,)."""
     known = np.isfinite(heading)
     found = np.full(heading.size, np.nan)

@@ -35,8 +35,6 @@ class ManoeuvringTrial:
         Half the distance between the thrusters, m, where stated.
     length : float or None
         Of the hulls, m, where stated.
-    source : str
-    advice : tuple of Advice
     """
 
     time: np.ndarray
@@ -55,7 +53,7 @@ class ManoeuvringTrial:
     source: str = ''
     advice: tuple[Advice, ...] = ()
 
-    def measured(self):
+    def measured(self) -> dict[str, np.ndarray]:
         """The channels that it holds, by name."""
         return {name: getattr(self, name) for name in MEASURED if getattr(self, name) is not None}
 
@@ -80,9 +78,6 @@ class Run:
         rad (not wrapped) and m, without gaps; None where not measured.
     smooth : ndarray, shape (3, N)
         Smoothed surge, sway, yaw rate, NaN where none was measured.
-    thrust_input, source : str
-    lever, length : float or None
-    advice : tuple of Advice
     """
 
     step: float
@@ -104,11 +99,11 @@ class Run:
     advice: tuple[Advice, ...] = ()
 
     @property
-    def channels(self):
+    def channels(self) -> np.ndarray:
         """Surge, sway and yaw rate, shape (3, N)."""
         return np.stack([self.surge, self.sway, self.yaw_rate])
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """s."""
         return float(self.time[-1] - self.time[0])

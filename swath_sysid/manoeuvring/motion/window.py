@@ -35,25 +35,25 @@ class ManoeuvringWindow:
         Messages left out, by reason.
     """
 
-    def __init__(self, duration=900.0, stop_after=0.0, backward_jump=1.0):
+    def __init__(self, duration: float = 900.0, stop_after: float = 0.0, backward_jump: float = 1.0):
         self._rows = np.zeros((max(2, round(duration * FASTEST)), len(COLUMNS)))
         self._count = self._next = 0
         self._duration, self._stop_after, self._backward_jump = duration, stop_after, backward_jump
-        self._thrust = {}
+        self._thrust: dict[str, float] = {}
         self._latest = self._thrust_at = -math.inf
         self.counts = dict.fromkeys((NOT_FINITE, LATE, JUMPED_BACK, NO_THRUST), 0)
 
     @property
-    def size(self):
+    def size(self) -> int:
         """Rows held."""
         return self._count
 
-    def clear(self):
+    def clear(self) -> None:
         """Forget all motion; the thrust holds on."""
         self._count = self._next = 0
         self._latest = -math.inf
 
-    def add_thrust(self, side, value):
+    def add_thrust(self, side: str, value: float) -> None:
         """Take the input of one thruster, ``port`` or ``starboard``, N or command."""
         if not math.isfinite(value):
             self.counts[NOT_FINITE] += 1
@@ -61,7 +61,9 @@ class ManoeuvringWindow:
         self._thrust[side] = float(value)
         self._thrust_at = self._latest
 
-    def add_motion(self, stamp, surge, sway, yaw_rate, heading, x, y):
+    def add_motion(
+        self, stamp: float, surge: float, sway: float, yaw_rate: float, heading: float, x: float, y: float
+    ) -> None:
         """Take an odometry message: pose in ENU, speeds in body axes x forward, y to port."""
         row = (surge, sway, yaw_rate, heading, x, y)
         if not all(map(math.isfinite, (stamp, *row))):
@@ -87,7 +89,7 @@ class ManoeuvringWindow:
         self._next = (self._next + 1) % len(self._rows)
         self._count = min(self._count + 1, len(self._rows))
 
-    def trial(self, thrust_input=AUTO, source='window'):
+    def trial(self, thrust_input: str = AUTO, source: str = 'window') -> ManoeuvringTrial:
         """What is held, as a trial.
 
         Parameters
@@ -96,10 +98,6 @@ class ManoeuvringWindow:
             ``force``, ``command``, or ``auto``: commands if all inputs lie within -1 and 1.
         source : str
             Its name.
-
-        Returns
-        -------
-        ManoeuvringTrial
 
         Raises
         ------

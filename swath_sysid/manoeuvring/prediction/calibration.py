@@ -1,8 +1,12 @@
 """Intervals that hold what they say: measured on forecasts of the runs that a model was identified on."""
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from swath_sysid.common.errors import InputError
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.motion.trial import Run
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilterSettings
 from swath_sysid.manoeuvring.prediction.skill import INTERVAL, filtered
 
@@ -19,7 +23,7 @@ MIN_SCALE, LARGEST_SCALE = 0.1, 4.0
 """Thrust that changes seldom leaves most errors at short leads far within what its variance says."""
 
 
-def calibrated(identified, runs):
+def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> IdentifiedManoeuvringModel:
     """The model with the scale of its forecasts' intervals, by lead and channel.
 
     Every scale makes the interval of `HELD` hold that share of the errors of forecasts under held thrust, and as much
@@ -33,24 +37,28 @@ def calibrated(identified, runs):
     runs : sequence of Run
         Those that it was identified on.
 
-    Returns
-    -------
-    IdentifiedManoeuvringModel
+    Raises
+    ------
+    InputError
+        It has none.
     """
+    forecast = identified.forecast
+    if forecast is None:
+        raise InputError('the noise of forecasts was not measured: identify the craft again')
     errors, variances, noise = _errors(identified, runs)
     duration = sum(run.duration for run in runs)
     scale = np.ones((len(MEASURABLE), len(LEADS)))
     for c in range(len(MEASURABLE)):
         for k in range(len(LEADS)):
             known = np.isfinite(errors[:, k, c])
-            apart = min(known.sum(), duration / max(LEADS[k], identified.forecast.thrust_time))
+            apart = min(known.sum(), duration / max(LEADS[k], forecast.thrust_time))
             # where the sensor's own noise is larger, the errors say nothing about the forecast
             if known.sum() >= MIN_FORECASTS and np.median(variances[known, k, c]) > noise[c] ** 2:
                 scale[c, k] = _scale(errors[known, k, c], variances[known, k, c], noise[c], HELD * (1.0 + 1.0 / apart))
-    return replace(identified, forecast=replace(identified.forecast, leads=LEADS, scale=scale))
+    return replace(identified, forecast=replace(forecast, leads=LEADS, scale=scale))
 
 
-def _errors(identified, runs):
+def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
     """Errors and variances of forecasts, shape (F, L, 6) each, NaN where unknown; and the sensors' noise, (6,)."""
     total = sum(run.duration for run in runs)
     errors, variances = [], []
@@ -77,7 +85,7 @@ def _errors(identified, runs):
             np.array([settings.noise(name) for name in MEASURABLE]))  # fmt: skip
 
 
-def _scale(errors, variances, noise, held):
+def _scale(errors: np.ndarray, variances: np.ndarray, noise: float, held: float):
     """By which the standard deviations must be multiplied, the sensor's noise apart, to hold a share; by bisection."""
     low, high = MIN_SCALE, LARGEST_SCALE
     for _ in range(30):

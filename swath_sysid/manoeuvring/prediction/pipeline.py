@@ -4,10 +4,12 @@ Odometry drives it: with every usable message the filter steps to its stamp, and
 the path ahead are forecast. IMU and thrusters come in between.
 """
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
@@ -49,7 +51,6 @@ class ManoeuvreOutlookSettings:
         s after which the filter begins anew.
     stop_after : float
         s without a thrust command after which the thrust is zero; 0: it holds for ever.
-    filter : ManoeuvreFilterSettings
     """
 
     leads: tuple[float, ...] = (1.0, 5.0, 10.0)
@@ -72,8 +73,8 @@ class ManoeuvreOutlookSettings:
 
 
 @dataclass(frozen=True)
-class OdometryReading:
-    """Pose and twist of one message; standard deviations None where the sender gives none.
+class PlanarMotion:
+    """Pose and twist at one time.
 
     Attributes
     ----------
@@ -83,8 +84,6 @@ class OdometryReading:
         East, north, m; rad.
     surge, sway, yaw_rate : float
         Body axes, over ground.
-    std : dict of str to float
-        By channel.
     """
 
     stamp: float
@@ -94,28 +93,19 @@ class OdometryReading:
     surge: float
     sway: float
     yaw_rate: float
-    std: dict
 
 
 @dataclass(frozen=True)
-class ManoeuvreState:
-    """Expected motion at one time.
+class OdometryReading(PlanarMotion):
+    """What one message says; standard deviations by channel, none where the sender gives none."""
 
-    Attributes
-    ----------
-    stamp, x, y, heading, surge, sway, yaw_rate : float
-        As `OdometryReading`.
-    pose_covariance, twist_covariance : ndarray, shape (3, 3)
-        Of x, y, heading, and of surge, sway, yaw rate.
-    """
+    std: dict[str, float]
 
-    stamp: float
-    x: float
-    y: float
-    heading: float
-    surge: float
-    sway: float
-    yaw_rate: float
+
+@dataclass(frozen=True)
+class ManoeuvreState(PlanarMotion):
+    """Expected motion; covariances, shape (3, 3), of x, y, heading, and of surge, sway, yaw rate."""
+
     pose_covariance: np.ndarray
     twist_covariance: np.ndarray
 
@@ -128,7 +118,7 @@ class OutlookStep:
     path: tuple[ManoeuvreState, ...] = ()
 
 
-def steady_motion():
+def steady_motion() -> IdentifiedManoeuvringModel:
     """A craft that keeps its speeds and yaw rate whatever its thrusters do: the model before a model."""
     values = parameter_values({'m': 1.0, 'Iz': 1.0, 'Xvr': -1.0, 'Yur': 1.0, 'gain': 0.0})
     return IdentifiedManoeuvringModel(
@@ -146,24 +136,24 @@ class ManoeuvreOutlook:
     identified : IdentifiedManoeuvringModel, optional
     """
 
-    def __init__(self, settings, identified=None):
+    def __init__(self, settings: ManoeuvreOutlookSettings, identified: IdentifiedManoeuvringModel | None = None):
         self.settings = settings
         self.counts = dict.fromkeys(REASONS, 0)
-        self.identified = None
-        self._sides = {}
+        self.identified: IdentifiedManoeuvringModel | None = None
+        self._sides: dict[str, float] = {}
         self._forecast_at = -math.inf
-        self._supplied = ()
+        self._supplied: tuple[tuple[float, float, float], ...] = ()
         self._silent = False
         self._filter = ManoeuvreFilter(steady_motion(), settings.filter)
         if identified is not None:
             self.set_model(identified)
 
     @property
-    def has_model(self):
+    def has_model(self) -> bool:
         """Whether an identified model is in use."""
         return self.identified is not None
 
-    def set_model(self, identified):
+    def set_model(self, identified: IdentifiedManoeuvringModel) -> None:
         """Swap the model; where the craft is and how it moves goes on.
 
         Parameters
@@ -179,7 +169,7 @@ class ManoeuvreOutlook:
         if before.thrust.last[0] > -math.inf:
             self._filter.thrust.command(*before.thrust.last)
 
-    def add_thrust(self, stamp, side, value):
+    def add_thrust(self, stamp: float, side: str, value: float) -> None:
         """Take the input of one thruster, ``port`` or ``starboard``, N or command as the model takes it."""
         if not (math.isfinite(value) and math.isfinite(stamp)):
             self.counts[NOT_FINITE] += 1
@@ -190,11 +180,11 @@ class ManoeuvreOutlook:
             last = self._filter.thrust.last[0]
             self._filter.thrust.command(max(stamp, last), self._sides['port'], self._sides['starboard'])
 
-    def supply(self, future):
+    def supply(self, future: Iterable[tuple[float, float, float]]) -> None:
         """Use these inputs for what comes: a sequence of (lead from now, port, starboard); empty: hold the last."""
         self._supplied = tuple(future)
 
-    def add_yaw_rate(self, stamp, yaw_rate, std=None):
+    def add_yaw_rate(self, stamp: float, yaw_rate: float, std: float | None = None) -> None:
         """Take the yaw rate of an IMU, rad/s."""
         if not (math.isfinite(yaw_rate) and math.isfinite(stamp)):
             self.counts[NOT_FINITE] += 1
@@ -210,17 +200,13 @@ class ManoeuvreOutlook:
             self._filter.advance(stamp)
         self._note(self._filter.correct('yaw_rate', yaw_rate, std))
 
-    def add_odometry(self, reading):
+    def add_odometry(self, reading: OdometryReading) -> OutlookStep:
         """Take an odometry message.
 
         Parameters
         ----------
         reading : OdometryReading
             In the order of arrival.
-
-        Returns
-        -------
-        OutlookStep
         """
         values = {name: getattr(reading, name) for name in MEASURABLE}
         if not all(map(math.isfinite, (reading.stamp, *values.values()))):
@@ -253,7 +239,7 @@ class ManoeuvreOutlook:
         self._forecast_at = reading.stamp
         return self._forecast()
 
-    def _stop_if_silent(self, stamp):
+    def _stop_if_silent(self, stamp: float):
         last, *inputs = self._filter.thrust.last
         limit = self.settings.stop_after
         if limit > 0.0 and stamp - last > limit and any(inputs) and math.isfinite(last):
@@ -272,12 +258,12 @@ class ManoeuvreOutlook:
         return OutlookStep(tuple(by_lead[lead] for lead in map(float, s.leads)),
                            tuple(by_lead[step] for step in steps.tolist()))  # fmt: skip
 
-    def _note(self, advice):
+    def _note(self, advice: Sequence[Advice]):
         for item in advice:
             self.counts[item.code] += 1
 
 
-def _state_of(stamp, recorded, covariance):
+def _state_of(stamp: float, recorded: np.ndarray, covariance: np.ndarray):
     surge, sway, yaw_rate, heading, x, y = map(float, recorded)
     pose, twist = [4, 5, 3], [0, 1, 2]
     return ManoeuvreState(

@@ -14,6 +14,7 @@ others are chosen, independently, with mean m and covariance S, what differs fro
 What is measured is what the sensors record: see `hull.measurement`.
 """
 import math
+from collections.abc import Sequence
 from copy import copy, deepcopy
 from dataclasses import dataclass
 
@@ -22,7 +23,7 @@ from scipy.special import chdtri
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise
+from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.measurement import (
     deviation,
     recorded_heading,
@@ -77,14 +78,14 @@ class ManoeuvreFilterSettings:
                 raise InputError(f'the filter setting {name} must be positive, not {value}: give a positive number')
 
     @classmethod
-    def of(cls, identified):
+    def of(cls, identified: IdentifiedManoeuvringModel) -> 'ManoeuvreFilterSettings':
         """With the sensors' noise on the runs that a model was identified on."""
         if identified.forecast is None:
             return cls()
         speed, yaw_rate, heading, position = identified.forecast.sensors.tolist()
         return cls(speed, yaw_rate, heading, position)
 
-    def noise(self, name):
+    def noise(self, name: str) -> float:
         """Standard deviation of a measurable channel."""
         return {'surge': self.speed_noise, 'sway': self.speed_noise, 'yaw_rate': self.yaw_rate_noise,
                 'heading': self.heading_noise, 'x': self.position_noise, 'y': self.position_noise}[name]  # fmt: skip
@@ -129,10 +130,9 @@ class ManoeuvreFilter:
         State and its covariance.
     stamp : float
         s; NaN before the start.
-    thrust : ThrustMemory
     """
 
-    def __init__(self, identified, settings=None):
+    def __init__(self, identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings | None = None):
         self.model = identified.model
         self.settings = settings or ManoeuvreFilterSettings.of(identified)
         self.thrust = ThrustMemory(self.model.values)
@@ -147,11 +147,11 @@ class ManoeuvreFilter:
         self._rejections = dict.fromkeys(MEASURABLE, 0)
 
     @property
-    def is_started(self):
+    def is_started(self) -> bool:
         """Whether there is a state."""
         return not math.isnan(self.stamp)
 
-    def start(self, stamp, **measured):
+    def start(self, stamp: float, **measured: float) -> None:
         """Begin anew from what is measured (surge, sway, yaw_rate, heading, x, y)."""
         p, current = self.model.values, self.model.current
         compass = measured.get('heading', 0.0)
@@ -167,11 +167,11 @@ class ManoeuvreFilter:
         self.stamp = stamp
         self._rejections = dict.fromkeys(MEASURABLE, 0)
 
-    def advance(self, stamp):
+    def advance(self, stamp: float) -> None:
         """Predict up to a stamp; earlier stamps do nothing."""
         self._advance(stamp, self._walk)
 
-    def _advance(self, stamp, walk):
+    def _advance(self, stamp: float, walk: np.ndarray):
         total = stamp - self.stamp
         if total <= 0.0:
             return
@@ -180,7 +180,7 @@ class ManoeuvreFilter:
             self._step(total / count, walk)
         self.stamp = stamp
 
-    def _step(self, step, walk):
+    def _step(self, step: float, walk: np.ndarray):
         thrust = self.thrust.advance(self.stamp, step)
         after = self._propagated(self.x[:, None] + MOVES, thrust, step)
         transition = (after[:, 1:] - after[:, :1]) / DIFFERENCE
@@ -189,7 +189,7 @@ class ManoeuvreFilter:
         self.P = 0.5 * (covariance + covariance.T)
         self.stamp += step
 
-    def _propagated(self, states, thrust, step):
+    def _propagated(self, states: np.ndarray, thrust: np.ndarray, step: float):
         """States (13, C) after a step under acting thrusts (2,)."""
         time = self._noise.disturbance_time[:, None]
         decay = np.exp(-step / time)
@@ -203,7 +203,7 @@ class ManoeuvreFilter:
                                states[DISTURBANCES] * decay,
                                states[THRUST_TO_COME] * math.exp(-0.5 * step / self._noise.thrust_time)])  # fmt: skip
 
-    def correct(self, name, value, std=None):
+    def correct(self, name: str, value: float, std: float | None = None) -> tuple[Advice, ...]:
         """Update with one measured channel.
 
         Parameters
@@ -245,7 +245,7 @@ class ManoeuvreFilter:
         self.P = self.P - np.outer(seen, seen) / spread
         return advice
 
-    def _recorded(self, states):
+    def _recorded(self, states: np.ndarray):
         """What the sensors record of states (13, C), shape (6, C)."""
         u, v, r, heading, x, y, east, north = states[:8]
         p = self.model.values
@@ -253,7 +253,9 @@ class ManoeuvreFilter:
         return np.stack([*recorded_speeds(u, v, r, compass, (east, north), p), r, compass,
                          *recorded_position(x, y, heading, p)])  # fmt: skip
 
-    def forecast(self, leads, future=None):
+    def forecast(
+        self, leads: Sequence[float] | np.ndarray, future: Sequence[tuple[float, float, float]] | None = None
+    ) -> ManoeuvreForecast:
         """Expected motion under held or supplied inputs; the filter itself stays where it is.
 
         Parameters
@@ -262,10 +264,6 @@ class ManoeuvreFilter:
             s, increasing, positive.
         future : sequence of (lead, port, starboard), optional
             Inputs that hold from each lead on; without, the last ones hold, and are the less certain the further.
-
-        Returns
-        -------
-        ManoeuvreForecast
         """
         ahead = copy(self)
         ahead.thrust = deepcopy(self.thrust)
@@ -292,7 +290,7 @@ class ManoeuvreFilter:
         return (noise.thrust_covariance + np.outer(away, away)) / noise.thrust_time
 
 
-def _usual_noise(identified, settings):
+def _usual_noise(identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings):
     """Disturbances as large as it takes to leave, behind the hull's damping, the residuals of the identification."""
     jacobian = identified.model.jacobian(max(identified.region.fastest * 0.6, 0.1), 0.0, 0.0)
     own = np.array([settings.speed_noise, settings.speed_noise, settings.yaw_rate_noise])
@@ -302,7 +300,7 @@ def _usual_noise(identified, settings):
                          np.zeros((2, 2)), math.inf, np.zeros(4))  # fmt: skip
 
 
-def _process_intensity(identified, noise):
+def _process_intensity(identified: IdentifiedManoeuvringModel, noise: ForecastNoise):
     """White noise that drives the state, a second, shape (13, 13); without what thrust to come adds in a forecast."""
     steady = np.square(np.maximum(0.02 * identified.noise, 1e-4))
     driving = 2.0 * noise.disturbance**2 / noise.disturbance_time

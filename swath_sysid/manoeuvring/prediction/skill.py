@@ -1,10 +1,13 @@
 """How well manoeuvres are forecast by lead, against simple forecasts and an ARX."""
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter
+from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
+from swath_sysid.manoeuvring.motion.trial import Run
+from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter, ManoeuvreFilterSettings
 
 LEADS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 SETTLING = 5.0
@@ -57,7 +60,7 @@ class Arx:
 
     coefficients: np.ndarray
 
-    def run(self, past, inputs):
+    def run(self, past: np.ndarray, inputs: np.ndarray) -> np.ndarray:
         """Iterate ahead.
 
         Parameters
@@ -81,7 +84,7 @@ class Arx:
         return np.array(ahead)
 
 
-def fit_arx(runs, until=1.0):
+def fit_arx(runs: Sequence[Run], until: float = 1.0) -> Arx | None:
     """Ridge regression on some runs.
 
     Parameters
@@ -113,8 +116,11 @@ def fit_arx(runs, until=1.0):
     return Arx(np.linalg.solve(normal, scaled.T @ target) / size[:, None])
 
 
-def score_forecasts(identified, runs, training=(), supplied=False, settings=None, leads=LEADS, truth=None,
-                    held=False):  # fmt: skip
+def score_forecasts(
+    identified: IdentifiedManoeuvringModel, runs: Sequence[Run], training: Sequence[Run] = (), supplied: bool = False,
+    settings: ManoeuvreFilterSettings | None = None, leads: Sequence[float] = LEADS,
+    truth: Sequence[Run] | None = None, held: bool = False,
+) -> ForecastScores:  # fmt: skip
     """Forecast runs as a live filter would have, once a second, and compare.
 
     Parameters
@@ -135,10 +141,6 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
         What really happened in the runs, where that is known: the errors are against it, not against the sensors.
     held : bool
         Score only the leads over which the inputs did hold.
-
-    Returns
-    -------
-    ForecastScores
 
     Raises
     ------
@@ -167,7 +169,9 @@ def score_forecasts(identified, runs, training=(), supplied=False, settings=None
     return ForecastScores(tuple(leads), rmse, spread, count)
 
 
-def filtered(identified, run, settings=None):
+def filtered(
+    identified: IdentifiedManoeuvringModel, run: Run, settings: ManoeuvreFilterSettings | None = None
+) -> Iterator[tuple[int, ManoeuvreFilter]]:
     """The filter at every sample of a run, from its first: a generator of (index, ManoeuvreFilter).
 
     The filter is the same object throughout: copy it to keep it.
@@ -188,7 +192,11 @@ def filtered(identified, run, settings=None):
         yield k, filter_
 
 
-def _score_run(identified, run, true, arx, supplied, settings, leads, held, errors, inside):
+def _score_run(
+    identified: IdentifiedManoeuvringModel, run: Run, true: Run, arx: Arx | None, supplied: bool,
+    settings: ManoeuvreFilterSettings | None, leads: Sequence[float], held: bool,
+    errors: dict[str, dict[str, list[list[float]]]], inside: dict[str, list[list[bool]]],
+):  # fmt: skip
     every, first = max(1, round(EVERY / run.step)), round(SETTLING / run.step)
     motion, inputs, known = _arx_series(run)
     places = [round(lead / run.step) for lead in leads]
@@ -220,13 +228,16 @@ def _score_run(identified, run, true, arx, supplied, settings, leads, held, erro
     return count
 
 
-def _expected(filter_, run, k, steps, supplied, arx, motion, inputs):
+def _expected(
+    filter_: ManoeuvreFilter, run: Run, k: int, steps: list[int], supplied: bool, arx: Arx | None, motion: np.ndarray,
+    inputs: np.ndarray,
+):  # fmt: skip
     """Forecasts of every method at some steps ahead."""
     leads = [step * run.step for step in steps]
     future = None
     if supplied:
-        ahead = range(k, min(k + steps[-1], len(run.time)))
-        future = [((j - k) * run.step, float(run.port[j]), float(run.starboard[j])) for j in ahead]
+        places = range(k, min(k + steps[-1], len(run.time)))
+        future = [((j - k) * run.step, float(run.port[j]), float(run.starboard[j])) for j in places]
     forecast = filter_.forecast(leads, future)
     noise = filter_.settings.noise
     table = {name: forecast.recorded[:, column] for column, name in enumerate((*QUANTITIES[:4], 'x', 'y'))}
@@ -246,9 +257,9 @@ def _expected(filter_, run, k, steps, supplied, arx, motion, inputs):
     return expected
 
 
-def _steady(leads, surge, sway, rate, psi, x, y):
+def _steady(times: Sequence[float], surge: float, sway: float, rate: float, psi: float, x: float, y: float):
     """Constant body velocities and yaw rate."""
-    leads = np.asarray(leads)
+    leads = np.asarray(times)
     heading = psi + rate * leads
     if abs(rate) > 1e-6:
         along, across = np.sin(rate * leads) / rate, (1.0 - np.cos(rate * leads)) / rate
@@ -262,7 +273,7 @@ def _steady(leads, surge, sway, rate, psi, x, y):
     }  # fmt: skip
 
 
-def _integrated(motion, steps, step, psi, x, y):
+def _integrated(motion: np.ndarray, steps: list[int], step: float, psi: float, x: float, y: float):
     surge, sway, rate = np.clip(motion, -1e3, 1e3).T
     heading = psi + np.cumsum(rate) * step
     east = x + np.cumsum(surge * np.cos(heading) - sway * np.sin(heading)) * step
@@ -272,7 +283,7 @@ def _integrated(motion, steps, step, psi, x, y):
             'x': east[at], 'y': north[at]}  # fmt: skip
 
 
-def _arx_series(run):
+def _arx_series(run: Run):
     """Motion (N, 3), inputs (N, 2), and where both are known; a sway that is not measured counts as zero."""
     motion = run.smooth.T.copy()
     # no smoothing ahead of its time: what is measured, the smoothed value only in its gaps
@@ -284,5 +295,5 @@ def _arx_series(run):
     return np.where(np.isfinite(motion), motion, 0.0), np.stack([run.port, run.starboard], axis=1), known
 
 
-def _rms(values):
+def _rms(values: Sequence[float]):
     return float(np.sqrt(np.mean(np.square(np.clip(values, -1e6, 1e6))))) if values else float('nan')
