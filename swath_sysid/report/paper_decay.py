@@ -19,6 +19,7 @@ from swath_sysid.report.paper_decay_tables import (
     next_step_table,
     objective_values,
     particulars,
+    printed_form,
     search_settings,
 )
 
@@ -35,7 +36,7 @@ def decay_page(study: DecayStudy, wall_s: float) -> str:
         ('method', 'Equations and search', [table_as_html(equations(study)), table_as_html(search_settings(study))]),
         ('decays', 'Decays', [drawn(study, 'decays')]),
         ('objective', 'Objective values', [table_as_html(objective_values(study)), drawn(study, 'objective')]),
-        ('chosen', 'The chosen equation', [table_as_html(coefficients(study))]),
+        ('chosen', 'The chosen equation', [table_as_html(t) for t in (printed_form(study), coefficients(study)) if t]),
         ('motion', 'Measured and identified motion', [drawn(study, 'motion')]),
         ('next-step', 'One step ahead', [table_as_html(next_step_table(study))] if p.next_step else []),
         ('angle', 'Coefficients', [drawn(study, 'against-angle'), drawn(study, 'coefficients')]),

@@ -33,7 +33,6 @@ class PrintedTable:
     rows: tuple = ()
     ratios: dict = field(default_factory=dict)
     published_form: dict = field(default_factory=dict)
-    inertia: float | None = None
 
 
 @dataclass(frozen=True)
