@@ -213,8 +213,8 @@ def claims(study: DecayStudy) -> Table:
     note = (
         'Curves: an angle or a draft each. The simulated hull has the same coefficients at every angle: a trend with '
         "the angle that the study's method shows here comes from the method. A conclusion holds here where the method "
-        'shows it and the hull has it. How the hull follows the draft is assumed: a conclusion about the draft is not '
-        'tested by it.'
+        'shows it and the hull has it. How the hull follows the draft is assumed, so as the study concludes; whether '
+        'the methods show it is the question.'
     )
     return Table('claims', 'Conclusions of the study, and whether they hold here', note, columns, tuple(rows), marks)
 
