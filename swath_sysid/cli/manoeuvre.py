@@ -40,7 +40,7 @@ from swath_sysid.manoeuvring.identification.excitation import excitation, lackin
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_all
-from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
 from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
@@ -228,12 +228,19 @@ def _recipe(arguments: Namespace) -> int:
     if runs:
         lines = ["Share of its motion that is a derivative's own (1: no other explains it):", *(
             f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough')
-            for name, share in shares.items())]  # fmt: skip
+            for name, share in shares.items()), *_unmeasured(runs)]  # fmt: skip
     else:
         lines = ['Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:', *(
             f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE)]  # fmt: skip
     print_result(arguments.json, {'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, lines)
     return 0
+
+
+def _unmeasured(runs: Sequence[Run]):
+    return [
+        f'No {name.replace("_", " ")} in these runs: record it, or position and heading, to judge its derivatives.'
+        for k, name in enumerate(CHANNELS) if not any(np.isfinite(run.smooth[k]).any() for run in runs)
+    ]  # fmt: skip
 
 
 def _add_forecast(parser: ArgumentParser) -> None:

@@ -178,7 +178,7 @@ def _derivatives_figure(found: ManoeuvringIdentification):
     axes.invert_yaxis()
     reach = max([3.0 * d.std / max(abs(d.value), 1e-12) for _, d in items if not d.flags] + [0.1])
     axes.set_xlim(1.0 - min(1.3 * reach, 1.3), 1.0 + min(1.3 * reach, 1.3))
-    axes.set_xlabel('share of the value; bars: 3 standard deviations (may pass the edge); red: see the warnings')
+    axes.set_xlabel('share of the value; bars: 3 std, may pass the edge; red: see the warnings')
     return figure
 
 

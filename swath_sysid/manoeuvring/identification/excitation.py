@@ -21,7 +21,7 @@ def excitation(runs):
     Returns
     -------
     dict of str to float
-        0 to 1; 0 where its motion does not occur.
+        0 to 1; 0 where its motion does not occur or is in none of the runs.
     """
     found = {}
     for names, columns in _equations(runs):
@@ -50,8 +50,8 @@ def lacking(shares):
 
 def _equations(runs):
     """Names and motions, shape (K, N), of surge, sway and yaw; the thrust is a motion without a name."""
-    u, v, r = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
-    changes = [np.concatenate([np.gradient(run.smooth[c], run.step) for run in runs]) for c in range(3)]
+    u, v, r = (_known(np.concatenate([run.smooth[c] for run in runs])) for c in range(3))
+    changes = [_known(np.concatenate([np.gradient(run.smooth[c], run.step) for run in runs])) for c in range(3)]
     port, starboard = (np.concatenate([getattr(run, side) for run in runs]) for side in ('port', 'starboard'))
     return (
         (('Xu_dot', 'Xu', 'Xuu', 'Xvr', None), np.stack([changes[0], u, np.abs(u) * u, v * r, starboard + port])),
@@ -59,3 +59,8 @@ def _equations(runs):
         (('Iz', 'Nr', 'Nrr', 'Nuur', 'Nuv', None),
          np.stack([changes[2], r, np.abs(r) * r, u * u * r, u * v, starboard - port])),
     )  # fmt: skip
+
+
+def _known(values):
+    """Zeros for a motion that no run has, so that the others are judged without it."""
+    return values if np.isfinite(values).any() else np.zeros_like(values)
