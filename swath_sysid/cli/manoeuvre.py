@@ -40,7 +40,7 @@ from swath_sysid.manoeuvring.identification.excitation import excitation, lackin
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_all
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
@@ -98,7 +98,7 @@ def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
     parser.add_argument('--starboard-topic', metavar='TOPIC')
 
 
-def read_runs(paths: Sequence[str], arguments: Namespace) -> list[ManoeuvringTrial]:
+def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
     """Read and prepare runs, all in one step."""
     refuse_twice(paths)
     return prepare_all([_read(path, arguments) for path in paths], arguments.gap_means_zero)
