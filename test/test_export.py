@@ -18,6 +18,7 @@ from swath_sysid.formats.export.expressible import expressed
 from swath_sysid.formats.export.gazebo import EXPRESSIBLE as GAZEBO
 from swath_sysid.formats.export.gazebo import gazebo, gazebo_attitude
 from swath_sysid.formats.export.nav2 import nav2
+from swath_sysid.formats.export.vrx import ELEMENTS as VRX
 from swath_sysid.formats.export.vrx import vrx
 from swath_sysid.formats.manoeuvring_model_file import write_manoeuvring_model
 from swath_sysid.formats.model_file import write_model
@@ -243,12 +244,23 @@ def test_what_a_target_drops_is_said_in_the_file_and_on_the_terminal(tmp_path, c
     reduced, dropped = expressed(CUBIC, GAZEBO)
     assert set(dropped) == {'Xuuu', 'Nrrr', 'Nuur', 'advance', 'lag', 'delay'}
     whole, part = (run_test('turning-circle', m).numbers['steady_diameter_m'] for m in (CUBIC, reduced))
-    assert abs(part / whole - 1.0) > 0.05
+    assert f'Nur = {reduced["Nur"]:.4g} instead of {CUBIC["Nur"]:.4g}' in said.err
     assert f'steady_diameter_m {whole:.4g} and {part:.4g} ({part / whole - 1.0:+.1%})' in said.err
     assert 'zigzag' in said.err
     assert ElementTree.fromstring(text).tag == 'sdf'
     assert 'Yuv = ' in exported(capsys, source, '--to', 'vrx').err
     assert [a.code for a in vrx(replace(DIAGONAL, current=(0.2, 0.0))).advice] == ['current-not-exported']
+
+
+@pytest.mark.parametrize(('target', 'other', 'power'), [(GAZEBO, 'Nur', 1), (VRX, 'Nr', 2)])
+def test_damping_by_the_speed_squared_is_stood_in_for_at_the_speed_of_approach(target, other, power):
+    model = DIAGONAL.with_values(Nuur=-200.0)
+    reduced, dropped = expressed(model, target, Xvr=20.0, Yur=-60.0)
+    assert dropped == ('Nuur',)
+    tests = [run_test('turning-circle', m).numbers for m in (model, reduced, DIAGONAL)]
+    assert reduced[other] == pytest.approx(model[other] - 200.0 * tests[0]['approach_speed_m_s'] ** power)
+    whole, instead, without = (numbers['steady_diameter_m'] for numbers in tests)
+    assert abs(instead / whole - 1.0) < 0.5 * abs(without / whole - 1.0)
 
 
 def test_nothing_is_warned_of_where_nothing_is_dropped():

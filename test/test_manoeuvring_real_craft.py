@@ -315,6 +315,17 @@ def test_one_run_cannot_decide_alone():
     assert not helps(0.999 * before, before)
 
 
+def test_without_sway_the_excitation_of_surge_and_yaw_is_judged_all_the_same(runs):
+    def without_sway(run):
+        smooth = run.smooth.copy()
+        smooth[1] = np.nan
+        return replace(run, smooth=smooth)
+
+    shares = excitation([without_sway(run) for run in runs])
+    assert all(shares[name] == 0.0 for name in ('Yv_dot', 'Yv', 'Yvv', 'Xvr', 'Nuv'))
+    assert all(shares[name] > 0.1 for name in ('Xu_dot', 'Xu', 'Iz', 'Nr'))
+
+
 def test_excitation_names_what_a_log_lacks(runs):
     whole = excitation(runs)
     assert 'Xuu' not in lacking(whole)

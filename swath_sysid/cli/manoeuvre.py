@@ -40,7 +40,7 @@ from swath_sysid.manoeuvring.identification.excitation import excitation, lackin
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import CURRENT_CHOICES, ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_all
-from swath_sysid.manoeuvring.motion.trial import Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 from swath_sysid.manoeuvring.prediction.calibration import calibrated
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import LEADS, score_forecasts
@@ -80,7 +80,12 @@ def run(arguments: Namespace) -> int:
 
 def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
     """How to read runs; shared by the sub-verbs that take them."""
-    parser.add_argument('runs', nargs=count, metavar='RUN', help='CSV file or rosbag2 bag')
+    parser.add_argument(
+        'runs', nargs=count, metavar='RUN',
+        help='rosbag2 bag, or CSV file with the columns time_s, port_thrust_n and starboard_thrust_n (or port_command '
+        'and starboard_command, -1 to 1; or port_pwm_us and starboard_pwm_us), and any of surge_m_s, sway_m_s, '
+        'yaw_rate_rad_s, heading_deg, x_m, y_m',
+    )  # fmt: skip
     parser.add_argument('--frame', choices=FRAMES, help='of yaw, sway and position (default: as the file states)')
     parser.add_argument(
         '--gap-means-zero', action='store_true',
@@ -137,9 +142,11 @@ def _add_identify(parser: ArgumentParser) -> None:
         '--current', choices=CURRENT_CHOICES, default=CURRENT_CHOICES[0],
         help='auto: one for each run where the heading is known; shared: one for all; none (default: %(default)s)',
     )  # fmt: skip
-    parser.add_argument('--window', type=finite, default=20.0, metavar='S', help='default: %(default)s')
-    parser.add_argument('--generations', type=int, default=15, metavar='N', help='default: %(default)s')
-    parser.add_argument('--population', type=int, default=24, metavar='N', help='default: %(default)s')
+    parser.add_argument(
+        '--window', type=finite, default=20.0, metavar='S', help='of free simulation (default: %(default)s)')
+    parser.add_argument(
+        '--generations', type=int, default=15, metavar='N', help='of the search for a start (default: %(default)s)')
+    parser.add_argument('--population', type=int, default=24, metavar='N', help='of that search (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=1, metavar='N', help='default: %(default)s')
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
     parser.add_argument('--plot', metavar='DIR', help='write the pictures into this folder')
@@ -221,12 +228,19 @@ def _recipe(arguments: Namespace) -> int:
     if runs:
         lines = ["Share of its motion that is a derivative's own (1: no other explains it):", *(
             f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough')
-            for name, share in shares.items())]  # fmt: skip
+            for name, share in shares.items()), *_unmeasured(runs)]  # fmt: skip
     else:
         lines = ['Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:', *(
             f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE)]  # fmt: skip
     print_result(arguments.json, {'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, lines)
     return 0
+
+
+def _unmeasured(runs: Sequence[Run]):
+    return [
+        f'No {name.replace("_", " ")} in these runs: record it, or position and heading, to judge its derivatives.'
+        for k, name in enumerate(CHANNELS) if not any(np.isfinite(run.smooth[k]).any() for run in runs)
+    ]  # fmt: skip
 
 
 def _add_forecast(parser: ArgumentParser) -> None:

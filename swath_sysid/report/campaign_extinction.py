@@ -117,7 +117,8 @@ def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
         )
         damping += [(*place, math.degrees(at), *quantity_row(q)) for q in found]
         terms = {name: fit.ratio(name) for name in fit.terms}
-        curves += [(*place, *row) for row in curve_rows(curve, terms, inertia)] if curve else []
+        if curve is not None:
+            curves += [(*place, *row) for row in curve_rows(curve, terms, inertia, particulars, axis.motion)]
     where = Column(LOADING_NAMES[outcome.quantity], digits(4)), Column('initial angle [deg]', digits(4))
     note = (
         'Of the repeats of a condition together, at the geometric mean of the amplitudes seen. Standard uncertainties; '
@@ -144,7 +145,7 @@ def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Dra
         for loading, items in by_loading.items():
             title = f'{LOADING_NAMES[outcome.quantity]} {loading:g}'
             found.append(Drawing(
-                f'extinction_{axis.axis}_{loading:g}', f'Extinction curves, {title}: decrements of every repeat',
+                f'extinction_{axis.axis}_{loading:g}', f'Extinction curves, {title}: half a cycle, every repeat',
                 _extinction_figure(items, title, axis),
             ))  # fmt: skip
             found.append(Drawing(
@@ -159,7 +160,7 @@ def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Dra
 def _extinction_figure(items: Sequence[tuple], title: str, axis: AxisOutcome):
     figure, axes = new_panel(
         WIDTH, HEIGHT, title=title, xlabel=f'{axis.motion} mean amplitude [deg]',
-        ylabel='decrement of half a cycle [deg]',
+        ylabel='decrement [deg]',
     )  # fmt: skip
     for k, (condition, _, peaks, curve, *_) in enumerate(items):
         colour = SERIES[k % len(SERIES)]

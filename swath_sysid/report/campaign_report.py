@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,7 +60,10 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
-    sections, drawn = [('short', 'In short', _in_short(outcome))], []
+    sections, drawn = [
+        ('short', 'In short', _in_short(outcome)),
+        ('conditions', 'Conditions', [table_as_html(conditions_table(outcome))]),
+    ], []
     for axis in outcome.axes:
         drawings = campaign_drawings(outcome, axis) | {'extinction': extinction_drawings(outcome, axis)}
         drawn += [drawing for items in drawings.values() for drawing in items]
@@ -68,7 +72,7 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
             name = f'{of_axis}{name[0].lower()}{name[1:]}' if of_axis else name
             sections.append((f'{axis.axis}-{anchor}', name, parts))
     sections += [
-        ('trials', 'Trials', [table_as_html(conditions_table(outcome)), table_as_html(trials_table(outcome))]),
+        ('trials', 'Trials', [table_as_html(trials_table(outcome))]),
         ('warnings', 'Warnings', _warnings(outcome)),
         ('made', 'How this was made', _how_made(outcome, wall_s)),
     ]
@@ -141,7 +145,12 @@ def _order_statement(axis: AxisOutcome):
 
 def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[str, list[Drawing]]):
     """Anchor, name and parts of every section of an axis."""
-    tables = {name: table_as_html(table) for name, table in _axis_tables(outcome, axis).items()}
+    found = _axis_tables(outcome, axis)
+    best = {axis.records[k].name for k in axis.best.values()}
+    peaks = found['peaks']
+    note = f'{peaks.note} Of the best repeats; those of every record are in {TABLES}/{peaks.name}.csv.'
+    found['peaks'] = replace(peaks, note=note, rows=tuple(row for row in peaks.rows if row[0] in best))
+    tables = {name: table_as_html(table) for name, table in found.items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
     marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
     related = 'Ratios whose correlation is beyond 0.95 cannot be told apart: use them together only.'
@@ -153,7 +162,9 @@ def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[s
         ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], repeats]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
         ('amplitude', 'Period and damping', [shown['amplitude']]),
-        ('extinction', 'Extinction and damping', [shown['extinction'], tables['damping'], tables['extinction']]),
+        ('extinction', 'Extinction and damping', [
+            shown['extinction'], *(tables[name] for name in ('damping', 'extinction', 'peaks')),
+        ]),
         ('errors', 'Next step, simulation, forecast', [tables['errors'], tables['next_step']]),
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),

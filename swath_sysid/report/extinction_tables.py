@@ -49,48 +49,56 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
     return Table(name, 'Peaks and decrements', note, columns, tuple(rows))
 
 
+def _damping_units(particulars: Particulars, axis: str):
+    """What damping moments of b1, b2 and b3 are divided by to have no dimension; None where mass or size is not known.
+
+    Those of `Particulars.damping_unit` with its unit of time, sqrt(B / 2 g) or sqrt(L / g), once more each.
+    """
+    linear, size = particulars.damping_unit(axis), particulars.breadth if axis == 'roll' else particulars.length
+    if linear is None or particulars.mass is None or size is None:
+        return None, None, None
+    quadratic = particulars.mass * size**2
+    return linear, quadratic, quadratic**2 / linear
+
+
 def curve_rows(
-    extinction: Extinction, model_terms: Mapping[str, tuple[float, float]], inertia: float | None
+    extinction: Extinction, model_terms: Mapping[str, tuple[float, float]], inertia: float | None,
+    particulars: Particulars, axis: str,
 ) -> list[tuple]:
     """Rows of the extinction curve, then of the damping that it and the fitted motion mean.
 
     Of each fitted ratio the value and the standard deviation are given; the inertia, with added inertia, is in kg m^2.
     """
     rows: list[tuple] = [
-        (name, unit, float(value * scale), float(std * scale), None, None, None, '')
+        (name, unit, float(value * scale), float(std * scale), None, None, None, '', None)
         for (name, unit, scale), value, std in zip(CURVE_TERMS, extinction.coefficients, extinction.std, strict=True)
     ]
     rows.append(
-        ("Bertin's N", '1/deg', extinction.bertin * DEGREE, extinction.bertin_std * DEGREE, None, None, None, '')
+        ("Bertin's N", '1/deg', extinction.bertin * DEGREE, extinction.bertin_std * DEGREE, None, None, None, '', None)
     )
-    for (name, unit, moment), value, std in zip(
-        DAMPING_TERMS, extinction.damping, extinction.damping_std, strict=True
+    for (name, unit, moment), value, std, divisor in zip(
+        DAMPING_TERMS, extinction.damping, extinction.damping_std, _damping_units(particulars, axis), strict=True
     ):
         fitted, fitted_std = model_terms.get(name, (None, None))
-        best = value if fitted is None else fitted
-        dimensional = None if inertia is None else inertia * float(best)
-        rows.append((name, unit, float(value), float(std), fitted, fitted_std, dimensional, moment if inertia else ''))
+        dimensional = None if inertia is None or fitted is None else inertia * float(fitted)
+        bare = None if dimensional is None or divisor is None else dimensional / divisor
+        its_unit = '' if dimensional is None else moment
+        rows.append((name, unit, float(value), float(std), fitted, fitted_std, dimensional, its_unit, bare))
     return rows
 
 
 CURVE_COLUMNS = (
     Column('quantity'), Column('unit'), Column('extinction curve', digits(4)), Column('std', digits(2)),
     Column('motion fit', digits(4)), Column('motion fit std', digits(2)), Column('times inertia', digits(4)),
-    Column('its unit'),
+    Column('its unit'), Column('without dimension', digits(4)),
 )  # fmt: skip
 CURVE_NOTE = (
     'Extinction curve: decrement = p1 a + p2 a^2 + p3 a^3 over the mean amplitude a in deg, whose terms mean linear, '
     'quadratic and cubic damping over inertia b1, b2, b3. Beside them those of the motion fitted as a whole. Times '
-    'inertia: of the motion fit, where it has the term.'
+    'inertia and without dimension: of the motion fit; roll over rho V B^2, pitch over rho V L^2, with sqrt(B / 2 g) '
+    'or sqrt(L / g) for the unit of time. Dry friction, for which the curve has no term, makes its p1 large and p2 '
+    'negative.'
 )
-
-
-def curve_table(
-    name: str, extinction: Extinction, model_terms: Mapping[str, tuple[float, float]], inertia: float | None
-) -> Table:
-    """The extinction curve and the damping that it means, as a table; see `curve_rows`."""
-    rows = tuple(curve_rows(extinction, model_terms, inertia))
-    return Table(name, 'Extinction curve and damping terms', CURVE_NOTE, CURVE_COLUMNS, rows)
 
 
 QUANTITY_COLUMNS = (
@@ -108,12 +116,12 @@ def quantity_row(quantity: TankQuantity) -> tuple:
 
 def quantities_table(name: str, amplitude: float, quantities: Iterable[TankQuantity]) -> Table:
     """Period and equivalent damping at one amplitude, rad, with the uncertainty budget."""
+    title = f'Damping at {math.degrees(amplitude):.3g} deg and its uncertainty'
     note = (
-        f'At {math.degrees(amplitude):.3g} deg. Standard uncertainties; the expanded one U = 2 times their root sum '
-        'of squares, the larger of fit and repeats counting as type A.'
+        'Standard uncertainties; the expanded one U = 2 times their root sum of squares, the larger of fit and repeats '
+        'counting as type A.'
     )
-    rows = tuple(quantity_row(q) for q in quantities)
-    return Table(name, 'Damping and its uncertainty', note, QUANTITY_COLUMNS, rows)
+    return Table(name, title, note, QUANTITY_COLUMNS, tuple(quantity_row(q) for q in quantities))
 
 
 def tank_tables(identification: Identification, particulars: Particulars, type_b: TypeB) -> list[Table]:
@@ -129,7 +137,8 @@ def tank_tables(identification: Identification, particulars: Particulars, type_b
     quantities = tank_quantities(axis, identification.bands, at, inertia, particulars, type_b)
     found = [peaks_table('peaks', labelled)]
     try:
-        found.append(curve_table('extinction', extinction_of([p for _, p in labelled]), terms, inertia))
+        rows = curve_rows(extinction_of([p for _, p in labelled]), terms, inertia, particulars, axis)
+        found.append(Table('extinction', 'Extinction curve and damping terms', CURVE_NOTE, CURVE_COLUMNS, tuple(rows)))
     except InputError as error:
         found[0] = Table(found[0].name, found[0].title, f'{error}.', found[0].columns, found[0].rows)
     return [*found, quantities_table('damping', at, quantities)]

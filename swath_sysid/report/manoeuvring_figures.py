@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
-from swath_sysid.manoeuvring.identification.validation import simulate_windows
+from swath_sysid.manoeuvring.identification.validation import score, simulate_windows
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
@@ -40,7 +40,8 @@ def run_figures(found: ManoeuvringIdentification, window: float = 20.0) -> dict[
             its_own = None if currents is None else currents[number - 1 : number]
             simulated = simulate_windows(found.model, [run], window, currents=its_own)
             name = re.sub(r'[^\w-]', '_', short(run.source).rsplit('.', 1)[0])
-            figures[f'{label}_{number:02d}_{name}'] = _run_figure(run, simulated, label)
+            r2 = score(found.model, [run], window, currents=its_own).r2
+            figures[f'{label}_{number:02d}_{name}'] = _run_figure(run, simulated, label, r2)
     return figures
 
 
@@ -113,7 +114,7 @@ def _grid(figure: Figure):
     return [figure.add_subplot(grid[:, 0]), *histories]
 
 
-def _run_figure(run: Run, simulated: Any, label: str):
+def _run_figure(run: Run, simulated: Any, label: str, r2: dict[str, float]):
     figure = new_figure(12, 6.5)
     track_axes, *histories = _grid(figure)
     time = run.time - run.time[0]
@@ -135,9 +136,13 @@ def _run_figure(run: Run, simulated: Any, label: str):
             shift = [smoothed(p, run.step, 0.8)[start] - p[start] for p in (run.x, run.y)]
             track_axes.plot(simulated.x[: steps + 1, w] + shift[0], simulated.y[: steps + 1, w] + shift[1],
                             color=MODEL, linewidth=1.4)  # fmt: skip
-    histories[0].legend(frameon=False, ncols=2, fontsize='small', loc='upper right')
+    histories[0].legend(frameon=False, ncols=2, fontsize='small', loc='lower right', bbox_to_anchor=(1.0, 1.0))
     _draw_thrust(histories[3], time, run, run.thrust_input)
-    figure.suptitle(f'{short(run.source)} ({label}): free simulation, each window from its own start')
+    shares = ', '.join(f'{name.replace("_", " ")} {value:.3f}' for name, value in r2.items() if value == value)
+    figure.suptitle(
+        f'{short(run.source)} ({label}): free simulation, each window from its own start\n'
+        f"R2 {shares} (1: perfect, 0: as good as the channel's mean)", fontsize='medium',
+    )  # fmt: skip
     return figure
 
 
@@ -173,7 +178,7 @@ def _derivatives_figure(found: ManoeuvringIdentification):
     axes.invert_yaxis()
     reach = max([3.0 * d.std / max(abs(d.value), 1e-12) for _, d in items if not d.flags] + [0.1])
     axes.set_xlim(1.0 - min(1.3 * reach, 1.3), 1.0 + min(1.3 * reach, 1.3))
-    axes.set_xlabel('share of the value; bars: 3 standard deviations (may pass the edge); red: see the warnings')
+    axes.set_xlabel('share of the value; bars: 3 std, may pass the edge; red: see the warnings')
     return figure
 
 

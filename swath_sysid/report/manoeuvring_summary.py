@@ -121,12 +121,15 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
     """Lines for a reader."""
     model = found.model
     held = f', {len(found.validated_on)} held out for validation' if found.validated_on else ''
+    width = max(map(len, found.derivatives), default=0)
+    # without a length or a scale of its own the prime system says nothing
+    assumed = {a.code for a in found.advice} & {'length-assumed', 'scale-not-given'}
     lines = [f'manoeuvring model from {len(found.identified_on)} run(s){held}; thrust as {model.thrust_input}',
-             f'  {"":<14}{"value":>12}    {"std":<10}{"prime":>11}  unit']  # fmt: skip
+             f'  {"":<{width}}{"value":>12}    {"std":<10}{"" if assumed else "prime":>11}  unit']  # fmt: skip
     for name, d in found.derivatives.items():
-        prime = '' if d.prime is None else f'{d.prime:.3e}'
+        prime = '' if d.prime is None or assumed else f'{d.prime:.3e}'
         flags = f'  [{", ".join(d.flags)}]' if d.flags else ''
-        lines.append(f'  {name:<14}{d.value:>12.5g} +- {d.std:<10.3g}{prime:>11}  {d.unit}{flags}')
+        lines.append(f'  {name:<{width}}{d.value:>12.5g} +- {d.std:<10.3g}{prime:>11}  {d.unit}{flags}')
     if found.fixed:
         lines.append('  given or assumed: ' + ', '.join(f'{n} {v:.5g}' for n, v in found.fixed.items()))
     if CURRENT[0] in found.names:

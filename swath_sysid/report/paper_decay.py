@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import equation_named
-from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_POWERS
+from swath_sysid.campaign.papers.decay_study import COEFFICIENTS
 from swath_sysid.report.campaign_page import bullets, page, paragraph, table_as_html
 from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.paper_decay_figures import drawn
@@ -19,6 +19,7 @@ from swath_sysid.report.paper_decay_tables import (
     next_step_table,
     objective_values,
     particulars,
+    printed_form,
     search_settings,
 )
 
@@ -35,7 +36,7 @@ def decay_page(study: DecayStudy, wall_s: float) -> str:
         ('method', 'Equations and search', [table_as_html(equations(study)), table_as_html(search_settings(study))]),
         ('decays', 'Decays', [drawn(study, 'decays')]),
         ('objective', 'Objective values', [table_as_html(objective_values(study)), drawn(study, 'objective')]),
-        ('chosen', 'The chosen equation', [table_as_html(coefficients(study))]),
+        ('chosen', 'The chosen equation', [table_as_html(t) for t in (printed_form(study), coefficients(study)) if t]),
         ('motion', 'Measured and identified motion', [drawn(study, 'motion')]),
         ('next-step', 'One step ahead', [table_as_html(next_step_table(study))] if p.next_step else []),
         ('angle', 'Coefficients', [drawn(study, 'against-angle'), drawn(study, 'coefficients')]),
@@ -83,11 +84,12 @@ def _bias(study: DecayStudy):
 
 
 def _how_simulated(study: DecayStudy):
-    powers = ', '.join(f'{t} by the power {DRAFT_POWERS[t]:g}' for t in equation_named(study.publication.chosen).terms)
+    powers = ', '.join(f'{term} as the power {power:g}' for term, power in study.publication.draft_powers.items())
     return (
         'The measured records were not published. Here they are simulated: the printed hull, with the same ratios at '
         'every angle; white noise of the rate, the printed objective value of each record over the square root of two; '
-        f'of the angle, 0.001 rad; 100 Hz. How the ratios follow the draft is assumed: {powers}.'
+        f'of the angle, 0.001 rad; 100 Hz. How the hull follows the draft is assumed, so as the study concludes: '
+        f'{powers} of the draft.'
     )
 
 

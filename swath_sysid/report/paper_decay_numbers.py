@@ -51,7 +51,7 @@ def coefficient_names(study: DecayStudy) -> list[str]:
 
 
 def trend_of(values: ArrayLike, steady: float = STEADY) -> str:
-    """``falls``, ``rises``, ``steady``, ``rises, then falls``, ``falls, then rises`` or ``mixed``, along a curve.
+    """``falls``, ``rises``, ``steady``, ``rises then falls``, ``falls then rises`` or ``mixed``, along a curve.
 
     ``steady`` is the share of the largest value by which a steady curve changes at most.
     """
@@ -60,7 +60,7 @@ def trend_of(values: ArrayLike, steady: float = STEADY) -> str:
         return 'steady'
     ways = ['rises' if step > 0.0 else 'falls' for step in np.diff(values) if step]
     turns = [way for k, way in enumerate(ways) if way != ways[k - 1] or k == 0]
-    return ', then '.join(turns) if len(turns) <= 2 else 'mixed'
+    return ' then '.join(turns) if len(turns) <= 2 else 'mixed'
 
 
 def next_step_errors(study: DecayStudy, record: StudiedRecord, ratios: dict[str, float] | None) -> np.ndarray:

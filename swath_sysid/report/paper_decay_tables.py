@@ -10,6 +10,7 @@ from swath_sysid.attitude.hull.catalogue import equation_named
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.campaign.papers.decay_study import COEFFICIENTS, DRAFT_FACTORS, SWARM
+from swath_sysid.report.campaign_extinction import PARTICULARS
 from swath_sysid.report.figures import TWO_STD
 from swath_sysid.report.paper_decay_numbers import (
     GENETIC,
@@ -35,9 +36,8 @@ MUCH = 3.0
 ROUNDING = 1e-9
 """Ratios to inertia below this are zero, to the rounding of a search."""
 
-NAMES = {
-    'length_m': 'length [m]', 'beam_m': 'breadth [m]', 'depth_m': 'depth [m]', 'draft_m': 'draft [m]',
-    'displacement_kg': 'displacement [kg]', 'speed_kn': 'speed [kn]', 'hull_separation_m': 'hull separation [m]',
+NAMES = PARTICULARS | {
+    'speed_kn': 'speed [kn]', 'hull_separation_m': 'hull separation [m]',
     'pod_length_m': 'pod length [m]', 'pod_diameter_m': 'pod diameter [m]', 'strut_length_m': 'strut length [m]',
     'level_within_deg': 'level within [deg]', 'tank_m': 'tank [m]',
 }  # fmt: skip
@@ -118,13 +118,8 @@ def coefficients(study: DecayStudy) -> Table:
     chosen = study.chosen(record)
     for term in equation_named(study.publication.chosen).terms:
         name, factor = COEFFICIENTS[term]
-        given: Any = printed.published_form.get(name)
-        if given is None:
-            given = printed.ratios.get(term)
-        elif name != "I'":
-            given = given / inertia / factor
-        if not printed.published_form and study.publication.name == 'swath-pitch':
-            given = given / inertia
+        form = printed.published_form
+        given = form[name] / inertia / factor if form else printed.ratios[term]
         value, std = record.ours.ratio(term)
         rows.append((
             f'{term} ({_in_words(name, factor)})', given, chosen.genetic.ratios[term], chosen.swarm.ratios[term],
@@ -145,8 +140,32 @@ def coefficients(study: DecayStudy) -> Table:
     return Table('coefficients', 'Coefficients of the chosen equation', note, columns, tuple(rows))
 
 
+def printed_form(study: DecayStudy) -> Table | None:
+    """The same coefficients as the study prints them, with an inertia; None where it prints ratios alone."""
+    printed = study.publication.coefficients
+    if not printed.published_form:
+        return None
+    record, inertia = study.at(printed.draft_factor, printed.angle_deg), study.inertia
+    form, searches = printed.published_form, (study.chosen(record).genetic, study.chosen(record).swarm)
+    rows: list[tuple] = [("I'", form.get("I'"), *(s.inertia for s in searches), None, None)]
+    for term in equation_named(study.publication.chosen).terms:
+        name, factor = COEFFICIENTS[term]
+        value, std = record.ours.ratio(term)
+        rows.append((
+            name, form[name], *(s.ratios[term] * s.inertia * factor for s in searches),
+            value * inertia * factor, TWO_STD * std * inertia * factor,
+        ))  # fmt: skip
+    names = 'printed', 'genetic', 'swarm', 'simulated motion'
+    columns = Column('coefficient'), *(Column(name, _ratio_shown) for name in names), Column('+- 2 std', digits(2))
+    note = (
+        f"{printed.table[0].upper()}{printed.table[1:]}. The searches with the I' at which each happened to stop, the "
+        f"simulated motion with I' = {inertia:g} given."
+    )
+    return Table('printed_form', 'Coefficients as printed', note, columns, tuple(rows))
+
+
 def _ratio_shown(value: Any):
-    return '0' if abs(value) < ROUNDING else digits(6)(value)
+    return '0' if value is not None and abs(value) < ROUNDING else digits(6)(value)
 
 
 def _in_words(name: str, factor: float):
@@ -194,8 +213,8 @@ def claims(study: DecayStudy) -> Table:
     note = (
         'Curves: an angle or a draft each. The simulated hull has the same coefficients at every angle: a trend with '
         "the angle that the study's method shows here comes from the method. A conclusion holds here where the method "
-        'shows it and the hull has it. How the hull follows the draft is assumed: a conclusion about the draft is not '
-        'tested by it.'
+        'shows it and the hull has it. How the hull follows the draft is assumed, so as the study concludes; whether '
+        'the methods show it is the question.'
     )
     return Table('claims', 'Conclusions of the study, and whether they hold here', note, columns, tuple(rows), marks)
 

@@ -7,6 +7,7 @@ import matplotlib
 import numpy as np
 
 from swath_sysid.campaign.papers.manoeuvring_study import track_error
+from swath_sysid.report.campaign_extinction import PARTICULARS
 from swath_sysid.report.campaign_figures import HEIGHT, LINE_STYLES, STYLE, WIDTH, legend_below
 from swath_sysid.report.campaign_page import Drawing, bullets, figures, page, paragraph, table_as_html
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, new_figure, new_panel, quiet
@@ -69,9 +70,8 @@ def _resemblance(study: ManoeuvringStudy):
 
 
 def _craft(study: ManoeuvringStudy):
-    names = {
-        'length_m': 'length [m]', 'breadth_m': 'breadth [m]', 'height_m': 'height [m]', 'draft_m': 'draft [m]',
-        'displacement_kg': 'displacement [kg]', 'deduction': 'thrust deduction', 'moment_factor': 'moment factor',
+    names = PARTICULARS | {
+        'height_m': 'height [m]', 'deduction': 'thrust deduction', 'moment_factor': 'moment factor',
         'speed_m_s': 'speed of the prime system [m/s]', 'gyradius_over_length': 'yaw gyradius over length',
         'lever_m': 'half the distance of the thrusters [m]', 'approach_s': 'approach [s]', 'turn_s': 'turn [s]',
     }  # fmt: skip

@@ -29,9 +29,6 @@ from swath_sysid.campaign.evaluation import FitSummary
 from swath_sysid.campaign.papers.publication import DecayPublication, decay_publication
 
 DRAFT_FACTORS = (0.9, 1.0, 1.1)
-DRAFT_POWERS = {'b1': 0.8, 'b2': 0.5, 'b3': 0.5, 'r1': -0.6, 'r2': -0.4, 'r3': 0.3, 's1': -0.6, 's2': -0.4}
-"""Assumed: a ratio at draft factor f is that at design draft times f to this power."""
-
 HOLD_S = 1.0
 RATE_HZ = 100.0
 SWARM: dict[str, Any] = {'generations': 2000, 'population': 200}
@@ -105,8 +102,8 @@ class StudiedRecord:
 
 def hull_at(name: str, draft_factor: float) -> DecayModel:
     """The published hull at a multiple of its design draft."""
-    model = PUBLISHED_HULLS[name].model
-    ratios = {term: value * draft_factor ** DRAFT_POWERS[term] for term, value in model.terms.items()}
+    model, powers = PUBLISHED_HULLS[name].model, decay_publication(name).draft_powers
+    ratios = {term: value * draft_factor ** powers.get(term, 0.0) for term, value in model.terms.items()}
     return DecayModel.from_terms(model.equation, ratios, axis=model.axis)
 
 

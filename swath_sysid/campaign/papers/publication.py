@@ -33,7 +33,6 @@ class PrintedTable:
     rows: tuple = ()
     ratios: dict = field(default_factory=dict)
     published_form: dict = field(default_factory=dict)
-    inertia: float | None = None
 
 
 @dataclass(frozen=True)
@@ -46,6 +45,8 @@ class DecayPublication:
         Particulars, by the keys of a manifest.
     equations : tuple of str
         In the order of the study.
+    draft_powers : dict of str to float
+        Assumed: a ratio at draft factor f is that at design draft times f to this power, 0 where not listed.
     objective : PrintedTable
         Rows of draft_factor, angle_deg and values, rad/s.
     next_step : PrintedTable or None
@@ -60,6 +61,7 @@ class DecayPublication:
     craft: dict
     equations: tuple
     chosen: str
+    draft_powers: dict
     duration_s: float
     repeats: int
     objective: PrintedTable

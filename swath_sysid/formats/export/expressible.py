@@ -22,6 +22,10 @@ COMPARED = {
 }
 
 
+STAND_INS = {'Xuuu': ('Xuu', 'Xu'), 'Nuur': ('Nur', 'Nr'), 'Nur': ('Nr',), 'Yuv': ('Yv',)}
+"""Terms that are others times the speed ahead: the first times it, the second times its square."""
+
+
 @dataclass(frozen=True)
 class Export:
     """Text of a file, and the warnings about what is not in it."""
@@ -33,7 +37,10 @@ class Export:
 def expressed(
     model: ManoeuvringModel, expressible: Collection[str], **implied: float
 ) -> tuple[ManoeuvringModel, tuple[str, ...]]:
-    """The model as a target has it, and the names of the terms that differ there.
+    """The model as a target has it, and the names of the terms that it lacks.
+
+    A term in a power of the speed ahead is stood in for by one in a lower power that the target has, to the same
+    force at the speed of approach of the turning circle.
 
     Parameters
     ----------
@@ -47,7 +54,21 @@ def expressed(
     kept = {*expressible, *INERTIAL, *SENDERS}
     neutral = {p.name: p.neutral for p in PARAMETERS if p.kind != SENSOR and p.name not in kept}
     reduced = model.with_values(**neutral | implied)
-    return reduced, tuple(name for name in NAMES if reduced[name] != model[name])
+    changed = tuple(name for name in NAMES if reduced[name] != model[name])
+    stood_in = {
+        name: next((power, other) for power, other in enumerate(others, start=1) if other in kept)
+        for name, others in STAND_INS.items() if name in changed and kept.intersection(others)
+    }  # fmt: skip
+    if stood_in:
+        speed = approach_speed(model)
+        for name, (power, other) in stood_in.items():
+            reduced = reduced.with_values(**{other: reduced[other] + model[name] * speed**power})
+    return reduced, changed
+
+
+def approach_speed(model: ManoeuvringModel) -> float:
+    """Speed ahead at which terms are stood in for, m/s."""
+    return float(run_test('turning-circle', model).numbers['approach_speed_m_s'])
 
 
 def losses(model: ManoeuvringModel, expressible: Collection[str], target: str, **implied: float) -> tuple[Advice, ...]:
@@ -57,7 +78,12 @@ def losses(model: ManoeuvringModel, expressible: Collection[str], target: str, *
         return ()
     named = ', '.join(f'{name} = {model[name]:.4g}' + (f' (there {reduced[name]:.4g})' if name in implied else '')
                       for name in changed)  # fmt: skip
-    found = [Advice('terms-dropped', f'{target} cannot express {named}: see how far the tests differ')]
+    stands_in = [
+        f'{name} = {reduced[name]:.4g} instead of {model[name]:.4g}' for name in NAMES
+        if name not in changed and reduced[name] != model[name]
+    ]  # fmt: skip
+    instead = f' ({", ".join(stands_in)} stands in at {approach_speed(model):.3g} m/s)' if stands_in else ''
+    found = [Advice('terms-dropped', f'{target} cannot express {named}{instead}: see how far the tests differ')]
     for test, names in COMPARED.items():
         whole, part = run_test(test, model).numbers, run_test(test, reduced).numbers
         changes = '; '.join(change(name, whole[name], part[name]) for name in names)

@@ -10,6 +10,7 @@ from swath_sysid.formats.export.expressible import (
     added_mass_advice,
     effective_lever,
     elements,
+    expressed,
     force_lines,
     losses,
     xml_comment,
@@ -29,6 +30,7 @@ def vrx(model: ManoeuvringModel) -> Export:
     if any(model.current):
         advice += (Advice('current-not-exported', "VRX's SimpleHydrodynamics knows no current: that of the model, "
                           f'{model.current[0]:.3g} m/s east and {model.current[1]:.3g} m/s north, is left out'),)
+    reduced, _ = expressed(model, ELEMENTS, **implied)
     lever = effective_lever(model)
     notes = [
         'Surge, sway and yaw of an identified craft for VRX: put the plugin in place of the one in',
@@ -38,7 +40,7 @@ def vrx(model: ManoeuvringModel) -> Export:
         'Keep zW, kP, kPP, mQ and mQQ of your craft beside these; without them VRX takes its own defaults.',
         *force_lines(model), *(f'WARNING {a.message}' for a in advice),
     ]  # fmt: skip
-    values = {'link_name': 'wamv/base_link', **{element: -model[name] for name, element in ELEMENTS.items()}}
+    values = {'link_name': 'wamv/base_link', **{element: -reduced[name] for name, element in ELEMENTS.items()}}
     return Export(
         f'<?xml version="1.0"?>\n{xml_comment(notes)}\n'
         '<plugin filename="libSimpleHydrodynamics.so" name="vrx::SimpleHydrodynamics">\n'

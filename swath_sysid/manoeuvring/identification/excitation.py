@@ -24,7 +24,7 @@ def excitation(runs: Sequence[Run]) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        0 to 1; 0 where its motion does not occur.
+        0 to 1; 0 where its motion does not occur or is in none of the runs.
     """
     found = {}
     for names, columns in _equations(runs):
@@ -53,8 +53,8 @@ def lacking(shares: dict[str, float]) -> dict[str, str]:
 
 def _equations(runs: Sequence[Run]):
     """Names and motions, shape (K, N), of surge, sway and yaw; the thrust is a motion without a name."""
-    u, v, r = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
-    changes = [np.concatenate([np.gradient(run.smooth[c], run.step) for run in runs]) for c in range(3)]
+    u, v, r = (_known(np.concatenate([run.smooth[c] for run in runs])) for c in range(3))
+    changes = [_known(np.concatenate([np.gradient(run.smooth[c], run.step) for run in runs])) for c in range(3)]
     port, starboard = (np.concatenate([getattr(run, side) for run in runs]) for side in ('port', 'starboard'))
     return (
         (('Xu_dot', 'Xu', 'Xuu', 'Xvr', None), np.stack([changes[0], u, np.abs(u) * u, v * r, starboard + port])),
@@ -62,3 +62,8 @@ def _equations(runs: Sequence[Run]):
         (('Iz', 'Nr', 'Nrr', 'Nuur', 'Nuv', None),
          np.stack([changes[2], r, np.abs(r) * r, u * u * r, u * v, starboard - port])),
     )  # fmt: skip
+
+
+def _known(values: np.ndarray) -> np.ndarray:
+    """Zeros for a motion that no run has, so that the others are judged without it."""
+    return values if np.isfinite(values).any() else np.zeros_like(values)
