@@ -94,7 +94,7 @@ class TankSide:
         finished = self._window.add(each).finished
         for stream in (self._stream, self._buffer):
             stream.note_message(each.stamp_ns, self.clock, self.clock)
-        if self.record.wants(each.stamp_ns, self.clock):
+        if self.record.is_due(each.stamp_ns, self.clock):
             self.record.add_reading(each)
         if finished is not None and self.auto_identify:
             self.identify(finished.table)

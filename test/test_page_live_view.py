@@ -83,7 +83,7 @@ def test_of_a_fast_sensor_25_samples_a_second_are_kept():
     record.install(Installation())
     begun = 1_700_000_000 * 10**9
     for k in range(400):
-        if record.wants(begun + k * step, 0.005 * k):
+        if record.is_due(begun + k * step, 0.005 * k):
             record.add_reading(reading(begun + k * step))
     time = record.motions()['roll'].time
     assert np.diff(time) == pytest.approx(0.04, abs=1e-6) and time.size == 50

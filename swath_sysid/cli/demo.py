@@ -43,7 +43,7 @@ from swath_sysid.share import share_folder
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from swath_sysid.nodes.demo_monitor import Heard
+    from swath_sysid.nodes.demo_monitor import Received
 
 HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
 EQUATIONS = {'roll': 'swath-roll-1', 'pitch': 'swath-pitch-1'}
@@ -322,8 +322,8 @@ class _Stage:
 
     def pause(self, stage: str, duration: float) -> None:
         """Go on for a while, s of the sensor's stamps."""
-        end = self.listener.heard.angles[-1][0] + round(duration / NANOSECOND)
-        self.wait(stage, lambda: self.listener.heard.angles[-1][0] >= end, 10.0 * duration + ANSWER_TIMEOUT_S)
+        end = self.listener.received.angles[-1][0] + round(duration / NANOSECOND)
+        self.wait(stage, lambda: self.listener.received.angles[-1][0] >= end, 10.0 * duration + ANSWER_TIMEOUT_S)
 
     def release(self, stage: str) -> int:
         """Have the craft released; the stamp at which it is let go, ns."""
@@ -333,20 +333,20 @@ class _Stage:
         return int(answer.result().message)
 
     def _state(self, stage: str):
-        heard = self.listener.heard
-        angles = _table(list(_last(heard.angles, 1500))[::10], 2)
-        drawn = _table(_last(heard.forecasts[self.drawn_lead], 150), 3)
+        received = self.listener.received
+        angles = _table(list(_last(received.angles, 1500))[::10], 2)
+        drawn = _table(_last(received.forecasts[self.drawn_lead], 150), 3)
         now = angles[-1, 0] if len(angles) else 0.0
         return ViewState(
             self.title, stage, now, angles[:, 0], angles[:, 1], drawn[:, 0], drawn[:, 1], self.drawn_lead,
-            tuple(self._lead_row(lead, angles) for lead in heard.forecasts),
-            tuple(_described(heard.models, heard.versions)),
-            tuple((level, name, message) for name, (level, message) in sorted(heard.diagnostics.items())),
+            tuple(self._lead_row(lead, angles) for lead in received.forecasts),
+            tuple(_described(received.models, received.versions)),
+            tuple((level, name, message) for name, (level, message) in sorted(received.diagnostics.items())),
             self.scale,
         )  # fmt: skip
 
     def _lead_row(self, lead: float, angles: Any):
-        made = _table(_last(self.listener.heard.forecasts[lead], 150), 3)
+        made = _table(_last(self.listener.received.forecasts[lead], 150), 3)
         if not len(made) or not len(angles):
             return lead, math.nan, math.nan
         due = (made[:, 0] <= angles[-1, 0]) & (made[:, 0] > angles[-1, 0] - ERROR_SPAN_S)
@@ -356,7 +356,7 @@ class _Stage:
 
 def _demonstrate(craft: _Craft, stage: _Stage):
     """Release the craft, wait for its model, release it again."""
-    heard = stage.listener.heard
+    received = stage.listener.received
     stage.title = f'{craft.hull}, {craft.axis} from {craft.angle_deg:g} deg'
     stage.scale, stage.drawn_lead = 1.3 * math.radians(craft.angle_deg), craft.lead
     if not stage.wait('starting', stage.listener.is_ready, START_TIMEOUT_S):
@@ -365,28 +365,28 @@ def _demonstrate(craft: _Craft, stage: _Stage):
     for attempt in range(ATTEMPTS):
         first = stage.release('lifting the craft')
         waiting = 'let go; waiting until the decay is noticed and identified'
-        if stage.wait(waiting, lambda: heard.model_ns is not None, MODEL_TIMEOUT_S):
+        if stage.wait(waiting, lambda: received.model_ns is not None, MODEL_TIMEOUT_S):
             break
         if attempt == ATTEMPTS - 1:
             raise InputError(f'no model came within {MODEL_TIMEOUT_S:g} s after either release: see demo.log')
     stage.pause('identified', BETWEEN_S)
     second = stage.release('lifting the craft again')
-    stage.pause('forecasting with the identified model', (second - heard.angles[-1][0]) * NANOSECOND + SCORED_SPAN)
-    return _demonstration(craft, heard, first, second)
+    stage.pause('forecasting with the identified model', (second - received.angles[-1][0]) * NANOSECOND + SCORED_SPAN)
+    return _demonstration(craft, received, first, second)
 
 
-def _demonstration(craft: _Craft, heard: Heard, first: Any, second: int):
-    start = heard.angles[0][0]
-    unaided = without_model(heard.readings, craft.axis, craft.pipeline_settings)
+def _demonstration(craft: _Craft, received: Received, first: Any, second: int):
+    start = received.angles[0][0]
+    unaided = without_model(received.readings, craft.axis, craft.pipeline_settings)
 
     def relative(found: Any):
         return tuple(LeadForecasts(lead, *_table(rows, 3, start).T) for lead, rows in sorted(found.items()))
 
-    time_, angle = _table(heard.angles, 2, start).T
+    time_, angle = _table(received.angles, 2, start).T
     return Demonstration(
         craft.axis, craft.hull, math.radians(craft.angle_deg), craft.period, time_, angle,
-        tuple((stamp - start) * NANOSECOND for stamp in (first, second)), (heard.model_ns - start) * NANOSECOND,
-        relative(heard.forecasts), relative(unaided),
+        tuple((stamp - start) * NANOSECOND for stamp in (first, second)), (received.model_ns - start) * NANOSECOND,
+        relative(received.forecasts), relative(unaided),
     )  # fmt: skip
 
 

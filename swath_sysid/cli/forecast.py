@@ -49,7 +49,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--window', type=_positive, default=_WINDOW, metavar='S',
-        help=f'seconds of past that forecast and baselines learn from (default: {_WINDOW:g})',
+        help=f'seconds of past that forecast and baselines are fitted to (default: {_WINDOW:g})',
     )  # fmt: skip
     add_reading_arguments(parser)
     parser.add_argument(
@@ -64,7 +64,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--point', type=_point, action='append', default=[], metavar='NAME:x,y,z', dest='points',
         help='forecast and score vertical motion at a point of the craft, m forward, to port and up from the sensor, '
-        'and at the sensor; what it is scored by is the integral of the whole record without phase error '
+        'and at the sensor; the reference is the integral of the whole record without phase error '
         '(repeat for more points)',
     )  # fmt: skip
     parser.add_argument('--json', action='store_true', help='print one JSON object')

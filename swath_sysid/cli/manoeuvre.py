@@ -248,7 +248,7 @@ def _add_forecast(parser: ArgumentParser) -> None:
     parser.add_argument('--model', required=True, metavar='MODEL.yaml', help='model file of manoeuvre identify')
     parser.add_argument(
         '--train', nargs='+', metavar='RUN', default=[],
-        help='runs that the ARX learns from (default: the other runs, or the first half of a single one)',
+        help='runs that the ARX is fitted to (default: the other runs, or the first half of a single one)',
     )  # fmt: skip
     parser.add_argument(
         '--future', choices=('held', 'supplied'), default='held',

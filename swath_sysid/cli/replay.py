@@ -33,7 +33,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         '--in-step', action='store_true',
         help='go no faster than predictor, started with `-p in_step:=true`, forecasts: with a large --rate as '
-        'fast as it can, and to the same numbers',
+        'fast as it can, with the same results',
     )  # fmt: skip
 
 

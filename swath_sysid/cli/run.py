@@ -39,7 +39,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--use-sim-time', action='store_true', help='time from /clock')
     parser.add_argument('--page', action='store_true', help='show them in a browser too: see `swath-sysid page`')
     parser.add_argument(
-        '--ros-args', nargs=argparse.REMAINDER, default=[], metavar='...', help='anything else, as ROS 2 nodes take it'
+        '--ros-args', nargs=argparse.REMAINDER, default=[], metavar='...', help='any other arguments of ROS 2 nodes'
     )
 
 

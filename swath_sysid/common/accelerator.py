@@ -46,6 +46,6 @@ class _Compiled:
 def accelerated(function: Function) -> Function:
     """Compile with numba (extra ``fast``) at the first call or, without it, return the function itself.
 
-    The same source runs either way, called by position; ``test_hull_simulation`` holds both to the same numbers.
+    The same source runs either way, called by position; ``test_hull_simulation`` requires the same results of both.
     """
     return cast(Function, _Compiled(function)) if HAS_NUMBA else function

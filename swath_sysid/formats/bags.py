@@ -105,7 +105,7 @@ def read_bag(
     if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
         advice.append(Advice('no-header-stamps', (
-            f'{record.topic} carries no header stamps, so the times of arrival are used: let the driver stamp its '
+            f'{record.topic} carries no header stamps, so the times of arrival are used: have the driver stamp its '
             f'messages'
         )))
     readings: dict[str, np.ndarray] = {}
@@ -169,7 +169,7 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
         names = ', '.join(repr(name[:40]) for name in list(decoder.frame_ids)[:3])
         advice.append(Advice('frame-id-changed', (
             f'the messages on {topic} come in {len(decoder.frame_ids)} frames ({names}): if these are two sensors, '
-            f'record each on a topic of its own; else look whether the mounting is still right'
+            f'record each on a topic of its own; else check whether the mounting is still right'
         )))
     return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
 
@@ -404,8 +404,8 @@ def _choose_topic(path: str | Path, readers: Sequence[Any], topic: str | None) -
 
 def _damage(path: str | Path, error: object) -> Advice:
     return Advice('damaged-bag', (
-        f'{path} is damaged ({_reason(path, error)}): what is whole was read; let the recorder finish before its '
-        f'power goes'
+        f'{path} is damaged ({_reason(path, error)}): what is whole was read; stop the recorder before its '
+        f'power is cut'
     ))
 
 

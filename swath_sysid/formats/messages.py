@@ -201,7 +201,7 @@ def window_table(message: Any) -> MotionTable:
         if name not in fields or fields[name].datatype != FLOAT64:
             raise InputError(f'the window has no FLOAT64 column {name}: publish the table that imu_buffer publishes')
         if fields[name].offset + FLOAT64_BYTES > message.point_step:
-            raise InputError(f'the column {name} of the window reaches beyond its rows: look at point_step and offsets')
+            raise InputError(f'the column {name} of the window reaches beyond its rows: check point_step and offsets')
     if len(message.data) < count * message.point_step:
         raise InputError(
             f'the window ends after {len(message.data)} bytes of {count * message.point_step}: send it again'

@@ -26,7 +26,7 @@ RECENT = 6000
 
 
 @dataclass
-class Heard:
+class Received:
     """What has come so far.
 
     Attributes
@@ -61,7 +61,7 @@ class Listener(Node):
     def __init__(self, axis: str, leads: Sequence[float]):
         super().__init__('demo')
         self._axis = axis
-        self.heard = Heard(forecasts={lead: deque() for lead in leads})
+        self.received = Received(forecasts={lead: deque() for lead in leads})
         everything = QoSProfile(depth=DEPTH)
         self.create_subscription(Imu, IMU_TOPIC, self._on_imu, qos_profile_sensor_data)
         self.create_subscription(Imu, NEXT_TOPIC, self._on_next, everything)
@@ -73,9 +73,9 @@ class Listener(Node):
 
     def is_ready(self) -> bool:
         """Whether the craft, the forecasts and the identifier all publish."""
-        heard = self.heard
-        nodes = {name.partition(':')[0] for name in heard.diagnostics}
-        streams = (heard.angles, heard.nexts, *heard.forecasts.values())
+        received = self.received
+        nodes = {name.partition(':')[0] for name in received.diagnostics}
+        streams = (received.angles, received.nexts, *received.forecasts.values())
         return all(streams) and {'imu_buffer', 'identifier'} <= nodes and self._release.service_is_ready()
 
     def release(self) -> Any:
@@ -84,21 +84,21 @@ class Listener(Node):
 
     def forget(self) -> None:
         """Keep what is recent only."""
-        for kept in (self.heard.readings, self.heard.angles, *self.heard.forecasts.values()):
+        for kept in (self.received.readings, self.received.angles, *self.received.forecasts.values()):
             while len(kept) > RECENT:
                 kept.popleft()
 
     def _on_imu(self, message: Any) -> None:
         reading = imu_reading(message)
-        self.heard.readings.append(reading)
+        self.received.readings.append(reading)
         angle = float(euler_angles(*reading.orientation)[AXES.index(self._axis)])
-        self.heard.angles.append((reading.stamp_ns, angle))
+        self.received.angles.append((reading.stamp_ns, angle))
 
     def _on_next(self, message: Any) -> None:
-        self.heard.nexts += 1
+        self.received.nexts += 1
 
     def _forecast_taker(self, lead: float):
-        kept = self.heard.forecasts[lead]
+        kept = self.received.forecasts[lead]
 
         def take(message: Any) -> None:
             # a forecast is an Imu: its stamp is the time it is for
@@ -113,12 +113,12 @@ class Listener(Node):
         except InputError as error:
             self.get_logger().error(str(error))
             return
-        heard = self.heard
-        heard.models = models
-        heard.versions += 1
-        if self._axis in models and heard.model_ns is None and heard.angles:
-            heard.model_ns = heard.angles[-1][0]
+        received = self.received
+        received.models = models
+        received.versions += 1
+        if self._axis in models and received.model_ns is None and received.angles:
+            received.model_ns = received.angles[-1][0]
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
-            self.heard.diagnostics[status.name] = ord(status.level), status.message
+            self.received.diagnostics[status.name] = ord(status.level), status.message

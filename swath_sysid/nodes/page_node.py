@@ -1,4 +1,4 @@
-"""The node of the page: hears what the nodes publish."""
+"""The node of the page: subscribes to what the nodes publish."""
 from collections.abc import Callable
 from functools import partial
 from threading import Lock
@@ -93,7 +93,7 @@ class PageNode(Node):
 
     def _on_imu(self, raw: bytes) -> None:
         with self.lock:
-            if self.record.wants(raw_stamp_ns(raw), monotonic()):
+            if self.record.is_due(raw_stamp_ns(raw), monotonic()):
                 self.record.add_reading(imu_reading(deserialize_message(raw, Imu)))
 
     def _on_horizon(self, message: JointTrajectory, name: str = '') -> None:

@@ -175,14 +175,14 @@ class BringUp:
                     key=lambda report: report.level, default=None)  # fmt: skip
         if worst is not None and worst.level == ERROR:
             fault = 'silence' if facts.value('predictor: imu', 'received') else 'no-sensor'
-            return Guidance(SENSOR, 'The sensor is not heard.', fault, worst.message)
+            return Guidance(SENSOR, 'Nothing comes from the sensor.', fault, worst.message)
         if facts.silence == float('inf'):
             return Guidance(SENSOR, 'Waiting for the first sample of the sensor.')
         rate = facts.value('predictor: imu', 'rate_hz')
         if 0.0 < rate < LOWEST_RATE:
             return Guidance(
                 SENSOR, f'The sensor gives {rate:.1f} samples a second, too few to see a craft roll.', 'low-rate',
-                'let its driver publish at 20 Hz or more',
+                'have its driver publish at 20 Hz or more',
             )
         return None
 
@@ -190,7 +190,7 @@ class BringUp:
         report = facts.statuses.get('predictor: installation')
         if report is not None and report.level != OK:
             code = str(report.values.get('contradictions', '')).partition(' ')[0]
-            return Guidance(SENSOR, 'What the sensor measures contradicts itself.', code, report.message)
+            return Guidance(SENSOR, 'The readings of the sensor contradict each other.', code, report.message)
         motion = facts.motions.get(self.axis)
         if motion is None or motion.angle is None or motion.size < 2:
             if facts.value('predictor: imu', 'no-orientation'):
@@ -215,7 +215,7 @@ class BringUp:
             return Guidance(KEPT, f'The model is kept: {described(facts.model)}.')
         if self._ended_at is None and self._note_rest(facts, now):
             if not facts.value('predictor: installation', 'judgements'):
-                return Guidance(REST, 'Lie still, hands off: gravity is held against the attitude.')
+                return Guidance(REST, 'Lie still, hands off: gravity is compared with the attitude.')
             return self._before_push(facts)
         if not self._rest:
             return self._unrest(facts, now)
@@ -224,7 +224,7 @@ class BringUp:
         return self._under_way(facts, now)
 
     def _note_rest(self, facts: Facts, now: float) -> bool:
-        """Whether the craft is at rest, or has hardly left it; remembers the trim and the noise."""
+        """Whether the craft is at rest, or has hardly left it; keeps the trim and the noise."""
         motions = {axis: facts.motions[axis] for axis in AXES if facts.motions.get(axis) is not None}
         lasting = SETTLED_S if self._rest else REST_S
         if all(_is_still(motion, now - lasting, STILL) for motion in motions.values()):

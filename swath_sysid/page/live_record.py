@@ -96,8 +96,8 @@ class LiveRecord:
             self._window = MotionWindow(WindowSettings(
                 window=WINDOW_S, max_rate=2.0 * RATE, detect_decay=False, installation=installation))
 
-    def wants(self, stamp_ns: int, clock: float) -> bool:
-        """Whether a sample of this stamp is due; a sample is heard of in any case."""
+    def is_due(self, stamp_ns: int, clock: float) -> bool:
+        """Whether a sample of this stamp is due; a sample is counted in any case."""
         self._arrival = clock
         due = not 0 <= (stamp_ns - self._newest_ns) * NANOSECOND < 1.0 / RATE
         return due and self._window is not None
@@ -134,7 +134,7 @@ class LiveRecord:
 
     def statuses(self, clock: float) -> dict[str, Report]:
         """The fresh ones by name."""
-        return {name: report for name, (heard, report) in self._statuses.items() if clock - heard < STALE_S}
+        return {name: report for name, (received, report) in self._statuses.items() if clock - received < STALE_S}
 
     @property
     def stamp(self) -> float:

@@ -16,7 +16,7 @@ BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
 ROWS_A_COEFFICIENT = 8
-"""A shorter past teaches a lower order: with fewer rows than these a regression learns the noise."""
+"""A shorter past supports a lower order only: with fewer rows than these a regression fits the noise."""
 
 RIDGE = 1e-8
 """A row, in standard deviations; a hundred times as much costs a clean IMU a tenth at the shortest lead."""
@@ -254,7 +254,7 @@ def _useful(values: np.ndarray, channels: Sequence[int]):
 
 
 def _supported_order(order: int, rows: int, channels: int):
-    """The highest of `ORDERS`, up to the one wanted, that so many rows can teach; None where none."""
+    """The highest of `ORDERS`, up to the one wanted, that so many rows can support; None where none."""
     supported = (o for o in ORDERS if o <= order and rows - o >= ROWS_A_COEFFICIENT * channels * o)
     return next(supported, None)
 

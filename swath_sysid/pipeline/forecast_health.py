@@ -70,7 +70,7 @@ class PredictorHealth(StreamHealth):
                 values[f'nrmse_{axis}_{lead}s'] = float(state.nrmse[a, number])
                 values[f'coverage90_{axis}_{lead}s'] = float(state.coverage[a, number])
                 names = tuple(CANDIDATES)
-                values[f'speaking_{axis}_{lead}s'] = names[int(state.weights[:, a, number].argmax())]
+                values[f'leading_{axis}_{lead}s'] = names[int(state.weights[:, a, number].argmax())]
                 for k, candidate in enumerate(names):
                     values[f'nrmse_{axis}_{lead}s_{candidate}'] = float(state.candidate_nrmse[k, a, number])
         return [

@@ -43,7 +43,7 @@ HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
 LONGEST_SILENCE = 1.0
 STARTING_TIME = 5.0
-"""s; a sensor that has never been heard is an error after so long: discovery takes up to three."""
+"""s; a sensor that has never published is an error after so long: discovery takes up to three."""
 
 LARGEST_STAMP_AGE = 1.0
 """s between the stamp of a message and its arrival; more means that clocks differ, or a replay at another time."""

@@ -34,7 +34,7 @@ class PlayedHealth:
         self._now_ns: int | None = None
 
     def follow(self, played: Played) -> list[list[tuple]]:
-        """Take notice of one step.
+        """Take in one step.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Skill, measured honestly: every forecast that was issued counts, beside what it must beat."""
+"""Skill: every forecast that was issued counts, beside what it must beat."""
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

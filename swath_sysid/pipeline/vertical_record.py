@@ -74,7 +74,7 @@ def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretc
     complete = np.isfinite([trial.channels[channel] for channel in names]).all(axis=0)
     time = trial.time[complete]
     if time.size < 2:
-        raise InputError(f'{name} holds no two samples with all of {", ".join(names)}: look at the sensor')
+        raise InputError(f'{name} holds no two samples with all of {", ".join(names)}: check the sensor')
     step = float(np.median(np.diff(time)))
     parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > max(_BRIDGED, 1.5 * step)) + 1)
     stretches = []

@@ -153,7 +153,7 @@ def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[s
     tables = {name: table_as_html(table) for name, table in found.items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
     marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
-    related = 'Ratios whose correlation is beyond 0.95 cannot be told apart: use them together only.'
+    related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
     repeats = tables['repeats'] if axis.spreads else ''
     compared = [tables[objective] for objective in axis.fits]
     return (

@@ -93,7 +93,7 @@ def _usable_rows(time: np.ndarray) -> tuple[np.ndarray | None, list[Advice]]:
     rows = np.flatnonzero(np.isfinite(time))
     if rows.size < time.size:
         advice.append(Advice('missing-stamps', (
-            f'{counted(time.size - rows.size, "row")} without a finite time left out: look at what wrote the stamps'
+            f'{counted(time.size - rows.size, "row")} without a finite time left out: check what wrote the stamps'
         )))
     fresh = np.ones(rows.size, dtype=bool)
     fresh[1:] = time[rows][1:] != time[rows][:-1]

@@ -3,7 +3,7 @@
 No swing grows, the loss from one swing to the next does not jump, and the period stays. With
 damping made of friction, linear, quadratic and cubic terms, none of them negative, the loss
 per half cycle never grows while the amplitude falls, so a free decay is a fall. Waves make
-falls too; `segmentation` tells them apart.
+falls too; `segmentation` distinguishes them.
 """
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -72,7 +72,7 @@ def size_of_gravity(mean_force: np.ndarray) -> list[Contradiction]:
         )
     elif size < NO_GRAVITY:
         code, sentence = 'gravity-missing', (
-            f'{seen} m/s^2, without gravity: let the driver give the specific force, which reads '
+            f'{seen} m/s^2, without gravity: have the driver give the specific force, which reads '
             f'{STANDARD_GRAVITY:.2f} upward at rest, or none'
         )
     else:
@@ -140,20 +140,20 @@ def direction_of_gravity(
     if -cosine >= AGREEMENT and (best is None or agreement(np.eye(3)) >= best_score - 1e-6):
         frame = OPPOSITE_FRAME[installation.frame]
         return None, [Contradiction('axes-of-sensor', (
-            f'{_reading_of(direction)}, opposite to what the attitude says: its axes are {FRAMES_ALIKE[frame]}; set '
-            f'frame to {frame} (or, if they are {FRAMES_ALIKE[installation.frame]}, let the driver give the specific '
+            f'{_reading_of(direction)}, opposite to that of the attitude: its axes are {FRAMES_ALIKE[frame]}; set '
+            f'frame to {frame} (or, if they are {FRAMES_ALIKE[installation.frame]}, have the driver give the specific '
             f'force, which points up at rest)'
         ))]  # fmt: skip
     if best is None:
         off = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
         return TURNS[0], [Contradiction('axes-of-sensor', (
             f'gravity is {off:.0f} deg away from where the attitude puts it, which no right-angled mounting explains: '
-            f'let the driver give orientation and accelerations in the same axes, and mounting_deg say how these sit'
+            f'have the driver give orientation and accelerations in the same axes, and mounting_deg say how these sit'
         ))]  # fmt: skip
     further = angles_of(best)
     likely = 'forward-right-down vectors beside a forward-left-up orientation, or a sensor upside down: '
     return best, [Contradiction('axes-of-sensor', (
-        f'{_reading_of(direction)} while the attitude says that the craft floats upright: '
+        f'{_reading_of(direction)} while by its attitude the craft floats upright: '
         f'{likely if in_degrees(further) == [180, 0, 0] else ""}{turn_and_cure(further, installation)}'
     ))]  # fmt: skip
 

@@ -114,8 +114,8 @@ def _frozen(time: np.ndarray, *parts: np.ndarray) -> Contradiction | None:
         ))  # fmt: skip
     if known[0] and still[0] and known[1] and np.nanmax(np.nanstd(rates[:, :2], axis=0)) > MIN_RATE:
         return Contradiction('angles-frozen', (
-            f'the orientation has been the same for {FROZEN:g} s while the rates show motion: look at what gives the '
-            f'orientation, or let the driver set orientation_covariance[0] to -1'
+            f'the orientation has been the same for {FROZEN:g} s while the rates show motion: check what gives the '
+            f'orientation, or have the driver set orientation_covariance[0] to -1'
         ))  # fmt: skip
     return None
 

@@ -16,7 +16,7 @@ cubic damping."""
 
 MIN_AMPLITUDE = {'angle': np.radians(0.5), 'rate': np.radians(1.0)}
 """rad, rad/s. Of the first swing: published tests begin at 1 deg, and below half of that friction and the basin's own
-motion rule the damping."""
+motion dominate the damping."""
 
 MIN_OVER_NOISE = 5.0
 """First amplitude over the standard deviation of the noise; at 5 the noise of one sample hides the fourth swing of a
@@ -102,8 +102,8 @@ def _size(inside: AxisMotion, segment: DecaySegment) -> Iterator[Advice]:
     if size < MIN_AMPLITUDE[segment.quantity]:
         yield Advice(
             'too-small',
-            f'{begins} only {np.degrees(size):.2g} {unit}, where friction and the basin rule the damping: release from '
-            '3 deg or more',
+            f'{begins} only {np.degrees(size):.2g} {unit}, where friction and the basin dominate the damping: release '
+            'from 3 deg or more',
         )
     elif size < MIN_OVER_NOISE * noise:
         yield Advice(

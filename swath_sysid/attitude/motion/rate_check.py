@@ -51,7 +51,7 @@ ARRANGEMENTS = {
     'exchanged': np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     'exchanged and reversed': np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
 }
-"""Which derivative each rate holds, where gravity is as the attitude says."""
+"""Which derivative each rate holds, where gravity agrees with the attitude."""
 
 
 def rates_against_angles(
@@ -122,7 +122,7 @@ def _scale(comparison: RateComparison, j: int) -> list[Contradiction]:
         return []
     unit = next((unit for factor, unit in UNITS.items() if _is_near(gain, factor)), None)
     cure = f'{unit}; give each in the unit expected, or name the one it is in' if unit else (
-        'look at the units of angle, rate and time, and at the scale of the gyroscope')
+        'check the units of angle, rate and time, and at the scale of the gyroscope')
     return [Contradiction('rate-unit' if unit else 'rate-scale', (
         f'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: {cure}'
     ), axis)]  # fmt: skip
@@ -146,7 +146,7 @@ def _delay(comparison: RateComparison, j: int, interval: float) -> list[Contradi
         return []
     late, early = ('rate', 'angle') if lag > 0.0 else ('angle', 'rate')
     return [Contradiction(f'{late}-late', (
-        f'the {axis} {late} comes {abs(lag):.2f} s after the {axis} {early}: let the driver stamp both when they '
+        f'the {axis} {late} comes {abs(lag):.2f} s after the {axis} {early}: have the driver stamp both when they '
         f'are measured and look for a slow filter on the {late}, or move its column by as much'
     ), axis)]  # fmt: skip
 
@@ -166,7 +166,7 @@ def _unrelated(comparison: RateComparison) -> list[Contradiction]:
     """Rates that have nothing to do with the angle while it moves."""
     return [
         Contradiction('rate-unrelated', (
-            f'the {AXES[j]} angle moves and its rate does not follow it at any delay: look at what gives the '
+            f'the {AXES[j]} angle moves and its rate does not follow it at any delay: check what gives the '
             f'rate, or leave it out'
         ), AXES[j])
         for j in comparison.evidenced if comparison.has_rate[j] and _is_unrelated(comparison, j)

@@ -1,6 +1,6 @@
 """The free decay in a record that also holds rest, pushes, disturbances and stops.
 
-A free decay is a fall (see `falls`). Waves make falls too, but short and rough ones amid
+A free decay is a fall (see `decay_candidates`). Waves make falls too, but short and rough ones amid
 motion; around a decay the craft was, or came to, rest.
 """
 from collections.abc import Sequence

@@ -43,7 +43,7 @@ class Blend:
     Attributes
     ----------
     steps : ndarray of int, shape (S,)
-        At which `take` wants the candidates' forecasts.
+        At which `take` needs the candidates' forecasts.
     mean_square : ndarray, shape (E, S, A)
         Of the candidates' errors; of what they would be taken to err where they had no forecast.
     weights : ndarray, shape (E, S, A)
@@ -173,10 +173,10 @@ class Blend:
         shown = (true / variance) ** 2
         time, mean_ratio, tail, _ = self._spread[(slice(None), *was_free)]
         time, gain = self._aged(time, known, 1.0 - self._step / _MEMORY_VARIANCE, shown * self._step)
-        # ratio by ratio: a mean of variances would remember the largest for minutes
+        # ratio by ratio: a mean of variances would keep the largest for minutes
         ratio = (np.minimum(square, _CREDIBLE * variance) - noise_variance) / true
         mean_ratio += gain * np.where(known, ratio - mean_ratio, 0.0)
-        # wide tails make the mean square say more than the 90 % interval wants
+        # with wide tails the mean square is more than the 90 % interval needs
         tail += _TAIL_GAIN * self._step * np.where(known, shown * ((square > interval) - _MISSES), 0.0)
         tail = np.minimum(np.maximum(tail, -_LARGEST_TAIL), _LARGEST_TAIL)
         trust, by_errors = _TRUST_VARIANCE, time * np.maximum(mean_ratio, _MIN_SCALE)

@@ -7,7 +7,7 @@
 
 Two of them follow every sample: one on which nothing acts, and one that is driven by the sum of two moments: one of
 which nothing is known but its size (second-order Markov: a hand on the craft, a gust, a sea not yet learnt) and, once
-learnt, that of the sea (`excitation_model`). Which one speaks is decided by the likelihood of their innovations, in
+learnt, that of the sea (`excitation_model`). Which one is used is decided by the likelihood of their innovations, in
 Wald's sequential test: once a hand lets go, the hull alone remains within some tenths of a second.
 """
 import math
@@ -82,7 +82,7 @@ LEVEL_TIMES = 2.0, 60.0
 """s; a size drifts towards what the states support: the unknown moment's, and that of a learnt sea."""
 
 CONVINCING, LOST = 10.0, 2.0
-"""Logarithms of the likelihood ratio from which on the filter that does not speak takes over, and begins anew."""
+"""Logarithms of the likelihood ratio from which on the filter that is not in use takes over, and begins anew."""
 
 UNFORESEEN = 1e-8
 """Of a learnt sea's variance: that of the unknown moment beside it, at first."""
@@ -352,7 +352,7 @@ def _track():
 
 
 class HullFilter:
-    """The filter of one axis: free and driven hull, of which one speaks.
+    """The filter of one axis: free and driven hull, of which one is in use.
 
     It holds no clock: every call says how much time has passed. Same calls, same numbers.
 
@@ -363,7 +363,7 @@ class HullFilter:
     Attributes
     ----------
     is_free : bool
-        Whether the hull on which nothing acts speaks.
+        Whether the hull on which nothing acts is in use.
     moments : list of ModalMoment
         The unknown one and, once learnt, that of the sea.
     levels : ndarray, shape (1,) or (2,)
@@ -414,24 +414,24 @@ class HullFilter:
     # -- hull and moment ---------------------------------------------------------------------------------------
 
     @property
-    def speaking(self) -> HullTrack:
+    def active(self) -> HullTrack:
         """The track whose state and forecasts count."""
         return self.free if self.is_free else self.driven
 
     @property
     def x(self) -> np.ndarray:
         """Mean of the state, shape (n,): angle, rate, trim, logarithms of the scales, the moment's."""
-        return self.speaking.x
+        return self.active.x
 
     @property
     def P(self) -> np.ndarray:
         """Covariance of the state, shape (n, n)."""
-        return self.speaking.P
+        return self.active.P
 
     @property
     def strain(self) -> float:
         """Running mean of the innovations squared over their expectation; one is healthy."""
-        return self.speaking.strain
+        return self.active.strain
 
     @property
     def learns_hull(self) -> bool:
@@ -622,9 +622,9 @@ class HullFilter:
         return Observed(nis, measured, False, False, log_likelihood, surprised)
 
     def _weigh(self, for_free: float):
-        """Wald's sequential test of the track that speaks against the other one; whether the other takes over.
+        """Wald's sequential test of the active track against the other one; whether the other takes over.
 
-        Wald (1945), Ann. Math. Stat. 16, 117. The other one begins anew from the state of that which speaks as often
+        Wald (1945), Ann. Math. Stat. 16, 117. The other one begins anew from the state of the active one as often
         as it has lost (Page 1954, Biometrika 41, 100): when a hand lets go is not known.
         """
         self._evidence += -for_free if self.is_free else for_free
@@ -637,7 +637,7 @@ class HullFilter:
         return False
 
     def _challenge(self):
-        """The track that does not speak begins anew from the state of the one that does."""
+        """The inactive track begins anew from the state of the active one."""
         self._evidence = 0.0
         if not self.is_free:
             self.free.set_state(self.x[:HULL_STATES], self.P[:HULL_STATES, :HULL_STATES])
@@ -724,7 +724,7 @@ class HullFilter:
         tuple of 5 floats
             Angle, rate, angle variance, covariance of both, rate variance.
         """
-        mean, covariance = self.speaking.ahead(lead)
+        mean, covariance = self.active.ahead(lead)
         return (
             mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1)
         )
@@ -742,5 +742,5 @@ class HullFilter:
         angle, rate : ndarray, shape (L,)
         covariance : ndarray, shape (L, 2, 2)
         """
-        means, spreads = self.speaking.forecast(leads)
+        means, spreads = self.active.forecast(leads)
         return means[:, 0], means[:, 1], spreads

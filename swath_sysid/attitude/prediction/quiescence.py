@@ -120,7 +120,7 @@ class Reliability:
     forecast, observed : ndarray, shape (B,)
         Mean probability forecast and share that stayed quiet; NaN in empty bins.
     brier, brier_of_climate : float
-        Mean squared error of the probability, and of always telling the share that stayed quiet.
+        Mean squared error of the probability, and of always forecasting the share that stayed quiet.
     """
 
     edges: np.ndarray

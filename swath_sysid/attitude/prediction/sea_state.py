@@ -49,7 +49,7 @@ class SeaState:
         Along which the waves run, rad from the bow, positive to port, from -pi/2 to pi/2: either way along it. NaN
         where heave and slope are not coherent.
     least_height : float
-        m; a lower sea could not be told from the noise of the sensor.
+        m; a lower sea could not be distinguished from the noise of the sensor.
     frequency, spectrum : ndarray, shape (F,)
         Hz and m^2/Hz.
     """

@@ -110,7 +110,7 @@ class InnovationsFilter:
         self._x = np.zeros(self.model.a.shape[0])
         self._p: Any = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
-        self._told = None
+        self._stepped = None
         self.strain = 1.0
 
     @property
@@ -154,7 +154,7 @@ class InnovationsFilter:
             NaN where missing.
         """
         z = (row[self._places] - self.model.mean) * self._scale
-        self._told = None
+        self._stepped = None
         if self._p is None:
             following = self._following @ self._x
             error = z - following[:z.size]
@@ -262,9 +262,9 @@ class InnovationsFilter:
 
     def _whole_steps(self):
         """Means at steps -1, 0, ... and covariances at steps 0, 1, ... of the targets, until the next row comes."""
-        if self._told is None:
-            self._told = self._ahead(self._of_past, self._of_state, self._free)
-        return self._told
+        if self._stepped is None:
+            self._stepped = self._ahead(self._of_past, self._of_state, self._free)
+        return self._stepped
 
     def _ahead(self, of_past: np.ndarray, of_state: np.ndarray, free: np.ndarray):
         means = (of_past @ np.concatenate([self._x, *self._recent])).reshape(-1, len(self.targets)) + self._offset

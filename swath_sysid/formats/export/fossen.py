@@ -161,6 +161,6 @@ def _commented(lines: Iterable[str], mark: str) -> str:
 
 def _matlab_name(name: str) -> str:
     if not (name.isascii() and name.isidentifier() and name[0] != '_'):
-        raise InputError(f"MATLAB takes no function name '{name}', which is that of the file: begin its name with "
+        raise InputError(f"MATLAB allows no function name '{name}', which is that of the file: begin its name with "
                          'a letter, then letters, digits and underscores', 'no-function-name')  # fmt: skip
     return name

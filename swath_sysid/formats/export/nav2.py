@@ -41,7 +41,7 @@ def nav2(model: ManoeuvringModel) -> Export:
         'az_max': _mean_rise(np.abs(rows[-1]['turn'].yaw_rate), delay),
     }  # fmt: skip
     if not all(math.isfinite(value) for value in limits.values()) or yaw_rate <= 0.0:
-        raise InputError('this craft does not run ahead, turn and stop in the simulation: look at its standard tests '
+        raise InputError('this craft does not run ahead, turn and stop in the simulation: check its standard tests '
                          'before giving its limits to Nav2')  # fmt: skip
     limits = {name: _rounded(value) for name, value in limits.items()}
     table = {key: [_rounded(row[key]) for row in rows] for key in (
@@ -91,7 +91,7 @@ def _row(model: ManoeuvringModel, share: float) -> dict:
     turn = _held(model, (2.0 * share - 1.0) * full, full, straight, base)
     speed, rate = float(np.hypot(turn.u[-1], turn.v[-1])), abs(float(turn.yaw_rate[-1]))
     if not (rate > 0.0 and straight > 0.0 and np.isfinite(speed)):
-        raise InputError('this craft does not run ahead or does not turn in the simulation: look at its standard tests')
+        raise InputError('this craft does not run ahead or does not turn in the simulation: check its standard tests')
     time, way = _until_stopped(model, straight, base)
     return {'input_share': share, 'speed_m_s': straight, 'turning_speed_m_s': speed, 'yaw_rate_rad_s': rate,
             'turn_radius_m': speed / rate, 'drift_angle_rad': abs(float(np.arctan2(turn.v[-1], turn.u[-1]))),
