@@ -53,7 +53,8 @@ def _in_short(study: ManoeuvringStudy, wall_s: float):
     return [
         f'The turn at {study.content["runs"]["identification"][1]:g} N is fitted by its own method to {here:.2g} m '
         f'(root mean square of the track), and the turn at {study.content["runs"]["validation"][1]:g} N is predicted '
-        f'to {other:.2g} m; by ours to {ours_here:.2g} and {ours_other:.2g} m, with fewer terms. {wall_s:.0f} s.',
+        f'to {other:.2g} m; by ours to {ours_here:.2g} and {ours_other:.2g} m, with fewer terms and no ranges about '
+        f'the truth. {wall_s:.0f} s.',
         f'{len(_unknown(study))} of the {len(free)} derivatives that are estimated have a standard deviation larger '
         'than themselves: one steady turn does not determine them, and the study largely prints its start values.',
         _resemblance(study),
