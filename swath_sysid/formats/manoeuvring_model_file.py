@@ -41,6 +41,15 @@ _FORECAST = record({
     'thrust_covariance': list_of(list_of(number(-1e18, 1e18), 2), 2), 'thrust_time': _TIME,
     'sensors': list_of(_TIME, 4), 'leads': list_of(_TIME), 'scale': list_of(list_of(_SPREAD), 6),
 })  # fmt: skip
+
+
+def _forecast(value: Any, where: str) -> dict | None:
+    # in older files thrust to come is the spread of three accelerations, from which its covariance cannot be had
+    if isinstance(value, dict) and 'thrust' in value:
+        return None
+    return _FORECAST(value, where)
+
+
 FORMAT = ModelFormat(
     'swath_sysid manoeuvring model', 'body x forward, y port, z up; world x east, y north (REP 103)',
     'identify the craft again', {
@@ -56,7 +65,7 @@ FORMAT = ModelFormat(
         'region': record({field.name: _REGION[field.name] for field in fields(Region)}),
         'metrics': metrics,
         'provenance': mapping,
-    }, {'forecast': _FORECAST}, kind='manoeuvring model',
+    }, {'forecast': _forecast}, kind='manoeuvring model',
 )  # fmt: skip
 """What a model file holds; null stands for what is not known."""
 
