@@ -1,4 +1,5 @@
 """The environment of every test run: ROS messages checked, kept to this machine and apart from other runs."""
+
 import os
 import random
 

@@ -1,4 +1,5 @@
 """Installs swath_sysid, with pip as with colcon; package.xml holds its name, version and description."""
+
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -62,7 +63,7 @@ setup(
         'benchmark': ['scikit-learn'],
         'docs': ['myst-parser>=2.0', 'sphinx>=7.0'],
         'page': ['nicegui>=3.0,<4'],
-        'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff'],
+        'test': ['hypothesis', 'mypy', 'pytest>=7.4', 'pytest-timeout', 'pytest-xdist>=3.0', 'ruff>=0.17,<0.18'],
     },
     entry_points={
         'console_scripts': ['swath-sysid = swath_sysid.start:command_line'],

@@ -4,6 +4,7 @@ For each peak period and kind of excitation, fresh seeds of several hundred inco
 added. The truth is the hull's own natural period and equivalent damping (`hull.amplitude`) at the record's amplitude,
 sqrt(2) standard deviations of the roll.
 """
+
 import argparse
 import sys
 import time
@@ -50,10 +51,14 @@ def score(sea, seeds, angle_noise, rate_noise):
             print(f'  seed {seeds[column]}: {error}')
             rows.append([np.inf] * 4)
             continue
-        rows.append([
-            found.natural_period / period - 1.0, found.damping_ratio / damping - 1.0,
-            found.natural_period_std / period, found.damping_ratio_std / damping,
-        ])  # fmt: skip
+        rows.append(
+            [
+                found.natural_period / period - 1.0,
+                found.damping_ratio / damping - 1.0,
+                found.natural_period_std / period,
+                found.damping_ratio_std / damping,
+            ]
+        )
     return np.array(rows), (time.perf_counter() - begun) / len(seeds)
 
 
@@ -81,7 +86,12 @@ def main():
         for ratio in map(float, arguments.ratios.split(',')):
             try:
                 sea = known_sea(
-                    model, seeds, ratio, np.radians(arguments.std_deg), 60.0 * arguments.minutes, by_slope=by_slope,
+                    model,
+                    seeds,
+                    ratio,
+                    np.radians(arguments.std_deg),
+                    60.0 * arguments.minutes,
+                    by_slope=by_slope,
                     interval=1.0 / arguments.rate_hz,
                 )
             except AssertionError as error:

@@ -90,9 +90,14 @@ def free_motion(c, x, rate, elapsed, moment=None):
     """Angle from trim and rate at the elapsed times, by scipy's solver."""
     moment = moment or (lambda t: 0.0)
     found = solve_ivp(
-        lambda t, y: (y[1], acceleration(y[0], y[1], c) + moment(t)), (0.0, elapsed[-1] + 1e-9), (x, rate),
-        t_eval=elapsed, rtol=1e-8, atol=1e-10, max_step=0.1,
-    )  # fmt: skip
+        lambda t, y: (y[1], acceleration(y[0], y[1], c) + moment(t)),
+        (0.0, elapsed[-1] + 1e-9),
+        (x, rate),
+        t_eval=elapsed,
+        rtol=1e-8,
+        atol=1e-10,
+        max_step=0.1,
+    )
     if found.y.shape[1] < elapsed.size or np.abs(found.y[0]).max() > 1.0:
         raise ValueError('this hull does not return')
     return found.y
@@ -210,11 +215,15 @@ def judged(task):
         terms[name] = (value, std, truth, None if truth is None else bool(low <= truth <= high))
     stiffness = sum(v for k, v in made.truth.items() if k in ('r1', 's1'))
     return row | {
-        'terms': terms, 'late': found.records[0].segment.start - made.release, 'r2': found.r2,
-        'equation': found.model.equation.name, 'period': found.model.natural_period,
+        'terms': terms,
+        'late': found.records[0].segment.start - made.release,
+        'r2': found.r2,
+        'equation': found.model.equation.name,
+        'period': found.model.natural_period,
         'true_period': 2 * np.pi / np.sqrt(stiffness),
-        'level': found.verdict.level, 'code': found.verdict.code,
-    }  # fmt: skip
+        'level': found.verdict.level,
+        'code': found.verdict.code,
+    }
 
 
 def show_intervals(rows, scenes):
@@ -270,8 +279,10 @@ def show_releases(rows):
         some = [r for r in rows if (r['hull'], r['scene']) == key]
         off = [r for r in some if not r['found'] or abs(r['late']) > 0.03]
         if off:
-            print(f'  {key}: {len(off)} of {len(some)}:', ', '.join(
-                'not found' if not r['found'] else f'{1e3 * r["late"]:.0f} ms' for r in off))
+            print(
+                f'  {key}: {len(off)} of {len(some)}:',
+                ', '.join('not found' if not r['found'] else f'{1e3 * r["late"]:.0f} ms' for r in off),
+            )
     for why in sorted({r['why'] for r in rows if not r['found']}):
         print('  ', why[:150])
 
@@ -315,8 +326,15 @@ def main():
         rows = list(pool.map(judged, tasks, chunksize=4))
     if given.rows:
         for r in rows:
-            print(r['scene'], r['hull'], r['seed'], r.get('equation'), r.get('level'), r.get('code'), *(
-                f'{n} {v:.4g}+-{s:.2g}({t})' for n, (v, s, t, _) in r.get('terms', {}).items()))
+            print(
+                r['scene'],
+                r['hull'],
+                r['seed'],
+                r.get('equation'),
+                r.get('level'),
+                r.get('code'),
+                *(f'{n} {v:.4g}+-{s:.2g}({t})' for n, (v, s, t, _) in r.get('terms', {}).items()),
+            )
     if given.equation == TRUE_EQUATION:
         show_intervals(rows, scenes)
     show_releases(rows)

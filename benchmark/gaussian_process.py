@@ -2,6 +2,7 @@
 
 Needs ``pip install swath_sysid[benchmark]``.
 """
+
 import warnings
 
 import numpy as np
@@ -45,7 +46,7 @@ def forecasts(trial, axes, stamps, leads):
         for place, step in enumerate(steps):
             for k, target in enumerate(targets):
                 usable = rows[np.isfinite(values[rows + step, target])]
-                chosen = usable[::-max(1, usable.size // ROWS)]
+                chosen = usable[:: -max(1, usable.size // ROWS)]
                 start = kernels.get((place, k), KERNEL)
                 process = GaussianProcessRegressor(
                     start, normalize_y=True, optimizer='fmin_l_bfgs_b' if again else None, random_state=0
@@ -62,5 +63,5 @@ def _lagged(values):
     """Each sample with those before it, (N, LAGS M); NaN before there are so many."""
     lagged = np.full((values.shape[0], LAGS, values.shape[1]), np.nan)
     for lag in range(LAGS):
-        lagged[lag:, lag] = values[:values.shape[0] - lag]
+        lagged[lag:, lag] = values[: values.shape[0] - lag]
     return lagged.reshape(values.shape[0], -1)

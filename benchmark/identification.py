@@ -128,9 +128,16 @@ def evolution_only(objective, bounds, target):
         return objective(best[None])[0] <= target
 
     found = differential_evolution(
-        lambda columns: np.minimum(objective(columns.T), 1e100), bounds,
-        vectorized=True, updating='deferred', polish=False, seed=1, tol=0.0, maxiter=2000, callback=reached,
-    )  # fmt: skip
+        lambda columns: np.minimum(objective(columns.T), 1e100),
+        bounds,
+        vectorized=True,
+        updating='deferred',
+        polish=False,
+        seed=1,
+        tol=0.0,
+        maxiter=2000,
+        callback=reached,
+    )
     return float(found.fun)
 
 

@@ -12,6 +12,7 @@ throughput: the three nodes in one process at 1000 Hz: loss and load
 refit:      longest gap in forecast/next while windows of 60 s at 100 Hz are refitted
 memory:     resident memory of the one process at 200 Hz, with a refit every half minute
 """
+
 import argparse
 import json
 import os
@@ -183,6 +184,7 @@ def serve_sink(topics, output):
             def on_message(message):
                 now = time.monotonic_ns()
                 into.append((message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec, now))
+
             return on_message
 
         def on_diagnostics(self, message):
@@ -243,9 +245,12 @@ def measure_delay(rates, seconds):
         env = environment()
         with tempfile.TemporaryDirectory() as folder:
             sent_file, sink_file = f'{folder}/sent.npy', f'{folder}/sink.npz'
-            with process(*node('imu_buffer'), environment=env), process(*node('identifier'), environment=env), \
-                    process(*node('predictor'), environment=env) as predictor, \
-                    process(*role('relay'), environment=env) as relay:
+            with (
+                process(*node('imu_buffer'), environment=env),
+                process(*node('identifier'), environment=env),
+                process(*node('predictor'), environment=env) as predictor,
+                process(*role('relay'), environment=env) as relay,
+            ):
                 with process(*role('sink', topics=['forecast/next', 'relayed'], output=sink_file), environment=env):
                     used = [processor_seconds(p.pid) for p in (predictor, relay)]
                     source = role('source', rate=rate, seconds=seconds, subscribers=3, output=sent_file)
@@ -256,8 +261,10 @@ def measure_delay(rates, seconds):
         ours = delays(sent, arrived['forecast_next'], sent[1, 0] - sent[0, 0])[skip:]
         bare = delays(sent, arrived['relayed'], 0)[skip:]
         ratio, worse = np.median(ours) / np.median(bare), np.percentile(ours, 99) - np.percentile(bare, 99)
-        print(f'{rate} Hz, {len(sent)} samples: arrived {len(arrived["forecast_next"])} forecasts, '
-              f'{len(arrived["relayed"])} relayed')
+        print(
+            f'{rate} Hz, {len(sent)} samples: arrived {len(arrived["forecast_next"])} forecasts, '
+            f'{len(arrived["relayed"])} relayed'
+        )
         print(f'  forecast/next  {percentiles(ours)}   processor {100 * used[0] / seconds:.0f} %')
         print(f'  bare relay     {percentiles(bare)}   processor {100 * used[1] / seconds:.0f} %')
         print(f'  median {ratio:.2f} times the relay (at most 2), p99 {worse:+.2f} ms of it (at most +2)', flush=True)
@@ -279,9 +286,11 @@ def measure_throughput(rate, seconds):
         sent, arrived = np.load(sent_file), np.load(sink_file)['forecast_next']
         statuses = json.loads(Path(sink_file).with_suffix('.json').read_text())
     span = (sent[-1, 1] - sent[0, 1]) * 1e-9
-    print(f'{rate} Hz for {span:.1f} s in one process, {len(sent)} samples: predictor used '
-          f'{statuses["predictor: imu"]["used"]}, buffer used {statuses["imu_buffer: imu"]["used"]}, '
-          f'forecasts at the subscriber {len(arrived)} (one less than samples: the first has no interval yet)')
+    print(
+        f'{rate} Hz for {span:.1f} s in one process, {len(sent)} samples: predictor used '
+        f'{statuses["predictor: imu"]["used"]}, buffer used {statuses["imu_buffer: imu"]["used"]}, '
+        f'forecasts at the subscriber {len(arrived)} (one less than samples: the first has no interval yet)'
+    )
     print(f'  {percentiles(delays(sent, arrived, sent[1, 0] - sent[0, 0]))}')
     print(f'  processor {100 * used / span:.0f} % of one core (at most 90) over {wall:.0f} s', flush=True)
 
@@ -298,17 +307,18 @@ def measure_refit(rate, seconds, every, together):
         with process(*sink, environment=env):
             source = background(role('source', rate=rate, seconds=seconds, subscribers=2, output=sent_file), env)
             time.sleep(62.0)
-            subprocess.run(
-                [sys.executable, *role('refits', every=every, seconds=seconds - 64.0)], env=env, check=True)
+            subprocess.run([sys.executable, *role('refits', every=every, seconds=seconds - 64.0)], env=env, check=True)
             source.wait()
         sent, arrived = np.load(sent_file), np.load(sink_file)['forecast_next']
     late = arrived[arrived[:, 1] > sent[0, 1] + 60e9]
     gaps, source_gaps = np.diff(late[:, 1]) * 1e-6, np.diff(sent[:, 1]) * 1e-6
     delay = delays(sent, late, sent[1, 0] - sent[0, 0])
     where = 'one process' if together else 'three processes'
-    print(f'{rate} Hz, refits of 60 s every {every} s, {where}: longest gap in forecast/next {gaps.max():.1f} ms '
-          f'(at most 30), p99.9 {np.percentile(gaps, 99.9):.1f}; of the source itself {source_gaps.max():.1f} ms, '
-          f'longest delay of a forecast behind its sample {delay.max():.1f} ms')
+    print(
+        f'{rate} Hz, refits of 60 s every {every} s, {where}: longest gap in forecast/next {gaps.max():.1f} ms '
+        f'(at most 30), p99.9 {np.percentile(gaps, 99.9):.1f}; of the source itself {source_gaps.max():.1f} ms, '
+        f'longest delay of a forecast behind its sample {delay.max():.1f} ms'
+    )
 
 
 def measure_memory(rate, minutes):
@@ -327,8 +337,10 @@ def measure_memory(rate, minutes):
         source.wait()
         caller.wait()
     steady = np.array(held[1:])
-    print(f'memory at {rate} Hz from minute 2 on: {steady.min():.1f} to {steady.max():.1f} MB, '
-          f'{100 * (steady.max() / steady[0] - 1):+.1f} % of minute 2 (at most 2)')
+    print(
+        f'memory at {rate} Hz from minute 2 on: {steady.min():.1f} to {steady.max():.1f} MB, '
+        f'{100 * (steady.max() / steady[0] - 1):+.1f} % of minute 2 (at most 2)'
+    )
 
 
 def main():

@@ -5,6 +5,7 @@
 identify:   over the time to import numpy, scipy.optimize and yaml, in turns, each in a process of its own
 imu_buffer: proportional set size of the node alone, after it has seen a sensor at rest and the end of a free decay
 """
+
 import argparse
 import resource
 import subprocess
@@ -42,9 +43,14 @@ def reading(number):
     roll += 1e-4 * sin(1e4 * time)
     force = 0.0, 9.81 * sin(roll), 9.81 * cos(roll)
     return ImuReading(
-        number * (1_000_000_000 // RATE), (sin(0.5 * roll), 0.0, 0.0, cos(0.5 * roll)), [1e-6] * 9, (0.0,) * 3,
-        [-1.0] * 9, force, [1e-4] * 9,
-    )  # fmt: skip
+        number * (1_000_000_000 // RATE),
+        (sin(0.5 * roll), 0.0, 0.0, cos(0.5 * roll)),
+        [1e-6] * 9,
+        (0.0,) * 3,
+        [-1.0] * 9,
+        force,
+        [1e-4] * 9,
+    )
 
 
 def memory():

@@ -9,6 +9,7 @@ The WAM-V is VRX's old one, driven through a programme of 15 min at 10 Hz; speed
 0.005 rad/s; its mass is known. Cases: thrust as force; commands with a dead band and a lag of 0.3 s; a current of
 0.3 m/s; a current of 0.3 m/s that differs between the runs.
 """
+
 import argparse
 import math
 import time
@@ -33,7 +34,8 @@ from swath_sysid.manoeuvring.prediction.skill import score_forecasts
 
 WAMV = preset('wamv-vrx-old')
 COMMANDED = replace(
-    WAMV.with_values(gain=150.0, dead_band=0.08, lag=0.3, reverse_ratio=0.7), thrust_input=COMMAND, largest_input=1.0)
+    WAMV.with_values(gain=150.0, dead_band=0.08, lag=0.3, reverse_ratio=0.7), thrust_input=COMMAND, largest_input=1.0
+)
 CURRENT = (0.25, -0.166)
 NAMES = ('Xu', 'Xuu', 'Nr')
 UNSTABLE_RUN = 60.0
@@ -45,10 +47,12 @@ def drifting(manoeuvre, current):
     east, north = current
     cosine, sine = np.cos(manoeuvre.heading), np.sin(manoeuvre.heading)
     return replace(
-        manoeuvre, surge=manoeuvre.surge + east * cosine + north * sine,
+        manoeuvre,
+        surge=manoeuvre.surge + east * cosine + north * sine,
         sway=manoeuvre.sway - east * sine + north * cosine,
-        x=manoeuvre.x + east * manoeuvre.time, y=manoeuvre.y + north * manoeuvre.time,
-    )  # fmt: skip
+        x=manoeuvre.x + east * manoeuvre.time,
+        y=manoeuvre.y + north * manoeuvre.time,
+    )
 
 
 def runs_of(model, seed, currents=None):
@@ -58,17 +62,33 @@ def runs_of(model, seed, currents=None):
         if currents is not None:
             manoeuvre = drifting(manoeuvre, currents[k])
         m = with_noise(manoeuvre, SensorNoise(), 100 * seed + k)
-        trials.append(ManoeuvringTrial(
-            m.time, m.port, m.starboard, model.thrust_input, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y, 'enu',
-            source=name))  # fmt: skip
+        trials.append(
+            ManoeuvringTrial(
+                m.time,
+                m.port,
+                m.starboard,
+                model.thrust_input,
+                m.surge,
+                m.sway,
+                m.yaw_rate,
+                m.heading,
+                m.x,
+                m.y,
+                'enu',
+                source=name,
+            )
+        )
     return prepare_all(trials)
 
 
 def diameters(model):
     """Steady and tactical diameter of the turning circle, m."""
-    numbers = run_test('turning-circle', replace(model, largest_input=WAMV.largest_input, current=(0.0, 0.0),
-                                                 thrust_input='force') if model.thrust_input != COMMAND
-                       else replace(model, largest_input=1.0, current=(0.0, 0.0))).numbers  # fmt: skip
+    numbers = run_test(
+        'turning-circle',
+        replace(model, largest_input=WAMV.largest_input, current=(0.0, 0.0), thrust_input='force')
+        if model.thrust_input != COMMAND
+        else replace(model, largest_input=1.0, current=(0.0, 0.0)),
+    ).numbers
     return np.array([numbers['steady_diameter_m'], numbers['tactical_diameter_m']])
 
 
@@ -88,11 +108,22 @@ def row(truth, seed, currents=None):
         place = {run.source: k for k, run in enumerate(runs)}
         drift = max(
             math.hypot(*(found_current - np.array(currents[place[run.source]])))
-            for run, found_current in zip(found.identified_on, found.currents, strict=True))
+            for run, found_current in zip(found.identified_on, found.currents, strict=True)
+        )
     lag = abs(found.model['lag'] + found.model['delay'] - truth['lag'] - truth['delay'])
     band = abs(found.model['dead_band'] - truth['dead_band'])
-    return (len(plain), len(outside), worst, circle, drift, lag, band, found.validation.r2['surge'],
-            found.validation.r2['yaw_rate'], took), outside  # fmt: skip
+    return (
+        len(plain),
+        len(outside),
+        worst,
+        circle,
+        drift,
+        lag,
+        band,
+        found.validation.r2['surge'],
+        found.validation.r2['yaw_rate'],
+        took,
+    ), outside
 
 
 def records_of(craft, kind, seed):
@@ -102,10 +133,19 @@ def records_of(craft, kind, seed):
         inputs = [rows[: round(UNSTABLE_RUN / simulated_craft.STEP)] for rows in inputs]
 
     def of(version):
-        return prepare_all([
-            ManoeuvringTrial(thrust_input=craft.logs, frame='enu', source=f'run {k}', lever=craft.lever,
-                             length=craft.length, **record)
-            for k, record in enumerate(simulated_craft.simulate(version, inputs, seed))])  # fmt: skip
+        return prepare_all(
+            [
+                ManoeuvringTrial(
+                    thrust_input=craft.logs,
+                    frame='enu',
+                    source=f'run {k}',
+                    lever=craft.lever,
+                    length=craft.length,
+                    **record,
+                )
+                for k, record in enumerate(simulated_craft.simulate(version, inputs, seed))
+            ]
+        )
 
     return of(craft), of(replace(craft, noise=(0.0, 0.0, 0.0, 0.0)))
 
@@ -113,18 +153,21 @@ def records_of(craft, kind, seed):
 def vicious(kind, seed, forecasts):
     """Print what identification and forecasts make of a craft of `simulated_craft`; R2 by channel."""
     craft = {
-        'catamaran': simulated_craft.catamaran, 'otter-force': simulated_craft.otter,
+        'catamaran': simulated_craft.catamaran,
+        'otter-force': simulated_craft.otter,
         'otter-command': lambda: simulated_craft.otter(logs='command'),
         'otter-munk': lambda: simulated_craft.otter(munk=1.0),
         'unstable': lambda: simulated_craft.unstable_hull(np.random.default_rng(seed)),
-    }[kind]()  # fmt: skip
+    }[kind]()
     runs, truth = records_of(craft, kind, seed)
     reversed_runs = sum('reversed' in a.code or 'swapped' in a.code for run in runs for a in run.advice)
     found = identify_manoeuvring(runs[:8], ManoeuvringSettings(mass=craft.mass), runs[8:])
     r2 = ' '.join(f'{value:6.3f}' for value in found.validation.r2.values())
     flagged = {a.code for a in found.advice} & {'unstable', 'course-unstable', 'diverged', 'lag-like-surge'}
-    print(f'{kind} {seed}: validation R2 of surge, sway, yaw rate {r2}; {reversed_runs} runs reversed; '
-          f'{found.validation.diverged} windows diverged {flagged or ""}')  # fmt: skip
+    print(
+        f'{kind} {seed}: validation R2 of surge, sway, yaw rate {r2}; {reversed_runs} runs reversed; '
+        f'{found.validation.diverged} windows diverged {flagged or ""}'
+    )
     print('    ' + ' '.join(f'{n} {d.value:.4g}+-{d.std:.2g}' for n, d in found.derivatives.items()), flush=True)
     if forecasts:
         print_forecasts(found, runs, truth)
@@ -134,17 +177,27 @@ def vicious(kind, seed, forecasts):
 def print_forecasts(found, runs, truth):
     """Print errors of position against the GPS and against the truth, and what the intervals hold."""
     identified = IdentifiedManoeuvringModel(
-        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on),
-        forecast=forecast_noise(found.model, found.identified_on))  # fmt: skip
+        found.model,
+        found.names,
+        found.covariance,
+        found.noise,
+        seen_region(found.identified_on),
+        forecast=forecast_noise(found.model, found.identified_on),
+    )
     identified = calibrated(identified, runs[:8])
-    cases = {'against GPS': {}, 'against truth': {'truth': truth[8:]},
-             'against truth, where thrust did hold': {'truth': truth[8:], 'held': True}}  # fmt: skip
+    cases = {
+        'against GPS': {},
+        'against truth': {'truth': truth[8:]},
+        'against truth, where thrust did hold': {'truth': truth[8:], 'held': True},
+    }
     for case, options in cases.items():
         scores = score_forecasts(identified, runs[8:], training=runs[:8], leads=(1.0, 5.0, 10.0), **options)
         position = {method: table['position_m'] for method, table in scores.rmse.items()}
         for other in ('constant-velocity', 'constant-turn-rate', 'arx'):
-            print(f'    position at 1, 5, 10 s {case}, over that of {other}: '
-                  f'{np.round(position["model"] / position[other], 3)}')  # fmt: skip
+            print(
+                f'    position at 1, 5, 10 s {case}, over that of {other}: '
+                f'{np.round(position["model"] / position[other], 3)}'
+            )
         for quantity, shares in scores.spread.items() if not options else ():
             print(f'    90 % interval of {quantity} holds {np.round(shares, 3)}', flush=True)
 
@@ -160,32 +213,44 @@ def main():
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     if arguments.vices:
         table = np.array([vicious(arguments.vices, seed, arguments.forecasts) for seed in seeds])
-        print(f'{arguments.vices}: least R2 of {len(table)} seeds {np.round(table.min(axis=0), 3)}, second least '
-              f'{np.round(np.sort(table, axis=0)[min(1, len(table) - 1)], 3)}')  # fmt: skip
+        print(
+            f'{arguments.vices}: least R2 of {len(table)} seeds {np.round(table.min(axis=0), 3)}, second least '
+            f'{np.round(np.sort(table, axis=0)[min(1, len(table) - 1)], 3)}'
+        )
         return
     days = [CURRENT, tuple(-0.8 * c for c in CURRENT)]
     cases = {
-        'force': (WAMV, None), 'commands, dead band, lag': (COMMANDED, None),
+        'force': (WAMV, None),
+        'commands, dead band, lag': (COMMANDED, None),
         'current': (replace(WAMV, current=CURRENT), None),
         'currents that differ': (WAMV, [days[k % 2] for k in range(len(trial_programme(WAMV)))]),
-    }  # fmt: skip
-    print(f'{"case":<26}{"seed":>5}{"plain":>6}{"out":>4}{"Xu Xuu Nr":>10}{"diam.":>7}{"drift":>7}{"lag":>7}{"band":>7}'
-          f'{"R2 u":>7}{"R2 r":>7}{"s":>6}')  # fmt: skip
+    }
+    print(
+        f'{"case":<26}{"seed":>5}{"plain":>6}{"out":>4}{"Xu Xuu Nr":>10}{"diam.":>7}{"drift":>7}{"lag":>7}{"band":>7}'
+        f'{"R2 u":>7}{"R2 r":>7}{"s":>6}'
+    )
     for name, (truth, currents) in cases.items():
         rows = []
         for seed in seeds:
             found, outside = row(truth, seed, currents)
             rows.append(found)
             n, out, worst, circle, drift, lag, band, surge, yaw, took = found
-            print(f'{name:<26}{seed:>5}{n:>6}{out:>4}{worst:>10.1%}{circle:>7.1%}{drift:>7.3f}{lag:>7.3f}{band:>7.3f}'
-                  f'{surge:>7.3f}{yaw:>7.3f}{took:>6.1f}  {" ".join(outside)}', flush=True)  # fmt: skip
+            print(
+                f'{name:<26}{seed:>5}{n:>6}{out:>4}{worst:>10.1%}{circle:>7.1%}{drift:>7.3f}{lag:>7.3f}{band:>7.3f}'
+                f'{surge:>7.3f}{yaw:>7.3f}{took:>6.1f}  {" ".join(outside)}',
+                flush=True,
+            )
         table = np.array(rows)
-        print(f'{name + ", worst":<31}{"":>6}{table[:, 1].max():>4.0f}{table[:, 2].max():>10.1%}'
-              f'{table[:, 3].max():>7.1%}{table[:, 4].max():>7.3f}{table[:, 5].max():>7.3f}{table[:, 6].max():>7.3f}'
-              f'{table[:, 7].min():>7.3f}{table[:, 8].min():>7.3f}{table[:, 9].max():>6.1f}\n')  # fmt: skip
-    print('plain: derivatives without a flag; out: of these, beyond 3 std; Xu Xuu Nr: largest error of the three; '
-          'diam.: of the turning circle;\ndrift: of the current, m/s; lag: of lag and delay together, s; band: of the '
-          'dead band; R2: validation; s: time of the identification')  # fmt: skip
+        print(
+            f'{name + ", worst":<31}{"":>6}{table[:, 1].max():>4.0f}{table[:, 2].max():>10.1%}'
+            f'{table[:, 3].max():>7.1%}{table[:, 4].max():>7.3f}{table[:, 5].max():>7.3f}{table[:, 6].max():>7.3f}'
+            f'{table[:, 7].min():>7.3f}{table[:, 8].min():>7.3f}{table[:, 9].max():>6.1f}\n'
+        )
+    print(
+        'plain: derivatives without a flag; out: of these, beyond 3 std; Xu Xuu Nr: largest error of the three; '
+        'diam.: of the turning circle;\ndrift: of the current, m/s; lag: of lag and delay together, s; band: of the '
+        'dead band; R2: validation; s: time of the identification'
+    )
 
 
 if __name__ == '__main__':

@@ -7,6 +7,7 @@ predictor's processor time. Sensor and nodes keep to one core, the page's server
 they ran elsewhere. A browser is a websocket that takes what the server sends; the stalled one stops reading. What
 counts is the ratio of neighbours: what else the machine does falls on both. Needs the extra `page`.
 """
+
 import argparse
 import asyncio
 import os
@@ -45,8 +46,10 @@ async def look(address, stalls, on_shown):
 
     page = await asyncio.to_thread(lambda: urllib.request.urlopen(address, timeout=PATIENCE).read().decode())
     client = re.search(r'client_id\W+([\w-]{36})', page).group(1)
-    words = (f'EIO=4&transport=websocket&client_id={client}&implicit_handshake=true&tab_id={client}'
-             f'&document_id={client}&next_message_id=0')
+    words = (
+        f'EIO=4&transport=websocket&client_id={client}&implicit_handshake=true&tab_id={client}'
+        f'&document_id={client}&next_message_id=0'
+    )
     address = f'{address.replace("http:", "ws:")}_nicegui_ws/socket.io/?{words}'
     async with websockets.connect(address, max_queue=1, max_size=None, ping_interval=None) as socket:
         await socket.recv()
@@ -86,7 +89,8 @@ def looked_at(env, core, folder):
             assert time.monotonic() < patience and server.poll() is None, 'the page does not answer'
             time.sleep(0.2)
         browsers = subprocess.Popen(
-            [sys.executable, __file__, '--browsers', address], stdout=subprocess.PIPE, text=True, **begin)
+            [sys.executable, __file__, '--browsers', address], stdout=subprocess.PIPE, text=True, **begin
+        )
         stack.callback(end, browsers)
         assert browsers.stdout.readline() == 'all look\n', 'the browsers are not shown the page'
         yield server
@@ -120,21 +124,26 @@ def measure(rate, seconds, rounds, cores):
     env, turns = environment(), []
     with tempfile.TemporaryDirectory() as folder:
         sent_path, arrived_path = Path(folder, 'sent.npy'), Path(folder, 'arrived.npz')
-        with process(*role('sink', topics=['forecast/next'], output=str(arrived_path)), environment=env), \
-                process(*node('imu_buffer'), environment=env), process(*node('identifier'), environment=env), \
-                process(*node('predictor'), environment=env) as predictor:
+        with (
+            process(*role('sink', topics=['forecast/next'], output=str(arrived_path)), environment=env),
+            process(*node('imu_buffer'), environment=env),
+            process(*node('identifier'), environment=env),
+            process(*node('predictor'), environment=env) as predictor,
+        ):
             source = background(role('source', rate=rate, seconds=LONGEST, subscribers=2, output=str(sent_path)), env)
             time.sleep(LEARNING)
             for number in range(rounds):
                 # which comes first changes, so that a machine that gets busier favours neither
-                for with_page in ((False, True) if number % 2 == 0 else (True, False)):
+                for with_page in (False, True) if number % 2 == 0 else (True, False):
                     with looked_at(env, cores[-1], folder) if with_page else nullcontext() as server:
                         watched = {'predictor': predictor.pid} | ({'page': server.pid} if with_page else {})
                         time.sleep(SETTLING)
                         begun, before = time.monotonic_ns(), [processor_seconds(pid) for pid in watched.values()]
                         time.sleep(seconds)
-                        spent = {name: (processor_seconds(pid) - b) / seconds
-                                 for (name, pid), b in zip(watched.items(), before, strict=True)}
+                        spent = {
+                            name: (processor_seconds(pid) - b) / seconds
+                            for (name, pid), b in zip(watched.items(), before, strict=True)
+                        }
                         turns.append((with_page, begun, time.monotonic_ns(), spent))
             end(source)
         sent, arrived = np.load(sent_path), np.load(arrived_path)['forecast_next']
@@ -167,8 +176,10 @@ def main():
         found[with_page].append((np.median(delay), np.percentile(delay, 99)))
     ratios = np.array(found[True]) / found[False]
     median, p99 = np.median(ratios, axis=0)
-    print(f'with the page over without, median of {len(ratios)} pairs: median delay {median:.3f} '
-          f'({ratios[:, 0].min():.3f} to {ratios[:, 0].max():.3f}), p99 {p99:.3f}')
+    print(
+        f'with the page over without, median of {len(ratios)} pairs: median delay {median:.3f} '
+        f'({ratios[:, 0].min():.3f} to {ratios[:, 0].max():.3f}), p99 {p99:.3f}'
+    )
 
 
 if __name__ == '__main__':

@@ -7,6 +7,7 @@ Beside the whole it prints the parts: forecasts at the leads and over the horizo
 the hull, and all the rest, which is what every sample costs: reading, intake, window, filters, the forecast
 one sample ahead, diagnostics, writing. ``NUMBA_DISABLE_JIT=1`` shows it without numba.
 """
+
 import argparse
 import contextlib
 import cProfile
@@ -109,8 +110,10 @@ def run():
         size = output.stat().st_size
     print(printed.strip().splitlines()[-1])
     speed = 60.0 * arguments.minutes / processor
-    print(f'{arguments.minutes:g} min at {arguments.rate:g} Hz: {processor:.1f} s of processor time ({wall:.1f} s of '
-          f'wall clock), {speed:.0f} times real time, {size / 1e6:.0f} MB written')
+    print(
+        f'{arguments.minutes:g} min at {arguments.rate:g} Hz: {processor:.1f} s of processor time ({wall:.1f} s of '
+        f'wall clock), {speed:.0f} times real time, {size / 1e6:.0f} MB written'
+    )
     for name, (spent, calls) in stopwatch.spent.items():
         print(f'    {name:20s} {spent:6.1f} s, {calls} of {1e3 * spent / max(calls, 1):.2f} ms')
     rest = processor - sum(spent for spent, _ in stopwatch.spent.values())

@@ -9,6 +9,7 @@ does:
     OMP_NUM_THREADS=1 python benchmark/prediction_cost.py
     OMP_NUM_THREADS=1 python benchmark/prediction_cost.py --seconds 1200
 """
+
 import argparse
 import math
 import time
@@ -72,12 +73,14 @@ def main():
     parser.add_argument('--seconds', type=float, default=480.0, help='of simulated sea')
     samples = samples_at_sea(parser.parse_args().seconds)
     identified = {axis: IdentifiedModel.exactly(HULL) for axis in AXES}
-    measure(samples[:30 * FINE_RATE], identified, AT_NONE)
+    measure(samples[: 30 * FINE_RATE], identified, AT_NONE)
     print('medians, us            with next  and leads        all: median       mean  refit: median, ms  at most, ms')
     cost = {}
     for name, models, settings in (
-        ('no hull', {}, AT_NONE), ('both hulls', identified, AT_NONE),
-        ('no hull, two points', {}, AT_POINTS), ('both, two points', identified, AT_POINTS),
+        ('no hull', {}, AT_NONE),
+        ('both hulls', identified, AT_NONE),
+        ('no hull, two points', {}, AT_POINTS),
+        ('both, two points', identified, AT_POINTS),
     ):
         plain, issued, refits = measure(samples, models, settings)
         both = plain + issued

@@ -1,7 +1,8 @@
 """Times the readers: a CSV of 10^7 rows, bags of an hour at 100 Hz, and what a node pays for one IMU message.
 
-    python benchmark/reading.py [--rows 10000000]
+Run it as ``python benchmark/reading.py [--rows 10000000]``.
 """
+
 import argparse
 import resource
 import tempfile

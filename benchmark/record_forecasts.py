@@ -7,6 +7,7 @@ For each axis: root mean square error over the standard deviation of the motion;
 error over it with a 95 % interval; the best of persistence, constant rate and mean; how often the 90 % intervals held.
 Records are read from the folder that SWATH_SYSID_DATA names.
 """
+
 import argparse
 import math
 import os
@@ -40,9 +41,11 @@ def run_of(trial, leads):
     """The forecaster run through a record, as `swath-sysid forecast` does without a hull."""
     settings = ForecasterSettings()
     settings = replace(
-        settings, leads=leads, window=WINDOW,
+        settings,
+        leads=leads,
+        window=WINDOW,
         horizon=max(settings.horizon, leads[-1]),
-    )  # fmt: skip
+    )
     return run_through(trial, settings, {})
 
 
@@ -122,9 +125,13 @@ def change_of_sea():
 
 
 CASES = {
-    'morro': whole_buoy, 'lost-5': lambda: buoy_with_losses(5), 'lost-20': lambda: buoy_with_losses(20), 'ship': ship,
-    'first': first_minute, 'splice': change_of_sea,
-}  # fmt: skip
+    'morro': whole_buoy,
+    'lost-5': lambda: buoy_with_losses(5),
+    'lost-20': lambda: buoy_with_losses(20),
+    'ship': ship,
+    'first': first_minute,
+    'splice': change_of_sea,
+}
 
 
 def show(name, trial, leads, spans, whole=None):

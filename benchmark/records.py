@@ -9,6 +9,7 @@ for ``stamps[:, None] + leads``, rad, from the samples up to and with each stamp
 stands in. A row that looks ahead is refused. Records are read from the folder that SWATH_SYSID_DATA names.
 All of it takes some six minutes of one core.
 """
+
 import argparse
 import importlib.util
 import sys
@@ -94,9 +95,12 @@ def swath_sysid(trial, axes, stamps, leads, models=None):
 
 
 ROWS: dict[str, Callable] = {
-    'persistence': persistence, 'constant rate': constant_rate, 'AR(40)': autoregression,
-    'VAR(40)': vector_autoregression, 'swath_sysid': swath_sysid,
-}  # fmt: skip
+    'persistence': persistence,
+    'constant rate': constant_rate,
+    'AR(40)': autoregression,
+    'VAR(40)': vector_autoregression,
+    'swath_sysid': swath_sysid,
+}
 GAUSSIAN_PROCESS = 'gaussian_process:forecasts'
 WITH_HULL = 'swath_sysid, hull'
 
@@ -129,10 +133,13 @@ def refuse_look_ahead(name, row, trial, leads):
     expected = row(seen, axes, seen.time, leads)
     for share in CUTS:
         known = int(share * seen.time.size)
-        other = replace(seen, **{
-            channel: np.concatenate([values[:known], 1.5 * values[known:][::-1]])
-            for channel, values in seen.channels.items()
-        })  # fmt: skip
+        other = replace(
+            seen,
+            **{
+                channel: np.concatenate([values[:known], 1.5 * values[known:][::-1]])
+                for channel, values in seen.channels.items()
+            },
+        )
         found = row(other, axes, seen.time, leads)
         for axis in axes:
             tolerance = AGREEMENT * np.nanstd(seen.channels[axis])
@@ -165,9 +172,11 @@ def thinned(path, every=1, end=None, **how):
 
 def wave_case(title, path, leads, lost=0, **how):
     """A record in waves, with or without losses."""
+
     def trial():
         whole = thinned(path, **how)
         return without_samples(whole, lost) if lost else whole
+
     return Case(f'{title}, {lost} samples lost every 20 s' if lost else title, trial, leads)
 
 
@@ -183,19 +192,25 @@ CASES = {
         'The same instrument still on land, Oahu', 'faults/oahu_static_bad_packets.csv', WAVE_LEADS, frame='frd'
     ),
     'kvlcc2-0kn': Case(
-        'KVLCC2 model, roll decay at rest, at 10 Hz', partial(thinned, 'decay/kvlcc2/run2_0kn.csv', 10),
-        DECAY_LEADS, (60.0,),
+        'KVLCC2 model, roll decay at rest, at 10 Hz',
+        partial(thinned, 'decay/kvlcc2/run2_0kn.csv', 10),
+        DECAY_LEADS,
+        (60.0,),
     ),
     'kvlcc2-15kn': Case(
-        'KVLCC2 model, roll decay at 15.5 kn, at 10 Hz', partial(thinned, 'decay/kvlcc2/run3_15kn.csv', 10, 77.0),
-        DECAY_LEADS, (60.0,),
+        'KVLCC2 model, roll decay at 15.5 kn, at 10 Hz',
+        partial(thinned, 'decay/kvlcc2/run3_15kn.csv', 10, 77.0),
+        DECAY_LEADS,
+        (60.0,),
     ),
     'foswec': Case(
         'FOSWEC platform, third pitch decay from 8.4 deg, at 10 Hz; hull from the first and second of each',
-        partial(thinned, FOSWEC.format('8.4', 3), 5), (0.2, 0.5, 1.0), (1.0,),
+        partial(thinned, FOSWEC.format('8.4', 3), 5),
+        (0.2, 0.5, 1.0),
+        (1.0,),
         tuple(FOSWEC.format(angle, repeat) for angle in ('3', '5', '8.4') for repeat in (1, 2)),
     ),
-}  # fmt: skip
+}
 
 
 def axes_of(trial):
@@ -254,10 +269,11 @@ def scores_of(case, rows, with_hull=True):
 def table_of(case, scores):
     """Markdown: error over the standard deviation of the motion, with its 95 % interval."""
     lines = [
-        f'## {case.title}', '',
+        f'## {case.title}',
+        '',
         f'| warm-up | axis | forecaster | {" | ".join(f"{lead:g} s" for lead in case.leads)} | counted |',
         '|' + '---|' * (4 + len(case.leads)),
-    ]  # fmt: skip
+    ]
     for (warmup, axis, name), score in scores.items():
         cells = [
             f'{error:.3f}' + (f' ({low:.3f}-{high:.3f})' if np.isfinite(low) else '')
@@ -267,7 +283,7 @@ def table_of(case, scores):
     return '\n'.join([*lines, ''])
 
 
-INTRODUCTION = '''# Forecasts of measured records
+INTRODUCTION = """# Forecasts of measured records
 
 <!-- written by `python benchmark/records.py --write docs/records_benchmark.md` -->
 
@@ -278,7 +294,7 @@ for those for a time at which nothing was measured; where a row has none, persis
 from the last ten minutes. The hull of the last row is identified from the samples before the end of the warm-up;
 where they show none, there is no such row. The records and their licences are named in `records/NOTICE` or by their
 titles; a row of your own is a function: `python benchmark/records.py --help`.
-'''
+"""
 
 
 def page_with(texts, page=''):

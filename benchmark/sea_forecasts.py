@@ -9,6 +9,7 @@ and Walker). The baselines are those of `swath-sysid forecast`. Errors are of th
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --first 900 --rates 10,100
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --stiffness 1.15 --quadratic-damping 1.5
 """
+
 import argparse
 import math
 from dataclasses import dataclass, replace
@@ -64,7 +65,7 @@ class Sea:
 
     def readings(self, rate):
         """Angle and rate as read this many times a second, shape (N, 2)."""
-        return self.seen[::_every(rate)]
+        return self.seen[:: _every(rate)]
 
     def angle_at(self, stamps):
         """The true angle, s from the start; NaN after the end."""
@@ -224,9 +225,11 @@ def forecasts_of(sea, rate, hull, leads=LEADS):
         pipeline.set_models({'roll': IdentifiedModel.exactly(hull)})
     issued, nan = [], math.nan
     for k, (roll, roll_rate) in enumerate(sea.readings(rate).tolist()):
-        step = pipeline.add_sample(CraftSample(
-            round(k / rate * 1e9), roll, nan, roll_rate, nan, nan, nan, nan, ANGLE_NOISE**2, nan, RATE_NOISE**2, nan
-        ))  # fmt: skip
+        step = pipeline.add_sample(
+            CraftSample(
+                round(k / rate * 1e9), roll, nan, roll_rate, nan, nan, nan, nan, ANGLE_NOISE**2, nan, RATE_NOISE**2, nan
+            )
+        )
         if step.sea_request is not None:
             pipeline.install(fit_sea(step.sea_request))
         if step.forecast is not None:
@@ -273,7 +276,7 @@ def _score(sea, warmup, stamps, angles, leads, widths=math.nan):
     wanted = stamps[:, None] + np.array(leads)
     counts = (stamps >= warmup - 1e-9)[:, None] & (wanted < sea.angle.size / FINE_RATE - 1e-9)
     errors = np.where(counts, angles - sea.angle_at(wanted), 0.0)
-    deviation = sea.angle[round(warmup * FINE_RATE):].std()
+    deviation = sea.angle[round(warmup * FINE_RATE) :].std()
     held = ((np.abs(errors) <= widths) & counts).sum(axis=0) / counts.sum(axis=0)
     return np.sqrt((errors**2).sum(axis=0) / counts.sum(axis=0)) / deviation, held
 
@@ -320,7 +323,7 @@ def main():
 
 
 def _print(name, values, digits):
-    print(f'{name:40}'[:40 if len(name) > 28 else 28], *(f'{value:8.{digits}f}' for value in values), flush=True)
+    print(f'{name:40}'[: 40 if len(name) > 28 else 28], *(f'{value:8.{digits}f}' for value in values), flush=True)
 
 
 if __name__ == '__main__':

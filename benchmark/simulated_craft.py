@@ -4,6 +4,7 @@ Newton's equations in body axes x forward, y port, z up, world x east and y nort
 runs side by side. Thrusters have a curve, a lag and a delay; gusts push (first-order Gauss-Markov); the water drifts;
 the compass deviates by its course; the sensor stands off the centre. What is recorded is at 10 Hz.
 """
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,13 +46,22 @@ class Craft:
 def catamaran(**changes):
     """1.2 m, 26 kg: a thrust curve, a deviating compass, a sensor aside, a drift and gusts."""
     craft = Craft(
-        mass=26.0, inertia=4.0, lever=0.4, length=1.2, added=(2.5, 22.0, 3.0),
+        mass=26.0,
+        inertia=4.0,
+        lever=0.4,
+        length=1.2,
+        added=(2.5, 22.0, 3.0),
         x=lambda u, v, r: -7.0 * u - 11.0 * abs(u) * u + 20.0 * v * r,
         y=lambda u, v, r: -22.0 * v - 60.0 * abs(v) * v - 4.0 * u * r,
         n=lambda u, v, r: -6.0 * r - 6.0 * abs(r) * r - 5.0 * u * u * r,
-        full_thrust=28.0, exponent=1.3, reverse_ratio=1.17, gusts=(1.0, 1.5, 0.4), current=(0.16, -0.12),
-        deviation=(0.1, -0.098), sensor=(0.1, 0.35),
-    )  # fmt: skip
+        full_thrust=28.0,
+        exponent=1.3,
+        reverse_ratio=1.17,
+        gusts=(1.0, 1.5, 0.4),
+        current=(0.16, -0.12),
+        deviation=(0.1, -0.098),
+        sensor=(0.1, 0.35),
+    )
     return replace(craft, **changes)
 
 
@@ -79,13 +89,22 @@ def otter(munk=0.0, **changes):
         return -0.5 * 1026.0 * draught * 1.004 * (length / 20.0) * np.sum(np.abs(local) * local * strips**arm, axis=-1)
 
     craft = Craft(
-        mass=mass, inertia=inertia, lever=lever, length=length, added=(surge_added, sway_added, yaw_added),
+        mass=mass,
+        inertia=inertia,
+        lever=lever,
+        length=length,
+        added=(surge_added, sway_added, yaw_added),
         centre=centre,
         x=lambda u, v, r: -surge * u + sway_added * v * r,
         y=lambda u, v, r: drag(v, r, 0) - (mass + sway_added) * v - surge_added * u * r,
         n=lambda u, v, r: drag(v, r, 1) - turn * (1.0 + 10.0 * abs(r)) * r - munk * (sway_added - surge_added) * u * v,
-        full_thrust=0.5 * 24.4 * G, exponent=1.0, lag=0.1, delay=0.0, gusts=(0.0, 0.0, 0.0), current=(0.2, 0.15),
-    )  # fmt: skip
+        full_thrust=0.5 * 24.4 * G,
+        exponent=1.0,
+        lag=0.1,
+        delay=0.0,
+        gusts=(0.0, 0.0, 0.0),
+        current=(0.2, 0.15),
+    )
     if changes.get('logs') == 'command':
         # shaft speed: thrust by its square, k_neg / k_pos astern
         changes = {'exponent': 2.0, 'reverse_ratio': 0.01289 / 0.02216, **changes}
@@ -103,12 +122,18 @@ def unstable_hull(rng):
     sway = mass * rng.uniform(0.3, 0.8)
     turning = inertia * rng.uniform(0.4, 0.9)
     return Craft(
-        mass=mass, inertia=inertia, lever=0.2 * length, length=length, added=(0.08 * mass, 0.8 * mass, 0.5 * inertia),
+        mass=mass,
+        inertia=inertia,
+        lever=0.2 * length,
+        length=length,
+        added=(0.08 * mass, 0.8 * mass, 0.5 * inertia),
         x=lambda u, v, r: -0.3 * 2.0 * full / top * u - 0.7 * 2.0 * full / top**2 * abs(u) * u + 0.8 * mass * v * r,
         y=lambda u, v, r: -sway * v - 2.0 * sway * abs(v) * v - 0.08 * mass * u * r,
         n=lambda u, v, r: -turning * r - 2.0 * turning * abs(r) * r - munk * u * v,
-        full_thrust=full, gusts=(0.01 * full, 0.01 * full, 0.002 * full * length), noise=(0.02, 0.002, 0.005, 0.05),
-    )  # fmt: skip
+        full_thrust=full,
+        gusts=(0.01 * full, 0.01 * full, 0.002 * full * length),
+        noise=(0.02, 0.002, 0.005, 0.05),
+    )
 
 
 def thrusts(craft, inputs):
@@ -149,11 +174,16 @@ def simulate(craft, inputs, seed):
 
     def slope(s, push):
         u, v, r, psi = s[:4]
-        forces = np.stack([
-            craft.x(u, v, r) + m * v * r + c * r * r + push[0] + push[1],
-            craft.y(u, v, r) - m * u * r,
-            craft.n(u, v, r) - c * u * r + craft.lever * (push[1] - push[0]),
-        ]) + gust  # fmt: skip
+        forces = (
+            np.stack(
+                [
+                    craft.x(u, v, r) + m * v * r + c * r * r + push[0] + push[1],
+                    craft.y(u, v, r) - m * u * r,
+                    craft.n(u, v, r) - c * u * r + craft.lever * (push[1] - push[0]),
+                ]
+            )
+            + gust
+        )
         cosine, sine = np.cos(psi), np.sin(psi)
         return np.concatenate([masses @ forces, [r, u * cosine - v * sine + east, u * sine + v * cosine + north]])
 
@@ -190,12 +220,16 @@ def _recorded(craft, states, inputs, rng):
 
     scale = craft.full_thrust if craft.logs == 'force' else 1.0
     return {
-        'time': STEP * EVERY * np.arange(len(r)), 'port': scale * inputs[:, 0], 'starboard': scale * inputs[:, 1],
+        'time': STEP * EVERY * np.arange(len(r)),
+        'port': scale * inputs[:, 0],
+        'starboard': scale * inputs[:, 1],
         'surge': noisy(east * np.cos(heading) + north * np.sin(heading), speed),
         'sway': noisy(-east * np.sin(heading) + north * np.cos(heading), speed),
-        'yaw_rate': noisy(r, rate), 'heading': noisy(heading, angle),
-        'x': noisy(x + ahead * cosine - aside * sine, place), 'y': noisy(y + ahead * sine + aside * cosine, place),
-    }  # fmt: skip
+        'yaw_rate': noisy(r, rate),
+        'heading': noisy(heading, angle),
+        'x': noisy(x + ahead * cosine - aside * sine, place),
+        'y': noisy(y + ahead * sine + aside * cosine, place),
+    }
 
 
 def drives(seed, spins=True, every=1):

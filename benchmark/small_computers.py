@@ -8,6 +8,7 @@ while `identifier/identify` fits the last minute, with what numba compiles in it
 second half; starting is the processor time until the sensor is heard. Libraries that other programs have loaded too
 count in part, so where nothing else uses them it is more; processor time rises on a busy machine.
 """
+
 import argparse
 import platform
 import signal
@@ -26,8 +27,16 @@ from swath_sysid.formats.bags import write_imu_bag
 
 RATES = (50, 100, 200)
 PARAMETERS = {'small.yaml': ('--params-file', str(ROOT / 'config' / 'small.yaml')), 'defaults': ()}
-COLUMNS = ('parameters', 'numba', 'rate, Hz', 'memory, MB', 'of it nodes and workers, MB', 'while it identifies, MB',
-           'processor, % of one core', 'to start, s of processor')
+COLUMNS = (
+    'parameters',
+    'numba',
+    'rate, Hz',
+    'memory, MB',
+    'of it nodes and workers, MB',
+    'while it identifies, MB',
+    'processor, % of one core',
+    'to start, s of processor',
+)
 IDENTIFY = """
 import rclpy
 from std_srvs.srv import Trigger
@@ -46,7 +55,7 @@ def write_sea(path, rate, duration):
     fine, when = np.arange(round(duration * FINE_RATE)) / FINE_RATE, np.arange(round(duration * rate)) / rate
     roll, pitch = (make_sea(seed, duration).seen for seed in (0, 1))
     motion = {
-        name: np.interp(when, fine, values[:fine.size])
+        name: np.interp(when, fine, values[: fine.size])
         for name, values in zip(('roll', 'roll_rate', 'pitch', 'pitch_rate'), (*roll.T, *pitch.T), strict=True)
     }
     force = np.random.default_rng(0).normal(0.0, 0.05, (3, when.size)) + 9.81 * np.array(
@@ -93,10 +102,16 @@ def measured(rate, options, with_numba, duration):
         if not with_numba:
             env['NUMBA_DISABLE_JIT'] = '1'
         verb = [sys.executable, '-m', 'swath_sysid.start']
-        run = subprocess.Popen([*verb, 'run', *options], env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                               text=True, cwd=ROOT)  # fmt: skip
-        sensor = subprocess.Popen([*verb, 'replay', f'{folder}/sea.mcap'], env=env, cwd=ROOT,
-                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+        run = subprocess.Popen(
+            [*verb, 'run', *options], env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT
+        )
+        sensor = subprocess.Popen(
+            [*verb, 'replay', f'{folder}/sea.mcap'],
+            env=env,
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         try:
             for line in run.stdout:
                 if 'receiving' in line or 'forecast:' in line:
@@ -130,9 +145,16 @@ def main():
         for with_numba in (True, False):
             for rate in arguments.rates:
                 memory, most, share, start = measured(rate, PARAMETERS[name], with_numba, arguments.seconds)
-                cells = (name, 'yes' if with_numba else 'no', rate, f'{sum(memory):.0f}',
-                         ' + '.join(f'{each:.0f}' for each in memory), f'{most:.0f}', f'{100.0 * share:.1f}',
-                         f'{start:.1f}')
+                cells = (
+                    name,
+                    'yes' if with_numba else 'no',
+                    rate,
+                    f'{sum(memory):.0f}',
+                    ' + '.join(f'{each:.0f}' for each in memory),
+                    f'{most:.0f}',
+                    f'{100.0 * share:.1f}',
+                    f'{start:.1f}',
+                )
                 lines.append('| ' + ' | '.join(map(str, cells)) + ' |')
                 print(lines[-1], flush=True)
                 if arguments.write:
@@ -141,10 +163,19 @@ def main():
 
 def page_with(lines, seconds):
     """The page with the lines of the table."""
-    return '\n'.join((
-        '# What the nodes cost', '', *__doc__.split('\n\n', 2)[2].strip().splitlines(), '',
-        f'{seconds:.0f} s of sea a line, {platform.machine()}, Python {platform.python_version()}, '
-        'written by `python benchmark/small_computers.py`.', '', *lines, ''))
+    return '\n'.join(
+        (
+            '# What the nodes cost',
+            '',
+            *__doc__.split('\n\n', 2)[2].strip().splitlines(),
+            '',
+            f'{seconds:.0f} s of sea a line, {platform.machine()}, Python {platform.python_version()}, '
+            'written by `python benchmark/small_computers.py`.',
+            '',
+            *lines,
+            '',
+        )
+    )
 
 
 if __name__ == '__main__':

@@ -4,6 +4,7 @@ A published SWATH rolls in waves of its own for each seed; every ten minutes are
 anywhere in a window, a tenth of its restoring moment is gone in the same sea; in other runs, of --hours, nothing
 changes.  Printed: when the watch says so, by how much, and how often it warned where nothing had changed.
 """
+
 import argparse
 import sys
 from dataclasses import replace
@@ -32,9 +33,12 @@ NOISE = 2e-4, 2e-3
 
 def with_height(share):
     """The hull with so much of its metacentric height."""
-    return replace(HULL, ratios=np.array([
-        value * (share if name[0] in 'rs' else 1.0) for name, value in zip(TERM_NAMES, HULL.ratios, strict=True)
-    ]))  # fmt: skip
+    return replace(
+        HULL,
+        ratios=np.array(
+            [value * (share if name[0] in 'rs' else 1.0) for name, value in zip(TERM_NAMES, HULL.ratios, strict=True)]
+        ),
+    )
 
 
 def sea_moments(seeds, duration):
@@ -55,18 +59,20 @@ def measured(seeds, legs):
     """Angle and rate with noise, shapes (N, S), of hulls one after another in the same seas: legs of (hull, s)."""
     moments = sea_moments(seeds, SETTLING + sum(duration for _, duration in legs))
     moments *= scale_for(HULL, moments, STD, INTERVAL)
-    angle, rate = driven(HULL, moments[:2 * round(SETTLING / INTERVAL) + 3], INTERVAL)
+    angle, rate = driven(HULL, moments[: 2 * round(SETTLING / INTERVAL) + 3], INTERVAL)
     parts, begin = [], round(SETTLING / INTERVAL)
     for hull, duration in legs:
         steps = round(duration / INTERVAL)
         # one step more: the state from which the next leg begins
-        angle, rate = driven(hull, moments[2 * begin:2 * (begin + steps) + 3], INTERVAL, (angle[-1], rate[-1]))
+        angle, rate = driven(hull, moments[2 * begin : 2 * (begin + steps) + 3], INTERVAL, (angle[-1], rate[-1]))
         parts.append((angle[:steps], rate[:steps]))
         begin += steps
     assert np.isfinite(angle).all(), 'a hull capsized: choose a smaller STD'
     rng = np.random.default_rng(seeds)
-    return [np.concatenate(part) + rng.normal(0.0, noise, (begin - round(SETTLING / INTERVAL), len(seeds)))
-            for part, noise in zip(zip(*parts, strict=True), NOISE, strict=True)]  # fmt: skip
+    return [
+        np.concatenate(part) + rng.normal(0.0, noise, (begin - round(SETTLING / INTERVAL), len(seeds)))
+        for part, noise in zip(zip(*parts, strict=True), NOISE, strict=True)
+    ]
 
 
 def watched(angle, rate, since=0.0):
@@ -94,16 +100,22 @@ def main():
         warned = [(late, each) for late, each in said if each.warning]
         found = f'{warned[0][0] / 60.0:.0f} min after' if warned else 'not'
         last = max((pair for pair in said if pair[0] <= AFTER), key=lambda pair: pair[0])[1]
-        print(f'seed {seed}: found {found}; GM half an hour after {last.relative:.3f} '
-              f'({last.interval[0]:.3f} to {last.interval[1]:.3f})', flush=True)  # fmt: skip
+        print(
+            f'seed {seed}: found {found}; GM half an hour after {last.relative:.3f} '
+            f'({last.interval[0]:.3f} to {last.interval[1]:.3f})',
+            flush=True,
+        )
     if not arguments.hours:
         return
     angle, rate = measured([1000 + seed for seed in seeds], [(HULL, 3600.0 * arguments.hours)])
     for seed in seeds:
         said = [each for _, each in watched(angle[:, seed], rate[:, seed]) if each is not None]
         alarms = sum(bool(each.warning) for each in said)
-        print(f'seed {seed}: {len(said)} judgements in {arguments.hours:g} h without a change, {alarms} warnings, '
-              f'GM at the end {said[-1].relative:.3f}', flush=True)  # fmt: skip
+        print(
+            f'seed {seed}: {len(said)} judgements in {arguments.hours:g} h without a change, {alarms} warnings, '
+            f'GM at the end {said[-1].relative:.3f}',
+            flush=True,
+        )
 
 
 if __name__ == '__main__':

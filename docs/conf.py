@@ -1,4 +1,5 @@
 """The site: `sphinx-build -W docs out/site`, or rosdoc2. Its reference is generated from the code (docs/generated)."""
+
 import importlib
 import os
 import pkgutil
@@ -23,8 +24,11 @@ exclude_patterns = ['generated/parts']
 suppress_warnings = ['ref.python']
 html_theme = 'alabaster'
 html_theme_options = {
-    'description': swath_sysid.__doc__.strip(), 'fixed_sidebar': True, 'page_width': '1100px', 'sidebar_width': '240px',
-}  # fmt: skip
+    'description': swath_sysid.__doc__.strip(),
+    'fixed_sidebar': True,
+    'page_width': '1100px',
+    'sidebar_width': '240px',
+}
 html_show_sphinx = False
 myst_heading_anchors = 3
 myst_enable_extensions = ['dollarmath']
@@ -36,11 +40,15 @@ napoleon_use_rtype = False
 napoleon_use_ivar = True
 
 API = {
-    'attitude.motion': 'what was measured', 'attitude.hull': 'decay models, the catalogue, simulation',
-    'attitude.identification': 'from measured motion to a model', 'attitude.prediction': 'from a model to a forecast',
-    'manoeuvring': 'surge, sway and yaw', 'pipeline': 'messages in, forecasts out; scores',
-    'formats': 'files and messages', 'common': 'what is independent of any craft',
-}  # fmt: skip
+    'attitude.motion': 'what was measured',
+    'attitude.hull': 'decay models, the catalogue, simulation',
+    'attitude.identification': 'from measured motion to a model',
+    'attitude.prediction': 'from a model to a forecast',
+    'manoeuvring': 'surge, sway and yaw',
+    'pipeline': 'messages in, forecasts out; scores',
+    'formats': 'files and messages',
+    'common': 'what is independent of any craft',
+}
 
 
 def write(name, text):

@@ -1,4 +1,5 @@
 """What the examples of controllers share: a craft in waves, measured or simulated, and what was forecast of it."""
+
 import argparse
 import math
 import sys
@@ -50,7 +51,7 @@ def simulated_craft(duration, seed=1, height=2.0, period=9.0):
     def series(response):
         spectrum = np.zeros(frequency.size, dtype=complex)
         spectrum[inside] = response * lines * time.size * math.sqrt(2.0)
-        return np.fft.irfft(spectrum)[:time.size]
+        return np.fft.irfft(spectrum)[: time.size]
 
     slope, channels = 1j * w**2 / STANDARD_GRAVITY, {}
     for axis, natural_period, damping, share in (('roll', 4.0, 0.12, 0.5), ('pitch', 2.5, 0.2, -0.8)):
@@ -61,9 +62,11 @@ def simulated_craft(duration, seed=1, height=2.0, period=9.0):
     force = -np.sin(pitch) * up, np.sin(roll) * np.cos(pitch) * up, np.cos(roll) * np.cos(pitch) * up
     channels |= dict(zip(('accel_x', 'accel_y', 'accel_z'), force, strict=True))
     noise = {name: 0.01 if name.startswith('accel') else 2e-4 for name in channels}
-    return Trial(time, source='simulated', **{
-        name: values + noise[name] * rng.normal(size=time.size) for name, values in channels.items()
-    })  # fmt: skip
+    return Trial(
+        time,
+        source='simulated',
+        **{name: values + noise[name] * rng.normal(size=time.size) for name, values in channels.items()},
+    )
 
 
 @dataclass(frozen=True)
@@ -114,20 +117,24 @@ def sail(trial, warmup, settings=SETTINGS, progress=None):
     """The predictor run causally through a record; forecasts issued in the first `warmup` seconds are left out."""
     run, truth = run_through(trial, settings, progress=progress), truth_of(trial)
     known = [
-        (step.stamp, step.horizon) for step in run.steps
-        if step.stamp >= trial.time[0] + warmup and step.horizon.points
+        (step.stamp, step.horizon)
+        for step in run.steps
+        if step.stamp >= trial.time[0] + warmup
+        and step.horizon.points
         and np.isfinite(truth(step.stamp + np.array([0.0, settings.horizon]))).all()
-    ]  # fmt: skip
+    ]
     if not known:
         raise InputError(NOTHING_FORECAST)
     ahead = [horizon for _, horizon in known]
     attitude = [[h.axes['roll'].angle, h.axes['pitch'].angle, h.axes['roll'].rate, h.axes['pitch'].rate] for h in ahead]
     return Voyage(
-        np.array([stamp for stamp, _ in known]), ahead[0].leads,
+        np.array([stamp for stamp, _ in known]),
+        ahead[0].leads,
         np.concatenate([[h.points[SENSOR.name].mean for h in ahead], np.moveaxis(attitude, 1, 2)], axis=2),
-        np.array([h.points[SENSOR.name].covariance for h in ahead]), truth,
+        np.array([h.points[SENSOR.name].covariance for h in ahead]),
+        truth,
         np.array([(math.nan, math.nan) if h.calm is None else (h.calm.begin, h.calm.end) for h in ahead]),
-    )  # fmt: skip
+    )
 
 
 def _measured(trial, name):

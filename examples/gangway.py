@@ -10,6 +10,7 @@ Heave as measured is that of an ideal reference unit: right at low frequencies, 
 start from its heave, velocity and acceleration; the forecast adds the accelerations to come.  The last three rows do
 without such a unit: heave and velocity of now are what the IMU makes of them, forecast a step before.
 """
+
 import sys
 
 import numpy as np
@@ -55,7 +56,9 @@ def commands_from(motion, rate, to_come):
     """Commands by method, from motion and rate now and the motion when a command acts and when its hold ends (N, 2)."""
     steady = [motion + rate * STEP * k for k in (DELAY, DELAY + 1)]
     return {
-        'raw': motion, 'constant rate': through_inverse_lag(*steady), 'forecast': through_inverse_lag(*to_come.T),
+        'raw': motion,
+        'constant rate': through_inverse_lag(*steady),
+        'forecast': through_inverse_lag(*to_come.T),
     }
 
 
@@ -65,15 +68,15 @@ def hold(voyage):
     # where a forecast is missing, the one before it stands
     newest = np.searchsorted(voyage.stamps, time + 0.1 * STEP, side='right') - 1
     ahead, now = voyage.mean[newest], voyage.truth(time)
-    if not np.allclose(voyage.leads[:DELAY + 1], STEP * np.arange(1, DELAY + 2)):
+    if not np.allclose(voyage.leads[: DELAY + 1], STEP * np.arange(1, DELAY + 2)):
         raise InputError('the gangway steps with the horizon: forecast at every 0.1 s')
     left, before = {}, voyage.mean[np.maximum(newest - 1, 0), 0]
     for axis, (place, of_rate, of_acceleration) in AXES.items():
         motion, rate = now[:, place], now[:, of_rate]
-        alone = to_come = ahead[:, DELAY - 1:DELAY + 1, place]
+        alone = to_come = ahead[:, DELAY - 1 : DELAY + 1, place]
         of_imu = motion, rate
         if of_acceleration is not None:
-            accelerations = np.column_stack([now[:, of_acceleration], ahead[:, :DELAY + 1, of_acceleration]])
+            accelerations = np.column_stack([now[:, of_acceleration], ahead[:, : DELAY + 1, of_acceleration]])
             to_come = integrated_twice(motion, rate, accelerations)[:, DELAY:]
             of_imu = before[:, place], before[:, of_rate]
         commands = commands_from(motion, rate, to_come) | {

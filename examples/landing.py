@@ -11,6 +11,7 @@ that is furthest inside the limits (or least outside) now, or at any time.  Prin
 inside the limits, %, with 95 % intervals from a bootstrap of blocks of 30 s.  With --live predictor runs as a node of
 its own, the record is replayed to it over DDS, and the decisions are made by what it publishes.
 """
+
 import sys
 from pathlib import Path
 
@@ -36,9 +37,9 @@ DRAWS = norm.ppf(qmc.Sobol(len(LIMITED), seed=0).random(512))
 def inside_probability(mean, covariance):
     """Probability that normal quantities keep the limits, shape (N,); from means (N, 3) and covariances (N, 3, 3)."""
     root = np.linalg.cholesky(covariance)
-    return np.array([
-        np.mean(np.all(np.abs(m + DRAWS @ r.T) <= LIMITS, axis=1)) for m, r in zip(mean, root, strict=True)
-    ])  # fmt: skip
+    return np.array(
+        [np.mean(np.all(np.abs(m + DRAWS @ r.T) <= LIMITS, axis=1)) for m, r in zip(mean, root, strict=True)]
+    )
 
 
 def best(score):

@@ -1,4 +1,5 @@
 """A record replayed over DDS into predictor, and what it published, as a drone would hear it."""
+
 import math
 import os
 import random
@@ -95,7 +96,7 @@ def hear(trial, rate, parameters, leads, domain=None):
         'ROS_DOMAIN_ID': str(domain or random.SystemRandom().randint(1, 100)),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'PYTHONPATH': os.pathsep.join([str(Path(swath_sysid.__file__).parents[1]), os.environ.get('PYTHONPATH', '')]),
-    }  # fmt: skip
+    }
     with ros_needed('without --live this needs no ROS'):
         import rclpy
 

@@ -5,6 +5,7 @@
 The motor changes the winch's speed by 0.6 m/s^2 at most.  At each step accelerations are planned over the horizon such
 that the load's speed, deck plus winch, is least where the forecast is sure; the first is carried out.
 """
+
 import sys
 
 import numpy as np

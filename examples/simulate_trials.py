@@ -26,11 +26,23 @@ def commands(name):
         model = hull_at(name, factor)
         file = folder / f'{model.axis}_{angle}deg_{factor:.1f}T_repeat{repeat}.csv'
         yield [
-            'simulate', '--equation', model.equation.name, '--axis', model.axis,
+            'simulate',
+            '--equation',
+            model.equation.name,
+            '--axis',
+            model.axis,
             *(word for term, value in model.terms.items() for word in ('--ratio', f'{term}={value!r}')),
-            '--initial-angle-deg', str(angle), '--duration', str(publication.duration_s), '--hold', '1',
-            '--seed', str(seed), '--output', str(file),
-        ]  # fmt: skip
+            '--initial-angle-deg',
+            str(angle),
+            '--duration',
+            str(publication.duration_s),
+            '--hold',
+            '1',
+            '--seed',
+            str(seed),
+            '--output',
+            str(file),
+        ]
 
 
 def run(names):

@@ -1,4 +1,5 @@
 """Where the package's own configuration, layouts and launch files are, however it was installed."""
+
 from pathlib import Path
 
 from swath_sysid.common.errors import InputError

@@ -3,6 +3,7 @@
 Importing everything takes a second or two, in which an interrupt may come up anywhere, also in a library
 that swallows it. Nothing is under way by then, so the process just ends.
 """
+
 import os
 import signal
 import sys

@@ -1,4 +1,5 @@
 """What every test shares: the real records and a quiet environment."""
+
 import os
 import sys
 from pathlib import Path

@@ -1,4 +1,5 @@
 """Hulls simulated in seas of which every wave is known."""
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,7 +117,7 @@ def driven(model, moments, interval, start=(0.0, 0.0)):
     with np.errstate(all='ignore'):
         for k in range(steps):
             angles[k], rates[k] = x, w
-            begin, middle, end = moments[2 * k:2 * k + 3]
+            begin, middle, end = moments[2 * k : 2 * k + 3]
             a1 = model.acceleration(x, w, begin)
             w2 = w + 0.5 * interval * a1
             a2 = model.acceleration(x + 0.5 * interval * w, w2, middle)

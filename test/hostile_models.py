@@ -1,4 +1,5 @@
 """Texts that are not models, made from one that is: what a broken stick, a wrong tool or a stranger might publish."""
+
 import re
 
 import numpy as np
@@ -11,8 +12,9 @@ from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringM
 from swath_sysid.manoeuvring.hull.presets import preset
 from swath_sysid.manoeuvring.hull.stability import Region
 
-ALIASES = '\n'.join(['a0: &a0 [x, x, x, x, x, x, x, x, x]', *(
-    f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 12))])  # fmt: skip
+ALIASES = '\n'.join(
+    ['a0: &a0 [x, x, x, x, x, x, x, x, x]', *(f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 12))]
+)
 
 
 def attitude_text():
@@ -26,9 +28,17 @@ def attitude_text():
 def manoeuvring_text():
     """A model file of a manoeuvring craft."""
     region = Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)
-    return manoeuvring_to_yaml(IdentifiedManoeuvringModel(
-        preset('wamv-vrx-old'), ('Xu', 'Nr'), np.array([[1.0, 0.1], [0.1, 4.0]]), np.array([0.05, 0.05, 0.005]), region,
-        {'r2': 0.99}, {'software': 'test'}))  # fmt: skip
+    return manoeuvring_to_yaml(
+        IdentifiedManoeuvringModel(
+            preset('wamv-vrx-old'),
+            ('Xu', 'Nr'),
+            np.array([[1.0, 0.1], [0.1, 4.0]]),
+            np.array([0.05, 0.05, 0.005]),
+            region,
+            {'r2': 0.99},
+            {'software': 'test'},
+        )
+    )
 
 
 def of_any_kind(text):
@@ -95,7 +105,7 @@ def attitude_texts():
         'equation of many characters': (edited(r'equation: .*', f'equation: {"e" * 90_000}'), 'equation'),
         'provenance a text': (edited(r'provenance: .*', 'provenance: none known'), 'provenance'),
         'friction rate zero': (edited(r'friction_rate_rad_s: .*', 'friction_rate_rad_s: 0.0'), 'friction_rate'),
-    }  # fmt: skip
+    }
 
 
 def manoeuvring_texts():
@@ -125,4 +135,4 @@ def manoeuvring_texts():
         'noise negative': (edited(r'noise: .*', 'noise: [-0.05, 0.05, 0.005]'), 'noise'),
         'region exchanged': (edited(r'slowest: [^,]*', 'slowest: 9.0'), 'region'),
         'name a mapping': (edited(r'name: .*', 'name: {a: b}'), 'name'),
-    }  # fmt: skip
+    }

@@ -1,4 +1,5 @@
 """IMU messages of simulated craft, as plain readings, for the tests of the pipeline."""
+
 import numpy as np
 
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
@@ -19,9 +20,12 @@ def reading(stamp_ns, roll=0.0, pitch=0.0, roll_rate=0.0, pitch_rate=0.0, yaw=0.
     """The reading of a craft with these angles (rad) and Euler rates (rad/s)."""
     plain = ImuReading(
         stamp_ns,
-        tuple(map(float, quaternion(roll, pitch, yaw))), diagonal(1e-6),
-        tuple(map(float, body_rates(roll, pitch, roll_rate, pitch_rate, 0.0))), diagonal(2.5e-5),
-        GRAVITY, UNKNOWN,
+        tuple(map(float, quaternion(roll, pitch, yaw))),
+        diagonal(1e-6),
+        tuple(map(float, body_rates(roll, pitch, roll_rate, pitch_rate, 0.0))),
+        diagonal(2.5e-5),
+        GRAVITY,
+        UNKNOWN,
     )
     return plain._replace(**changes)
 

@@ -1,4 +1,5 @@
 """A bench for tests over DDS: it runs the nodes in processes of their own, is their sensor, and hears them."""
+
 import os
 import signal
 import subprocess
@@ -38,9 +39,12 @@ PORTION = 250
 os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(Path(__file__).with_name('fast_discovery.xml')))
 
 HEARD = {
-    'forecast/next': (Imu, RELIABLE), 'forecast/lead_0_5s': (Imu, RELIABLE),
-    'forecast/horizon': (JointTrajectory, RELIABLE), 'motion/window': (PointCloud2, LATCHED),
-    'model/description': (String, LATCHED), 'model/coefficients': (Float64MultiArray, LATCHED),
+    'forecast/next': (Imu, RELIABLE),
+    'forecast/lead_0_5s': (Imu, RELIABLE),
+    'forecast/horizon': (JointTrajectory, RELIABLE),
+    'motion/window': (PointCloud2, LATCHED),
+    'model/description': (String, LATCHED),
+    'model/coefficients': (Float64MultiArray, LATCHED),
     'identifier/progress': (Float32, RELIABLE),
 }
 
@@ -59,7 +63,10 @@ def start(*words, ros_args=()):
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))}
     return subprocess.Popen(
         [sys.executable, *words, '--ros-args', '-p', 'diagnostics_period_s:=0.1', *ros_args],
-        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
     )
 
 
@@ -178,16 +185,18 @@ class Bench:
             if count % PORTION == 0:
                 wait_for(
                     lambda count=count: all(
-                        values['received'] - received[name] >= count for name, values in self._streams().items()),
+                        values['received'] - received[name] >= count for name, values in self._streams().items()
+                    ),
                     f'{count} messages at the nodes',
-                )  # fmt: skip
+                )
         return count
 
     def _streams(self):
         """What the nodes that hear the sensor tell of it."""
         prefix = self.node.get_namespace().strip('/')
         return {
-            name: self.counts(name) for name in ('imu_buffer', 'predictor')
+            name: self.counts(name)
+            for name in ('imu_buffer', 'predictor')
             if f'{prefix}/{name}: imu'.strip('/') in self.statuses
         }
 
@@ -229,7 +238,8 @@ class Bench:
     def set_parameters(self, node, **values):
         """Set parameters one by one; the reasons for which they were refused."""
         request = SetParameters.Request(
-            parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+            parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        )
         answer = self.call(f'{node}/set_parameters', SetParameters, request)
         return [result.reason for result in answer.results if not result.successful]
 

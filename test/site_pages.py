@@ -1,4 +1,5 @@
 """The pages that a visitor reads, and the blocks in them."""
+
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +9,9 @@ from markdown_it import MarkdownIt
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding='utf-8')
-    for path in [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))] if 'generated' not in path.parts
-}  # fmt: skip
+    for path in [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+    if 'generated' not in path.parts
+}
 """Text by name; what is written when the site is built is not among them."""
 
 EXAMPLE = re.compile(r'[A-Z]{3,}|\.\.\.|\$')

@@ -1,4 +1,5 @@
 """A craft in a tank for the tests of the page: what the nodes would report of it, by their own cores, without ROS."""
+
 import numpy as np
 from imu_stream import EPOCH_NS, reading, released
 
@@ -68,6 +69,7 @@ class TankSide:
 
     def release(self, amplitude_deg=5.0, axis='pitch', damping=0.08, hold=1.0, duration=25.0, **others):
         """Push, hold and let go."""
+
         def motion(t):
             angle, rate = released(t, 2.0 + hold, np.radians(amplitude_deg), damping=damping, hold=hold)
             return {axis: angle, f'{axis}_rate': rate}
@@ -113,7 +115,8 @@ class TankSide:
         return {
             'predictor': [
                 self._stream.report(self.clock, self.stamp_ns, self._window.counts, self._stream.received),
-                installation_report(self._check), Report('forecast', 0, 'forecasting'),
+                installation_report(self._check),
+                Report('forecast', 0, 'forecasting'),
             ],
             'imu_buffer': self._buffer.reports(self.clock, self.stamp_ns),
             'identifier': [self._identifier.report(self.refitter.described, 0, False)],

@@ -1,4 +1,5 @@
 """What the benchmark of measured records makes of them: losses and changes of sea."""
+
 import importlib
 from pathlib import Path
 

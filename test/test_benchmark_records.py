@@ -1,4 +1,5 @@
 """The benchmark of measured records: its table is what the code gives, and no row looks ahead."""
+
 import importlib
 import re
 from pathlib import Path
@@ -56,6 +57,7 @@ def test_our_rows_do_not_look_ahead(benchmark, swinging, name, monkeypatch):
 @pytest.mark.parametrize('peek', [0.1, 2.0])
 def test_a_row_that_looks_ahead_is_refused(benchmark, swinging, peek):
     """Whether it reads one sample too many or learns from the whole record."""
+
     def clairvoyant(trial, axes, stamps, leads):
         when = stamps[:, None] + peek + 0.0 * leads
         return {axis: np.interp(when, trial.time, trial.channels[axis]) for axis in axes}

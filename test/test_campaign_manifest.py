@@ -176,15 +176,18 @@ def test_patterns_are_told_from_names(name, pattern):
 
 
 def test_what_was_tried_in_which_water(folder):
-    found = read(folder, (
-        'craft: {name: model, gm_transverse_m: 0.05, water_temperature_c: -1, appendages: bilge keels, basin: long}\n'
-        'axis: roll\n'
-        'uncertainty: {mass: 0.01}\n'
-        'predictions:\n'
-        '  - {method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}\n'
-        'trials:\n'
-        '  - {file: pitch_3deg_repeat1.csv, speed_m_s: 1.5, mass_kg: 30, gm_m: 0.04, inertia_kg_m2: 2}\n'
-    ))  # fmt: skip
+    found = read(
+        folder,
+        (
+            'craft: {name: model, gm_transverse_m: 0.05, water_temperature_c: -1, appendages: bilge keels, basin: '
+            'long}\naxis: roll\n'
+            'uncertainty: {mass: 0.01}\n'
+            'predictions:\n'
+            '  - {method: Ikeda, amplitude_deg: 5, damping_ratio: 0.06}\n'
+            'trials:\n'
+            '  - {file: pitch_3deg_repeat1.csv, speed_m_s: 1.5, mass_kg: 30, gm_m: 0.04, inertia_kg_m2: 2}\n'
+        ),
+    )
     assert found.faults == ()
     assert (found.craft.gm_transverse_m, found.craft.water_temperature_c, found.craft.basin) == (0.05, -1.0, 'long')
     assert found.uncertainty.mass == 0.01
@@ -196,11 +199,12 @@ def test_what_was_tried_in_which_water(folder):
 @pytest.mark.parametrize(
     ('line', 'said'),
     [
-        ('uncertainty: {luck: 0.1}', "unknown field 'luck'"), ('uncertainty: {mass: 2}', 'within 0 and 1'),
+        ('uncertainty: {luck: 0.1}', "unknown field 'luck'"),
+        ('uncertainty: {mass: 2}', 'within 0 and 1'),
         ('predictions: [{method: CFD, amplitude_deg: 5}]', 'damping_n_m_s or damping_ratio'),
         ('predictions: [{amplitude_deg: 5, damping_ratio: 0.1}]', "'method' is missing"),
     ],
-)  # fmt: skip
+)
 def test_faulty_conditions_are_named(folder, line, said):
     text = f'axis: roll\n{line}\ntrials: [{{file: pitch_3deg_repeat1.csv}}]\n'
     try:

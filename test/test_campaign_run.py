@@ -76,6 +76,7 @@ def done(trials, tmp_path_factory):
     write_report(outcome, output, 1.0)
     return outcome, output
 
+
 @pytest.mark.slow
 def test_every_record_with_every_equation(done):
     outcome, _ = done
@@ -116,9 +117,16 @@ def test_interrupted_again_and_again_and_continued_gives_the_same_tables(trials,
 @pytest.mark.slow
 def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials, done, tmp_path):
     command = [
-        sys.executable, '-m', 'swath_sysid.cli.main', 'campaign', str(trials / 'campaign.yaml'),
-        '--output', str(tmp_path), '--jobs', '2',
-    ]  # fmt: skip
+        sys.executable,
+        '-m',
+        'swath_sysid.cli.main',
+        'campaign',
+        str(trials / 'campaign.yaml'),
+        '--output',
+        str(tmp_path),
+        '--jobs',
+        '2',
+    ]
     environment = os.environ | {'PYTHONPATH': str(ROOT)}
     for number, code, last_words in (
         (signal.SIGKILL, -signal.SIGKILL, ''),
@@ -126,9 +134,13 @@ def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials,
     ):
         known = len(list(tmp_path.rglob('*.json')))
         running = subprocess.Popen(
-            command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+            command,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
             start_new_session=True,
-        )  # fmt: skip
+        )
         deadline = time.monotonic() + 600
         while len(list(tmp_path.rglob('*.json'))) < known + 3 and time.monotonic() < deadline:
             time.sleep(0.02)
@@ -156,6 +168,7 @@ def test_what_differs_is_computed_again(trials, done, tmp_path):
     (trials / 'seeded.yaml').write_text((trials / 'other.yaml').read_text() + 'search: {seed: 2}\n')
     seeded = run_campaign(read_manifest(trials / 'seeded.yaml'), store, SerialExecutor())
     assert seeded.kept == 0
+
 
 @pytest.mark.slow
 def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys):
@@ -363,6 +376,7 @@ def test_on_a_dask_cluster_a_worker_that_dies_costs_nothing(trials, done, tmp_pa
 def test_futures_of_the_serial_executor_carry_errors():
     future = SerialExecutor().submit(int, 'x')
     assert isinstance(future, Future) and isinstance(future.exception(), ValueError)
+
 
 @pytest.mark.slow
 def test_measured_trials(data_folder, tmp_path):

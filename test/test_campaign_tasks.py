@@ -60,10 +60,7 @@ def problems():
 
 @pytest.fixture(scope='module')
 def fits(problems):
-    return [
-        settle(p, SIMULATION, [fit_one(p, replace(SIMULATION, equation=name)) for name in NAMES])
-        for p in problems
-    ]
+    return [settle(p, SIMULATION, [fit_one(p, replace(SIMULATION, equation=name)) for name in NAMES]) for p in problems]
 
 
 def records_of(problems):
@@ -224,9 +221,7 @@ def test_friction_is_found_and_said():
     quiet = SensorNoise(1e-4, 1e-3, 0.0)
     problem = prepare([trial(6, 1, quiet, model).axis('pitch')])
     names = ('odd-cubic', 'odd-cubic+friction')
-    own = settle(
-        problem, SIMULATION, [fit_one(problem, replace(SIMULATION, equation=name)) for name in names]
-    )
+    own = settle(problem, SIMULATION, [fit_one(problem, replace(SIMULATION, equation=name)) for name in names])
     ranking = rank_campaign('pitch', [own], [own], [judge(problem, SIMULATION, own, None)])
     assert ranking.choice.equation == 'odd-cubic+friction'
     (finding,) = ranking.findings

@@ -52,9 +52,21 @@ def test_identify_prints_one_json_object(trial_file, capsys):
     assert main(['identify', str(trial_file), '--axis', 'pitch', '--equation', 'swath-pitch-2', '--json']) == 0
     found = json.loads(capsys.readouterr().out)
     assert {
-        'equation', 'axis', 'ratios', 'trim_rad', 'natural_period_s', 'damping_ratio', 'r2', 'rmse', 'objective',
-        'segment_s', 'generations', 'evaluations', 'wall_s', 'warnings',
-    } <= set(found)  # fmt: skip
+        'equation',
+        'axis',
+        'ratios',
+        'trim_rad',
+        'natural_period_s',
+        'damping_ratio',
+        'r2',
+        'rmse',
+        'objective',
+        'segment_s',
+        'generations',
+        'evaluations',
+        'wall_s',
+        'warnings',
+    } <= set(found)
     assert (found['equation'], found['axis'], found['objective']['name']) == ('swath-pitch-2', 'pitch', 'simulation')
     assert found['ratios']['b1']['value'] == pytest.approx(1.533, rel=0.05)
     assert found['ratios']['r1']['std'] > 0
@@ -108,6 +120,7 @@ def test_compare_ranks_and_chooses(trial_file, tmp_path, capsys):
     assert by_name['swath-pitch-2'] <= by_name['swath-pitch-3'] <= by_name['linear']
     assert main(command) == 0
     assert f'Choice: {choice} has' in capsys.readouterr().out
+
 
 @pytest.mark.slow
 def test_compare_in_processes_gives_the_same(trial_file, capsys):

@@ -1,4 +1,5 @@
 """The verb run: what it hands to ROS, and what it says where there is none."""
+
 import argparse
 import builtins
 from pathlib import Path
@@ -23,12 +24,36 @@ def test_everything_asked_for_is_handed_on(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path('p.yaml').write_text('{}')
     arguments = parsed(
-        '--params-file', 'p.yaml', '--model', 'm.yaml', '--namespace', '/craft/', '--imu-topic', '/sensor/imu',
-        '--use-sim-time', '--ros-args', '-p', 'seed:=2', '--log-level', 'warn',
+        '--params-file',
+        'p.yaml',
+        '--model',
+        'm.yaml',
+        '--namespace',
+        '/craft/',
+        '--imu-topic',
+        '/sensor/imu',
+        '--use-sim-time',
+        '--ros-args',
+        '-p',
+        'seed:=2',
+        '--log-level',
+        'warn',
     )
     assert run.ros_arguments(arguments) == [
-        '--params-file', 'p.yaml', '-p', "model_path:='m.yaml'", '-r', '__ns:=/craft',
-        '-r', 'imu/data:=/sensor/imu', '-p', 'use_sim_time:=true', '-p', 'seed:=2', '--log-level', 'warn',
+        '--params-file',
+        'p.yaml',
+        '-p',
+        "model_path:='m.yaml'",
+        '-r',
+        '__ns:=/craft',
+        '-r',
+        'imu/data:=/sensor/imu',
+        '-p',
+        'use_sim_time:=true',
+        '-p',
+        'seed:=2',
+        '--log-level',
+        'warn',
     ]
 
 
@@ -56,10 +81,15 @@ def test_without_ros_it_says_what_to_install(monkeypatch):
         run.run(parsed())
 
 
-@pytest.mark.parametrize(('environment', 'is_told'), [
-    ({}, True), ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, False), ({'ROS_LOCALHOST_ONLY': '1'}, False),
-    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, False),
-])
+@pytest.mark.parametrize(
+    ('environment', 'is_told'),
+    [
+        ({}, True),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, False),
+        ({'ROS_LOCALHOST_ONLY': '1'}, False),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, False),
+    ],
+)
 def test_it_says_where_nobody_has_decided_how_far_the_nodes_are_heard(environment, is_told, monkeypatch, capsys):
     pytest.importorskip('rclpy')
     from swath_sysid.nodes import predictor
@@ -74,9 +104,13 @@ def test_it_says_where_nobody_has_decided_how_far_the_nodes_are_heard(environmen
 
 
 @pytest.mark.dds
-@pytest.mark.parametrize(('words', 'sentence'), [
-    (['--ros-args', '-p', 'seed'], 'parameter override'), (['--ros-args', '-p', 'seed:=-1'], 'seed'),
-])
+@pytest.mark.parametrize(
+    ('words', 'sentence'),
+    [
+        (['--ros-args', '-p', 'seed'], 'parameter override'),
+        (['--ros-args', '-p', 'seed:=-1'], 'seed'),
+    ],
+)
 def test_wrong_arguments_are_one_sentence_and_exit_code_2(words, sentence, capfd):
     pytest.importorskip('rclpy')
     assert run.run(parsed(*words)) == 2
@@ -109,7 +143,8 @@ def test_the_page_beside_the_nodes_hears_the_same_names(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ('host', 'given', 'length'), [('localhost', '', 0), ('localhost', 'mine', 4), ('0.0.0.0', '', 16)])
+    ('host', 'given', 'length'), [('localhost', '', 0), ('localhost', 'mine', 4), ('0.0.0.0', '', 16)]
+)
 def test_whoever_comes_from_elsewhere_is_asked_for_a_token(host, given, length):
     assert len(page.token_for(host, given)) == length
 

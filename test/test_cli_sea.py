@@ -1,4 +1,5 @@
 """The verb ``sea``: words, JSON and a picture of a simulated sea, and what cannot be used."""
+
 import json
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Latin hypercube sampling beside scipy's."""
+
 import numpy as np
 import pytest
 from scipy.stats import qmc

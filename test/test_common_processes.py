@@ -1,4 +1,5 @@
 """Tasks over processes: results in order, whoever did them."""
+
 import os
 import time
 

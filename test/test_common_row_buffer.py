@@ -1,4 +1,5 @@
 """The recent past in rows: against a plain list, whatever was appended, skipped and cleared."""
+
 import math
 
 import numpy as np
@@ -40,7 +41,7 @@ def test_the_newest_rows_are_those_of_a_list(steps, count):
     history, rows = both_after(steps)
     kept = rows[-CAPACITY:]
     assert len(history) == len(kept) and history.newest == len(rows) - 1
-    wanted = np.reshape(kept[len(kept) - min(count, len(kept)):], (-1, CHANNELS))
+    wanted = np.reshape(kept[len(kept) - min(count, len(kept)) :], (-1, CHANNELS))
     np.testing.assert_array_equal(history.last(count), wanted)
 
 

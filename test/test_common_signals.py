@@ -1,4 +1,5 @@
 """Sampled signals: noise and means against numbers of known make."""
+
 import numpy as np
 import pytest
 from hypothesis import given

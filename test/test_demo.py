@@ -1,4 +1,5 @@
 """The demonstration: its craft, its scoring, its picture and view, and the whole of it over DDS."""
+
 import os
 import signal
 import subprocess
@@ -59,9 +60,7 @@ def test_the_craft_rests_until_it_is_released_and_then_decays_as_its_hull():
     lifted = readings_of(craft, 150)
     assert lifted['roll'][99:] == pytest.approx(radians(6.0))
     assert np.all(np.diff(lifted['roll']) >= 0.0)
-    np.testing.assert_allclose(
-        np.gradient(lifted['roll'][:100], 0.01)[1:-1], lifted['roll_rate'][1:99], atol=2e-3
-    )
+    np.testing.assert_allclose(np.gradient(lifted['roll'][:100], 0.01)[1:-1], lifted['roll_rate'][1:99], atol=2e-3)
     free = readings_of(craft, 1000)
     expected, _ = simulate(ROLL, radians(6.0), 0.0, np.arange(1001) / 100.0)
     np.testing.assert_allclose(free['roll'], expected[1:], atol=1e-6)
@@ -86,9 +85,7 @@ def test_the_craft_is_released_from_wherever_it_is():
 def test_noise_is_as_told_and_of_its_seed():
     noise = SensorNoise(0.001, 0.01, 0.05)
     settings = CraftSettings(ROLL, radians(5.0), noise=noise, seed=4)
-    one, same, other = (
-        readings_of(SimulatedCraft(s), 4000) for s in (settings, settings, replace(settings, seed=5))
-    )
+    one, same, other = (readings_of(SimulatedCraft(s), 4000) for s in (settings, settings, replace(settings, seed=5)))
     assert np.array_equal(one['roll'], same['roll']) and not np.array_equal(one['roll'], other['roll'])
     assert one['pitch'].std() == pytest.approx(0.001, rel=0.1)
     assert one['roll_rate'].std() == pytest.approx(0.01, rel=0.1)
@@ -120,10 +117,17 @@ def demonstration(error_before, error_after, error_constant):
         return LeadForecasts(lead, target, truth + missed, np.full(made.size, 0.01))
 
     return Demonstration(
-        'roll', 'swath-roll', 0.1, 2.49, time, angle, (4.0, 16.0), 11.0,
+        'roll',
+        'swath-roll',
+        0.1,
+        2.49,
+        time,
+        angle,
+        (4.0, 16.0),
+        11.0,
         tuple(forecasts(lead, error_before, error_after) for lead in (0.5, 2.5)),
         tuple(forecasts(lead, error_constant, error_constant) for lead in (0.5, 2.5)),
-    )  # fmt: skip
+    )
 
 
 def test_errors_are_scored_over_each_release():
@@ -188,10 +192,19 @@ def view_state(**changes):
     """A view with a sine and its forecast."""
     time = np.arange(0.0, 10.0, 0.05)
     state = ViewState(
-        'craft', 'let go', 10.0, time, 0.08 * np.sin(time), time + 2.0, 0.08 * np.sin(time + 2.0), 2.0,
-        ((0.5, 0.03, 0.001), (2.0, float('nan'), float('nan'))), ('roll: odd-cubic',),
-        ((0, 'predictor: imu', 'receiving'), (1, 'identifier: identification', 'busy')), 0.1,
-    )  # fmt: skip
+        'craft',
+        'let go',
+        10.0,
+        time,
+        0.08 * np.sin(time),
+        time + 2.0,
+        0.08 * np.sin(time + 2.0),
+        2.0,
+        ((0.5, 0.03, 0.001), (2.0, float('nan'), float('nan'))),
+        ('roll: odd-cubic',),
+        ((0, 'predictor: imu', 'receiving'), (1, 'identifier: identification', 'busy')),
+        0.1,
+    )
     return replace(state, **changes)
 
 
@@ -215,12 +228,15 @@ def test_the_line_says_the_same_in_short():
     assert 'no angle' in line(view_state(time=nothing, angle=nothing))
 
 
-@pytest.mark.parametrize(('words', 'sentence'), [
-    (['--hull', 'titanic'], "no hull 'titanic'"),
-    (['--hull', 'swath-roll', '--axis', 'pitch'], 'is a hull in roll'),
-    (['--domain', '300'], 'must lie between'),
-    (['--seed', '-1'], 'must not be negative'),
-])
+@pytest.mark.parametrize(
+    ('words', 'sentence'),
+    [
+        (['--hull', 'titanic'], "no hull 'titanic'"),
+        (['--hull', 'swath-roll', '--axis', 'pitch'], 'is a hull in roll'),
+        (['--domain', '300'], 'must lie between'),
+        (['--seed', '-1'], 'must not be negative'),
+    ],
+)
 def test_mistakes_are_told_before_anything_starts(words, sentence, tmp_path, monkeypatch, capsys):
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
     monkeypatch.chdir(tmp_path)
@@ -237,7 +253,7 @@ def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
     (given,) = words
     assert Path(given['record']) == share_folder() / 'records' / 'morro_buoy.csv'
     assert given['plot'] == str(tmp_path / 'out' / 'sea.png')
-    assert f"swath-sysid forecast {given['record']} --leads 0.5,1,2,3 --warmup 180" in capsys.readouterr().out
+    assert f'swath-sysid forecast {given["record"]} --leads 0.5,1,2,3 --warmup 180' in capsys.readouterr().out
     assert main(['demo', '--output', str(tmp_path)]) == 2
     assert 'needs none: --only sea' in capsys.readouterr().err
 
@@ -249,8 +265,11 @@ def test_the_demonstration_runs_to_its_verdict(tmp_path):
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
     result = subprocess.run(
         [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--output', str(tmp_path / 'out')],
-        env={**os.environ, 'PYTHONPATH': path}, capture_output=True, text=True, timeout=PATIENCE,
-    )  # fmt: skip
+        env={**os.environ, 'PYTHONPATH': path},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
     told = result.stdout.splitlines()
     assert result.returncode == 0, result.stdout + result.stderr + (tmp_path / 'out' / 'demo.log').read_text()
     assert told[-1].startswith('passed')
@@ -268,8 +287,11 @@ def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
     demo = subprocess.Popen(
         [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--only', 'release', '--output', str(tmp_path)],
-        env={**os.environ, 'PYTHONPATH': path}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
+        env={**os.environ, 'PYTHONPATH': path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     deadline = time.monotonic() + PATIENCE
     while 'no message' not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
         assert time.monotonic() < deadline and demo.poll() is None

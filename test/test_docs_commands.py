@@ -3,6 +3,7 @@
 The commands of a page run in a folder that holds what a checkout has at its top. Numbers that a page prints must be
 among those that its commands print; YAML is read by what reads it. What cannot run here is listed with its reason.
 """
+
 import contextlib
 import functools
 import io
@@ -44,8 +45,9 @@ NOT_RUN = {
         'pip install': INSTALLS,
     },
     'docs/howto/controllers.md': {
-        'python examples/landing.py morro_buoy.csv --frame frd --figure landing.png --live':
-            'takes minutes: test_examples_landing_live.py decides landings by what the node publishes',
+        'python examples/landing.py morro_buoy.csv --frame frd --figure landing.png --live': (
+            'takes minutes: test_examples_landing_live.py decides landings by what the node publishes'
+        ),
     },
     'docs/howto/manoeuvring.md': {'ros2 service call': ROS_APT},
     'docs/howto/network.md': {'ros2 security': ROS_APT},
@@ -83,10 +85,12 @@ PAGES_RUN = [page for page in PAGES if blocks_run(page) and page != 'README.md']
 def environment():
     """That of a reader in whose path are the package's commands and its Python, confined to this machine."""
     return {
-        **os.environ, 'PATH': os.pathsep.join([str(Path(sys.executable).parent), os.environ['PATH']]),
+        **os.environ,
+        'PATH': os.pathsep.join([str(Path(sys.executable).parent), os.environ['PATH']]),
         'PYTHONPATH': os.pathsep.join(path for path in sys.path if Path(path, 'swath_sysid', 'share.py').is_file()),
-        'COLUMNS': '120', 'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'test' / 'fast_discovery.xml'),
-    }  # fmt: skip
+        'COLUMNS': '120',
+        'FASTRTPS_DEFAULT_PROFILES_FILE': str(ROOT / 'test' / 'fast_discovery.xml'),
+    }
 
 
 def command_of(block):
@@ -97,9 +101,14 @@ def command_of(block):
 def beside(block, folder):
     """What a block starts, until Ctrl-C ends it, from when it has said its first word."""
     process = subprocess.Popen(
-        command_of(block), cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        command_of(block),
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
         start_new_session=True,
-    )  # fmt: skip
+    )
     try:
         said = process.stdout.readline()
         assert process.poll() is None, f'{block.text}{said}{process.stdout.read()}'
@@ -135,9 +144,15 @@ def carried_out(page):
                 if block.manner == 'alone':
                     running.close()
                 done = subprocess.run(
-                    command_of(block), cwd=folder, env=environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT, text=True, timeout=PATIENCE,
-                )  # fmt: skip
+                    command_of(block),
+                    cwd=folder,
+                    env=environment(),
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                    timeout=PATIENCE,
+                )
                 assert done.returncode == 0, f'{block.text}{done.stdout}'
                 printed += done.stdout
     return folder
@@ -207,9 +222,10 @@ def is_a_parameter_file(text, folder):
 
 
 READERS = {
-    'docs/howto/nav2.md': is_a_parameter_file, 'docs/howto/reading_the_report.md': is_a_manifest,
+    'docs/howto/nav2.md': is_a_parameter_file,
+    'docs/howto/reading_the_report.md': is_a_manifest,
     'docs/howto/waves.md': is_a_sea_state,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize('page', READERS)

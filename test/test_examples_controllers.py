@@ -1,4 +1,5 @@
 """The examples of controllers, on a short simulated record: what they compute, and that the forecast helps."""
+
 import importlib
 import subprocess
 import sys

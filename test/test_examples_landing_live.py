@@ -1,4 +1,5 @@
 """Landing through the running node: what it publishes of a replayed record decides as play-through does."""
+
 import importlib
 import os
 from pathlib import Path

@@ -1,4 +1,5 @@
 """Exports, each held against the target's own equations, written here again from its sources."""
+
 import re
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -34,14 +35,27 @@ DIAGONAL = NEW.with_values(Xu_dot=-20.0, Yv_dot=-60.0, Nr_dot=-150.0, Xvr=20.0, 
 CROSSED = DIAGONAL.with_values(
     Yr_dot=-20.0, Nv_dot=-60.0, x_G=0.2, Xvr=150.0, Xvv=-120.0, Xrr=-200.0, Yr=-20.0, Yur=-30.0, Yuv=-50.0, Nur=-90.0,
     Nv=-25.0, Nuv=-35.0, Nvr=-150.0, Yvr=-80.0, deduction=0.1, moment_factor=0.2, balance=0.03)  # fmt: skip
-CUBIC = CROSSED.with_values(Nrrr=-900.0, Nuur=-60.0, Xuuu=-10.0, lag=0.4, delay=0.2, advance=0.05, exponent=1.3,
-                            full_input=250.0, reverse_ratio=0.7)  # fmt: skip
+CUBIC = CROSSED.with_values(
+    Nrrr=-900.0,
+    Nuur=-60.0,
+    Xuuu=-10.0,
+    lag=0.4,
+    delay=0.2,
+    advance=0.05,
+    exponent=1.3,
+    full_input=250.0,
+    reverse_ratio=0.7,
+)
 TRANSIENT, STEADY = 2.0, 30.0
 
 
 def written(path, model):
-    write_manoeuvring_model(path, IdentifiedManoeuvringModel(
-        model, (), np.zeros((0, 0)), np.ones(3), Region(0.0, 2.0, 0.5, 0.5, -250.0, 250.0, 500.0)))
+    write_manoeuvring_model(
+        path,
+        IdentifiedManoeuvringModel(
+            model, (), np.zeros((0, 0)), np.ones(3), Region(0.0, 2.0, 0.5, 0.5, -250.0, 250.0, 500.0)
+        ),
+    )
     return str(path)
 
 
@@ -87,8 +101,10 @@ def gazebo_force(values):
 
 def vrx_force(values):
     """SimpleHydrodynamics of VRX: diagonal, added mass by the acceleration in the world, Coriolis not applied."""
-    added, linear, quadratic = (np.array([values[n] for n in names]) for names in (
-        ('xDotU', 'yDotV', 'nDotR'), ('xU', 'yV', 'nR'), ('xUU', 'yVV', 'nRR')))
+    added, linear, quadratic = (
+        np.array([values[n] for n in names])
+        for names in (('xDotU', 'yDotV', 'nDotR'), ('xU', 'yV', 'nR'), ('xUU', 'yVV', 'nRR'))
+    )
     return lambda nu, _, acceleration: -added * acceleration - (linear + quadratic * np.abs(nu)) * nu
 
 
@@ -118,8 +134,15 @@ def test_gazebos_own_equations_come_back_to_the_craft(port, starboard, duration)
     left, right = 0.9 * 0.97 * port, 0.9 * 1.03 * starboard
     assert float(plugins[1].findtext('max_thrust_cmd')) == pytest.approx(0.9 * 0.97 * 250.0)
     inertial = tree.find('model/link/inertial')
-    found = stepped(gazebo_force(numbers_of(plugins[0])), float(inertial.findtext('mass')),
-                    float(inertial.findtext('inertia/izz')), left, right, 1.2 * 1.027135 / 0.9, duration)
+    found = stepped(
+        gazebo_force(numbers_of(plugins[0])),
+        float(inertial.findtext('mass')),
+        float(inertial.findtext('inertia/izz')),
+        left,
+        right,
+        1.2 * 1.027135 / 0.9,
+        duration,
+    )
     assert found == pytest.approx(last_of(CROSSED, port, starboard, duration), rel=0.003, abs=1e-3)
 
 
@@ -146,8 +169,16 @@ def test_added_mass_beyond_mass_goes_into_gazebos_link(port, starboard):
     assert within == {'xx': 20.0, 'yy': 250.0, 'yr': 56.0, 'rr': 150.0}
     added = np.array([[20.0, 0.0, 0.0], [0.0, 250.0, 56.0], [0.0, 56.0, 150.0]])
     for duration in (TRANSIENT, STEADY):
-        end = stepped(gazebo_force(values), 180.0, 446.0, 0.9 * 0.97 * port, 0.9 * 1.03 * starboard,
-                      1.2 * 1.027135 / 0.9, duration, within=added)
+        end = stepped(
+            gazebo_force(values),
+            180.0,
+            446.0,
+            0.9 * 0.97 * port,
+            0.9 * 1.03 * starboard,
+            1.2 * 1.027135 / 0.9,
+            duration,
+            within=added,
+        )
         assert end == pytest.approx(last_of(heavy, port, starboard, duration), rel=0.003, abs=1e-3)
     assert [a.code for a in gazebo(heavy.with_values(Nv_dot=-60.0)).advice] == ['added-mass-diverges']
 
@@ -161,8 +192,12 @@ def python_craft(text):
 def matlab_craft(text):
     """The function in Python, by the few rules that its text needs."""
     text = re.sub(r'%.*', '', text).replace('...\n', ' ').split('\n', 1)[1].rsplit('end', 1)[0]
-    text = re.sub(r'\[\n(.*?)\n\]', lambda found: 'np.array([' + ', '.join(
-        f'[{row}]' for row in found[1].split('\n')) + '])', text, flags=re.DOTALL)
+    text = re.sub(
+        r'\[\n(.*?)\n\]',
+        lambda found: 'np.array([' + ', '.join(f'[{row}]' for row in found[1].split('\n')) + '])',
+        text,
+        flags=re.DOTALL,
+    )
     text = text.replace('[port, starboard]', 'np.array([port, starboard])')
     text = re.sub(r'\b(nu|thrust)\((\d)\)', lambda found: f'{found[1]}[{int(found[2]) - 1}]', text)
     for matlab, python in (('.^', '**'), ('.*', '*'), ('max(', 'np.maximum('), ('* nu(:)', '@ nu[:, None]')):
@@ -204,17 +239,23 @@ def test_the_language_follows_the_output_and_the_function_its_file(tmp_path, cap
     assert 'import numpy' in (tmp_path / 'otter.py').read_text()
 
 
-SSV = {'ssv': 'http://ssp-standard.org/SSP1/SystemStructureParameterValues',
-       'ssc': 'http://ssp-standard.org/SSP1/SystemStructureCommon'}  # fmt: skip
+SSV = {
+    'ssv': 'http://ssp-standard.org/SSP1/SystemStructureParameterValues',
+    'ssc': 'http://ssp-standard.org/SSP1/SystemStructureCommon',
+}
 
 
 def parameters_of(text):
     root = ElementTree.fromstring(text)
     assert root.tag == f'{{{SSV["ssv"]}}}ParameterSet' and root.get('version') == '1.0'
-    units = {u.get('name'): {k: int(v) for k, v in u.find('ssc:BaseUnit', SSV).attrib.items()}
-             for u in root.findall('ssv:Units/ssc:Unit', SSV)}  # fmt: skip
-    found = {p.get('name'): (float(p[0].get('value')), units[p[0].get('unit')], p.get('description'))
-             for p in root.findall('ssv:Parameters/ssv:Parameter', SSV)}  # fmt: skip
+    units = {
+        u.get('name'): {k: int(v) for k, v in u.find('ssc:BaseUnit', SSV).attrib.items()}
+        for u in root.findall('ssv:Units/ssc:Unit', SSV)
+    }
+    found = {
+        p.get('name'): (float(p[0].get('value')), units[p[0].get('unit')], p.get('description'))
+        for p in root.findall('ssv:Parameters/ssv:Parameter', SSV)
+    }
     return found
 
 
@@ -308,8 +349,12 @@ def uncertain(model, share=0.02):
     """Every hull derivative known to a share of itself."""
     names = tuple(name for name in (*GAZEBO, 'Xuuu', 'Nrrr', 'Nuur') if model[name])
     return IdentifiedManoeuvringModel(
-        model, names, np.diag([(share * model[name]) ** 2 for name in names]), np.ones(3),
-        Region(0.0, 2.0, 0.5, 0.5, -250.0, 250.0, 500.0))  # fmt: skip
+        model,
+        names,
+        np.diag([(share * model[name]) ** 2 for name in names]),
+        np.ones(3),
+        Region(0.0, 2.0, 0.5, 0.5, -250.0, 250.0, 500.0),
+    )
 
 
 def circle(u, v, r):
@@ -321,8 +366,12 @@ def circle_deviations(identified, port, starboard):
     rates = []
     for name in identified.names:
         move = 1e-3 * abs(identified.model[name])
-        ends = [circle(*last_of(identified.model.with_values(**{name: identified.model[name] + side * move}), port,
-                                starboard)) for side in (1.0, -1.0)]
+        ends = [
+            circle(
+                *last_of(identified.model.with_values(**{name: identified.model[name] + side * move}), port, starboard)
+            )
+            for side in (1.0, -1.0)
+        ]
         rates.append((ends[0] - ends[1]) / (2.0 * move))
     return np.sqrt(np.diag(np.array(rates).T @ identified.covariance @ np.array(rates)))
 
@@ -330,21 +379,29 @@ def circle_deviations(identified, port, starboard):
 def circle_in_gazebo(model, port, starboard):
     values = numbers_of(ElementTree.fromstring(gazebo(model).text).find('model/plugin'))
     share = 1.0 - model['deduction']
-    force = [share * (1.0 + side * model['balance']) * thrust_curve(np.array(value), model.values)
-             for side, value in ((-1.0, port), (1.0, starboard))]
+    force = [
+        share * (1.0 + side * model['balance']) * thrust_curve(np.array(value), model.values)
+        for side, value in ((-1.0, port), (1.0, starboard))
+    ]
     arm = 1.027135 * (1.0 + model['moment_factor']) / share
     return stepped(gazebo_force(values), 180.0, 446.0, *force, arm, STEADY)
 
 
 def circle_in_vrx(model, port, starboard):
-    return stepped(vrx_force(numbers_of(ElementTree.fromstring(vrx(model).text))), 180.0, 446.0, port, starboard,
-                   1.027135, STEADY)
+    return stepped(
+        vrx_force(numbers_of(ElementTree.fromstring(vrx(model).text))), 180.0, 446.0, port, starboard, 1.027135, STEADY
+    )
 
 
-@pytest.mark.parametrize('model, target, simulated', [
-    (CROSSED, gazebo, circle_in_gazebo), (DIAGONAL, vrx, circle_in_vrx), (CUBIC, gazebo, circle_in_gazebo),
-    (CROSSED.with_values(deduction=0.0, moment_factor=0.0, balance=0.0), vrx, circle_in_vrx),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'model, target, simulated',
+    [
+        (CROSSED, gazebo, circle_in_gazebo),
+        (DIAGONAL, vrx, circle_in_vrx),
+        (CUBIC, gazebo, circle_in_gazebo),
+        (CROSSED.with_values(deduction=0.0, moment_factor=0.0, balance=0.0), vrx, circle_in_vrx),
+    ],
+)
 def test_circles_come_back_within_the_models_own_intervals_or_the_file_says_that_they_do_not(model, target, simulated):
     port, starboard = 220.0, 90.0
     away = circle(*simulated(model, port, starboard)) - circle(*last_of(model, port, starboard))
@@ -360,8 +417,14 @@ def decay_in_gazebo(text, axis, stiffness, angle, time):
     letter, rate, diagonal = {'roll': ('k', 'P', 'ixx'), 'pitch': ('m', 'Q', 'iyy')}[axis]
     inertia = float(tree.findtext(f'model/link/inertial/inertia/{diagonal}'))
     linear, quadratic = (values.get(f'{letter}{rate}{more}', 0.0) for more in ('', f'abs{rate}'))
-    return solve_ivp(lambda _, y: [y[1], ((linear + quadratic * abs(y[1])) * y[1] - stiffness * y[0]) / inertia],
-                     (0.0, time[-1]), [angle, 0.0], t_eval=time, rtol=1e-8, atol=1e-10).y[0]  # fmt: skip
+    return solve_ivp(
+        lambda _, y: [y[1], ((linear + quadratic * abs(y[1])) * y[1] - stiffness * y[0]) / inertia],
+        (0.0, time[-1]),
+        [angle, 0.0],
+        t_eval=time,
+        rtol=1e-8,
+        atol=1e-10,
+    ).y[0]
 
 
 @pytest.mark.parametrize('axis', ['roll', 'pitch'])
@@ -412,24 +475,31 @@ def test_fossens_roll_and_pitch_are_those_of_the_hull_in_his_axes(axis, side, tm
     moment = text[f'{axis}_damping'](side * 0.3) + text[f'{axis}_restoring'](side * 0.2)
     assert -side * moment / text[f'{axis}_inertia'] == pytest.approx(model.acceleration(0.2, 0.3))
     said = exported(capsys, *words, '--language', 'matlab').out
-    damping, restoring = (re.search(rf's.{axis}_{part} = @\((w|angle)\) (.*);', said)[2] for part in
-                          ('damping', 'restoring'))  # fmt: skip
+    damping, restoring = (
+        re.search(rf's.{axis}_{part} = @\((w|angle)\) (.*);', said)[2] for part in ('damping', 'restoring')
+    )
     known = {'tanh': np.tanh, 'sin': np.sin, 'abs': abs, 'w': side * 0.3, 'angle': side * 0.2}
     assert eval(f'{damping} + {restoring}', known) == pytest.approx(moment)  # noqa: S307
 
 
-@pytest.mark.parametrize('words, sentence', [
-    (['missing.yaml', '--to', 'vrx'], 'missing.yaml'),
-    (['roll.yaml', '--to', 'gazebo'], 'give the inertia of roll in kg m^2, with added inertia (--inertia AXIS=KG_M2)'),
-    (['roll.yaml', '--to', 'nav2'], 'takes no roll or pitch model'),
-    (['roll.yaml', '--to', 'fossen', '--inertia', 'roll=-1'], 'greater than zero'),
-    (['craft.yaml', '--to', 'vrx', '--inertia', 'roll=1'], 'leave it out'),
-    (['roll.yaml', '--to', 'fmu-parameters', '--inertia', 'roll=1'], 'leave it out'),
-    (['roll.yaml', '--to', 'gazebo', '--inertia', 'roll=1', '--inertia', 'pitch=1'], '--inertia pitch'),
-    (['craft.yaml', '--to', 'vrx', '--language', 'matlab'], '--language'),
-    (['craft.yaml', '--to', 'fossen', '--output', '1st-craft.m'], "no function name '1st-craft'"),
-    (['craft.yaml', '--to', 'vrx', '--output', 'craft.yaml'], 'craft.yaml'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'words, sentence',
+    [
+        (['missing.yaml', '--to', 'vrx'], 'missing.yaml'),
+        (
+            ['roll.yaml', '--to', 'gazebo'],
+            'give the inertia of roll in kg m^2, with added inertia (--inertia AXIS=KG_M2)',
+        ),
+        (['roll.yaml', '--to', 'nav2'], 'takes no roll or pitch model'),
+        (['roll.yaml', '--to', 'fossen', '--inertia', 'roll=-1'], 'greater than zero'),
+        (['craft.yaml', '--to', 'vrx', '--inertia', 'roll=1'], 'leave it out'),
+        (['roll.yaml', '--to', 'fmu-parameters', '--inertia', 'roll=1'], 'leave it out'),
+        (['roll.yaml', '--to', 'gazebo', '--inertia', 'roll=1', '--inertia', 'pitch=1'], '--inertia pitch'),
+        (['craft.yaml', '--to', 'vrx', '--language', 'matlab'], '--language'),
+        (['craft.yaml', '--to', 'fossen', '--output', '1st-craft.m'], "no function name '1st-craft'"),
+        (['craft.yaml', '--to', 'vrx', '--output', 'craft.yaml'], 'craft.yaml'),
+    ],
+)
 def test_bad_input_is_one_sentence(words, sentence, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     written(tmp_path / 'craft.yaml', replace(NEW, name='a -- <b>'))

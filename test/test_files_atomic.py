@@ -1,4 +1,5 @@
 """Nobody sees half a file."""
+
 import os
 
 import pytest

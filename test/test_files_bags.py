@@ -1,4 +1,5 @@
 """Bags: what is read is what was sent, and what is broken is told."""
+
 import shutil
 
 import numpy as np
@@ -32,14 +33,19 @@ def codes(trial):
 def imu(at, frame_id='imu', stamp=None, absent=()):
     types = STORE.types
     seconds, nanoseconds = divmod(int(STAMPS[at] if stamp is None else stamp), 1_000_000_000)
-    covariances = {f'{name}_covariance': np.array([-1.0 if name in absent else 0.0, *8 * [0.0]])
-                   for name in ('orientation', 'angular_velocity', 'linear_acceleration')}
+    covariances = {
+        f'{name}_covariance': np.array([-1.0 if name in absent else 0.0, *8 * [0.0]])
+        for name in ('orientation', 'angular_velocity', 'linear_acceleration')
+    }
     return types[IMU_TYPE](
         header=types['std_msgs/msg/Header'](
-            stamp=types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds), frame_id=frame_id),
+            stamp=types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds), frame_id=frame_id
+        ),
         orientation=types['geometry_msgs/msg/Quaternion'](*map(float, quaternion(ROLL[at], PITCH[at], YAW[at]))),
         angular_velocity=types['geometry_msgs/msg/Vector3'](*RATES[at]),
-        linear_acceleration=types['geometry_msgs/msg/Vector3'](*FORCE[at]), **covariances)
+        linear_acceleration=types['geometry_msgs/msg/Vector3'](*FORCE[at]),
+        **covariances,
+    )
 
 
 def write_bag(folder, messages, storage='mcap', compression=None, extra=()):
@@ -48,8 +54,10 @@ def write_bag(folder, messages, storage='mcap', compression=None, extra=()):
     if compression:
         writer.set_compression(compression, CompressionFormat.ZSTD)
     with writer:
-        connections = {topic: writer.add_connection(topic, IMU_TYPE, typestore=STORE)
-                       for topic in dict.fromkeys(topic for topic, _, _ in messages)}
+        connections = {
+            topic: writer.add_connection(topic, IMU_TYPE, typestore=STORE)
+            for topic in dict.fromkeys(topic for topic, _, _ in messages)
+        }
         for topic, msgtype, message in extra:
             connection = writer.add_connection(topic, msgtype, typestore=STORE)
             writer.write(connection, 1, STORE.serialize_cdr(message, msgtype))
@@ -146,11 +154,14 @@ def test_blocks_and_mixed_frames_keep_the_order(tmp_path, monkeypatch):
     assert codes(trial) == ['frame-id-changed'] and "3 frames ('imu', 'imuimu'" in trial.advice[0].message
 
 
-@pytest.mark.parametrize('absent,left', [
-    (('orientation',), {'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}),
-    (('angular_velocity',), {'roll', 'pitch', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}),
-    (('linear_acceleration',), {'roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate'}),
-])
+@pytest.mark.parametrize(
+    'absent,left',
+    [
+        (('orientation',), {'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}),
+        (('angular_velocity',), {'roll', 'pitch', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}),
+        (('linear_acceleration',), {'roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate'}),
+    ],
+)
 def test_minus_one_means_not_measured(tmp_path, absent, left):
     trial = read_bag(write_bag(tmp_path / 'bag', plain_messages(absent=absent)))
     assert set(trial.channels) == left
@@ -232,7 +243,7 @@ def test_what_is_whole_of_a_cut_off_mcap_is_read(tmp_path):
     cut = tmp_path / 'cut.mcap'
     sizes = []
     for share in (0.5, 0.9, 0.999):
-        cut.write_bytes(whole[:int(share * len(whole))])
+        cut.write_bytes(whole[: int(share * len(whole))])
         trial = read_bag(cut)
         assert codes(trial) == ['damaged-bag']
         assert np.allclose(trial.roll, 0.1 * np.sin(trial.time), atol=1e-12)
@@ -261,10 +272,10 @@ def test_short_mcap_cut_inside_its_only_chunk_is_read_up_to_there(tmp_path):
     folder = write_bag(tmp_path / 'bag', plain_messages())
     whole = next(folder.glob('*.mcap')).read_bytes()
     cut = tmp_path / 'cut.mcap'
-    cut.write_bytes(whole[:len(whole) // 2])
+    cut.write_bytes(whole[: len(whole) // 2])
     trial = read_bag(cut)
     assert 80 < trial.time.size < 120
-    assert np.allclose(trial.roll, ROLL[:trial.time.size])
+    assert np.allclose(trial.roll, ROLL[: trial.time.size])
     assert codes(trial) == ['damaged-bag']
 
 
@@ -275,14 +286,14 @@ def test_cut_off_bags_give_a_told_trial_or_one_sentence(tmp_path, storage):
     whole = file.read_bytes()
     cut = tmp_path / f'cut{file.suffix}'
     for share in np.linspace(0, 0.98, 12):
-        cut.write_bytes(whole[:int(share * len(whole))])
+        cut.write_bytes(whole[: int(share * len(whole))])
         try:
             trial = read_bag(cut)
         except InputError as error:
             assert '\n' not in str(error)
         else:
             assert codes(trial) == ['damaged-bag']
-            assert np.allclose(trial.roll, ROLL[:trial.time.size])
+            assert np.allclose(trial.roll, ROLL[: trial.time.size])
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -325,9 +336,16 @@ def test_no_such_bag(tmp_path):
 def written_trial():
     time = 0.01 * np.arange(300)
     return Trial(
-        time=time, roll=0.2 * np.sin(3 * time), pitch=0.1 * np.cos(2 * time), roll_rate=0.6 * np.cos(3 * time),
-        pitch_rate=-0.2 * np.sin(2 * time), yaw_rate=0.3 * np.cos(time),
-        accel_x=0.1 * time, accel_y=0 * time, accel_z=9.81 + 0 * time)
+        time=time,
+        roll=0.2 * np.sin(3 * time),
+        pitch=0.1 * np.cos(2 * time),
+        roll_rate=0.6 * np.cos(3 * time),
+        pitch_rate=-0.2 * np.sin(2 * time),
+        yaw_rate=0.3 * np.cos(time),
+        accel_x=0.1 * time,
+        accel_y=0 * time,
+        accel_z=9.81 + 0 * time,
+    )
 
 
 @pytest.mark.parametrize('name', ['trial.mcap', 'trial.db3', 'trial', 'trial.v2'])

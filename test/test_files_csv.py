@@ -1,4 +1,5 @@
 """CSV trials: units, delimiters, damage, and the way back."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -32,25 +33,44 @@ TIME = np.arange(20) * 0.1
 ROLL = np.round(0.2 * np.sin(TIME), 6)
 
 
-@pytest.mark.parametrize('name,scale', [('time_s', 1), ('time_ms', 1e3), ('time_us', 1e6), ('time_ns', 1e9),
-                                        ('t_s', 1), ('stamp_s', 1), ('Timestamp (ns)', 1e9), ('Time [ms]', 1e3)])
+@pytest.mark.parametrize(
+    'name,scale',
+    [
+        ('time_s', 1),
+        ('time_ms', 1e3),
+        ('time_us', 1e6),
+        ('time_ns', 1e9),
+        ('t_s', 1),
+        ('stamp_s', 1),
+        ('Timestamp (ns)', 1e9),
+        ('Time [ms]', 1e3),
+    ],
+)
 def test_time_units(tmp_path, name, scale):
     trial = read_csv(written(tmp_path, lines(f'{name},roll_rad', scale * TIME, ROLL)))
     assert np.allclose(trial.time, TIME, rtol=1e-8, atol=1e-12)
 
 
-@pytest.mark.parametrize('name,scale,channel', [
-    ('roll_deg', 180 / np.pi, 'roll'), ('Roll (°)', 180 / np.pi, 'roll'), ('pitch_rad', 1, 'pitch'),
-    ('roll_rate_deg_s', 180 / np.pi, 'roll_rate'), ('Pitch rate [rad/s]', 1, 'pitch_rate'),
-])
+@pytest.mark.parametrize(
+    'name,scale,channel',
+    [
+        ('roll_deg', 180 / np.pi, 'roll'),
+        ('Roll (°)', 180 / np.pi, 'roll'),
+        ('pitch_rad', 1, 'pitch'),
+        ('roll_rate_deg_s', 180 / np.pi, 'roll_rate'),
+        ('Pitch rate [rad/s]', 1, 'pitch_rate'),
+    ],
+)
 def test_units_and_spellings_of_channels(tmp_path, name, scale, channel):
     trial = read_csv(written(tmp_path, lines(f'time_s,{name}', TIME, scale * ROLL)))
     assert np.allclose(getattr(trial, channel), ROLL, rtol=1e-7)
     assert trial.advice == ()
 
 
-@pytest.mark.parametrize('name,scale', [('accel_z_m_s2', 1), ('acc_z (m/s²)', 1), ('linear_acceleration_z [m/s^2]', 1),
-                                        ('accel_z_g', 1 / 9.80665)])
+@pytest.mark.parametrize(
+    'name,scale',
+    [('accel_z_m_s2', 1), ('acc_z (m/s²)', 1), ('linear_acceleration_z [m/s^2]', 1), ('accel_z_g', 1 / 9.80665)],
+)
 def test_units_of_acceleration(tmp_path, name, scale):
     trial = read_csv(written(tmp_path, lines(f'time_s,roll_rad,{name}', TIME, ROLL, scale * (9.81 + ROLL))))
     assert np.allclose(trial.accel_z, 9.81 + ROLL, rtol=1e-7)
@@ -58,8 +78,9 @@ def test_units_of_acceleration(tmp_path, name, scale):
 
 def test_body_rates_become_euler_rates(tmp_path):
     values = [TIME, ROLL, 2 * ROLL, 3 * ROLL, 4 * ROLL, 5 * ROLL]
-    trial = read_csv(written(tmp_path, lines(
-        'time_s,roll_rad,pitch_rad,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s', *values)))
+    trial = read_csv(
+        written(tmp_path, lines('time_s,roll_rad,pitch_rad,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s', *values))
+    )
     expected = euler_rates(trial.roll, trial.pitch, 3 * ROLL, 4 * ROLL, 5 * ROLL)
     assert np.allclose(trial.roll_rate, expected[0], atol=1e-8)
     assert np.allclose(trial.pitch_rate, expected[1], atol=1e-8)
@@ -186,12 +207,24 @@ def test_error_names_the_columns_looked_for_and_found(tmp_path, header, sought):
     assert sought in str(error.value) and header.replace(',', ', ') in str(error.value)
 
 
-@pytest.mark.parametrize('content', [
-    b'', b'\n\n \n', b'# only\n# comments\n', b'0,1\n1,2\n', b'time_s,roll_rad', b'time_s,roll_rad\n0,1\n1,2\n',
-    b'time_s,roll_rad\n' + b'nan,nan\n' * 20, b'time_s,roll_rad\n' + b'hello,world\n' * 20,
-    b'Once upon a time there was a ship.\nIt rolled.\n', bytes(range(256)) * 10, b'\xff\xfet\0i\0m\0e\0',
-    b'a' * 100_000, b'time_s,roll_rad\n' + b'1' * 100_000,
-])
+@pytest.mark.parametrize(
+    'content',
+    [
+        b'',
+        b'\n\n \n',
+        b'# only\n# comments\n',
+        b'0,1\n1,2\n',
+        b'time_s,roll_rad',
+        b'time_s,roll_rad\n0,1\n1,2\n',
+        b'time_s,roll_rad\n' + b'nan,nan\n' * 20,
+        b'time_s,roll_rad\n' + b'hello,world\n' * 20,
+        b'Once upon a time there was a ship.\nIt rolled.\n',
+        bytes(range(256)) * 10,
+        b'\xff\xfet\0i\0m\0e\0',
+        b'a' * 100_000,
+        b'time_s,roll_rad\n' + b'1' * 100_000,
+    ],
+)
 def test_bad_files_are_one_sentence(tmp_path, content):
     with pytest.raises(InputError) as error:
         read_csv(written(tmp_path, content))
@@ -199,16 +232,49 @@ def test_bad_files_are_one_sentence(tmp_path, content):
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(content=st.one_of(
-    st.binary(max_size=300),
-    st.text(max_size=300).map(str.encode),
-    st.lists(st.sampled_from(['time_s', 'roll_rad', ',', ';', '\n', '\n', '0', '1', '2.5', '-', 'x', '"', '\r', '#',
-                              ' ', '\t', 'nan', 'inf', '1e999', '1,5']), max_size=150).map(''.join).map(str.encode),
-    st.lists(st.sampled_from([b'1', b'2.5', b'', b'nan', b'x', b'1e400', b'3,4', b'\xff']),
-             min_size=24, max_size=80).map(
-        lambda cells: b'time_s;roll_rad;gyro_x_deg_s\n' + b'\n'.join(
-            b';'.join(cells[at:at + 3]) for at in range(0, len(cells), 3))),
-))
+@given(
+    content=st.one_of(
+        st.binary(max_size=300),
+        st.text(max_size=300).map(str.encode),
+        st.lists(
+            st.sampled_from(
+                [
+                    'time_s',
+                    'roll_rad',
+                    ',',
+                    ';',
+                    '\n',
+                    '\n',
+                    '0',
+                    '1',
+                    '2.5',
+                    '-',
+                    'x',
+                    '"',
+                    '\r',
+                    '#',
+                    ' ',
+                    '\t',
+                    'nan',
+                    'inf',
+                    '1e999',
+                    '1,5',
+                ]
+            ),
+            max_size=150,
+        )
+        .map(''.join)
+        .map(str.encode),
+        st.lists(
+            st.sampled_from([b'1', b'2.5', b'', b'nan', b'x', b'1e400', b'3,4', b'\xff']), min_size=24, max_size=80
+        ).map(
+            lambda cells: (
+                b'time_s;roll_rad;gyro_x_deg_s\n'
+                + b'\n'.join(b';'.join(cells[at : at + 3]) for at in range(0, len(cells), 3))
+            )
+        ),
+    )
+)
 def test_any_content_gives_a_trial_or_one_sentence(tmp_path, content):
     try:
         trial = read_csv(written(tmp_path, content))

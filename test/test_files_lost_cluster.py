@@ -1,4 +1,5 @@
 """A Dask connection that is lost ends a campaign with one sentence, and what is done stays done."""
+
 import asyncio
 import concurrent.futures
 from contextlib import nullcontext
@@ -41,8 +42,9 @@ class LosingExecutor(SerialExecutor):
         return future
 
 
-@pytest.mark.parametrize('loss', [None, CommClosedError('in <TCP>'), ClosedClientError('closed'),
-                                  asyncio.CancelledError()])  # fmt: skip
+@pytest.mark.parametrize(
+    'loss', [None, CommClosedError('in <TCP>'), ClosedClientError('closed'), asyncio.CancelledError()]
+)
 def test_lost_scheduler(loss, tmp_path, monkeypatch, capsys):
     trial = tmp_path / 'pitch.csv'
     assert main(['simulate', '--hull', 'swath-pitch', '--initial-angle-deg', '6', '--output', str(trial)]) == 0

@@ -1,4 +1,5 @@
 """Malformed tables and bags by the hundred: one sentence, or the right motion, or a warning; never a traceback."""
+
 import gzip
 import io
 import random
@@ -73,8 +74,32 @@ def tables():
     yield 'utf-16, cut off', whole.decode().encode('utf-16')[:-1]
     yield 'utf-16, no numbers', NAMES[0].encode('utf-16')
     yield 'utf-16, a lone surrogate', b'\xff\xfe' + b'\x00\xd8' * 500
-    for cell in ('', 'nan', 'NaN', 'inf', '-inf', 'None', '#N/A', 'abc', '1e999', '-1e308', '0x10', '1_000', '--', '?',
-                 '1.2.3', '1e', '٣', '"', '"x', '\x00', '1;2', ' ' * 1000, '9' * 400, '9' * 40000):
+    for cell in (
+        '',
+        'nan',
+        'NaN',
+        'inf',
+        '-inf',
+        'None',
+        '#N/A',
+        'abc',
+        '1e999',
+        '-1e308',
+        '0x10',
+        '1_000',
+        '--',
+        '?',
+        '1.2.3',
+        '1e',
+        '٣',
+        '"',
+        '"x',
+        '\x00',
+        '1;2',
+        ' ' * 1000,
+        '9' * 400,
+        '9' * 40000,
+    ):
         for column in range(3):
             name = f'{cell[:8]!r} ({len(cell)}) in some cells of column {column}'
             yield name, with_cells(column, range(7, 390, 37), cell)
@@ -97,13 +122,17 @@ def tables():
     yield 'quoted decimal commas', table(write=lambda v: f'"{comma(v)}"')
     yield 'names by commas, numbers by semicolons', table(mark=';').replace(b';', b',', 2)
     yield 'names by semicolons, numbers by commas', table().replace(b',', b';', 2)
-    yield 'both separators in turn', b'\n'.join(
-        line.replace(b',', b';') if k % 2 else line for k, line in enumerate(whole.split(b'\n')))
+    yield (
+        'both separators in turn',
+        b'\n'.join(line.replace(b',', b';') if k % 2 else line for k, line in enumerate(whole.split(b'\n'))),
+    )
     yield 'thousands', table(mark=';', columns=[t, 1e5 * angle, rate], write=lambda v: f'{v:,.3f}')
     for extra in (1, 2, 5):
         yield f'{extra} cells too many', whole.replace(b'\n', b',1' * extra + b'\n').replace(b',1' * extra, b'', 1)
-        yield f'{extra} cells too few', b'\n'.join(
-            line.rsplit(b',', min(extra, 2))[0] if k else line for k, line in enumerate(whole.split(b'\n')))
+        yield (
+            f'{extra} cells too few',
+            b'\n'.join(line.rsplit(b',', min(extra, 2))[0] if k else line for k, line in enumerate(whole.split(b'\n'))),
+        )
     yield 'long first line', b'a' * 200_000 + b'\n' + whole
     yield 'long line', whole + b'1' * 3_000_000 + b'\n'
     yield 'many columns', b','.join(b'c%d_s' % k for k in range(9000)) + b'\n' + b','.join([b'1'] * 9000) + b'\n'
@@ -119,17 +148,38 @@ def tables():
     for unit in ('m', 'min', 'h', 'deg', 'ticks'):
         yield f'time in {unit}', table(names=(f'time_{unit}', *NAMES[1:]))
     for name, stamps in {
-        'ms': 1e3 * t, 'us': 1e6 * t, 'ns': 1e9 * t, 'epoch in ms': 1.7e12 + 1e3 * t, 'epoch in us': 1.7e15 + 1e6 * t,
-        'epoch in ns': 1.7e18 + 1e9 * t, 'sample numbers': np.arange(400.0), 'constant': zero, 'back': t[::-1],
-        'scaled by a million': t / 1e6, 'huge': t * 1e300, 'infinite': np.full(t.size, np.inf),
-    }.items():  # fmt: skip
+        'ms': 1e3 * t,
+        'us': 1e6 * t,
+        'ns': 1e9 * t,
+        'epoch in ms': 1.7e12 + 1e3 * t,
+        'epoch in us': 1.7e15 + 1e6 * t,
+        'epoch in ns': 1.7e18 + 1e9 * t,
+        'sample numbers': np.arange(400.0),
+        'constant': zero,
+        'back': t[::-1],
+        'scaled by a million': t / 1e6,
+        'huge': t * 1e300,
+        'infinite': np.full(t.size, np.inf),
+    }.items():
         yield f'time: {name}', table([stamps, angle, rate])
     yield 'degrees called rad', table([t, np.degrees(angle), rate])
     yield 'radians called deg', table([t, angle], ['time_s', 'pitch_deg'])
     yield 'no unit', table([t, angle], ['time_s', 'pitch'])
     yield 'no motion', table([t, angle], ['time_s', 'height_m'])
-    for magic in (b'PK\x03\x04', b'\x1f\x8b', b'\x28\xb5\x2f\xfd', b'\xd0\xcf\x11\xe0', b'\xfa\xff', b'#ROSBAG V2.0\n',
-                  b'\x89MCAP0\r\n', b'SQLite format 3\0', b'%PDF-1.7', b'\x7fELF', b'<html>', b'{"a": 1}'):
+    for magic in (
+        b'PK\x03\x04',
+        b'\x1f\x8b',
+        b'\x28\xb5\x2f\xfd',
+        b'\xd0\xcf\x11\xe0',
+        b'\xfa\xff',
+        b'#ROSBAG V2.0\n',
+        b'\x89MCAP0\r\n',
+        b'SQLite format 3\0',
+        b'%PDF-1.7',
+        b'\x7fELF',
+        b'<html>',
+        b'{"a": 1}',
+    ):
         yield f'begins with {magic[:4]!r}', magic + whole
     yield 'gzip', gzip.compress(whole)
     yield 'zip in zip', zipped(zipped(whole))
@@ -241,8 +291,13 @@ def test_memory_stays_small(malformed, capsys):
 
 
 def test_nothing_is_written_of_what_is_refused(malformed, tmp_path, capsys):
-    refused = ['cut off at 0.001', 'decimal commas between commas', 'time: ms', 'degrees called rad',
-               'db3 cut off at 0.5']
+    refused = [
+        'cut off at 0.001',
+        'decimal commas between commas',
+        'time: ms',
+        'degrees called rad',
+        'db3 cut off at 0.5',
+    ]
     for name in refused:
         command = ['identify', str(malformed[name]), '--output', str(tmp_path / 'm.yaml')]
         assert main([*command, '--plot', str(tmp_path / 'm.png')]) == 2, name
@@ -250,8 +305,17 @@ def test_nothing_is_written_of_what_is_refused(malformed, tmp_path, capsys):
 
 
 def test_unusual_but_clear_tables_are_read_right(malformed):
-    clear = ['utf-8-sig', 'utf-16', 'utf-16-le', 'utf-16-be', "separated by ';', decimal commas", 'lines end in cr',
-             "separated by '\\t', decimal commas", 'quoted decimal commas', 'rad and the same deg']
+    clear = [
+        'utf-8-sig',
+        'utf-16',
+        'utf-16-le',
+        'utf-16-be',
+        "separated by ';', decimal commas",
+        'lines end in cr',
+        "separated by '\\t', decimal commas",
+        'quoted decimal commas',
+        'rad and the same deg',
+    ]
     for name in clear:
         assert is_true(name, malformed[name]), name
 

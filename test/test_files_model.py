@@ -35,8 +35,12 @@ entries = arrays(float, (4, 4), elements=st.integers(-1000, 1000).map(lambda n: 
 
 
 @given(
-    st.lists(st.floats(0.1, 1e3), min_size=4, max_size=4), entries, st.floats(-3.0, 3.0), st.floats(1e-6, 100.0),
-    st.sampled_from([nan, 0.0, 0.1]), st.sampled_from([inf, 0.2]),
+    st.lists(st.floats(0.1, 1e3), min_size=4, max_size=4),
+    entries,
+    st.floats(-3.0, 3.0),
+    st.floats(1e-6, 100.0),
+    st.sampled_from([nan, 0.0, 0.1]),
+    st.sampled_from([inf, 0.2]),
 )
 def test_round_trip_is_exact(values, root, trim, friction_rate, trim_std, largest):
     equation = EQUATIONS['odd-cubic']

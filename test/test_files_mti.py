@@ -1,4 +1,5 @@
 """MTi exports in the forms in which MT Manager writes them."""
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -14,8 +15,10 @@ ROLL, PITCH, YAW = 0.2 * np.sin(9 * TIME), 0.1 * np.cos(5 * TIME), 0.5 + 0.1 * T
 GYRO = np.column_stack([np.cos(9 * TIME), np.sin(5 * TIME), 0.1 + 0 * TIME])
 FORCE = np.column_stack([0 * TIME, 0.5 * np.sin(TIME), 9.81 + 0 * TIME])
 
-HEAD = ('// Start Time: Unknown\n// Update Rate: 100.0Hz\n// Filter Profile: general (46.1)\n'
-        '// Option Flags: AHS Disabled ICC Disabled\n// Firmware Version: 4.6.0\n')
+HEAD = (
+    '// Start Time: Unknown\n// Update Rate: 100.0Hz\n// Filter Profile: general (46.1)\n'
+    '// Option Flags: AHS Disabled ICC Disabled\n// Firmware Version: 4.6.0\n'
+)
 EULER = {'Roll': np.degrees(ROLL), 'Pitch': np.degrees(PITCH), 'Yaw': np.degrees(YAW)}
 QUATERNION = dict(zip(('Quat_q1', 'Quat_q2', 'Quat_q3', 'Quat_q0'), quaternion(ROLL, PITCH, YAW), strict=True))
 INERTIAL = dict(zip(('Acc_X', 'Acc_Y', 'Acc_Z', 'Gyr_X', 'Gyr_Y', 'Gyr_Z'), [*FORCE.T, *GYRO.T], strict=True))
@@ -36,8 +39,9 @@ def matrix():
 
 def export(folder, columns, head=HEAD, mark='\t'):
     """A file as MT Manager writes it; a column of None is empty, as for what the sensor did not send."""
-    rows = (mark.join('' if values is None else f'{values[at]:.12g}' for values in columns.values())
-            for at in range(COUNT))
+    rows = (
+        mark.join('' if values is None else f'{values[at]:.12g}' for values in columns.values()) for at in range(COUNT)
+    )
     path = folder / 'MT_0370.txt'
     path.write_text(head + mark.join(columns) + '\n' + '\n'.join(rows) + '\n')
     return path
@@ -89,8 +93,8 @@ def test_line_cut_off_costs_its_row_only(tmp_path):
     path = export(tmp_path, {**COUNTER, **TICKS, **EULER})
     path.write_text(path.read_text()[:-30])
     trial = read_mti(path)
-    assert np.allclose(trial.time[:COUNT - 1], TIME[:-1])
-    assert np.allclose(trial.roll[:COUNT - 1], ROLL[:-1])
+    assert np.allclose(trial.time[: COUNT - 1], TIME[:-1])
+    assert np.allclose(trial.roll[: COUNT - 1], ROLL[:-1])
     assert trial.advice[0].code == 'short-rows'
 
 
@@ -101,10 +105,15 @@ def test_rates_alone_and_frd(tmp_path):
     assert np.allclose(trial.pitch_rate, -GYRO[:, 1]) and np.allclose(trial.accel_z, -FORCE[:, 2])
 
 
-@pytest.mark.parametrize('columns,head,said', [
-    (EULER, HEAD, 'PacketCounter'), ({**COUNTER, **EULER}, '// Start Time: Unknown\n', 'Update Rate'),
-    ({**COUNTER, 'Mag_X': TIME}, HEAD, 'Quat_q0'), ({**COUNTER, **dict.fromkeys(EULER)}, HEAD, 'at least 8'),
-])
+@pytest.mark.parametrize(
+    'columns,head,said',
+    [
+        (EULER, HEAD, 'PacketCounter'),
+        ({**COUNTER, **EULER}, '// Start Time: Unknown\n', 'Update Rate'),
+        ({**COUNTER, 'Mag_X': TIME}, HEAD, 'Quat_q0'),
+        ({**COUNTER, **dict.fromkeys(EULER)}, HEAD, 'at least 8'),
+    ],
+)
 def test_what_is_missing_is_named(tmp_path, columns, head, said):
     with pytest.raises(InputError, match=said):
         read_mti(export(tmp_path, columns, head))
@@ -113,7 +122,7 @@ def test_what_is_missing_is_named(tmp_path, columns, head, said):
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cells=st.lists(st.sampled_from(['', '0', '1', '65535', '1.5', 'x', '-', 'nan', '1e30', '\t']), max_size=120))
 def test_any_cells_give_a_trial_or_one_sentence(tmp_path, cells):
-    rows = '\n'.join('\t'.join(cells[at:at + 4]) for at in range(0, len(cells), 4))
+    rows = '\n'.join('\t'.join(cells[at : at + 4]) for at in range(0, len(cells), 4))
     path = tmp_path / 'any.txt'
     path.write_text(f'{HEAD}PacketCounter\tSampleTimeFine\tRoll\tGyr_X\n{rows}')
     try:

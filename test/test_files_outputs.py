@@ -1,4 +1,5 @@
 """Outputs are looked at before any work: nothing that is read or was measured is replaced."""
+
 import os
 import socket
 from pathlib import Path
@@ -140,9 +141,13 @@ def test_what_is_harmless_passes(tmp_path):
     (tmp_path / 'old.yaml').write_text('format: swath_sysid model\n')
     (tmp_path / 'trial.csv').write_text('time_s,roll_rad\n0,0\n')
     check_outputs(
-        [Output('--output', tmp_path / 'old.yaml'), Output('--plot', tmp_path / 'new.png', endings=('png',)),
-         Output('--report', tmp_path / 'a' / 'b', is_folder=True), Output('--none', None)],
+        [
+            Output('--output', tmp_path / 'old.yaml'),
+            Output('--plot', tmp_path / 'new.png', endings=('png',)),
+            Output('--report', tmp_path / 'a' / 'b', is_folder=True),
+            Output('--none', None),
+        ],
         [tmp_path / 'trial.csv', None],
-    )  # fmt: skip
+    )
     check_outputs([Output('--output', tmp_path / 'trial.csv', is_recording=True)])
     refuse_inputs_among([tmp_path / 'tables'], [tmp_path / 'trial.csv'])

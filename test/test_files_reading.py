@@ -1,4 +1,5 @@
 """Whatever a file is, it is read for what it is, or refused in one sentence."""
+
 import gzip
 import os
 import sqlite3
@@ -42,19 +43,22 @@ def test_frame_and_mounting_reach_every_reader(tmp_path):
             read_trial(tmp_path / name, frame='up')
 
 
-@pytest.mark.parametrize('name,content,said', [
-    ('empty.csv', b'', 'is empty'),
-    ('text.txt', b'It was a dark and stormy night; the rain fell in torrents.\nIndeed.\n', 'no time column'),
-    ('noise.bin', bytes(range(256)) * 8, 'not a text file'),
-    ('old.bag', b'#ROSBAG V2.0\n' + bytes(100), 'ROS 1 bag'),
-    ('log.mtb', b'\xfa\xff\x3e\x02' + bytes(100), 'binary MTi log'),
-    ('a.csv.gz', gzip.compress(b'time_s,roll_rad\n', mtime=0), 'gzip'),
-    ('axis.csv', b'time_s,heave_m\n' + b'0,1\n' * 20, 'no roll or pitch motion'),
-    ('nan.csv', b'time_s,roll_rad\n' + b''.join(b'%d,nan\n' % n for n in range(50)), '0 rows of 50'),
-    ('two.csv', b'time_s,roll_rad\n0,1\n1,2\n', '2 rows'),
-    ('text.mcap', b'version https://git-lfs.github.com/spec/v1\n', 'named as a bag but is none'),
-    ('cut.mcap', b'\x89MCAP0\r\n\x01', 'damaged'),
-])
+@pytest.mark.parametrize(
+    'name,content,said',
+    [
+        ('empty.csv', b'', 'is empty'),
+        ('text.txt', b'It was a dark and stormy night; the rain fell in torrents.\nIndeed.\n', 'no time column'),
+        ('noise.bin', bytes(range(256)) * 8, 'not a text file'),
+        ('old.bag', b'#ROSBAG V2.0\n' + bytes(100), 'ROS 1 bag'),
+        ('log.mtb', b'\xfa\xff\x3e\x02' + bytes(100), 'binary MTi log'),
+        ('a.csv.gz', gzip.compress(b'time_s,roll_rad\n', mtime=0), 'gzip'),
+        ('axis.csv', b'time_s,heave_m\n' + b'0,1\n' * 20, 'no roll or pitch motion'),
+        ('nan.csv', b'time_s,roll_rad\n' + b''.join(b'%d,nan\n' % n for n in range(50)), '0 rows of 50'),
+        ('two.csv', b'time_s,roll_rad\n0,1\n1,2\n', '2 rows'),
+        ('text.mcap', b'version https://git-lfs.github.com/spec/v1\n', 'named as a bag but is none'),
+        ('cut.mcap', b'\x89MCAP0\r\n\x01', 'damaged'),
+    ],
+)
 def test_what_cannot_be_read_is_one_sentence(tmp_path, name, content, said):
     path = tmp_path / name
     path.write_bytes(content)
@@ -106,9 +110,10 @@ def test_megahertz_is_a_time_in_another_unit(tmp_path):
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(start=st.sampled_from([b'', b'\x89MCAP0\r\n', b'SQLite format 3\0', b'// ', b'time_s,roll_rad\n',
-                              b'\xef\xbb\xbf']),
-       rest=st.binary(max_size=400))
+@given(
+    start=st.sampled_from([b'', b'\x89MCAP0\r\n', b'SQLite format 3\0', b'// ', b'time_s,roll_rad\n', b'\xef\xbb\xbf']),
+    rest=st.binary(max_size=400),
+)
 def test_any_file_gives_a_trial_or_one_sentence(tmp_path, start, rest):
     path = tmp_path / 'any'
     path.write_bytes(start + rest)
@@ -120,6 +125,7 @@ def test_any_file_gives_a_trial_or_one_sentence(tmp_path, start, rest):
 
 def test_hash_is_that_of_the_content(tmp_path):
     import hashlib
+
     path = tmp_path / 'a.csv'
     path.write_bytes(b'abc' * 1_000_000)
     assert source_hash(path) == hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,4 +1,5 @@
 """Whatever text comes: a model, or one sentence, soon, and nothing else."""
+
 import os
 import re
 
@@ -61,13 +62,16 @@ def test_the_command_line_refuses_them_in_one_sentence(name, tmp_path, capsys):
     assert not output.exists()
 
 
-@pytest.mark.parametrize('words', [
-    ['scale', 'PATH', '--ratio', '2', '--output', 'OUT'],
-    ['simulate', '--model', 'PATH', '--initial-angle-deg', '3', '--output', 'OUT'],
-    ['forecast', 'TRIAL', '--model', 'PATH'],
-    ['manoeuvre', 'simulate', '--model', 'PATH', '--test', 'programme', '--output', 'OUT'],
-    ['campaign', 'PATH', '--output', 'OUT'],
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'words',
+    [
+        ['scale', 'PATH', '--ratio', '2', '--output', 'OUT'],
+        ['simulate', '--model', 'PATH', '--initial-angle-deg', '3', '--output', 'OUT'],
+        ['forecast', 'TRIAL', '--model', 'PATH'],
+        ['manoeuvre', 'simulate', '--model', 'PATH', '--test', 'programme', '--output', 'OUT'],
+        ['campaign', 'PATH', '--output', 'OUT'],
+    ],
+)
 def test_every_verb_refuses_a_deep_file(words, tmp_path, capsys):
     path, trial = tmp_path / 'deep.yaml', tmp_path / 'trial.csv'
     path.write_text('a: ' + '[' * 100_000)
@@ -81,12 +85,19 @@ def test_every_verb_refuses_a_deep_file(words, tmp_path, capsys):
 # --- by the thousand
 
 NUMBERS = st.one_of(
-    st.floats(), st.integers(-(10**50), 10**50), st.sampled_from(['1e999', '-0', '1_0', '0x10', '.5', '12:30:00']),
-)  # fmt: skip
+    st.floats(),
+    st.integers(-(10**50), 10**50),
+    st.sampled_from(['1e999', '-0', '1_0', '0x10', '.5', '12:30:00']),
+)
 SCALARS = st.one_of(
-    NUMBERS, st.none(), st.booleans(), st.text(max_size=30), st.dates(), st.binary(max_size=20),
-    st.sampled_from(['.nan', '-.inf', '!!int x', '&a b', '*a', '~', '<<', '2024-13-45', '\'', '"', '{', '[', '%']),
-)  # fmt: skip
+    NUMBERS,
+    st.none(),
+    st.booleans(),
+    st.text(max_size=30),
+    st.dates(),
+    st.binary(max_size=20),
+    st.sampled_from(['.nan', '-.inf', '!!int x', '&a b', '*a', '~', '<<', '2024-13-45', "'", '"', '{', '[', '%']),
+)
 
 
 @st.composite
@@ -97,7 +108,7 @@ def mutated(draw, text):
     if how == 'cut':
         return text[:place]
     if how == 'flip':
-        return text[:place] + chr(ord(text[place]) ^ 2 ** draw(st.integers(0, 6))) + text[place + 1:]
+        return text[:place] + chr(ord(text[place]) ^ 2 ** draw(st.integers(0, 6))) + text[place + 1 :]
     if how == 'insert':
         return text[:place] + draw(st.text(max_size=5)) + text[place:]
     lines = text.splitlines()
@@ -108,7 +119,7 @@ def mutated(draw, text):
     else:
         scalars = list(re.finditer(r'(?<=[:\[,-] )[^,:{}\[\]\n]+', text))
         match = scalars[place % len(scalars)]
-        return text[: match.start()] + str(draw(SCALARS)) + text[match.end():]
+        return text[: match.start()] + str(draw(SCALARS)) + text[match.end() :]
     return '\n'.join(lines)
 
 
@@ -117,7 +128,9 @@ def structures():
     names = st.one_of(st.sampled_from(['format', 'axes', 'pitch', 'ratios', 'b1', 'value']), st.text(max_size=5))
     plain = st.recursive(
         st.one_of(st.floats(), st.integers(), st.none(), st.booleans(), st.text(max_size=10), st.dates()),
-        lambda inner: st.one_of(st.lists(inner, max_size=5), st.dictionaries(names, inner, max_size=5)), max_leaves=30)
+        lambda inner: st.one_of(st.lists(inner, max_size=5), st.dictionaries(names, inner, max_size=5)),
+        max_leaves=30,
+    )
     headed = plain.map(lambda content: {'format': 'swath_sysid decay model', 'version': 1, 'axes': content})
     return st.one_of(plain, headed).map(lambda content: yaml.safe_dump(content, allow_unicode=True))
 
@@ -181,25 +194,28 @@ trials:
 """
 
 
-@pytest.mark.parametrize('old, new, words', [
-    ('generations: 20', 'generations: abc', 'line 6: generations must be a whole number from 1 to 100000, not abc'),
-    ('generations: 20', 'generations: 1.5', 'generations must be a whole number'),
-    ('generations: 20', 'generations: 1000000000', 'generations must be a whole number'),
-    ('population: 50', 'population: 99999999999999999999', 'population must be a whole number'),
-    ('population: 50', f'population: {"9" * 401}', 'line 6: population: 9'),
-    ('seed: 1', 'seed: -1', 'line 6: seed must be a whole number from 0'),
-    ('seed: 1', 'seed: {}', 'one value is expected'),
-    ('seed: 1', 'seed: .nan', 'not a finite number'),
-    ('seed: 1', 'seed: !!python/name:os.system x', 'tag'),
-    ('draft_m: 0.15', 'draft_m: 1.0e+300', 'draft_m must be at most 1e+09'),
-    ('start_s: 0.5', 'start_s: .inf', 'not a finite number'),
-    ('title: Pitch', f'title: {"x" * 5000}', 'is not a name'),
-    ('axis: pitch', f'axis: {"x" * 5000}', 'there is no axis'),
-    ('algorithm: ga', f'algorithm: {"x" * 5000}', 'there is no search'),
-    ('file: pitch_3deg.csv', f'file: {"x" * 900}', 'file not found'),
-    ('title: Pitch', 'title: &a [*a]', 'anchors'),
-    ('title: Pitch', f'title: {"[" * 5000}', 'deep'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'old, new, words',
+    [
+        ('generations: 20', 'generations: abc', 'line 6: generations must be a whole number from 1 to 100000, not abc'),
+        ('generations: 20', 'generations: 1.5', 'generations must be a whole number'),
+        ('generations: 20', 'generations: 1000000000', 'generations must be a whole number'),
+        ('population: 50', 'population: 99999999999999999999', 'population must be a whole number'),
+        ('population: 50', f'population: {"9" * 401}', 'line 6: population: 9'),
+        ('seed: 1', 'seed: -1', 'line 6: seed must be a whole number from 0'),
+        ('seed: 1', 'seed: {}', 'one value is expected'),
+        ('seed: 1', 'seed: .nan', 'not a finite number'),
+        ('seed: 1', 'seed: !!python/name:os.system x', 'tag'),
+        ('draft_m: 0.15', 'draft_m: 1.0e+300', 'draft_m must be at most 1e+09'),
+        ('start_s: 0.5', 'start_s: .inf', 'not a finite number'),
+        ('title: Pitch', f'title: {"x" * 5000}', 'is not a name'),
+        ('axis: pitch', f'axis: {"x" * 5000}', 'there is no axis'),
+        ('algorithm: ga', f'algorithm: {"x" * 5000}', 'there is no search'),
+        ('file: pitch_3deg.csv', f'file: {"x" * 900}', 'file not found'),
+        ('title: Pitch', 'title: &a [*a]', 'anchors'),
+        ('title: Pitch', f'title: {"[" * 5000}', 'deep'),
+    ],
+)
 def test_a_wrong_manifest_is_named_at_once(old, new, words, tmp_path):
     (tmp_path / 'pitch_3deg.csv').write_text('')
     path = tmp_path / 'campaign.yaml'
@@ -214,6 +230,7 @@ def test_a_wrong_manifest_is_named_at_once(old, new, words, tmp_path):
 
 # --- the entrance itself
 
+
 def test_plain_data_are_read_as_they_are():
     text = 'a: [1, -2, 3.5, 1e-5, .5, true, no, null, ~, "1", on]\nb: {c: 2024-12-24, d: 12:30:00, e: 0x10, f: ""}\n'
     assert plain_content(text, 'it') == {
@@ -226,12 +243,16 @@ def test_plain_data_are_read_as_they_are():
 words = st.text(st.characters(codec='utf-8'), max_size=20)
 plain_data = st.recursive(
     st.one_of(
-        st.none(), st.booleans(), st.integers(-(10**38), 10**38), words,
+        st.none(),
+        st.booleans(),
+        st.integers(-(10**38), 10**38),
+        words,
         st.floats(allow_nan=False, allow_infinity=False),
-        st.sampled_from(['1e5', '1e-5', '.nan', 'yes', '2024-12-24', '010', '~', '9' * 64, '12e4' * 16, '=', '<<'])),
+        st.sampled_from(['1e5', '1e-5', '.nan', 'yes', '2024-12-24', '010', '~', '9' * 64, '12e4' * 16, '=', '<<']),
+    ),
     lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(words, inner, max_size=4)),
     max_leaves=20,
-)  # fmt: skip
+)
 
 
 @settings(deadline=None)
@@ -278,10 +299,15 @@ def test_files_that_are_none(tmp_path):
     pipe = tmp_path / 'pipe.yaml'
     os.mkfifo(pipe)
     for path, words in (
-        (large, 'larger than 256 kB'), (binary, 'not text in UTF-8'), (tmp_path, 'is a folder'),
-        ('/dev/zero', 'a special file'), (pipe, 'a special file'), (tmp_path / ('x' * 300), 'cannot read'),
-        (tmp_path / 'a\0b', 'no file has such a name'), (tmp_path / 'absent', 'cannot read'),
-    ):  # fmt: skip
+        (large, 'larger than 256 kB'),
+        (binary, 'not text in UTF-8'),
+        (tmp_path, 'is a folder'),
+        ('/dev/zero', 'a special file'),
+        (pipe, 'a special file'),
+        (tmp_path / ('x' * 300), 'cannot read'),
+        (tmp_path / 'a\0b', 'no file has such a name'),
+        (tmp_path / 'absent', 'cannot read'),
+    ):
         for read in (text_of, read_model, read_manoeuvring_model, read_manifest):
             with pytest.raises(InputError, match=words):
                 read(path)

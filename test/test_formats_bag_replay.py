@@ -1,4 +1,5 @@
 """The times of a replay, without ROS and without waiting."""
+
 import pytest
 
 from swath_sysid.common.errors import InputError

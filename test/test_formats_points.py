@@ -1,4 +1,5 @@
 """The messages of named points and of windows of calm, against rotations of scipy."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -27,12 +28,15 @@ ROLL, PITCH, ROLL_RATE, PITCH_RATE = np.array([[0.1, -0.2], [-0.05, 0.12], [0.2,
 def messages():
     """By topic, of one step with a point called bow and a window of calm."""
     rng = np.random.default_rng(4)
-    motion = np.column_stack([[0.4, 0.1], [0.3, -0.6], [0.1, 0.5], [0.0, 0.1], [0.2, 0.0], ROLL, PITCH, ROLL_RATE,
-                              PITCH_RATE])  # fmt: skip
+    motion = np.column_stack(
+        [[0.4, 0.1], [0.3, -0.6], [0.1, 0.5], [0.0, 0.1], [0.2, 0.0], ROLL, PITCH, ROLL_RATE, PITCH_RATE]
+    )
     root = rng.normal(size=(2, 9, 9)) * 0.05
     covariance = root @ root.transpose(0, 2, 1)
-    axes = {'roll': AxisForecast(ROLL, ROLL_RATE, np.tile(np.eye(2), (2, 1, 1))),
-            'pitch': AxisForecast(PITCH, PITCH_RATE, np.tile(np.eye(2), (2, 1, 1)))}  # fmt: skip
+    axes = {
+        'roll': AxisForecast(ROLL, ROLL_RATE, np.tile(np.eye(2), (2, 1, 1))),
+        'pitch': AxisForecast(PITCH, PITCH_RATE, np.tile(np.eye(2), (2, 1, 1))),
+    }
     points = {'bow': point_motion(PLACE, (0.0, 0.0), motion, covariance)}
     forecast = Forecast(0.0, LEADS, axes, quiescence=0.8, calm=CalmWindow(0.5, 2.25, 0.93), points=points)
     step = PipelineStep(used=True, forecast=forecast, horizon=forecast, stamp_ns=STAMP_NS)
@@ -85,15 +89,24 @@ def test_the_horizon_of_a_point_and_the_window_of_calm(messages):
 
 def test_points_are_parameters(tmp_path):
     path = tmp_path / 'p.yaml'
-    path.write_text('/**/predictor:\n  ros__parameters:\n    points.bow: [2.5, 0.0, 0.5]\n    points: [bow]\n'
-                    '    quiet_vertical_velocity_m_s: 0.5\n')  # fmt: skip
+    path.write_text(
+        '/**/predictor:\n  ros__parameters:\n    points.bow: [2.5, 0.0, 0.5]\n    points: [bow]\n'
+        '    quiet_vertical_velocity_m_s: 0.5\n'
+    )
     settings = pipeline_settings(values_from_file(path, 'predictor')).forecaster
     assert [(point.name, point.place) for point in settings.points] == [('bow', (2.5, 0.0, 0.5))]
     assert settings.quiescence.points[0].vertical_velocity == 0.5
 
 
-@pytest.mark.parametrize('text', ['points: [Bow]', 'points: [bow, bow]', 'points: [bow]\n    points.bow: [1.0]',
-                                  'points: [bow]\n    points.stern: [1.0, 0.0, 0.0]'])
+@pytest.mark.parametrize(
+    'text',
+    [
+        'points: [Bow]',
+        'points: [bow, bow]',
+        'points: [bow]\n    points.bow: [1.0]',
+        'points: [bow]\n    points.stern: [1.0, 0.0, 0.0]',
+    ],
+)
 def test_impossible_points_are_refused(tmp_path, text):
     path = tmp_path / 'p.yaml'
     path.write_text(f'/**/predictor:\n  ros__parameters:\n    {text}\n')
@@ -104,8 +117,10 @@ def test_impossible_points_are_refused(tmp_path, text):
 def test_predicted_frames_have_names_of_their_own(messages):
     """Now is what forecast/next says, without the heading; the lead is turned as forecast, never base_link."""
     heading, now = 1.2, (0.15, -0.04)
-    axes = {axis: AxisForecast(angle, angle, np.tile(np.eye(2), (2, 1, 1)))
-            for axis, angle in (('roll', ROLL), ('pitch', PITCH))}  # fmt: skip
+    axes = {
+        axis: AxisForecast(angle, angle, np.tile(np.eye(2), (2, 1, 1)))
+        for axis, angle in (('roll', ROLL), ('pitch', PITCH))
+    }
     forecast = Forecast(0.0, LEADS, axes, points={'sensor': replace(messages[1], place=(0.0, 0.0, 0.0))})
     held = {axis: (angle, *4 * (0.0,)) for axis, angle in zip(('roll', 'pitch'), now, strict=True)}
     following = attitude_forecast(STAMP_NS, 0.1, held, heading, 0.0)

@@ -24,13 +24,25 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy, term_m
 from swath_sysid.common.errors import InputError
 
 PUBLISHED_TERMS = {
-    'swath-pitch-1': 'b1 b2 b3 r1 r2 r3', 'swath-pitch-2': 'b1 b2 r1 r2 r3', 'swath-pitch-3': 'b1 r1 r2 r3',
-    'swath-pitch-4': 'b1 b2 b3 r1 r2', 'swath-pitch-5': 'b1 b2 r1 r2', 'swath-pitch-6': 'b1 r1 r2',
-    'swath-pitch-7': 'b1 b2 b3 r1', 'swath-pitch-8': 'b1 b2 r1', 'swath-pitch-9': 'b1 r1',
-    'swath-roll-1': 'b1 b2 b3 r1 r2 r3', 'swath-roll-2': 'b1 b2 b3 r1', 'swath-roll-3': 'b1 b2 b3 s1 s2',
-    'hydrofoil-pitch-1': 'b1 b2 b3 r1 r2 r3', 'hydrofoil-pitch-2': 'b1 b2 b3 s1', 'hydrofoil-pitch-3': 'b1 b2 b3 r1 r3',
-    'swath-usv-pitch-1': 'b1 b2 b3 r1 r2 r3', 'swath-usv-pitch-2': 'b1 b2 b3 r1', 'swath-usv-pitch-3': 'b1 b2 b3 s1 s2',
-}  # fmt: skip
+    'swath-pitch-1': 'b1 b2 b3 r1 r2 r3',
+    'swath-pitch-2': 'b1 b2 r1 r2 r3',
+    'swath-pitch-3': 'b1 r1 r2 r3',
+    'swath-pitch-4': 'b1 b2 b3 r1 r2',
+    'swath-pitch-5': 'b1 b2 r1 r2',
+    'swath-pitch-6': 'b1 r1 r2',
+    'swath-pitch-7': 'b1 b2 b3 r1',
+    'swath-pitch-8': 'b1 b2 r1',
+    'swath-pitch-9': 'b1 r1',
+    'swath-roll-1': 'b1 b2 b3 r1 r2 r3',
+    'swath-roll-2': 'b1 b2 b3 r1',
+    'swath-roll-3': 'b1 b2 b3 s1 s2',
+    'hydrofoil-pitch-1': 'b1 b2 b3 r1 r2 r3',
+    'hydrofoil-pitch-2': 'b1 b2 b3 s1',
+    'hydrofoil-pitch-3': 'b1 b2 b3 r1 r3',
+    'swath-usv-pitch-1': 'b1 b2 b3 r1 r2 r3',
+    'swath-usv-pitch-2': 'b1 b2 b3 r1',
+    'swath-usv-pitch-3': 'b1 b2 b3 s1 s2',
+}
 
 ALL_TERMS = Equation('all', TERM_NAMES)
 ratio_lists = st.lists(st.floats(-5, 5), min_size=9, max_size=9)
@@ -103,10 +115,15 @@ def test_small_motion_properties():
 
 def test_published_hulls_carry_the_printed_coefficients():
     pitch = hull_named('swath-pitch')
-    assert pitch.model.terms == pytest.approx({
-        'b1': 0.137953966 / 0.09, 'b2': 0.006320314 / 0.09, 'r1': 0.910961951 / 0.09,
-        'r2': 1.744499553 / 0.09, 'r3': 8.704769096 / 0.09,
-    })  # fmt: skip
+    assert pitch.model.terms == pytest.approx(
+        {
+            'b1': 0.137953966 / 0.09,
+            'b2': 0.006320314 / 0.09,
+            'r1': 0.910961951 / 0.09,
+            'r2': 1.744499553 / 0.09,
+            'r3': 8.704769096 / 0.09,
+        }
+    )
     roll = hull_named('swath-roll').model.terms
     assert roll['s1'] == pytest.approx(0.498282369 / 0.080320655)
     assert roll['b1'] == pytest.approx(2 * 0.000247681 / 0.080320655)

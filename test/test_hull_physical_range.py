@@ -1,4 +1,5 @@
 """What no craft has is refused, whoever gives it; every hull there is passes."""
+
 import math
 from dataclasses import replace
 
@@ -25,7 +26,8 @@ def linear(period, damping_ratio=0.1, **fields):
     """A linear hull of a natural period, s."""
     frequency = 2.0 * math.pi / period
     return DecayModel.from_terms(
-        EQUATIONS['linear'], {'b1': 2.0 * damping_ratio * frequency, 'r1': frequency**2}, **fields)
+        EQUATIONS['linear'], {'b1': 2.0 * damping_ratio * frequency, 'r1': frequency**2}, **fields
+    )
 
 
 @pytest.mark.parametrize('period', [0.0501, 0.3, 3.0, 60.0, 999.0])
@@ -34,21 +36,24 @@ def test_periods_of_craft_pass(period, damping_ratio):
     check_physical(linear(period, damping_ratio))
 
 
-@pytest.mark.parametrize('model, words', [
-    (linear(0.0499), 'natural period in s is 0.0499'),
-    (linear(1001.0), 'natural period in s is 1001'),
-    (linear(3.0, damping_ratio=-0.01), 'ratio b1'),
-    (linear(3.0, trim=3.2), 'trim'),
-    (linear(3.0, trim=math.nan), 'trim'),
-    (linear(3.0, friction_rate=1e-9), 'friction_rate'),
-    (linear(3.0, friction_rate=1e9), 'friction_rate'),
-    (DecayModel.from_terms(EQUATIONS['linear'], {'b1': 1e300, 'r1': 9.0}), 'ratio b1'),
-    (DecayModel.from_terms(EQUATIONS['linear'], {'b1': 1.0, 'r1': 1e300}), 'ratio r1'),
-    (
-        DecayModel.from_terms(Equation('e', ('b0', 'r1')), {'b0': 99.0, 'r1': 9.0}, friction_rate=1e-6),
-        'damping at rest',
-    ),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'model, words',
+    [
+        (linear(0.0499), 'natural period in s is 0.0499'),
+        (linear(1001.0), 'natural period in s is 1001'),
+        (linear(3.0, damping_ratio=-0.01), 'ratio b1'),
+        (linear(3.0, trim=3.2), 'trim'),
+        (linear(3.0, trim=math.nan), 'trim'),
+        (linear(3.0, friction_rate=1e-9), 'friction_rate'),
+        (linear(3.0, friction_rate=1e9), 'friction_rate'),
+        (DecayModel.from_terms(EQUATIONS['linear'], {'b1': 1e300, 'r1': 9.0}), 'ratio b1'),
+        (DecayModel.from_terms(EQUATIONS['linear'], {'b1': 1.0, 'r1': 1e300}), 'ratio r1'),
+        (
+            DecayModel.from_terms(Equation('e', ('b0', 'r1')), {'b0': 99.0, 'r1': 9.0}, friction_rate=1e-6),
+            'damping at rest',
+        ),
+    ],
+)
 def test_what_no_craft_has_is_named(model, words):
     with pytest.raises(InputError, match=words):
         check_physical(model)
@@ -80,10 +85,27 @@ def test_the_command_line_refuses_ratios_of_no_craft(tmp_path, capsys):
     assert 'the ratio r1 is 1e+300' in capsys.readouterr().err and not output.exists()
 
 
-@pytest.mark.parametrize('text', [
-    '1e300', '1e-300', '1e300000000', '1e-300000000', '10001', '1/10001', '0', '-3', '1/0', 'nan', 'inf', '1e400/1e400',
-    '', 'long', '9' * 300, '1/2/3',
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'text',
+    [
+        '1e300',
+        '1e-300',
+        '1e300000000',
+        '1e-300000000',
+        '10001',
+        '1/10001',
+        '0',
+        '-3',
+        '1/0',
+        'nan',
+        'inf',
+        '1e400/1e400',
+        '',
+        'long',
+        '9' * 300,
+        '1/2/3',
+    ],
+)
 def test_what_is_no_length_ratio(text):
     with pytest.raises(InputError, match='length ratio') as caught:
         length_ratio(text)

@@ -1,4 +1,5 @@
 """The published hulls are what the papers print: every coefficient retyped here with the equation it is from."""
+
 import math
 
 import numpy as np
@@ -12,30 +13,47 @@ from swath_sysid.formats.csv_trials import read_csv
 
 PRINTED = {
     # paper A, equation 2, 6 deg at T, printed as moments; I' is not given (at most 0.1), 0.09 is assumed
-    'swath-pitch': ('swath-pitch-2', 0.09, {
-        'b1': 0.137953966, 'b2': 0.006320314, 'r3': 8.704769096, 'r2': 1.744499553, 'r1': 0.910961951}),
+    'swath-pitch': (
+        'swath-pitch-2',
+        0.09,
+        {'b1': 0.137953966, 'b2': 0.006320314, 'r3': 8.704769096, 'r2': 1.744499553, 'r1': 0.910961951},
+    ),
     # paper B, equation 3, 5 deg at T: I' 0.080320655, N 0.000247681 (the moment is 2N), W, x, C1 sin^2, C2 sin
-    'swath-roll': ('swath-roll-3', 0.080320655, {
-        'b1': 2 * 0.000247681, 'b2': 0.981940173, 'b3': 2.615040557, 's2': 3.663245158, 's1': 0.498282369}),
+    'swath-roll': (
+        'swath-roll-3',
+        0.080320655,
+        {'b1': 2 * 0.000247681, 'b2': 0.981940173, 'b3': 2.615040557, 's2': 3.663245158, 's1': 0.498282369},
+    ),
     # paper C, equation (12), 3 deg at T, printed as ratios; restoring from the cube down to the first power
-    'hydrofoil-pitch': ('hydrofoil-pitch-1', 1.0, {
-        'b1': 8.79129395, 'b2': 0.00850162, 'b3': 0.04839175, 'r3': 56.8982143, 'r2': 130.820453, 'r1': 32.953354}),
+    'hydrofoil-pitch': (
+        'hydrofoil-pitch-1',
+        1.0,
+        {'b1': 8.79129395, 'b2': 0.00850162, 'b3': 0.04839175, 'r3': 56.8982143, 'r2': 130.820453, 'r1': 32.953354},
+    ),
     # paper D, function 1, 5 deg at T: I' 0.0937801, N 0.0950886 (the moment is 2N), W, x, C1 cube, C2 square, C3
-    'swath-usv-pitch': ('swath-usv-pitch-1', 0.0937801, {
-        'b1': 2 * 0.0950886, 'b2': 0.0132637, 'b3': 0.0046185, 'r3': 0.8210960, 'r2': 0.0015652, 'r1': 0.6977489}),
-}  # fmt: skip
+    'swath-usv-pitch': (
+        'swath-usv-pitch-1',
+        0.0937801,
+        {'b1': 2 * 0.0950886, 'b2': 0.0132637, 'b3': 0.0046185, 'r3': 0.8210960, 'r2': 0.0015652, 'r1': 0.6977489},
+    ),
+}
 """Equation, inertia, and the moments (of paper C the ratios) of each term."""
 
 OBJECTIVES = {
     # of the same record and equation, rad/s
-    'swath-pitch': 0.02319572, 'swath-roll': 0.007095983, 'hydrofoil-pitch': 0.019560, 'swath-usv-pitch': 0.009069221,
-}  # fmt: skip
+    'swath-pitch': 0.02319572,
+    'swath-roll': 0.007095983,
+    'hydrofoil-pitch': 0.019560,
+    'swath-usv-pitch': 0.009069221,
+}
 
 SMALL_MOTION = {
     # natural period, s, and damping over critical, worked out by hand from the numbers above
-    'swath-pitch': (1.974927, 0.240898), 'swath-roll': (2.522643, 0.00123806), 'hydrofoil-pitch': (1.094536, 0.765725),
+    'swath-pitch': (1.974927, 0.240898),
+    'swath-roll': (2.522643, 0.00123806),
+    'hydrofoil-pitch': (1.094536, 0.765725),
     'swath-usv-pitch': (2.303486, 0.371727),
-}  # fmt: skip
+}
 
 
 def test_every_published_hull_is_checked_here():
@@ -101,11 +119,18 @@ def test_simulated_trials_have_the_error_one_step_ahead_that_the_paper_prints(na
     assert math.sqrt(np.mean(found)) == pytest.approx(OBJECTIVES[name], rel=0.06)
 
 
-@pytest.mark.parametrize('words, noise', [
-    (['--hull', 'swath-pitch'], 0.0164), (['--hull', 'swath-roll'], 0.00502), (['--hull', 'hydrofoil-pitch'], 0.01383),
-    (['--hull', 'swath-usv-pitch'], 0.00641), (['--equation', 'swath-roll-1'], 0.00502),
-    (['--equation', 'linear'], 0.0165), (['--hull', 'swath-roll', '--rate-noise', '0.03'], 0.03),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'words, noise',
+    [
+        (['--hull', 'swath-pitch'], 0.0164),
+        (['--hull', 'swath-roll'], 0.00502),
+        (['--hull', 'hydrofoil-pitch'], 0.01383),
+        (['--hull', 'swath-usv-pitch'], 0.00641),
+        (['--equation', 'swath-roll-1'], 0.00502),
+        (['--equation', 'linear'], 0.0165),
+        (['--hull', 'swath-roll', '--rate-noise', '0.03'], 0.03),
+    ],
+)
 def test_simulate_takes_the_noise_of_the_study(words, noise, tmp_path):
     path = tmp_path / 'trial.csv'
     assert main(['simulate', *words, '--initial-angle-deg', '3', '--hold', '30', '--output', str(path)]) == 0

@@ -20,9 +20,14 @@ ALL_TERMS = Equation('all', TERM_NAMES)
 def exact(model, angle, rate, time):
     """scipy's integration at tight tolerance."""
     found = solve_ivp(
-        lambda t, y: [y[1], model.acceleration(y[0], y[1])], (time[0], time[-1]), [angle, rate],
-        t_eval=time, rtol=1e-11, atol=1e-13, method='DOP853',
-    )  # fmt: skip
+        lambda t, y: [y[1], model.acceleration(y[0], y[1])],
+        (time[0], time[-1]),
+        [angle, rate],
+        t_eval=time,
+        rtol=1e-11,
+        atol=1e-13,
+        method='DOP853',
+    )
     return found.y
 
 

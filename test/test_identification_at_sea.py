@@ -1,4 +1,5 @@
 """Natural period and equivalent damping from motion in waves, against hulls and seas that are known."""
+
 import json
 from dataclasses import replace
 
@@ -86,7 +87,9 @@ def test_derivatives_of_a_motion_are_exact(channels):
     rng = np.random.default_rng(2)
     angle, rate = 0.1 * np.sin(1.7 * time) + 0.05, 0.17 * np.cos(1.7 * time)
     motion = AxisMotion(
-        'pitch', time, None if channels == 'rate' else angle + 1e-6 * rng.normal(size=time.size),
+        'pitch',
+        time,
+        None if channels == 'rate' else angle + 1e-6 * rng.normal(size=time.size),
         None if channels == 'angle' else rate + 1e-6 * rng.normal(size=time.size),
     )
     sea = sea_motion(motion)
@@ -102,7 +105,7 @@ def test_random_decrement_of_a_gaussian_motion_is_its_autocorrelation(linear_mot
     sea = sea_motion(linear_motion)
     lag, signature = random_decrement(sea, 6.0)
     power = np.abs(np.fft.rfft(sea.angle, 2 * sea.angle.size)) ** 2
-    correlation = np.fft.irfft(power)[:lag.size]
+    correlation = np.fft.irfft(power)[: lag.size]
     expected = np.sqrt(2.0) * sea.angle_std * correlation / correlation[0]
     assert np.abs(signature - expected).max() < 0.15 * signature[0]
 
@@ -142,9 +145,11 @@ def test_what_is_told_of_a_linear_hull(found, linear_sea):
 
 @pytest.mark.parametrize('faster, larger', [(10.0, 1.0), (0.2, 1.0), (1.0, -1.0), (1.0, 0.01)])
 def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, larger):
-    other = identify_at_sea(AxisMotion(
-        'roll', linear_motion.time / faster, larger * linear_motion.angle, larger * faster * linear_motion.rate
-    ))
+    other = identify_at_sea(
+        AxisMotion(
+            'roll', linear_motion.time / faster, larger * linear_motion.angle, larger * faster * linear_motion.rate
+        )
+    )
     assert other.natural_period * faster == pytest.approx(found.natural_period, rel=2e-3)
     assert other.damping_ratio == pytest.approx(found.damping_ratio, rel=2e-2)
     assert other.amplitude == pytest.approx(abs(larger) * found.amplitude, rel=1e-3)
@@ -165,7 +170,9 @@ def test_gaps_and_angles_or_rates_alone_will_do(linear_motion, found):
     keep = np.ones(linear_motion.size, dtype=bool)
     keep[[700, 1500, 1501, 3000]] = False
     for motion in (
-        linear_motion.only(keep), replace(linear_motion, rate=None), replace(linear_motion, angle=None),
+        linear_motion.only(keep),
+        replace(linear_motion, rate=None),
+        replace(linear_motion, angle=None),
     ):
         other = identify_at_sea(motion)
         assert other.natural_period == pytest.approx(LINEAR.natural_period, rel=0.04)
@@ -289,16 +296,29 @@ def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
     assert data['identified_from'] == 'motion in waves' and data['equation'] == 'linear'
     assert data['natural_period_s'] == pytest.approx(LINEAR.natural_period, rel=0.03)
     assert {
-        'natural_period_std_s', 'damping_ratio', 'damping_ratio_std', 'reference_amplitude_rad', 'misfit', 'sea',
-        'peak_period_s', 'wall_s', 'warnings', 'trim_rad', 'segment_s',
-    } <= set(data)  # fmt: skip
+        'natural_period_std_s',
+        'damping_ratio',
+        'damping_ratio_std',
+        'reference_amplitude_rad',
+        'misfit',
+        'sea',
+        'peak_period_s',
+        'wall_s',
+        'warnings',
+        'trim_rad',
+        'segment_s',
+    } <= set(data)
 
 
-@pytest.mark.parametrize('arguments, sentence', [
-    (['--decay'], 'swings from beginning to end'), (['--decay'], '--start and --end)'),
-    (['--at-sea', '--equation', 'odd-cubic'], '--equation has no meaning'),
-    (['--at-sea', '--end', '60'], 'record at least'),
-])
+@pytest.mark.parametrize(
+    'arguments, sentence',
+    [
+        (['--decay'], 'swings from beginning to end'),
+        (['--decay'], '--start and --end)'),
+        (['--at-sea', '--equation', 'odd-cubic'], '--equation has no meaning'),
+        (['--at-sea', '--end', '60'], 'record at least'),
+    ],
+)
 def test_the_command_line_refuses_with_a_sentence(sea_file, capsys, arguments, sentence):
     assert main(['identify', str(sea_file), *arguments]) == 2
     assert sentence in capsys.readouterr().err.strip().splitlines()[-1]

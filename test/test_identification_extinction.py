@@ -1,4 +1,5 @@
 """Extinction curves and dimensional damping, against closed forms and scipy's integrator."""
+
 import json
 from dataclasses import replace
 
@@ -145,12 +146,17 @@ def test_damping_in_dimensions_follows_from_gm():
 @pytest.mark.parametrize(
     ('source', 'quantity', 'share'),
     [
-        ('time_base', 'natural period', 1.0), ('time_base', 'B44', 1.0), ('mass', 'B44', 1.0),
-        ('metacentric_height', 'B44', 1.0), ('mass', 'B44 without dimension', 0.0),
-        ('metacentric_height', 'B44 without dimension', 1.0), ('sensor_scale', 'natural period', 0.0),
-        ('sensor_scale', 'equivalent damping ratio', 0.7), ('sensor_scale', 'B44', 0.7),
+        ('time_base', 'natural period', 1.0),
+        ('time_base', 'B44', 1.0),
+        ('mass', 'B44', 1.0),
+        ('metacentric_height', 'B44', 1.0),
+        ('mass', 'B44 without dimension', 0.0),
+        ('metacentric_height', 'B44 without dimension', 1.0),
+        ('sensor_scale', 'natural period', 0.0),
+        ('sensor_scale', 'equivalent damping ratio', 0.7),
+        ('sensor_scale', 'B44', 0.7),
     ],
-)  # fmt: skip
+)
 def test_each_source_of_type_b_counts_as_the_measurement_would_change(source, quantity, share):
     # the oracle: m g GM / w0^2 * 2 zeta w0, with zeta as amplitude^0.7, by its powers
     found = budget(exponent=0.7, **{source: 0.03})[quantity]
@@ -207,11 +213,13 @@ def test_identify_prints_the_tanks_output(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (['--uncertainty', 'luck=0.1'], 'no source of uncertainty'), (['--uncertainty', 'mass=x'], 'needs a share'),
-        (['--breadth', '0'], 'greater than zero'), (['--metacentric-height', '1'], 'both --mass'),
+        (['--uncertainty', 'luck=0.1'], 'no source of uncertainty'),
+        (['--uncertainty', 'mass=x'], 'needs a share'),
+        (['--breadth', '0'], 'greater than zero'),
+        (['--metacentric-height', '1'], 'both --mass'),
         (['--inertia', '1', '--mass', '1', '--metacentric-height', '1'], 'each sets the inertia'),
     ],
-)  # fmt: skip
+)
 def test_particulars_that_cannot_be_used_are_refused(words, said, capsys):
     assert main(['identify', 'roll.csv', *words]) == 2
     assert said in capsys.readouterr().err

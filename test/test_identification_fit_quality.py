@@ -1,4 +1,5 @@
 """Fits that explain too little are named and not written without --force; those of measured decays pass."""
+
 import json
 from dataclasses import replace
 
@@ -33,9 +34,13 @@ def test_rates_that_contradict_the_angle_are_no_noise(fault, tmp_path, capsys):
     assert 'the pitch rate' in capsys.readouterr().err and not model.exists()
 
 
-@pytest.mark.parametrize('verb', [
-    ['identify', '--equation', 'b3|r3'], ['compare', '--equations', 'b3|r3', '--jobs', '1'],
-])
+@pytest.mark.parametrize(
+    'verb',
+    [
+        ['identify', '--equation', 'b3|r3'],
+        ['compare', '--equations', 'b3|r3', '--jobs', '1'],
+    ],
+)
 def test_a_poor_fit_is_written_only_with_force(verb, tmp_path, capsys):
     path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
     write_csv(path, TRUE)
@@ -52,10 +57,15 @@ def test_white_noise_is_no_fault():
     trial = simulated_trial(hull_named('swath-pitch').model, np.radians(6.0), 15.0, 50.0, noisy, 1, 0.0)
     assert identify([trial.axis('pitch')]).verdict.level != REFUSED
 
+
 @pytest.mark.slow
 def test_measured_decays_pass(data_folder):
-    for name in ('kvlcc2/run2_0kn.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pitch_3deg_repeat1.csv',
-                 'foswec/pitch_8.4deg_repeat3.csv'):
+    for name in (
+        'kvlcc2/run2_0kn.csv',
+        'kvlcc2/run3_15kn.csv',
+        'foswec/pitch_3deg_repeat1.csv',
+        'foswec/pitch_8.4deg_repeat3.csv',
+    ):
         axis = 'roll' if 'kvlcc2' in name else 'pitch'
         assert identify([read_trial(data_folder / 'decay' / name).axis(axis)]).verdict.level != REFUSED, name
 

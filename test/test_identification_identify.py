@@ -27,6 +27,7 @@ def settings(equation='swath-pitch-2', **options):
     search = SearchSettings(**options.pop('search', {}))
     return IdentificationSettings(equation, search=search, **options)
 
+
 @pytest.mark.slow
 def test_truth_of_the_published_pitch_hull_within_its_uncertainty():
     errors, scores = [], []
@@ -124,6 +125,7 @@ def test_a_containing_equation_never_fits_worse(objective):
     assert len(pairs) > 20
     for larger, smaller in pairs:
         assert larger.objective_value <= smaller.objective_value * (1 + 1e-9)
+
 
 @pytest.mark.slow
 def test_comparison_chooses_the_simplest_adequate_equation():

@@ -1,4 +1,5 @@
 """Refits: which model is believed, and the way back."""
+
 import pickle
 from dataclasses import replace
 
@@ -26,7 +27,8 @@ from swath_sysid.common.stopping import Cancelled
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
 QUICK = RefitSettings(
-    axes=('pitch',), identification=IdentificationSettings(search=SearchSettings(generations=15, population=40)))
+    axes=('pitch',), identification=IdentificationSettings(search=SearchSettings(generations=15, population=40))
+)
 
 
 def table_of(seed=1, **motion):
@@ -164,10 +166,16 @@ def test_warm_up_runs():
     warm_up()
 
 
-@pytest.mark.parametrize('fields', [
-    {'axes': ()}, {'axes': ('yaw',)}, {'axes': ('roll', 'roll')},
-    {'least_improvement': 1.0}, {'least_improvement': -0.1},
-])
+@pytest.mark.parametrize(
+    'fields',
+    [
+        {'axes': ()},
+        {'axes': ('yaw',)},
+        {'axes': ('roll', 'roll')},
+        {'least_improvement': 1.0},
+        {'least_improvement': -0.1},
+    ],
+)
 def test_settings_that_make_no_sense_are_refused(fields):
     with pytest.raises(InputError, match=next(iter(fields))):
         RefitSettings(**fields)

@@ -1,4 +1,5 @@
 """The stability watch: what it finds of changed periods, and that it does not cry wolf."""
+
 import math
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The layouts for PlotJuggler and Foxglove or Lichtblick: whole, and about topics that exist."""
+
 import json
 import re
 from xml.etree import ElementTree
@@ -14,8 +15,15 @@ from swath_sysid.share import share_folder
 CONFIG = share_folder() / 'config'
 LEADS = [f'/{lead_topic(lead)}' for lead in defaults(TABLE)['leads_s']]
 OURS = {
-    '/imu/data', '/model/description', '/model/coefficients', '/motion/window', '/identifier/progress', '/diagnostics',
-    f'/{NEXT_TOPIC}', f'/{HORIZON_TOPIC}', *LEADS,
+    '/imu/data',
+    '/model/description',
+    '/model/coefficients',
+    '/motion/window',
+    '/identifier/progress',
+    '/diagnostics',
+    f'/{NEXT_TOPIC}',
+    f'/{HORIZON_TOPIC}',
+    *LEADS,
 }
 
 

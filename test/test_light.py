@@ -1,4 +1,5 @@
 """What is loaded by what: nothing heavy before it is needed, nothing of the other wing."""
+
 import subprocess
 import sys
 
@@ -27,14 +28,17 @@ def test_the_help_loads_no_library():
     assert loaded_by('swath_sysid.cli.main') & (HEAVY | {'numpy', 'scipy', 'yaml'}) == set()
 
 
-@pytest.mark.parametrize(('node', 'foreign'), [
-    ('imu_buffer', ('attitude.identification', 'attitude.prediction.forecaster', 'manoeuvring')),
-    ('identifier', ('attitude.prediction.forecaster', 'manoeuvring')),
-    ('predictor', ('attitude.identification', 'manoeuvring')),
-    ('all_in_one', ('manoeuvring',)),
-    ('manoeuvring_identifier', ('attitude.identification', 'attitude.prediction.forecaster')),
-    ('manoeuvring_predictor', ('attitude.identification', 'attitude.prediction.forecaster')),
-])
+@pytest.mark.parametrize(
+    ('node', 'foreign'),
+    [
+        ('imu_buffer', ('attitude.identification', 'attitude.prediction.forecaster', 'manoeuvring')),
+        ('identifier', ('attitude.prediction.forecaster', 'manoeuvring')),
+        ('predictor', ('attitude.identification', 'manoeuvring')),
+        ('all_in_one', ('manoeuvring',)),
+        ('manoeuvring_identifier', ('attitude.identification', 'attitude.prediction.forecaster')),
+        ('manoeuvring_predictor', ('attitude.identification', 'attitude.prediction.forecaster')),
+    ],
+)
 def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
     pytest.importorskip('rclpy')
     loaded = loaded_by(f'swath_sysid.nodes.{node}')

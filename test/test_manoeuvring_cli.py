@@ -1,4 +1,5 @@
 """The verb ``manoeuvre`` as a user runs it."""
+
 import argparse
 import json
 
@@ -31,9 +32,24 @@ def folder(tmp_path_factory):
 def model(folder):
     runs = [folder / 'runs' / f'{n}.csv' for n in ('speed_up', 'zigzag_20', 'mixed')]
     outputs = ('--output', folder / 'model.yaml', '--plot', folder / 'plots')
-    assert swath('identify', *runs, '--mass', 180, '--validate', folder / 'runs/turns_fast.csv', *outputs,
-                 '--generations', 3, '--population', 10) == 0  # fmt: skip
+    assert (
+        swath(
+            'identify',
+            *runs,
+            '--mass',
+            180,
+            '--validate',
+            folder / 'runs/turns_fast.csv',
+            *outputs,
+            '--generations',
+            3,
+            '--population',
+            10,
+        )
+        == 0
+    )
     return folder / 'model.yaml'
+
 
 @pytest.mark.slow
 def test_identify_writes_model_and_pictures(folder, model):
@@ -60,8 +76,22 @@ def test_identify_json(folder, capsys):
 
 def test_forecast(folder, model, capsys):
     capsys.readouterr()
-    assert swath('forecast', folder / 'runs/zigzag_10.csv', '--train', folder / 'runs/mixed.csv', '--model', model,
-                 '--json', '--leads', '1,5', '--plot', folder / 'forecast.png') == 0  # fmt: skip
+    assert (
+        swath(
+            'forecast',
+            folder / 'runs/zigzag_10.csv',
+            '--train',
+            folder / 'runs/mixed.csv',
+            '--model',
+            model,
+            '--json',
+            '--leads',
+            '1,5',
+            '--plot',
+            folder / 'forecast.png',
+        )
+        == 0
+    )
     data = json.loads(capsys.readouterr().out)
     assert set(data['rmse']) == {'model', 'constant-velocity', 'constant-turn-rate', 'arx'}
     assert data['rmse']['model']['heading_rad']['1'] < data['rmse']['constant-turn-rate']['heading_rad']['1']
@@ -73,12 +103,26 @@ def test_forecast(folder, model, capsys):
 @pytest.mark.parametrize('test', ['turning-circle', 'spiral'])
 def test_simulate_from_the_identified_model(folder, model, test, capsys):
     capsys.readouterr()
-    assert swath('simulate', '--model', model, '--test', test, '--json', '--plot', folder / f'{test}.png',
-                 '--output', folder / f'{test}.mcap') == 0  # fmt: skip
+    assert (
+        swath(
+            'simulate',
+            '--model',
+            model,
+            '--test',
+            test,
+            '--json',
+            '--plot',
+            folder / f'{test}.png',
+            '--output',
+            folder / f'{test}.mcap',
+        )
+        == 0
+    )
     assert json.loads(capsys.readouterr().out)['numbers']
     assert (folder / f'{test}.mcap').stat().st_size > 1000
     assert swath('simulate', '--hull', 'wamv-vrx-new', '--test', 'zigzag') == 0
     assert 'first overshoot' in capsys.readouterr().out
+
 
 @pytest.mark.slow
 def test_play_through_is_repeatable_and_right(folder, model, capsys):
@@ -95,7 +139,10 @@ def test_play_through_is_repeatable_and_right(folder, model, capsys):
             messages.append([(c.topic, t, bytes(raw)) for c, t, raw in reader.messages(reader.connections)])
     assert messages[0] == messages[1]
     assert {topic for topic, _, _ in messages[0]} == {
-        '/manoeuvring/forecast', '/manoeuvring/lead_2_0s', '/manoeuvring/lead_5_0s'}
+        '/manoeuvring/forecast',
+        '/manoeuvring/lead_2_0s',
+        '/manoeuvring/lead_5_0s',
+    }
     store, trial = get_typestore(Stores.ROS2_JAZZY), read_manoeuvring_bag(bag)
     missed = []
     for topic, stamp, raw in messages[0]:
@@ -103,31 +150,36 @@ def test_play_through_is_repeatable_and_right(folder, model, capsys):
             found = store.deserialize_cdr(raw, 'nav_msgs/msg/Odometry')
             at = found.header.stamp.sec + 1e-9 * found.header.stamp.nanosec
             place = found.pose.pose.position
-            missed.append(np.hypot(place.x - np.interp(at, trial.time, trial.x),
-                                   place.y - np.interp(at, trial.time, trial.y)))  # fmt: skip
+            missed.append(
+                np.hypot(place.x - np.interp(at, trial.time, trial.x), place.y - np.interp(at, trial.time, trial.y))
+            )
     assert len(missed) > 10
     assert max(missed) < 1.0
 
 
-@pytest.mark.parametrize('words, match', [
-    (('play-through', '{runs}/mixed.csv', '--output', 'x.mcap'), 'one rosbag2 bag'),
-    (('identify', 'missing.csv'), 'file not found'),
-    (('identify', '{runs}/mixed.csv', '{runs}/mixed.csv'), 'given twice'),
-    (('identify', '{runs}'), 'is a folder'),
-    (('identify', '{runs}/mixed.csv', '--fix', 'Xu'), 'NAME=VALUE'),
-    (('identify', '{runs}/mixed.csv', '--towards', 'Xu=1'), 'NAME=VALUE:STD'),
-    (('identify', '{runs}/mixed.csv', '--terms', 'Xq'), 'no manoeuvring parameter'),
-    (('identify', '{runs}/mixed.csv', '--no-validation', '--validate', '{runs}/reverse.csv'), 'not both'),
-    (('simulate', '--model', 'nothing.yaml', '--test', 'speed'), 'cannot read'),
-    (('simulate', '--hull', 'wamv-vrx-old', '--test', 'programme'), 'name a folder'),
-    (('simulate', '--hull', 'wamv-vrx-old', '--test', 'speed', '--output', 'x.txt'), 'neither .csv'),
-    (('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--base', '2'), 'within 0 and 1'),
-    (('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--current', '1', '0'), 'for the programme'),
-    (('forecast', '{runs}/mixed.csv', '--model', '{runs}/mixed.csv'), 'not a manoeuvring model|not YAML'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'words, match',
+    [
+        (('play-through', '{runs}/mixed.csv', '--output', 'x.mcap'), 'one rosbag2 bag'),
+        (('identify', 'missing.csv'), 'file not found'),
+        (('identify', '{runs}/mixed.csv', '{runs}/mixed.csv'), 'given twice'),
+        (('identify', '{runs}'), 'is a folder'),
+        (('identify', '{runs}/mixed.csv', '--fix', 'Xu'), 'NAME=VALUE'),
+        (('identify', '{runs}/mixed.csv', '--towards', 'Xu=1'), 'NAME=VALUE:STD'),
+        (('identify', '{runs}/mixed.csv', '--terms', 'Xq'), 'no manoeuvring parameter'),
+        (('identify', '{runs}/mixed.csv', '--no-validation', '--validate', '{runs}/reverse.csv'), 'not both'),
+        (('simulate', '--model', 'nothing.yaml', '--test', 'speed'), 'cannot read'),
+        (('simulate', '--hull', 'wamv-vrx-old', '--test', 'programme'), 'name a folder'),
+        (('simulate', '--hull', 'wamv-vrx-old', '--test', 'speed', '--output', 'x.txt'), 'neither .csv'),
+        (('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--base', '2'), 'within 0 and 1'),
+        (('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--current', '1', '0'), 'for the programme'),
+        (('forecast', '{runs}/mixed.csv', '--model', '{runs}/mixed.csv'), 'not a manoeuvring model|not YAML'),
+    ],
+)
 def test_one_clear_sentence(folder, words, match):
     with pytest.raises(InputError, match=match):
         swath(*(word.format(runs=folder / 'runs') for word in words))
+
 
 @pytest.mark.slow
 def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path, capsys):
@@ -136,10 +188,15 @@ def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path
     assert holds_manoeuvres(bag) == (True, True)
     blind = tmp_path / 'blind'
     store = get_typestore(Stores.ROS2_JAZZY)
-    with (AnyReader([bag], default_typestore=store) as reader,
-          Writer(blind, version=9, storage_plugin=StoragePlugin.MCAP) as writer):  # fmt: skip
-        kept = {c.id: writer.add_connection(c.topic, c.msgtype, typestore=store)
-                for c in reader.connections if not c.msgtype.endswith('Imu')}  # fmt: skip
+    with (
+        AnyReader([bag], default_typestore=store) as reader,
+        Writer(blind, version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        kept = {
+            c.id: writer.add_connection(c.topic, c.msgtype, typestore=store)
+            for c in reader.connections
+            if not c.msgtype.endswith('Imu')
+        }
         for connection, stamp, raw in reader.messages():
             if connection.id in kept:
                 writer.write(kept[connection.id], stamp, raw)

@@ -1,4 +1,5 @@
 """Identification of manoeuvring models: truth found, nonsense flagged, nothing unstable."""
+
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -39,16 +40,19 @@ QUICK = dict(mass=180.0, generations=4, population=12)
 
 def trial_of(manoeuvre, name, thrust_input='force'):
     m = manoeuvre
-    return ManoeuvringTrial(m.time, m.port, m.starboard, thrust_input, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y,
-                            'enu', source=name)  # fmt: skip
+    return ManoeuvringTrial(
+        m.time, m.port, m.starboard, thrust_input, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y, 'enu', source=name
+    )
 
 
 def runs_of(model, seed=1, names=None):
     programme = trial_programme(model)
-    return prepare_all([
-        trial_of(with_noise(programme[name], SensorNoise(), 100 * seed + k), name, model.thrust_input)
-        for k, name in enumerate(names or programme)
-    ])  # fmt: skip
+    return prepare_all(
+        [
+            trial_of(with_noise(programme[name], SensorNoise(), 100 * seed + k), name, model.thrust_input)
+            for k, name in enumerate(names or programme)
+        ]
+    )
 
 
 @pytest.fixture(scope='module')
@@ -153,16 +157,21 @@ def test_values_without_a_run_against_fits_without_it(bound):
 
     def solved(keep):
         rows = [*(matrices[k] for k in keep), demand, np.diag(1.0 / spread)]
-        found = lsq_linear(np.concatenate(rows), np.concatenate([*(targets[k] for k in keep), demanded, np.zeros(3)]),
-                           (lower, np.inf), tol=1e-14)  # fmt: skip
+        found = lsq_linear(
+            np.concatenate(rows),
+            np.concatenate([*(targets[k] for k in keep), demanded, np.zeros(3)]),
+            (lower, np.inf),
+            tol=1e-14,
+        )
         return np.where(found.active_mask < 0, lower, found.x)
 
     best = solved(range(3))
     shooting = SimpleNamespace(
         unknowns=SimpleNamespace(
-            units=np.array([1.0, 10.0, 0.1]), spread=spread, lower=lower, upper=np.full(3, np.inf)),
+            units=np.array([1.0, 10.0, 0.1]), spread=spread, lower=lower, upper=np.full(3, np.inf)
+        ),
         instability_slopes=lambda values: demand,
-    )  # fmt: skip
+    )
     expected = [solved([j for j in range(3) if j != k]) for k in range(3)]
     parts = [(m @ best - y, m) for m, y in zip(matrices, targets, strict=True)]
     assert np.allclose(values_without_each_part(shooting, best, parts), expected, rtol=1e-6)
@@ -278,9 +287,13 @@ def test_wrong_scale_of_thrust_is_noticed(force_runs):
 
 
 def test_what_is_given_stays_given(force_runs):
-    settings = ManoeuvringSettings(**QUICK, terms=('Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'),
-                                   fixed={'Xu_dot': -5.0, 'Yv_dot': 0.0},
-                                   inertia=400.0, lever=1.0)  # fmt: skip
+    settings = ManoeuvringSettings(
+        **QUICK,
+        terms=('Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'),
+        fixed={'Xu_dot': -5.0, 'Yv_dot': 0.0},
+        inertia=400.0,
+        lever=1.0,
+    )
     found = identify_manoeuvring(force_runs[3:], settings, validation=())
     assert set(found.derivatives) == {'Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'}
     assert found.model['Xu_dot'] == -5.0
@@ -300,10 +313,17 @@ def test_same_seed_same_numbers_and_cancel(force_runs):
     assert all(0 <= share <= 1 for share in told)
 
 
-@pytest.mark.parametrize('wrong', [
-    {'mass': -1.0}, {'terms': ('Zw',)}, {'current': 'strong'}, {'generations': -1}, {'population': 3},
-    {'lever': float('nan')},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'wrong',
+    [
+        {'mass': -1.0},
+        {'terms': ('Zw',)},
+        {'current': 'strong'},
+        {'generations': -1},
+        {'population': 3},
+        {'lever': float('nan')},
+    ],
+)
 def test_wrong_settings_are_refused(wrong):
     with pytest.raises(InputError):
         ManoeuvringSettings(**wrong)
@@ -344,7 +364,9 @@ def _drifting(manoeuvre, current):
     east, north = current
     cosine, sine = np.cos(manoeuvre.heading), np.sin(manoeuvre.heading)
     return replace(
-        manoeuvre, surge=manoeuvre.surge + east * cosine + north * sine,
+        manoeuvre,
+        surge=manoeuvre.surge + east * cosine + north * sine,
         sway=manoeuvre.sway - east * sine + north * cosine,
-        x=manoeuvre.x + east * manoeuvre.time, y=manoeuvre.y + north * manoeuvre.time,
-    )  # fmt: skip
+        x=manoeuvre.x + east * manoeuvre.time,
+        y=manoeuvre.y + north * manoeuvre.time,
+    )

@@ -1,4 +1,5 @@
 """Manoeuvring model, thrusters, simulation, prime system, standard tests."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -32,17 +33,27 @@ RICH = dict(
 def printed_equations(u, v, r, port, starboard, p):
     """PAPERS E, written out and solved as a linear system: an independent oracle."""
     moment = p['m'] * p['x_G']
-    mass = np.array([
-        [p['m'] - p['Xu_dot'], 0, 0],
-        [0, p['m'] - p['Yv_dot'], moment - p['Yr_dot']],
-        [0, moment - p['Nv_dot'], p['Iz'] - p['Nr_dot']],
-    ])  # fmt: skip
-    force = np.array([
-        p['Xu'] * u + p['Xuu'] * abs(u) * u + (p['m'] * v + moment * r) * r + (1 - p['deduction']) * (starboard + port),
-        p['Yv'] * v + p['Yr'] * r + p['Yvvv'] * v**3 - p['m'] * u * r,
-        p['Nv'] * v + p['Nr'] * r + p['Nvvv'] * v**3 - moment * u * r
-        + (1 + p['moment_factor']) * (starboard - port) * p['lever'],
-    ])  # fmt: skip
+    mass = np.array(
+        [
+            [p['m'] - p['Xu_dot'], 0, 0],
+            [0, p['m'] - p['Yv_dot'], moment - p['Yr_dot']],
+            [0, moment - p['Nv_dot'], p['Iz'] - p['Nr_dot']],
+        ]
+    )
+    force = np.array(
+        [
+            p['Xu'] * u
+            + p['Xuu'] * abs(u) * u
+            + (p['m'] * v + moment * r) * r
+            + (1 - p['deduction']) * (starboard + port),
+            p['Yv'] * v + p['Yr'] * r + p['Yvvv'] * v**3 - p['m'] * u * r,
+            p['Nv'] * v
+            + p['Nr'] * r
+            + p['Nvvv'] * v**3
+            - moment * u * r
+            + (1 + p['moment_factor']) * (starboard - port) * p['lever'],
+        ]
+    )
     return np.linalg.solve(mass, force)
 
 
@@ -90,8 +101,12 @@ def test_simulation_against_an_adaptive_integrator():
 
     def slope(_, s):
         u, v, r, psi = s[:4]
-        return [*model.accelerations(u, v, r, 80.0, 140.0), r,
-                u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)]  # fmt: skip
+        return [
+            *model.accelerations(u, v, r, 80.0, 140.0),
+            r,
+            u * np.cos(psi) - v * np.sin(psi),
+            u * np.sin(psi) + v * np.cos(psi),
+        ]
 
     exact = solve_ivp(slope, (0, 20), [0.3, 0.1, -0.05, 0.4, 0, 0], rtol=1e-10, atol=1e-12, t_eval=found.time).y
     assert np.allclose([found.u, found.v, found.yaw_rate], exact[:3], atol=2e-5)
@@ -102,9 +117,15 @@ def test_compiled_and_plain_kernel_agree():
     model = preset('wamv-vrx-new').with_values(Nuv=-20.0, Xvr=30.0, advance=0.1)
     rng = np.random.default_rng(1)
     arguments = (
-        rng.normal(size=(3, 4)) * 0.3, rng.normal(size=(30, 4)) * 50, rng.normal(size=(30, 4)) * 50,
-        rng.normal(size=(3, 4)) * 0.1, np.repeat(model.values[:, None], 4, axis=1), model.active, 0.1, 2,
-    )  # fmt: skip
+        rng.normal(size=(3, 4)) * 0.3,
+        rng.normal(size=(30, 4)) * 50,
+        rng.normal(size=(30, 4)) * 50,
+        rng.normal(size=(3, 4)) * 0.1,
+        np.repeat(model.values[:, None], 4, axis=1),
+        model.active,
+        0.1,
+        2,
+    )
     plain = getattr(runge_kutta_columns, 'py_func', runge_kutta_columns)
     assert np.allclose(runge_kutta_columns(*arguments), plain(*arguments), rtol=1e-12, atol=1e-13)
 
@@ -117,12 +138,27 @@ def test_current_carries_the_craft():
     assert found.surge[-1] == pytest.approx(0.25)
 
 
-@given(st.floats(-1.0, 1.0), st.floats(10.0, 500.0), st.floats(0.2, 1.5), st.floats(0.0, 0.5), st.floats(0.5, 2.5),
-       st.floats(0.7, 1.4), st.sampled_from([1.0, 120.0]))  # fmt: skip
+@given(
+    st.floats(-1.0, 1.0),
+    st.floats(10.0, 500.0),
+    st.floats(0.2, 1.5),
+    st.floats(0.0, 0.5),
+    st.floats(0.5, 2.5),
+    st.floats(0.7, 1.4),
+    st.sampled_from([1.0, 120.0]),
+)
 @settings(max_examples=80, deadline=None)
 def test_thrust_curve_is_its_printed_formula(share, gain, reverse, dead_band, exponent, ratio, full):
-    p = parameter_values(dict(gain=gain, reverse_ratio=reverse, dead_band=dead_band, exponent=exponent,
-                              reverse_exponent_ratio=ratio, full_input=full))  # fmt: skip
+    p = parameter_values(
+        dict(
+            gain=gain,
+            reverse_ratio=reverse,
+            dead_band=dead_band,
+            exponent=exponent,
+            reverse_exponent_ratio=ratio,
+            full_input=full,
+        )
+    )
     thrust = float(thrust_curve(share * full, p))
     beyond = (abs(share) - dead_band) / (1.0 - dead_band)
     if beyond <= 1e-9:
@@ -172,10 +208,12 @@ def test_delay_by_parts_of_a_step():
 
 def test_steered_and_given_inputs_move_the_same_craft():
     model = replace(
-        preset('wamv-vrx-old').with_values(gain=150.0, dead_band=0.05, lag=0.3, delay=0.13, reverse_ratio=0.7,
-                                           balance=0.05, exponent=1.4),
-        thrust_input='command', largest_input=1.0,
-    )  # fmt: skip
+        preset('wamv-vrx-old').with_values(
+            gain=150.0, dead_band=0.05, lag=0.3, delay=0.13, reverse_ratio=0.7, balance=0.05, exponent=1.4
+        ),
+        thrust_input='command',
+        largest_input=1.0,
+    )
     craft = SteeredCraft(model, 0.1, at_rest=True)
     for port, starboard in ((0.0, 0.0), (0.5, 0.2), (-0.5, 0.7)):
         craft.hold(port, starboard, 3.0)
@@ -185,8 +223,12 @@ def test_steered_and_given_inputs_move_the_same_craft():
     assert np.allclose(steered.y, given_inputs.y, atol=1e-10)
 
 
-@given(st.sampled_from([p.name for p in PARAMETERS if p.kind in HULL]), st.floats(-1e4, 1e4), st.floats(0.5, 50.0),
-       st.floats(0.1, 20.0))  # fmt: skip
+@given(
+    st.sampled_from([p.name for p in PARAMETERS if p.kind in HULL]),
+    st.floats(-1e4, 1e4),
+    st.floats(0.5, 50.0),
+    st.floats(0.1, 20.0),
+)
 @settings(max_examples=80, deadline=None)
 def test_prime_round_trip(name, value, length, speed):
     units = PrimeUnits(length, speed)
@@ -197,10 +239,21 @@ def test_prime_units_of_the_literature():
     units = PrimeUnits(length=4.0, speed=2.0, density=1000.0)
     half = 0.5 * 1000.0
     expected = {
-        'm': half * 4**3, 'Iz': half * 4**5, 'Xu_dot': half * 4**3, 'Yr_dot': half * 4**4, 'Nr_dot': half * 4**5,
-        'x_G': 4.0, 'Xu': half * 4**2 * 2, 'Xuu': half * 4**2, 'Yv': half * 4**2 * 2, 'Yr': half * 4**3 * 2,
-        'Yvvv': half * 4**2 / 2, 'Nv': half * 4**3 * 2, 'Nr': half * 4**4 * 2, 'Nvvv': half * 4**3 / 2,
-    }  # fmt: skip
+        'm': half * 4**3,
+        'Iz': half * 4**5,
+        'Xu_dot': half * 4**3,
+        'Yr_dot': half * 4**4,
+        'Nr_dot': half * 4**5,
+        'x_G': 4.0,
+        'Xu': half * 4**2 * 2,
+        'Xuu': half * 4**2,
+        'Yv': half * 4**2 * 2,
+        'Yr': half * 4**3 * 2,
+        'Yvvv': half * 4**2 / 2,
+        'Nv': half * 4**3 * 2,
+        'Nr': half * 4**4 * 2,
+        'Nvvv': half * 4**3 / 2,
+    }
     assert {name: units.unit(name) for name in expected} == pytest.approx(expected)
     with pytest.raises(InputError, match='not a derivative'):
         units.unit('lag')
@@ -268,6 +321,7 @@ def test_stability_check_knows_the_unstable_craft():
         assert (found.largest_growth < 0) == expected
     assert not check_stability(stable.with_values(Nv=-1.1 * critical), REGION).stable
 
+
 @pytest.mark.slow
 def test_programme_excites_and_noise_is_as_asked():
     runs = trial_programme(PRESETS['wamv-vrx-old'])
@@ -279,9 +333,13 @@ def test_programme_excites_and_noise_is_as_asked():
     assert np.std(noisy.yaw_rate - clean.yaw_rate) == pytest.approx(0.005, rel=0.1)
 
 
-@pytest.mark.parametrize('values, match', [
-    ({'m': 1.0, 'Xu_dot': 2.0}, 'positive'), ({'m': float('nan')}, 'finite'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'values, match',
+    [
+        ({'m': 1.0, 'Xu_dot': 2.0}, 'positive'),
+        ({'m': float('nan')}, 'finite'),
+    ],
+)
 def test_impossible_models_are_refused(values, match):
     with pytest.raises(InputError, match=match):
         ManoeuvringModel(parameter_values(values))

@@ -1,4 +1,5 @@
 """The node manoeuvring_predictor over DDS."""
+
 import time
 
 import numpy as np
@@ -27,7 +28,8 @@ pytestmark = pytest.mark.dds
 
 OLD = preset('wamv-vrx-old')
 MODEL = IdentifiedManoeuvringModel(
-    OLD, (), np.zeros((0, 0)), np.array([0.05, 0.05, 0.005]), Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0))
+    OLD, (), np.zeros((0, 0)), np.array([0.05, 0.05, 0.005]), Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)
+)
 RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -54,10 +56,19 @@ def test_forecasts_over_dds():
         left = bench.publisher(Float64, 'thrusters/left/thrust')
         right = bench.publisher(Float64, 'thrusters/right/thrust')
         model = bench.publisher(String, 'manoeuvring/model', LATCHED)
-        wait_for(lambda: odometry.get_subscription_count() and left.get_subscription_count()
-                 and right.get_subscription_count() and imu.get_subscription_count(), 'subscriptions')  # fmt: skip
-        wait_for(lambda: any('no model' in text or 'no odometry' in text for _, text, _ in bench.statuses.values()),
-                 'diagnostic')  # fmt: skip
+        wait_for(
+            lambda: (
+                odometry.get_subscription_count()
+                and left.get_subscription_count()
+                and right.get_subscription_count()
+                and imu.get_subscription_count()
+            ),
+            'subscriptions',
+        )
+        wait_for(
+            lambda: any('no model' in text or 'no odometry' in text for _, text, _ in bench.statuses.values()),
+            'diagnostic',
+        )
         model.publish(String(data='{'))
         wait_for(lambda: any(v.get('bad_models') == '1' for _, _, v in bench.statuses.values()), 'count of bad models')
         model.publish(String(data=manoeuvring_to_yaml(MODEL)))
@@ -87,8 +98,12 @@ def test_forecasts_over_dds():
         poses = heard['path'][-1].poses
         assert len(poses) == 40
         assert np.allclose(np.diff([stamp_ns(p.header.stamp) for p in poses]) * 1e-9, 0.5)
-        wait_for(lambda: any(v.get('not-finite') == '1' and v.get('bad_models') == '1'
-                             for _, _, v in bench.statuses.values()), 'counts')  # fmt: skip
+        wait_for(
+            lambda: any(
+                v.get('not-finite') == '1' and v.get('bad_models') == '1' for _, _, v in bench.statuses.values()
+            ),
+            'counts',
+        )
     finally:
         bench.close()
         code, output = stop(process)

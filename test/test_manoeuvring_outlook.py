@@ -1,4 +1,5 @@
 """What the live predictor of manoeuvres does between its messages."""
+
 import math
 from dataclasses import replace
 
@@ -20,7 +21,8 @@ from swath_sysid.manoeuvring.prediction.pipeline import (
 
 OLD = preset('wamv-vrx-old')
 MODEL = IdentifiedManoeuvringModel(
-    OLD, (), np.zeros((0, 0)), np.array([0.05, 0.05, 0.005]), Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0))
+    OLD, (), np.zeros((0, 0)), np.array([0.05, 0.05, 0.005]), Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0)
+)
 SETTINGS = ManoeuvreOutlookSettings(leads=(1.0, 5.0), horizon=5.0, rate=1.0)
 
 
@@ -30,8 +32,10 @@ def manoeuvre():
 
 
 def readings(m, start=1e9):
-    return [OdometryReading(start + t, x, y, math.remainder(h, 2 * math.pi), u, v, r, {})
-            for t, x, y, h, u, v, r in zip(m.time, m.x, m.y, m.heading, m.surge, m.sway, m.yaw_rate, strict=True)]
+    return [
+        OdometryReading(start + t, x, y, math.remainder(h, 2 * math.pi), u, v, r, {})
+        for t, x, y, h, u, v, r in zip(m.time, m.x, m.y, m.heading, m.surge, m.sway, m.yaw_rate, strict=True)
+    ]
 
 
 def play(outlook, m, rows, yaw=True):
@@ -50,8 +54,10 @@ def lead_errors(found, m, lead):
     index = {1.0: 0, 5.0: 1}[lead]
     return [
         math.hypot(s.leads[index].x - m.x[k + step], s.leads[index].y - m.y[k + step])
-        for k, s in found if 100 < k < len(m.time) - step
+        for k, s in found
+        if 100 < k < len(m.time) - step
     ]
+
 
 @pytest.mark.slow
 def test_forecasts_are_due_and_right(manoeuvre):
@@ -66,11 +72,13 @@ def test_forecasts_are_due_and_right(manoeuvre):
     assert np.all(np.linalg.eigvalsh(state.pose_covariance) > 0)
     assert np.all(np.linalg.eigvalsh(state.twist_covariance) > 0)
 
+
 @pytest.mark.slow
 def test_same_messages_same_numbers(manoeuvre):
     rows = list(enumerate(readings(manoeuvre)))[:200]
     first, second = (play(ManoeuvreOutlook(SETTINGS, MODEL), manoeuvre, rows) for _ in range(2))
     assert [s.leads[0].x for _, s in first] == [s.leads[0].x for _, s in second]
+
 
 @pytest.mark.slow
 def test_a_model_is_swapped_in_under_way(manoeuvre):

@@ -1,4 +1,5 @@
 """Filter, forecast, their scores, and the model file of manoeuvring."""
+
 import math
 from dataclasses import replace
 
@@ -31,14 +32,34 @@ NOISE = np.array([0.05, 0.05, 0.005])
 def identified(model=OLD):
     names = ('Xu', 'Nr')
     return IdentifiedManoeuvringModel(
-        model, names, np.array([[1.0, 0.1], [0.1, 4.0]]), NOISE, Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0),
-        {'r2': 0.99}, {'software': 'test'})  # fmt: skip
+        model,
+        names,
+        np.array([[1.0, 0.1], [0.1, 4.0]]),
+        NOISE,
+        Region(-0.5, 1.7, 0.8, 0.3, -60.0, 150.0, 120.0),
+        {'r2': 0.99},
+        {'software': 'test'},
+    )
 
 
 def run_of(name, model=OLD, seed=1):
     m = with_noise(trial_programme(model)[name], SensorNoise(), seed)
-    return prepare(ManoeuvringTrial(m.time, m.port, m.starboard, model.thrust_input, m.surge, m.sway, m.yaw_rate,
-                                    m.heading, m.x, m.y, 'enu', source=name))  # fmt: skip
+    return prepare(
+        ManoeuvringTrial(
+            m.time,
+            m.port,
+            m.starboard,
+            model.thrust_input,
+            m.surge,
+            m.sway,
+            m.yaw_rate,
+            m.heading,
+            m.x,
+            m.y,
+            'enu',
+            source=name,
+        )
+    )
 
 
 def test_model_file_round_trip(tmp_path):
@@ -53,22 +74,29 @@ def test_model_file_round_trip(tmp_path):
 
 def test_an_older_model_file_is_read_without_its_noise_of_forecasts():
     older = {
-        'disturbance': [0.1, 0.1, 0.1], 'disturbance_time': [2.0, 2.0, 2.0], 'thrust': [0.2, 0.0, 0.1],
-        'sensors': [0.05, 0.01, 0.02, 0.5], 'leads': [1.0, 5.0], 'scale': [[1.0, 1.0] for _ in range(6)],
-    }  # fmt: skip
+        'disturbance': [0.1, 0.1, 0.1],
+        'disturbance_time': [2.0, 2.0, 2.0],
+        'thrust': [0.2, 0.0, 0.1],
+        'sensors': [0.05, 0.01, 0.02, 0.5],
+        'leads': [1.0, 5.0],
+        'scale': [[1.0, 1.0] for _ in range(6)],
+    }
     found = manoeuvring_from_yaml(manoeuvring_to_yaml(identified()) + yaml.safe_dump({'forecast': older}))
     assert found.forecast is None
     assert np.array_equal(found.model.values, identified().model.values)
 
 
-@pytest.mark.parametrize('change, match', [
-    (lambda t: 'format: other\n', 'not a manoeuvring model'),
-    (lambda t: t.replace('version: 1', 'version: 9'), 'version 9'),
-    (lambda t: t.replace('noise:', 'noises:'), "unknown field 'noises'"),
-    (lambda t: t.replace('Xuu:', 'Xww:'), "no parameter 'Xww'"),
-    (lambda t: t.replace('length_m: 4.88', 'length_m: long'), 'not a number'),
-    (lambda t: '{', 'not YAML'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'change, match',
+    [
+        (lambda t: 'format: other\n', 'not a manoeuvring model'),
+        (lambda t: t.replace('version: 1', 'version: 9'), 'version 9'),
+        (lambda t: t.replace('noise:', 'noises:'), "unknown field 'noises'"),
+        (lambda t: t.replace('Xuu:', 'Xww:'), "no parameter 'Xww'"),
+        (lambda t: t.replace('length_m: 4.88', 'length_m: long'), 'not a number'),
+        (lambda t: '{', 'not YAML'),
+    ],
+)
 def test_bad_model_files_are_named(change, match):
     with pytest.raises(InputError, match=match):
         manoeuvring_from_yaml(change(manoeuvring_to_yaml(identified())))
@@ -143,6 +171,7 @@ def test_current_and_wind_are_followed():
     *_, (_, filter_) = filtered(identified(), run)
     assert np.allclose(filter_.x[6:8], model.current, atol=0.1)
 
+
 @pytest.mark.slow
 def test_model_forecasts_better_than_steady_motion():
     runs = [run_of(name, seed=k) for k, name in enumerate(('mixed', 'turns_fast', 'zigzag_10'))]
@@ -156,6 +185,7 @@ def test_model_forecasts_better_than_steady_motion():
     assert held.rmse['model']['heading_rad'][0] < held.rmse['constant-turn-rate']['heading_rad'][0]
     with pytest.raises(InputError, match='same kind'):
         score_forecasts(identified(), [replace(runs[0], thrust_input='command')])
+
 
 @pytest.mark.slow
 def test_arx_learns_a_linear_craft():

@@ -1,4 +1,5 @@
 """Craft with the vices of real ones, by a simulator that shares nothing with the package."""
+
 import importlib
 import re
 from dataclasses import replace
@@ -43,8 +44,12 @@ def simulated():
 def craft_and_trials(simulated):
     craft = simulated.catamaran()
     records = simulated.simulate(craft, simulated.drives(SEED), SEED)
-    return craft, [ManoeuvringTrial(thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever,
-                                    length=craft.length, **record) for k, record in enumerate(records)]  # fmt: skip
+    return craft, [
+        ManoeuvringTrial(
+            thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
+        )
+        for k, record in enumerate(records)
+    ]
 
 
 @pytest.fixture(scope='module')
@@ -58,14 +63,34 @@ def truth(craft_and_trials):
     craft = craft_and_trials[0]
     surge, sway, yaw = craft.added
     values = dict(
-        m=craft.mass, Iz=craft.inertia, Xu_dot=-surge, Yv_dot=-sway, Nr_dot=-yaw, Xu=-7.0, Xuu=-11.0, Xvr=20.0,
-        Yv=-22.0, Yvv=-60.0, Yur=-4.0, Nr=-6.0, Nrr=-6.0, Nuur=-5.0, lever=craft.lever, full_input=craft.full_thrust,
-        exponent=craft.exponent, reverse_ratio=craft.reverse_ratio, lag=craft.lag, delay=craft.delay,
-        deviation_B=craft.deviation[0], deviation_C=craft.deviation[1], sensor_x=craft.sensor[0],
+        m=craft.mass,
+        Iz=craft.inertia,
+        Xu_dot=-surge,
+        Yv_dot=-sway,
+        Nr_dot=-yaw,
+        Xu=-7.0,
+        Xuu=-11.0,
+        Xvr=20.0,
+        Yv=-22.0,
+        Yvv=-60.0,
+        Yur=-4.0,
+        Nr=-6.0,
+        Nrr=-6.0,
+        Nuur=-5.0,
+        lever=craft.lever,
+        full_input=craft.full_thrust,
+        exponent=craft.exponent,
+        reverse_ratio=craft.reverse_ratio,
+        lag=craft.lag,
+        delay=craft.delay,
+        deviation_B=craft.deviation[0],
+        deviation_C=craft.deviation[1],
+        sensor_x=craft.sensor[0],
         sensor_y=craft.sensor[1],
-    )  # fmt: skip
+    )
     return ManoeuvringModel(
-        parameter_values(values), length=craft.length, largest_input=craft.full_thrust, current=craft.current)
+        parameter_values(values), length=craft.length, largest_input=craft.full_thrust, current=craft.current
+    )
 
 
 def test_a_run_of_spins_reverses_nothing(craft_and_trials, runs):
@@ -125,8 +150,7 @@ def test_sway_knows_its_terms_to_a_common_factor_only(runs, truth):
 
 @pytest.fixture(scope='module')
 def found(runs, craft_and_trials):
-    return identify_manoeuvring(
-        runs[:8], ManoeuvringSettings(mass=craft_and_trials[0].mass, generations=0), runs[8:])
+    return identify_manoeuvring(runs[:8], ManoeuvringSettings(mass=craft_and_trials[0].mass, generations=0), runs[8:])
 
 
 @pytest.mark.slow
@@ -146,7 +170,8 @@ def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
 def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
     noise = forecast_noise(found.model, found.identified_on)
     identified = IdentifiedManoeuvringModel(
-        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), forecast=noise)
+        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), forecast=noise
+    )
     identified = calibrated(identified, runs[2:5])
     scores = score_forecasts(identified, runs[8:9], training=runs[:8], leads=(1.0, 5.0, 10.0))
     position = {method: table['position_m'] for method, table in scores.rmse.items()}
@@ -162,9 +187,14 @@ def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(seed, s
     """Twenty of them, with terms of choice: benchmark/manoeuvring.py --vices unstable."""
     craft = simulated.unstable_hull(np.random.default_rng(seed))
     inputs = [rows[:1200] for rows in simulated.drives(seed, False, simulated.EVERY)[:5]]
-    runs = prepare_all([
-        ManoeuvringTrial(thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length,
-                         **record) for k, record in enumerate(simulated.simulate(craft, inputs, seed))])  # fmt: skip
+    runs = prepare_all(
+        [
+            ManoeuvringTrial(
+                thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
+            )
+            for k, record in enumerate(simulated.simulate(craft, inputs, seed))
+        ]
+    )
     terms = ('Xu_dot', 'Xu', 'Xuu', 'Xvr', 'Yv_dot', 'Yv', 'Yvv', 'Iz', 'Nr', 'Nrr', 'Nuv', 'lag', 'delay')
     settings = ManoeuvringSettings(mass=craft.mass, terms=terms, generations=0)
     found = identify_manoeuvring(runs[:4], settings, runs[4:])
@@ -186,15 +216,25 @@ def otter(simulated):
     craft = simulated.otter()
     inputs = [rows[:2000] for rows in simulated.drives(SEED, False, simulated.EVERY)[:8]]
     records = simulated.simulate(craft, inputs, SEED)
-    runs = prepare_all([
-        ManoeuvringTrial(thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length,
-                         **record) for k, record in enumerate(records)])  # fmt: skip
+    runs = prepare_all(
+        [
+            ManoeuvringTrial(
+                thrust_input='force', frame='enu', source=f'run {k}', lever=craft.lever, length=craft.length, **record
+            )
+            for k, record in enumerate(records)
+        ]
+    )
     still = replace(craft, noise=(0.0, 0.0, 0.0, 0.0), current=(0.0, 0.0))
-    u, v, r = (np.concatenate([record[name] for record in simulated.simulate(still, inputs, SEED)])
-               for name in ('surge', 'sway', 'yaw_rate'))  # fmt: skip
+    u, v, r = (
+        np.concatenate([record[name] for record in simulated.simulate(still, inputs, SEED)])
+        for name in ('surge', 'sway', 'yaw_rate')
+    )
     surge, sway, yaw = craft.added
-    rows = {('Xu', 'Xvr'): (craft.x, u, v * r), ('Yv', 'Yur'): (craft.y, v, u * r),
-            ('Nr', 'Nrr', 'Nvr'): (craft.n, r, np.abs(r) * r, np.abs(v) * r)}  # fmt: skip
+    rows = {
+        ('Xu', 'Xvr'): (craft.x, u, v * r),
+        ('Yv', 'Yur'): (craft.y, v, u * r),
+        ('Nr', 'Nrr', 'Nvr'): (craft.n, r, np.abs(r) * r, np.abs(v) * r),
+    }
     truth = {'Xu_dot': -surge, 'Yv_dot': -sway, 'Iz': craft.inertia + yaw, 'x_G': craft.centre}
     for names, (force, *motions) in rows.items():
         fitted = np.linalg.lstsq(np.stack(motions, axis=1), force(u, v, r), rcond=None)[0]
@@ -206,7 +246,8 @@ def settings_of(craft, truth, *without):
     """All terms of the truth but some, and Yur fixed, which gives sway its scale."""
     terms = tuple(name for name in (*truth, 'lag') if name not in ('Yur', *without))
     return ManoeuvringSettings(
-        mass=craft.mass, fixed={'Yur': truth['Yur']}, current='shared', generations=0, terms=terms)
+        mass=craft.mass, fixed={'Yur': truth['Yur']}, current='shared', generations=0, terms=terms
+    )
 
 
 def test_every_derivative_of_the_otter_is_found(otter):
@@ -258,8 +299,13 @@ def test_disturbances_and_sensors_are_those_simulated(craft_and_trials, truth, r
 def test_thrusts_held_for_random_times_have_their_mean_scatter_and_time(truth, runs):
     rng, step = np.random.default_rng(3), runs[0].step
     inputs = np.repeat(rng.normal((6.0, 4.0), (3.0, 1.0), (1200, 2)), rng.geometric(step / 7.0, 1200), axis=0)
-    long = replace(runs[0], port=inputs[:, 0], starboard=inputs[:, 1], driven=np.ones(len(inputs), dtype=bool),
-                   time=step * np.arange(len(inputs)))  # fmt: skip
+    long = replace(
+        runs[0],
+        port=inputs[:, 0],
+        starboard=inputs[:, 1],
+        driven=np.ones(len(inputs), dtype=bool),
+        time=step * np.arange(len(inputs)),
+    )
     mean, covariance, held = _thrust(truth.with_values(exponent=1.0, reverse_ratio=1.0), [long])
     assert mean == pytest.approx([6.0, 4.0], abs=0.3)
     assert np.sqrt(np.diag(covariance)) == pytest.approx([3.0, 1.0], rel=0.1)
@@ -268,8 +314,11 @@ def test_thrusts_held_for_random_times_have_their_mean_scatter_and_time(truth, r
 
 def test_what_thrust_to_come_may_be_grows_as_changes_of_held_thrust_do(truth, runs):
     noise = forecast_noise(truth, runs[2:4])
-    filter_ = ManoeuvreFilter(IdentifiedManoeuvringModel(
-        truth, (), np.zeros((0, 0)), np.array([0.1, 0.1, 0.05]), seen_region(runs[:2]), forecast=noise))  # fmt: skip
+    filter_ = ManoeuvreFilter(
+        IdentifiedManoeuvringModel(
+            truth, (), np.zeros((0, 0)), np.array([0.1, 0.1, 0.05]), seen_region(runs[:2]), forecast=noise
+        )
+    )
     filter_.thrust.command(-10.0, 8.0, 3.0)
     filter_.start(0.0, surge=0.5)
     rng, held = np.random.default_rng(4), filter_.thrust.held
@@ -293,7 +342,8 @@ def test_a_model_file_holds_the_noise_of_forecasts(runs, truth):
     noise = forecast_noise(truth, runs[2:4])
     names = ('deviation_B', 'Nuur')
     identified = IdentifiedManoeuvringModel(
-        truth, names, np.diag([1e-4, 0.01]), np.array([0.1, 0.1, 0.05]), seen_region(runs[:2]), forecast=noise)
+        truth, names, np.diag([1e-4, 0.01]), np.array([0.1, 0.1, 0.05]), seen_region(runs[:2]), forecast=noise
+    )
     text = manoeuvring_to_yaml(identified)
     back = manoeuvring_from_yaml(text)
     assert back.forecast.scale.tolist() == noise.scale.tolist()
@@ -330,8 +380,15 @@ def test_excitation_names_what_a_log_lacks(runs):
     whole = excitation(runs)
     assert 'Xuu' not in lacking(whole)
     assert 'reverse_ratio' not in lacking(whole)
-    straight = [replace(run, smooth=run.smooth * np.array([1.0, 0.0, 0.0])[:, None],
-                        port=np.abs(run.port), starboard=np.abs(run.port)) for run in runs[2:5]]  # fmt: skip
+    straight = [
+        replace(
+            run,
+            smooth=run.smooth * np.array([1.0, 0.0, 0.0])[:, None],
+            port=np.abs(run.port),
+            starboard=np.abs(run.port),
+        )
+        for run in runs[2:5]
+    ]
     missing = lacking(excitation(straight))
     assert {'Nr', 'Nuv', 'Yv', 'Xvr', 'reverse_ratio'} <= set(missing)
     assert 'Xu' not in missing
@@ -340,8 +397,10 @@ def test_excitation_names_what_a_log_lacks(runs):
 def test_pulses_are_commands_about_their_neutral(tmp_path):
     path = tmp_path / 'run.csv'
     rows = ''.join(f'{0.1 * k:.1f},{1520 + k % 300},1320,1.0,0.0\n' for k in range(400))
-    path.write_text('# frame: enu\n# pwm_neutral_us: 1520\n# pwm_full_us: 1920\n'
-                    'time_s,port_pwm_us,starboard_pwm_us,surge_m_s,yaw_rate_rad_s\n' + rows)  # fmt: skip
+    path.write_text(
+        '# frame: enu\n# pwm_neutral_us: 1520\n# pwm_full_us: 1920\n'
+        'time_s,port_pwm_us,starboard_pwm_us,surge_m_s,yaw_rate_rad_s\n' + rows
+    )
     trial = read_manoeuvring_csv(path)
     assert trial.thrust_input == 'command'
     assert trial.port[:2].tolist() == pytest.approx([0.0, 1.0 / 400.0])

@@ -1,4 +1,5 @@
 """The window of odometry and thrust, and what a refit on it believes."""
+
 from dataclasses import replace
 
 import numpy as np

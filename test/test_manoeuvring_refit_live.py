@@ -1,4 +1,5 @@
 """Over DDS: a simulated WAM-V drives, its model is identified on demand, the forecasts sharpen."""
+
 import time
 
 import numpy as np
@@ -79,12 +80,21 @@ class Craft:
 def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     path = tmp_path / 'craft.yaml'
     options = ('-r', '__ns:=/wamv')
-    predictor = start_node('manoeuvring_predictor', '-p', f'leads_s:=[{LEAD}]', '-p', 'forecast_rate_hz:=1.0',
-                           '-p', 'horizon_s:=2.0', *options)  # fmt: skip
+    predictor = start_node(
+        'manoeuvring_predictor',
+        '-p',
+        f'leads_s:=[{LEAD}]',
+        '-p',
+        'forecast_rate_hz:=1.0',
+        '-p',
+        'horizon_s:=2.0',
+        *options,
+    )
     former = tmp_path / 'former.yaml'
     former.write_text('/**/identifier: {ros__parameters: {manoeuvre_mass_kg: 180.0, manoeuvre_lever_m: 1.027135}}')
     identifier = start_node(
-        'manoeuvring_identifier', '--params-file', str(former), '-p', f'model_path:={path}', *options)
+        'manoeuvring_identifier', '--params-file', str(former), '-p', f'model_path:={path}', *options
+    )
     bench = Bench('wamv')
     forecasts, models, progress = [], [], []
     try:
@@ -92,8 +102,14 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
         bench.node.create_subscription(Odometry, 'manoeuvring/lead_2_0s', forecasts.append, RELIABLE)
         bench.node.create_subscription(String, 'manoeuvring/model', models.append, LATCHED)
         bench.node.create_subscription(Float32, 'manoeuvring_identifier/progress', progress.append, RELIABLE)
-        wait_for(lambda: craft.odometry.get_subscription_count() == 2 and craft.left.get_subscription_count() == 2
-                 and craft.right.get_subscription_count() == 2, 'subscriptions')  # fmt: skip
+        wait_for(
+            lambda: (
+                craft.odometry.get_subscription_count() == 2
+                and craft.left.get_subscription_count() == 2
+                and craft.right.get_subscription_count() == 2
+            ),
+            'subscriptions',
+        )
         response = bench.call('identifier/identify_manoeuvring')
         assert not response.success
         assert 'check its topic' in response.message

@@ -1,4 +1,5 @@
 """Manoeuvring records: CSV, bags, reversed channels, gaps."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -28,10 +29,21 @@ def manoeuvres():
 @pytest.fixture(scope='module')
 def trials(manoeuvres):
     return [
-        ManoeuvringTrial(m.time, m.port, m.starboard, surge=m.surge, sway=m.sway, yaw_rate=m.yaw_rate,
-                         heading=m.heading, x=m.x, y=m.y, frame='enu', source=name)
+        ManoeuvringTrial(
+            m.time,
+            m.port,
+            m.starboard,
+            surge=m.surge,
+            sway=m.sway,
+            yaw_rate=m.yaw_rate,
+            heading=m.heading,
+            x=m.x,
+            y=m.y,
+            frame='enu',
+            source=name,
+        )
         for name, m in manoeuvres.items()
-    ]  # fmt: skip
+    ]
 
 
 def codes(runs):
@@ -78,24 +90,33 @@ def test_bag_with_joint_states_and_a_twist_in_world_axes(tmp_path, manoeuvres):
             vector = types['geometry_msgs/msg/Vector3']
             c, s = np.cos(m.heading[k]), np.sin(m.heading[k])
             message = types[odometry](
-                header=header, child_frame_id='base_link',
+                header=header,
+                child_frame_id='base_link',
                 pose=types['geometry_msgs/msg/PoseWithCovariance'](
                     pose=types['geometry_msgs/msg/Pose'](
                         position=types['geometry_msgs/msg/Point'](x=m.x[k], y=m.y[k], z=0.0),
                         orientation=types['geometry_msgs/msg/Quaternion'](
-                            x=0.0, y=0.0, z=np.sin(m.heading[k] / 2), w=np.cos(m.heading[k] / 2))),
-                    covariance=np.zeros(36)),
+                            x=0.0, y=0.0, z=np.sin(m.heading[k] / 2), w=np.cos(m.heading[k] / 2)
+                        ),
+                    ),
+                    covariance=np.zeros(36),
+                ),
                 twist=types['geometry_msgs/msg/TwistWithCovariance'](
                     twist=types['geometry_msgs/msg/Twist'](
                         linear=vector(x=m.surge[k] * c - m.sway[k] * s, y=m.surge[k] * s + m.sway[k] * c, z=0.0),
-                        angular=vector(x=0.0, y=0.0, z=m.yaw_rate[k])),
-                    covariance=np.zeros(36)),
-            )  # fmt: skip
+                        angular=vector(x=0.0, y=0.0, z=m.yaw_rate[k]),
+                    ),
+                    covariance=np.zeros(36),
+                ),
+            )
             writer.write(connections[odometry], round(t * 1e9), store.serialize_cdr(message, odometry))
             message = types[joints](
-                header=header, name=['right_propeller', 'left_propeller'], position=np.zeros(2), velocity=np.zeros(2),
+                header=header,
+                name=['right_propeller', 'left_propeller'],
+                position=np.zeros(2),
+                velocity=np.zeros(2),
                 effort=np.array([m.starboard[k], m.port[k]]),
-            )  # fmt: skip
+            )
             writer.write(connections[joints], round(t * 1e9), store.serialize_cdr(message, joints))
     trial = read_manoeuvring_bag(tmp_path / 'bag')
     assert trial.thrust_input == 'force'
@@ -111,16 +132,19 @@ def test_nothing_is_changed_without_need(trials):
     same(runs, [prepare(t) for t in trials])
 
 
-@pytest.mark.parametrize('code, damage', [
-    (None, lambda t: replace(mirrored(t), frame='ned')),
-    ('frame-assumed', lambda t: replace(mirrored(t), frame=None)),
-    ('thrusters-swapped', lambda t: replace(t, port=t.starboard, starboard=t.port)),
-    ('yaw-rate-reversed', lambda t: replace(t, yaw_rate=-t.yaw_rate)),
-    ('surge-reversed', lambda t: replace(t, surge=-t.surge)),
-    ('sway-reversed', lambda t: replace(t, sway=-t.sway)),
-    ('thrust-reversed', lambda t: replace(t, port=-t.port, starboard=-t.starboard)),
-    ('mixed-frames', lambda t: replace(t, heading=np.pi / 2 - t.heading)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'code, damage',
+    [
+        (None, lambda t: replace(mirrored(t), frame='ned')),
+        ('frame-assumed', lambda t: replace(mirrored(t), frame=None)),
+        ('thrusters-swapped', lambda t: replace(t, port=t.starboard, starboard=t.port)),
+        ('yaw-rate-reversed', lambda t: replace(t, yaw_rate=-t.yaw_rate)),
+        ('surge-reversed', lambda t: replace(t, surge=-t.surge)),
+        ('sway-reversed', lambda t: replace(t, sway=-t.sway)),
+        ('thrust-reversed', lambda t: replace(t, port=-t.port, starboard=-t.starboard)),
+        ('mixed-frames', lambda t: replace(t, heading=np.pi / 2 - t.heading)),
+    ],
+)
 def test_reversed_channels_are_set_right_and_named(trials, code, damage):
     runs = prepare_all([damage(t) for t in trials])
     assert codes(runs) == ({code} if code else set())
@@ -147,9 +171,12 @@ def test_wraps_nans_disorder_and_held_samples(trials):
     time = trial.time.copy()
     time[100] = time[99]
     damaged = replace(
-        trial, time=time, heading=np.angle(np.exp(1j * trial.heading)), surge=np.where(holes, np.nan, trial.surge),
+        trial,
+        time=time,
+        heading=np.angle(np.exp(1j * trial.heading)),
+        surge=np.where(holes, np.nan, trial.surge),
         sway=np.repeat(trial.sway[::10], 10)[: trial.sway.size],
-    )  # fmt: skip
+    )
     run = prepare(damaged)
     assert {'time-disorder', 'held-samples'} <= codes([run])
     assert np.ptp(np.diff(run.heading)) < 0.2
@@ -171,15 +198,18 @@ def test_smoothing_keeps_a_ramp():
     assert np.allclose(smoothed(ramp, 0.1), 0.3 * np.arange(200.0), atol=1e-6)
 
 
-@pytest.mark.parametrize('text, match', [
-    ('', 'empty'),
-    ('time_s,port_thrust_n\n0,1\n', 'starboard'),
-    ('time_s,port_thrust_n,starboard_thrust_n\n0,1,1\n', 'no motion'),
-    ('port_thrust_n,starboard_thrust_n,surge_m_s\n0,1,1\n', 'time'),
-    ('time_s,port_command,starboard_command,surge_m_s\n0,50,1,1\n', 'normalise'),
-    ('# frame: foo\ntime_s,port_command,starboard_command,surge_m_s\n0,0.5,1,1\n', 'enu or ned'),
-    ('nan rows\n', 'time'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'text, match',
+    [
+        ('', 'empty'),
+        ('time_s,port_thrust_n\n0,1\n', 'starboard'),
+        ('time_s,port_thrust_n,starboard_thrust_n\n0,1,1\n', 'no motion'),
+        ('port_thrust_n,starboard_thrust_n,surge_m_s\n0,1,1\n', 'time'),
+        ('time_s,port_command,starboard_command,surge_m_s\n0,50,1,1\n', 'normalise'),
+        ('# frame: foo\ntime_s,port_command,starboard_command,surge_m_s\n0,0.5,1,1\n', 'enu or ned'),
+        ('nan rows\n', 'time'),
+    ],
+)
 def test_bad_files_are_refused_in_one_sentence(tmp_path, text, match):
     path = tmp_path / 'bad.csv'
     path.write_text(text)
@@ -189,8 +219,15 @@ def test_bad_files_are_refused_in_one_sentence(tmp_path, text, match):
 
 def test_too_short_or_empty_trials(trials):
     with pytest.raises(InputError, match='record 30 s'):
-        prepare(replace(trials[0], **{n: getattr(trials[0], n)[:10] for n in
-                                      ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')}))
+        prepare(
+            replace(
+                trials[0],
+                **{
+                    n: getattr(trials[0], n)[:10]
+                    for n in ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
+                },
+            )
+        )
     with pytest.raises(InputError, match='neither speed nor yaw rate'):
         prepare(replace(trials[0], surge=None, sway=None, yaw_rate=None, heading=None))
 

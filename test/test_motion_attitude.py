@@ -1,4 +1,5 @@
 """Attitude and sensing against scipy's rotations and finite differences."""
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,10 +53,18 @@ def test_pitch_is_accurate_near_the_vertical():
     assert found[1] == pytest.approx(pitch, abs=1e-12)
 
 
-@pytest.mark.parametrize('broken', [
-    (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 5e-324), (1e-160, 0.0, 0.0, 1e-160), (np.nan, 0.0, 0.0, 1.0),
-    (np.inf, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1e200), (1.0, 1.0, 1.0, 1.0),
-])
+@pytest.mark.parametrize(
+    'broken',
+    [
+        (0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 5e-324),
+        (1e-160, 0.0, 0.0, 1e-160),
+        (np.nan, 0.0, 0.0, 1.0),
+        (np.inf, 0.0, 0.0, 1.0),
+        (0.0, 0.0, 0.0, 1e200),
+        (1.0, 1.0, 1.0, 1.0),
+    ],
+)
 def test_what_is_no_orientation_is_flagged(broken):
     assert not attitude.is_orientation(*broken)
     assert np.all(np.isnan(attitude.euler_angles(*broken)))
@@ -126,7 +135,8 @@ def test_euler_rates_do_not_exist_at_the_vertical():
 @given(rotation=st.tuples(angle, angle, angle), vector=st.tuples(component, component, component))
 def test_rotate_is_that_of_scipy(rotation, vector):
     assert attitude.rotate(attitude.quaternion(*rotation), *vector) == pytest.approx(
-        tuple(rotation_of(*rotation).apply(vector)), abs=1e-9)
+        tuple(rotation_of(*rotation).apply(vector)), abs=1e-9
+    )
 
 
 @given(first=st.tuples(angle, angle, angle), second=st.tuples(angle, angle, angle))
@@ -200,8 +210,12 @@ def readings(count=50):
     roll, pitch = 0.3 * np.sin(time), 0.2 * np.cos(time)
     gyro = attitude.body_rates(roll, pitch, 0.3 * np.cos(time), -0.2 * np.sin(time), 0.1)
     return time, {
-        'roll': roll, 'pitch': pitch, **dict(zip(('gyro_x', 'gyro_y', 'gyro_z'), gyro, strict=True)),
-        'accel_x': 0 * time, 'accel_y': 0 * time, 'accel_z': 9.81 + 0 * time,
+        'roll': roll,
+        'pitch': pitch,
+        **dict(zip(('gyro_x', 'gyro_y', 'gyro_z'), gyro, strict=True)),
+        'accel_x': 0 * time,
+        'accel_y': 0 * time,
+        'accel_z': 9.81 + 0 * time,
     }
 
 
@@ -236,15 +250,17 @@ def test_body_rates_in_place_of_euler_rates_are_told(absent):
 def test_mounting_turns_angles_given_as_euler_angles():
     time, craft = readings()
     upside_down = Installation('flu', (np.pi, 0.0, 0.5))
-    seen = attitude.euler_angles(*attitude.multiply(
-        attitude.quaternion(craft['roll'], craft['pitch'], 0 * time), upside_down.rotation))
+    seen = attitude.euler_angles(
+        *attitude.multiply(attitude.quaternion(craft['roll'], craft['pitch'], 0 * time), upside_down.rotation)
+    )
     trial = assemble_trial(time, {'roll': seen[0], 'pitch': seen[1], 'yaw': seen[2]}, upside_down)
     assert np.allclose(trial.roll, craft['roll'])
     assert np.allclose(trial.pitch, craft['pitch'])
 
 
-@pytest.mark.parametrize('kept', [('roll',), ('roll', 'pitch', 'roll_rate'), ('roll', 'pitch', 'gyro_x'),
-                                  ('roll', 'pitch', 'accel_z')])
+@pytest.mark.parametrize(
+    'kept', [('roll',), ('roll', 'pitch', 'roll_rate'), ('roll', 'pitch', 'gyro_x'), ('roll', 'pitch', 'accel_z')]
+)
 def test_mounting_refuses_what_it_cannot_turn(kept):
     time, given_readings = readings()
     given_readings['roll_rate'] = 0 * time
@@ -262,8 +278,13 @@ def test_zero_quaternions_mean_no_orientation():
 
 def test_some_broken_quaternions_cost_their_samples_only():
     time, given_readings = readings()
-    quaternions = dict(zip(('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w'),
-                           attitude.quaternion(given_readings['roll'], given_readings['pitch'], 0 * time), strict=True))
+    quaternions = dict(
+        zip(
+            ('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w'),
+            attitude.quaternion(given_readings['roll'], given_readings['pitch'], 0 * time),
+            strict=True,
+        )
+    )
     for values in quaternions.values():
         values[7] = 0
     trial = assemble_trial(time, quaternions)
@@ -295,9 +316,17 @@ def test_yaw_rate_of_a_heading_sees_only_the_past(later, place):
     assert np.array_equal(turn_rate(time, changed)[:place], turn_rate(time, yaw)[:place], equal_nan=True)
 
 
-@pytest.mark.parametrize('kept', [
-    ('quaternion', 'gyro'), ('quaternion',), ('euler', 'gyro'), ('euler',), ('heading',), ('rate',),
-])
+@pytest.mark.parametrize(
+    'kept',
+    [
+        ('quaternion', 'gyro'),
+        ('quaternion',),
+        ('euler', 'gyro'),
+        ('euler',),
+        ('heading',),
+        ('rate',),
+    ],
+)
 @pytest.mark.parametrize('mounting', [(0.0, 0.0, 0.0), (0.1, -0.2, 2.5)])
 @pytest.mark.parametrize('frame', ['flu', 'frd'])
 def test_yaw_rate_is_that_of_the_craft_whatever_frame_it_was_measured_in(frame, mounting, kept):
@@ -313,12 +342,16 @@ def test_yaw_rate_is_that_of_the_craft_whatever_frame_it_was_measured_in(frame, 
     seen_yaw, seen_pitch, seen_roll = sensor.as_euler('ZYX').T
     sign = -1.0 if frame == 'frd' else 1.0
     known = {
-        'quaternion': dict(zip(('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w'), sensor.as_quat().T,
-                               strict=True)),
+        'quaternion': dict(
+            zip(('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w'), sensor.as_quat().T, strict=True)
+        ),
         'gyro': dict(zip(('gyro_x', 'gyro_y', 'gyro_z'), rates.T, strict=True)),
         'euler': {'roll': seen_roll, 'pitch': seen_pitch, 'yaw': seen_yaw},
-        'heading': {'roll': seen_roll, 'pitch': seen_pitch,
-                    'heading': seen_yaw if frame == 'frd' else np.pi / 2 - seen_yaw},
+        'heading': {
+            'roll': seen_roll,
+            'pitch': seen_pitch,
+            'heading': seen_yaw if frame == 'frd' else np.pi / 2 - seen_yaw,
+        },
         'rate': {'roll': seen_roll, 'pitch': seen_pitch, 'yaw_rate': sign * yaw_rate},
     }
     trial = assemble_trial(time, {k: v for name in kept for k, v in known[name].items()}, Installation(frame, mounting))

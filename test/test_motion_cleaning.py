@@ -1,4 +1,5 @@
 """Cleaning: what is left out, what is marked, what is told."""
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -149,8 +150,13 @@ def test_megahertz_and_constant_signals_are_fine():
     assert np.all(cleaned['roll'] == 0)
 
 
-@given(table=hypothesis_numpy.arrays(float, st.tuples(st.just(3), st.integers(0, 30)),
-                                     elements=st.floats(width=64, allow_nan=True, allow_infinity=True)))
+@given(
+    table=hypothesis_numpy.arrays(
+        float,
+        st.tuples(st.just(3), st.integers(0, 30)),
+        elements=st.floats(width=64, allow_nan=True, allow_infinity=True),
+    )
+)
 def test_any_numbers_give_a_clean_record_or_one_sentence(table):
     try:
         time, channels, _ = clean(table[0], {'roll': table[1], 'accel_x': table[2]})

@@ -1,4 +1,5 @@
 """What a sensor's own data say of its installation: each wrong one is named with its cure, no right one is."""
+
 import json
 
 import numpy as np
@@ -63,7 +64,7 @@ def test_each_wrong_installation_is_named_with_its_cure(name):
 @pytest.mark.parametrize('name', WRONG)
 def test_each_is_named_on_a_measured_buoy_within_a_minute(data_folder, name, start):
     wrong, other_frame, code, words = WRONG[name]
-    measured = [part[start:start + 600] for part in buoy(data_folder / 'waves/morro_buoy.csv')]
+    measured = [part[start : start + 600] for part in buoy(data_folder / 'waves/morro_buoy.csv')]
     found, _ = named_by(readings_of(*wrong(*measured)), declared('frd', other_frame))
     assert list(found) == [code]
     assert sentence(words, 'frd') in found[code][1]
@@ -161,9 +162,9 @@ def test_a_clock_that_was_set_back_or_a_long_silence_begins_a_new_window():
     for first in (10**18, 10**17, 2 * 10**18):
         for k in range(200):
             roll, roll_rate = 0.1 * np.sin(0.1 * k), 0.1 * np.cos(0.1 * k)
-            check.add(CraftSample(
-                first + k * 10**8, roll, 0.0, roll_rate, 0.0, 0.0, 0.0, GRAVITY, *[1e-6] * 4, 0.0, 0.0
-            ))  # fmt: skip
+            check.add(
+                CraftSample(first + k * 10**8, roll, 0.0, roll_rate, 0.0, 0.0, 0.0, GRAVITY, *[1e-6] * 4, 0.0, 0.0)
+            )
         check.judge()
     assert check.judgements == 3 and check.contradictions == ()
 
@@ -171,9 +172,11 @@ def test_a_clock_that_was_set_back_or_a_long_silence_begins_a_new_window():
 @pytest.mark.parametrize('hull', HULLS, ids=lambda hull: getattr(hull, 'name', None))
 def test_nothing_is_named_of_simulated_trials(hull):
     for angle, duration, rate_hz, noise in (
-        (1.0, 8.0, 20.0, SensorNoise()), (3.0, 15.0, 100.0, SensorNoise()), (6.0, 40.0, 50.0, SensorNoise()),
+        (1.0, 8.0, 20.0, SensorNoise()),
+        (3.0, 15.0, 100.0, SensorNoise()),
+        (6.0, 40.0, 50.0, SensorNoise()),
         (6.0, 15.0, 100.0, SensorNoise(0.0, 0.0, 0.0)),
-    ):  # fmt: skip
+    ):
         trial = simulated_trial(hull.model, np.radians(angle), duration, rate_hz, noise, 1, 2.0)
         assert contradictions_in(trial.time, trial.channels, STRAIGHT) == ()
 
@@ -185,21 +188,34 @@ def test_nothing_is_named_of_a_craft_that_rests_is_lifted_and_let_go(hull):
         if k in (1000, 2250, 3000, 5000, 7000):
             craft.release()
         said = craft.next_reading()
-        check.add(CraftSample(
-            10**18 + k * 20_000_000, said.roll, said.pitch, said.roll_rate, said.pitch_rate, *said.force, *[1e-6] * 4,
-            0.3, 0.0,
-        ))  # fmt: skip
+        check.add(
+            CraftSample(
+                10**18 + k * 20_000_000,
+                said.roll,
+                said.pitch,
+                said.roll_rate,
+                said.pitch_rate,
+                *said.force,
+                *[1e-6] * 4,
+                0.3,
+                0.0,
+            )
+        )
         if k % 50 == 0:
             assert check.judge() == ()
     assert check.judgements > 30
 
 
-@pytest.mark.parametrize('fault,code', [
-    (lambda rate: np.degrees(rate), 'rate-unit'), (lambda rate: -rate, 'rate-sign'),
-    (lambda rate: np.concatenate([np.full(40, rate[0]), rate[:-40]]), 'rate-late'),
-    (lambda rate: rate + np.radians(20.0), 'rate-offset'),
-    (lambda rate: np.random.default_rng(3).normal(0.0, 0.02, rate.size), 'rate-unrelated'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'fault,code',
+    [
+        (lambda rate: np.degrees(rate), 'rate-unit'),
+        (lambda rate: -rate, 'rate-sign'),
+        (lambda rate: np.concatenate([np.full(40, rate[0]), rate[:-40]]), 'rate-late'),
+        (lambda rate: rate + np.radians(20.0), 'rate-offset'),
+        (lambda rate: np.random.default_rng(3).normal(0.0, 0.02, rate.size), 'rate-unrelated'),
+    ],
+)
 def test_a_decay_with_a_wrong_rate_column_is_named(fault, code):
     trial = simulated_trial(HULLS[0].model, np.radians(5.0), 15.0, 100.0, SensorNoise(), 1, 2.0)
     name = f'{HULLS[0].model.axis}_rate'

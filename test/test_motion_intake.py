@@ -1,4 +1,5 @@
 """One IMU message to the motion of the craft: what is read, what is left out, what is counted."""
+
 from math import inf, isnan, nan
 
 import numpy as np
@@ -49,9 +50,13 @@ def test_a_mounted_sensor_tells_the_motion_of_the_craft():
     body_rates, force = np.array([0.1, -0.4, 0.2]), np.array([0.5, -0.3, 9.7])
     spread = np.diag([1e-6, 4e-6, 9e-6])
     given = ImuReading(
-        EPOCH_NS, tuple((craft * sits).as_quat().tolist()),
+        EPOCH_NS,
+        tuple((craft * sits).as_quat().tolist()),
         (sits.as_matrix().T @ spread @ sits.as_matrix()).ravel().tolist(),
-        tuple(sits.inv().apply(body_rates).tolist()), UNKNOWN, tuple(sits.inv().apply(force).tolist()), UNKNOWN,
+        tuple(sits.inv().apply(body_rates).tolist()),
+        UNKNOWN,
+        tuple(sits.inv().apply(force).tolist()),
+        UNKNOWN,
     )
     sample, _ = take_in(given, Installation('flu', mounting))
     assert values_of(sample, ('yaw', 'pitch', 'roll')) == pytest.approx([0.7, -0.25, 0.15])
@@ -66,14 +71,17 @@ def test_a_sensor_in_ned_is_turned():
     assert sample.accel_z == -9.81
 
 
-@pytest.mark.parametrize(('changes', 'counted'), [
-    ({'orientation': (0.0, 0.0, 0.0, 0.0)}, BAD_QUATERNION),
-    ({'orientation': (5e-324, 0.0, 1e-310, 0.0)}, BAD_QUATERNION),
-    ({'orientation': (3.0, 1.0, 0.0, 2.0)}, BAD_QUATERNION),
-    ({'orientation': (nan, 0.0, 0.0, 1.0)}, NOT_FINITE),
-    ({'orientation': (0.0, -inf, 0.0, 1.0)}, NOT_FINITE),
-    ({'orientation_covariance': NOT_GIVEN}, NO_ORIENTATION),
-])
+@pytest.mark.parametrize(
+    ('changes', 'counted'),
+    [
+        ({'orientation': (0.0, 0.0, 0.0, 0.0)}, BAD_QUATERNION),
+        ({'orientation': (5e-324, 0.0, 1e-310, 0.0)}, BAD_QUATERNION),
+        ({'orientation': (3.0, 1.0, 0.0, 2.0)}, BAD_QUATERNION),
+        ({'orientation': (nan, 0.0, 0.0, 1.0)}, NOT_FINITE),
+        ({'orientation': (0.0, -inf, 0.0, 1.0)}, NOT_FINITE),
+        ({'orientation_covariance': NOT_GIVEN}, NO_ORIENTATION),
+    ],
+)
 def test_without_a_usable_orientation_body_rates_stand_for_euler_rates(changes, counted):
     sample, reasons = take_in(reading(EPOCH_NS, 0.2, 0.1, **changes)._replace(rates=(0.1, 0.2, 0.3)), STRAIGHT)
     assert all(isnan(value) for value in values_of(sample, ANGLES))
@@ -81,11 +89,14 @@ def test_without_a_usable_orientation_body_rates_stand_for_euler_rates(changes, 
     assert reasons == (counted,)
 
 
-@pytest.mark.parametrize(('changes', 'counted'), [
-    ({'rates': (nan, 0.0, 0.0)}, NOT_FINITE),
-    ({'rates': (0.0, inf, 0.0)}, NOT_FINITE),
-    ({'rates': (0.0, 0.0, 1e3)}, ABSURD),
-])
+@pytest.mark.parametrize(
+    ('changes', 'counted'),
+    [
+        ({'rates': (nan, 0.0, 0.0)}, NOT_FINITE),
+        ({'rates': (0.0, inf, 0.0)}, NOT_FINITE),
+        ({'rates': (0.0, 0.0, 1e3)}, ABSURD),
+    ],
+)
 def test_without_usable_rates_the_angles_stay(changes, counted):
     sample, reasons = take_in(reading(EPOCH_NS, 0.2, 0.1, **changes), STRAIGHT)
     assert values_of(sample, ('roll', 'pitch')) == pytest.approx([0.2, 0.1])
@@ -113,11 +124,18 @@ def test_covariances_that_say_nothing_are_unknown(covariance):
 numbers = st.floats(width=64)
 
 
-@given(st.tuples(*[numbers] * 4), st.tuples(*[numbers] * 9), st.tuples(*[numbers] * 3), st.tuples(*[numbers] * 9),
-       st.tuples(*[numbers] * 3), st.sampled_from([STRAIGHT, Installation('frd', (0.1, 0.2, 0.3))]))
+@given(
+    st.tuples(*[numbers] * 4),
+    st.tuples(*[numbers] * 9),
+    st.tuples(*[numbers] * 3),
+    st.tuples(*[numbers] * 9),
+    st.tuples(*[numbers] * 3),
+    st.sampled_from([STRAIGHT, Installation('frd', (0.1, 0.2, 0.3))]),
+)
 def test_any_message_is_taken_in_without_an_error(orientation, covariance, rates, rates_covariance, force, sits):
     sample, reasons = take_in(
-        ImuReading(EPOCH_NS, orientation, covariance, rates, rates_covariance, force, UNKNOWN), sits)
+        ImuReading(EPOCH_NS, orientation, covariance, rates, rates_covariance, force, UNKNOWN), sits
+    )
     assert set(reasons) <= set(INTAKE_REASONS)
     if sample is not None:
         assert not np.isinf(sample[1:]).any()

@@ -1,4 +1,5 @@
 """Rates held against angles: delay, gain, offset and axis are those that were put in."""
+
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,4 +1,5 @@
 """Segmentation: the free decay is found in what surrounds it, and nothing is found in waves."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -261,7 +262,7 @@ def test_spoilt_records(spoil):
     if spoil == 'rounded':
         motion = replace(motion, angle=np.radians(0.5) * np.round(motion.angle / np.radians(0.5)))
     if spoil == 'repeated':
-        motion = replace(motion, angle=np.repeat(motion.angle[::10], 10)[:motion.size])
+        motion = replace(motion, angle=np.repeat(motion.angle[::10], 10)[: motion.size])
     if spoil == 'sparse':
         motion = motion.only(slice(None, None, 20))
     if spoil == 'thinned':

@@ -1,4 +1,5 @@
 """The order of stamps: what is left out, what is counted, and when the clock has moved."""
+
 from collections import Counter
 
 import numpy as np
@@ -96,7 +97,7 @@ def test_a_new_rate_is_counted_once_and_followed(rate):
     assert set(counts) <= {RATE_CHANGED, GAP}
 
 
-@given(st.lists(st.integers(-2**31 * 10**9, 2**31 * 10**9), max_size=60))
+@given(st.lists(st.integers(-(2**31) * 10**9, 2**31 * 10**9), max_size=60))
 def test_any_stamps_are_placed_and_two_even_ones_are_kept_afterwards(stamps):
     """Whatever came before, a sensor that stamps evenly is heard again at its second sample."""
     order = StampOrder()

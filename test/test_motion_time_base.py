@@ -1,4 +1,5 @@
 """A time column that counts something else than its name says is found."""
+
 import numpy as np
 import pytest
 
@@ -11,16 +12,19 @@ def swing(size, samples_a_cycle):
     return 0.1 * np.sin(2.0 * np.pi * np.arange(size) / samples_a_cycle)
 
 
-@pytest.mark.parametrize(('time', 'words'), [
-    (10.0 * np.arange(900), 'call it time_ms, as its unit is'),
-    (1000.0 * np.arange(900), 'call it time_ms or time_us'),
-    (1e7 * np.arange(900), 'call it time_ns'),
-    (1.7e12 + 10.0 * np.arange(900), 'counts ms since 1970'),
-    (1.7e15 + 1e4 * np.arange(900), 'counts us since 1970'),
-    (1.7e18 + 1e7 * np.arange(900), 'counts ns since 1970'),
-    (1e-5 * np.arange(900), 'more often than any sensor'),
-    (1.0 * np.arange(900), 'call it time_samples'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ('time', 'words'),
+    [
+        (10.0 * np.arange(900), 'call it time_ms, as its unit is'),
+        (1000.0 * np.arange(900), 'call it time_ms or time_us'),
+        (1e7 * np.arange(900), 'call it time_ns'),
+        (1.7e12 + 10.0 * np.arange(900), 'counts ms since 1970'),
+        (1.7e15 + 1e4 * np.arange(900), 'counts us since 1970'),
+        (1.7e18 + 1e7 * np.arange(900), 'counts ns since 1970'),
+        (1e-5 * np.arange(900), 'more often than any sensor'),
+        (1.0 * np.arange(900), 'call it time_samples'),
+    ],
+)
 def test_other_units_are_refused_with_their_cure(time, words):
     with pytest.raises(InputError, match=words):
         check_time_base(time, [swing(900, 200.0)], 'a.csv')

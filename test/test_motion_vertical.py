@@ -1,4 +1,5 @@
 """Vertical acceleration, its integrals without phase error, and its leaky ones."""
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,4 +1,5 @@
 """The motion window: fixed memory, the last seconds, and the decays that end in it."""
+
 import numpy as np
 import pytest
 from imu_stream import EPOCH_NS, decay_stream, reading
@@ -73,14 +74,19 @@ def test_recording_can_be_stopped_and_begun_anew():
 
 def test_what_is_left_out_is_counted():
     broken = [
-        reading(EPOCH_NS), reading(EPOCH_NS), reading(EPOCH_NS + 10_000_000, orientation=(0.0,) * 4, rates=(1e9,) * 3),
+        reading(EPOCH_NS),
+        reading(EPOCH_NS),
+        reading(EPOCH_NS + 10_000_000, orientation=(0.0,) * 4, rates=(1e9,) * 3),
         reading(EPOCH_NS + 20_000_000),
     ]
     window, steps = window_of(broken)
     assert [step.kept for step in steps] == [True, False, False, True]
     assert window.size == 2 and window.samples == 2
     assert {reason: count for reason, count in window.counts.items() if count} == {
-        'duplicate-stamp': 1, 'bad-quaternion': 1, 'absurd-value': 1, 'nothing-usable': 1,
+        'duplicate-stamp': 1,
+        'bad-quaternion': 1,
+        'absurd-value': 1,
+        'nothing-usable': 1,
     }
     assert set(window.counts) == set(WINDOW_REASONS)
 
@@ -94,9 +100,14 @@ def test_the_table_becomes_a_trial_without_what_was_not_measured():
         MotionWindow().table().trial()
 
 
-@pytest.mark.parametrize(('rate', 'axis', 'damping'), [
-    (25.0, 'roll', 0.08), (100.0, 'pitch', 0.03), (200.0, 'pitch', 0.1),
-])
+@pytest.mark.parametrize(
+    ('rate', 'axis', 'damping'),
+    [
+        (25.0, 'roll', 0.08),
+        (100.0, 'pitch', 0.03),
+        (200.0, 'pitch', 0.1),
+    ],
+)
 def test_a_decay_that_has_ended_is_told_once(rate, axis, damping):
     readings = decay_stream(rate, duration=75.0, release=12.0, axis=axis, damping=damping)
     _, steps = window_of(readings)
@@ -114,7 +125,8 @@ def test_a_decay_that_has_ended_is_told_once(rate, axis, damping):
 
 def test_every_one_of_several_decays_is_told():
     stream = [
-        one for n in range(3)
+        one
+        for n in range(3)
         for one in decay_stream(50.0, 40.0, release=10.0, seed=n, first_ns=EPOCH_NS + n * 40 * 10**9)
     ]
     _, steps = window_of(stream)
@@ -128,9 +140,13 @@ def test_rest_and_waves_are_no_decays():
     frequencies, phases = rng.uniform(0.08, 0.35, 200), rng.uniform(0.0, 2 * np.pi, 200)
     for size in (0.0, 0.06):
         stream = (
-            reading(EPOCH_NS + k * 20_000_000, roll=float(
-                size * np.sqrt(2 / 200) * np.cos(2 * np.pi * frequencies * k / 50 + phases).sum()
-                + rng.normal(0.0, 1e-3)))
+            reading(
+                EPOCH_NS + k * 20_000_000,
+                roll=float(
+                    size * np.sqrt(2 / 200) * np.cos(2 * np.pi * frequencies * k / 50 + phases).sum()
+                    + rng.normal(0.0, 1e-3)
+                ),
+            )
             for k in range(9000)
         )
         _, steps = window_of(stream)

@@ -1,4 +1,5 @@
 """The identifier on a window of waves, over DDS: on demand, and never in place of a decay's model."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,5 @@
 """A predictor that could not run for a while: it uses every sample, and forecasts from the newest ones."""
+
 import time
 
 import pytest

@@ -1,4 +1,5 @@
 """The fault table over DDS: each is counted under its own reason, none stops a node, good data are forecast again."""
+
 from math import inf, nan
 
 import pytest
@@ -69,6 +70,7 @@ def looped(craft):
 def silent_for(seconds):
     def fault(craft):
         craft.stamp += round(seconds * SECOND)
+
     return fault
 
 
@@ -103,7 +105,10 @@ FAULTS = {
     'absurd rates': (each(rates=(1e30, 0.0, 0.0)), 'absurd-value', 'absurd-value'),
     'absurd force': (each(force=(0.0, 0.0, 1e9)), 'absurd-value', 'absurd-value'),
     'unknown covariances': (
-        each(orientation_covariance=UNKNOWN, rates_covariance=UNKNOWN), 'unknown-covariance', 'unknown-covariance'),
+        each(orientation_covariance=UNKNOWN, rates_covariance=UNKNOWN),
+        'unknown-covariance',
+        'unknown-covariance',
+    ),
     'no orientation': (each(orientation_covariance=NOT_GIVEN), 'no-orientation', 'no-orientation'),
     'faster': (at_another_rate(STEP // 4), 'rate-changed', 'rate-changed'),
     'slower': (at_another_rate(STEP * 4), 'rate-changed', 'rate-changed'),
@@ -161,8 +166,10 @@ def test_two_publishers(craft):
     before = craft.counts()
     second = craft.bench.publisher(Imu, 'imu/data')
     wait_for(lambda: second.get_subscription_count() == 2, 'second connection')
-    wait_for(lambda: craft.counts()['imu_buffer']['several-publishers'] > before['imu_buffer']['several-publishers'],
-             'count of several publishers')
+    wait_for(
+        lambda: craft.counts()['imu_buffer']['several-publishers'] > before['imu_buffer']['several-publishers'],
+        'count of several publishers',
+    )
     for _ in range(100):
         craft.good(1)
         craft.send([reading(craft.stamp - 7 * SECOND, 0.3, 0.3)], second)
@@ -181,10 +188,13 @@ def test_a_qos_mismatch_is_counted(craft):
     before, window_before = craft.counts(), craft.bench.counts('identifier', 'identification')
     wants_old = craft.bench.node.create_subscription(Imu, 'forecast/next', lambda message: None, LATCHED)
     keeps_none = craft.bench.publisher(
-        PointCloud2, 'motion/window', QoSProfile(depth=1, durability=DurabilityPolicy.VOLATILE))
+        PointCloud2, 'motion/window', QoSProfile(depth=1, durability=DurabilityPolicy.VOLATILE)
+    )
     wait_for(lambda: craft.counts()['predictor']['qos-mismatch'] > before['predictor']['qos-mismatch'], 'count')
-    wait_for(lambda: craft.bench.counts('identifier', 'identification')['qos-mismatch']
-             > window_before['qos-mismatch'], 'count at the identifier')
+    wait_for(
+        lambda: craft.bench.counts('identifier', 'identification')['qos-mismatch'] > window_before['qos-mismatch'],
+        'count at the identifier',
+    )
     craft.bench.node.destroy_subscription(wants_old)
     craft.bench.node.destroy_publisher(keeps_none)
     craft.good()

@@ -1,4 +1,5 @@
 """What the nodes tell about themselves, without ROS."""
+
 import pytest
 from imu_stream import EPOCH_NS, reading
 

@@ -1,4 +1,5 @@
 """Over DDS: the predictor's diagnostics name a sensor that sits otherwise than was said, and go on naming it."""
+
 import pytest
 
 pytest.importorskip('rclpy')

@@ -1,4 +1,5 @@
 """When a fit of the waves comes into use, live: 0.5 s of stamps after its samples, or later, which is counted."""
+
 import math
 
 import pytest

@@ -1,4 +1,5 @@
 """The launch files, as far as they can be held to something without the launch system."""
+
 import re
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,8 +12,19 @@ ROOT = Path(__file__).resolve().parents[1]
 ARGUMENTS = {
     'swath_sysid': {'namespace', 'params_file', 'model_file', 'use_sim_time', 'imu_topic'},
     'manoeuvring': {
-        'namespace', 'model_file', 'use_sim_time', 'odometry_topic', 'imu_topic', 'port_topic', 'starboard_topic',
-        'forecast_rate_hz', 'stop_after_s', 'identify', 'model_path', 'mass_kg', 'lever_m',
+        'namespace',
+        'model_file',
+        'use_sim_time',
+        'odometry_topic',
+        'imu_topic',
+        'port_topic',
+        'starboard_topic',
+        'forecast_rate_hz',
+        'stop_after_s',
+        'identify',
+        'model_path',
+        'mass_kg',
+        'lever_m',
     },
 }
 NODES = {
@@ -78,23 +90,29 @@ def test_every_node_is_started_again_when_it_dies(launch):
 
 
 def test_topics_are_remapped_from_what_the_nodes_hear(name, launch):
-    hears = {
-        node.get('exec'): {remap.get('from') for remap in node.findall('remap')} for node in launch.iter('node')
-    }
+    hears = {node.get('exec'): {remap.get('from') for remap in node.findall('remap')} for node in launch.iter('node')}
     thrusters = {'thrusters/left/thrust', 'thrusters/right/thrust'}
-    assert hears == {
-        'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
-        'manoeuvring': {
-            'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters,
-            'manoeuvring_identifier': {'odometry'} | thrusters},
-    }[name]
+    assert (
+        hears
+        == {
+            'swath_sysid': {'imu_buffer': {'imu/data'}, 'predictor': {'imu/data'}, 'identifier': set()},
+            'manoeuvring': {
+                'manoeuvring_predictor': {'odometry', 'imu/data'} | thrusters,
+                'manoeuvring_identifier': {'odometry'} | thrusters,
+            },
+        }[name]
+    )
 
 
 def test_what_is_given_wins_over_the_parameter_file_and_that_over_defaults():
     """The last word on a command line wins: the file, then an argument, which is only there if it is given."""
     launch = ElementTree.parse(ROOT / 'launch' / 'swath_sysid.launch.xml').getroot()
     assert [action.tag for action in launch.find('group')] == [
-        'push-ros-namespace', 'set_parameters_from_file', 'set_parameter', *['node'] * 4]
+        'push-ros-namespace',
+        'set_parameters_from_file',
+        'set_parameter',
+        *['node'] * 4,
+    ]
     given = launch.find('group/set_parameter')
     assert (given.get('name'), given.get('value')) == ('use_sim_time', '$(var use_sim_time)')
     for action, argument in ((given, 'use_sim_time'), (launch.find("group/node[@exec='identifier']"), 'model_file')):

@@ -1,4 +1,5 @@
 """The three nodes over DDS: from the sensor to the model and the forecast, and everything that can be asked of them."""
+
 import os
 import signal
 
@@ -230,8 +231,10 @@ def test_fifty_who_ask_at_once_share_one_identification(identified, clients):
     before = bench.counts('identifier', 'identification')['refits']
     # who asks fifty times at once needs room for as many requests himself; fifty who ask once need none
     depth = 10 if clients == 50 else 100
-    asking = [bench.node.create_client(Trigger, 'identifier/identify', qos_profile=QoSProfile(depth=depth))
-              for _ in range(clients)]  # fmt: skip
+    asking = [
+        bench.node.create_client(Trigger, 'identifier/identify', qos_profile=QoSProfile(depth=depth))
+        for _ in range(clients)
+    ]
     wait_for(lambda: all(client.service_is_ready() for client in asking), 'services')
     calls = [asking[k % clients].call_async(Trigger.Request()) for k in range(50)]
     answers = [bench.wait_for_answer(call, 'identify') for call in calls]
@@ -321,8 +324,14 @@ def test_names_are_relative_and_time_may_be_simulated(craft):
     bench = Bench('tank', 'sensor/imu')
     clock = bench.publisher(Clock, '/clock', 10)
     process = start_together(
-        '-r', '__ns:=/tank', '-r', 'imu/data:=sensor/imu', '-p', 'use_sim_time:=true',
-        '-p', f'model_path:={craft.model_path}',
+        '-r',
+        '__ns:=/tank',
+        '-r',
+        'imu/data:=sensor/imu',
+        '-p',
+        'use_sim_time:=true',
+        '-p',
+        f'model_path:={craft.model_path}',
     )
     with running(bench, process):
         assert wait_for(lambda: bench.heard['model/description'], 'model')[-1].data == craft.model_path.read_text()
@@ -384,17 +393,21 @@ def a_window():
     """A window with a decay, as imu_buffer publishes it."""
     from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
     from swath_sysid.formats.messages import window_message
+
     window = MotionWindow(WindowSettings(detect_decay=False))
     for one in decay_stream(50.0, 30.0):
         window.add(one)
     return window_message(window.table(), 'base_link')
 
 
-@pytest.mark.parametrize(('node', 'arguments', 'sentence'), [
-    ('imu_buffer', ['-p', 'frame:=ned'], "frame cannot be 'ned'"),
-    ('imu_buffer', ['-p', 'window_s:=60'], 'window_s'),
-    ('predictor', ['-p', 'leads_s:=[2.0, 1.0]'], 'leads'),
-])
+@pytest.mark.parametrize(
+    ('node', 'arguments', 'sentence'),
+    [
+        ('imu_buffer', ['-p', 'frame:=ned'], "frame cannot be 'ned'"),
+        ('imu_buffer', ['-p', 'window_s:=60'], 'window_s'),
+        ('predictor', ['-p', 'leads_s:=[2.0, 1.0]'], 'leads'),
+    ],
+)
 def test_a_wrong_parameter_at_the_start_is_one_sentence_and_exit_code_2(node, arguments, sentence):
     process = start('-m', f'swath_sysid.nodes.{node}', ros_args=arguments)
     output, _ = process.communicate(timeout=PATIENCE)

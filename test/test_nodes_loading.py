@@ -1,4 +1,5 @@
 """The predictor follows the craft's draft over DDS: the scheduled model, without losing its state."""
+
 import pytest
 
 pytest.importorskip('rclpy')

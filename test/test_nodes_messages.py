@@ -1,4 +1,5 @@
 """Between ROS messages and plain values."""
+
 import sys
 
 import numpy as np
@@ -43,7 +44,8 @@ def test_an_imu_message_is_read_as_it_was_filled():
     given = reading(EPOCH_NS + 123, 0.1, 0.2, 0.3, 0.4)
     found = imu_reading(imu_message(given))
     assert [list(part) if isinstance(part, tuple) else part for part in found] == [
-        list(part) if isinstance(part, tuple) else part for part in given]
+        list(part) if isinstance(part, tuple) else part for part in given
+    ]
 
 
 def test_a_window_goes_both_ways():
@@ -65,7 +67,11 @@ def test_a_window_of_another_maker_is_read():
     for index, name in enumerate(COLUMNS):
         table[name] = a_table().rows[:, index]
     message = PointCloud2(
-        height=4, width=5, point_step=8 * len(names), is_bigendian=sys.byteorder == 'little', data=table.tobytes(),
+        height=4,
+        width=5,
+        point_step=8 * len(names),
+        is_bigendian=sys.byteorder == 'little',
+        data=table.tobytes(),
         fields=[PointField(name=n, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, n in enumerate(names)],
     )
     np.testing.assert_array_equal(window_table(message).rows, a_table().rows)
@@ -87,10 +93,15 @@ def reaching_too_far(message):
     message.fields[1].offset = 60
 
 
-@pytest.mark.parametrize(('spoil', 'sentence'), [
-    (cut_off, 'ends after'), (of_other_type, 'no FLOAT64 column'), (without_a_column, 'no FLOAT64 column pitch'),
-    (reaching_too_far, 'reaches beyond'),
-])
+@pytest.mark.parametrize(
+    ('spoil', 'sentence'),
+    [
+        (cut_off, 'ends after'),
+        (of_other_type, 'no FLOAT64 column'),
+        (without_a_column, 'no FLOAT64 column pitch'),
+        (reaching_too_far, 'reaches beyond'),
+    ],
+)
 def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):
     message = deserialize_message(window_message(a_table(), ''), PointCloud2)
     spoil(message)
@@ -102,7 +113,8 @@ def test_the_attitude_message_is_filled_anew_each_time():
     maker = ImuMessage('craft')
     for sign in (1.0, -1.0):
         forecast = AttitudeForecast(
-            EPOCH_NS, (0.0, 0.0, 0.0, sign), (1e-4,) + (0.0,) * 8, (sign, 0.0, 0.0), (-1.0,) + (0.0,) * 8)
+            EPOCH_NS, (0.0, 0.0, 0.0, sign), (1e-4,) + (0.0,) * 8, (sign, 0.0, 0.0), (-1.0,) + (0.0,) * 8
+        )
         message = deserialize_message(maker.filled(forecast), Imu)
         assert message.orientation.w == sign and message.angular_velocity.x == sign
         assert message.orientation_covariance[0] == 1e-4 and message.angular_velocity_covariance[0] == -1.0

@@ -1,4 +1,5 @@
 """Texts that are not models, over DDS: no node ends or grows, forecasts go on, diagnostics say what was wrong."""
+
 import re
 from pathlib import Path
 
@@ -126,8 +127,14 @@ def test_a_model_file_that_cannot_be_used_does_not_end_the_identifier(name, tmp_
     kept = path.read_bytes() if path.is_file() else None
     bench = Bench()
     process = start_node(
-        'identifier', '-r', '__ns:=/refusing', '-p', f'model_path:={path}', '-p',
-        f'manoeuvre_model_path:={tmp_path / "absent.yaml"}')
+        'identifier',
+        '-r',
+        '__ns:=/refusing',
+        '-p',
+        f'model_path:={path}',
+        '-p',
+        f'manoeuvre_model_path:={tmp_path / "absent.yaml"}',
+    )
     try:
         status = 'refusing/identifier: identification'
         wait_for(lambda: status in bench.statuses, 'diagnostics', PATIENCE)
@@ -150,8 +157,10 @@ def test_a_model_file_of_manoeuvres_that_cannot_be_used_does_not_end_its_node(tm
     try:
         status = 'refusing/manoeuvring_predictor: manoeuvre'
         wait_for(
-            lambda: str(path) in bench.statuses.get(status, (0, '', {}))[2].get('refused_model', ''), 'refusal',
-            PATIENCE)
+            lambda: str(path) in bench.statuses.get(status, (0, '', {}))[2].get('refused_model', ''),
+            'refusal',
+            PATIENCE,
+        )
     finally:
         code, output = stop(process)
         bench.close()

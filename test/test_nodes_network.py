@@ -1,4 +1,5 @@
 """The SROS 2 policy is the graph of the nodes: nothing they do is missing in it, nothing in it is done by none."""
+
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,9 +15,11 @@ pytestmark = pytest.mark.dds
 
 POLICY = Path(__file__).resolve().parents[1] / 'config' / 'sros2_policy.xml'
 RULES = (
-    ('topic', 'publish', 'publisher'), ('topic', 'subscribe', 'subscriber'),
-    ('service', 'reply', 'service'), ('service', 'request', 'client'),
-)  # fmt: skip
+    ('topic', 'publish', 'publisher'),
+    ('topic', 'subscribe', 'subscriber'),
+    ('service', 'reply', 'service'),
+    ('service', 'request', 'client'),
+)
 
 
 def allowed(profile):
@@ -71,7 +74,8 @@ def test_the_policy_has_the_form_that_sros2_reads(policy):
     assert [profile.get('node') for profile in profiles] == list(NODES)
     for profile in profiles:
         assert {(e.tag, *e.attrib.items()) for e in profile} <= {
-            (f'{kind}s', (rule, 'ALLOW')) for kind, rule, _ in RULES}
+            (f'{kind}s', (rule, 'ALLOW')) for kind, rule, _ in RULES
+        }
         assert all(entry.tag == entries.tag[:-1] and entry.text for entries in profile for entry in entries)
 
 
@@ -79,6 +83,8 @@ def test_the_policy_has_the_form_that_sros2_reads(policy):
 def test_the_policy_allows_what_a_node_does_and_no_more(node, policy, watcher):
     expected = allowed(policy.find(f".//profile[@node='{node}']"))
     # services and topics of a node are discovered one by one, and are too many until none is missing
-    wait_for(lambda: all(names <= done(watcher, node).get(rule, set()) for rule, names in expected.items()),
-             f'all that the policy allows {node}')
+    wait_for(
+        lambda: all(names <= done(watcher, node).get(rule, set()) for rule, names in expected.items()),
+        f'all that the policy allows {node}',
+    )
     assert done(watcher, node) == expected

@@ -1,4 +1,5 @@
 """The parameters: declared once, checked, and the same in table, file and settings."""
+
 from math import radians
 from pathlib import Path
 
@@ -28,8 +29,11 @@ from swath_sysid.nodes.parameters.predictor import pipeline_settings
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 
 SETTINGS_OF = {
-    'imu_buffer': window_settings, 'identifier': refit_settings, 'predictor': pipeline_settings,
-    'manoeuvring_identifier': manoeuvring_settings, 'manoeuvring_predictor': manoeuvring_pipeline_settings,
+    'imu_buffer': window_settings,
+    'identifier': refit_settings,
+    'predictor': pipeline_settings,
+    'manoeuvring_identifier': manoeuvring_settings,
+    'manoeuvring_predictor': manoeuvring_pipeline_settings,
 }
 ALL_TABLES = {node: table_of(node) for node in NODES}
 IMU_BUFFER, IDENTIFIER, PREDICTOR, *_ = ALL_TABLES.values()
@@ -56,15 +60,29 @@ def test_what_both_hear_is_set_alike():
         assert parameter in IMU_BUFFER and parameter in PREDICTOR
 
 
-@pytest.mark.parametrize(('node', 'name', 'value'), [
-    ('imu_buffer', 'frame', 'ned'), ('imu_buffer', 'window_s', 0.0), ('imu_buffer', 'mounting_deg', [0.0, 90.0]),
-    ('imu_buffer', 'mounting_deg', [0.0, 0.0, float('nan')]), ('imu_buffer', 'max_rate_hz', -5.0),
-    ('identifier', 'axes', ['roll', 'yaw']), ('identifier', 'axes', []), ('identifier', 'equation', 'swath-pitch-10'),
-    ('identifier', 'objective', 'best'), ('identifier', 'search', 'magic'), ('identifier', 'population', 3),
-    ('identifier', 'least_improvement', 1.5),
-    ('predictor', 'leads_s', [1.0, 0.5]), ('predictor', 'leads_s', []), ('predictor', 'horizon_s', 1e6),
-    ('predictor', 'forecast_rate_hz', 0.0), ('predictor', 'gate_patience', 0), ('predictor', 'quiet_roll_deg', -1.0),
-])
+@pytest.mark.parametrize(
+    ('node', 'name', 'value'),
+    [
+        ('imu_buffer', 'frame', 'ned'),
+        ('imu_buffer', 'window_s', 0.0),
+        ('imu_buffer', 'mounting_deg', [0.0, 90.0]),
+        ('imu_buffer', 'mounting_deg', [0.0, 0.0, float('nan')]),
+        ('imu_buffer', 'max_rate_hz', -5.0),
+        ('identifier', 'axes', ['roll', 'yaw']),
+        ('identifier', 'axes', []),
+        ('identifier', 'equation', 'swath-pitch-10'),
+        ('identifier', 'objective', 'best'),
+        ('identifier', 'search', 'magic'),
+        ('identifier', 'population', 3),
+        ('identifier', 'least_improvement', 1.5),
+        ('predictor', 'leads_s', [1.0, 0.5]),
+        ('predictor', 'leads_s', []),
+        ('predictor', 'horizon_s', 1e6),
+        ('predictor', 'forecast_rate_hz', 0.0),
+        ('predictor', 'gate_patience', 0),
+        ('predictor', 'quiet_roll_deg', -1.0),
+    ],
+)
 def test_what_makes_no_sense_is_refused_by_a_sentence(node, name, value):
     with pytest.raises(InputError) as refused:
         SETTINGS_OF[node](changed(node, **{name: value}))
@@ -91,13 +109,21 @@ def test_every_parameter_matters():
     """No option does nothing: a changed value changes the settings, or the node reads it by name."""
     others = {
         'thrust_input': 'force',
-        'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0], 'axes': ['roll'], 'equation': 'swath-pitch-1',
-        'objective': 'one-step', 'search': 'pso', 'leads_s': [0.7], 'quiet_for_s': 3.0,
+        'frame': 'frd',
+        'mounting_deg': [0.0, 0.0, 90.0],
+        'axes': ['roll'],
+        'equation': 'swath-pitch-1',
+        'objective': 'one-step',
+        'search': 'pso',
+        'leads_s': [0.7],
+        'quiet_for_s': 3.0,
         'frames_at_s': [1.0],
     }
     at_bow = {'points': ['bow'], 'points.bow': [1.0, 0.0, 0.0]}
     beside = {
-        'quiet_heave_m': at_bow, 'quiet_vertical_velocity_m_s': at_bow, 'points': {'points.bow': [1.0, 0.0, 0.0]},
+        'quiet_heave_m': at_bow,
+        'quiet_vertical_velocity_m_s': at_bow,
+        'points': {'points.bow': [1.0, 0.0, 0.0]},
     }
     others['points'] = ['bow']
     for node, table in ALL_TABLES.items():
@@ -111,8 +137,9 @@ def test_every_parameter_matters():
             elif isinstance(default, bool):
                 other = not default
             elif isinstance(default, int | float):
-                other = type(default)(min(2 * default + 10, parameter.highest) if default < 1e-3 or default >= 1
-                                      else default / 2)
+                other = type(default)(
+                    min(2 * default + 10, parameter.highest) if default < 1e-3 or default >= 1 else default / 2
+                )
             else:
                 other = 'another'
             after = SETTINGS_OF[node](changed(node, **{**companions, parameter.name: other}))
@@ -123,7 +150,7 @@ def test_the_configuration_file_holds_the_defaults():
     path = ROOT / 'config' / 'swath_sysid.yaml'
     assert path.read_text(encoding='utf-8') == configuration_file(), (
         'write it anew: python -c "from swath_sysid.nodes.parameters.files import configuration_file; '
-        'print(configuration_file(), end=\'\')" > config/swath_sysid.yaml'
+        "print(configuration_file(), end='')\" > config/swath_sysid.yaml"
     )
     for node, table in ALL_TABLES.items():
         assert values_from_file(path, node) == defaults(table)
@@ -131,25 +158,32 @@ def test_the_configuration_file_holds_the_defaults():
 
 def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
     path = tmp_path / 'parameters.yaml'
-    path.write_text(yaml.safe_dump({
-        '/**': {'ros__parameters': {'frame': 'frd', 'use_sim_time': True, 'of_another_node': 1}},
-        'predictor': {'ros__parameters': {'leads_s': [2.0], 'frame': 'flu'}},
-        '/imu_buffer': {'ros__parameters': {'window_s': 30.0}},
-    }))
+    path.write_text(
+        yaml.safe_dump(
+            {
+                '/**': {'ros__parameters': {'frame': 'frd', 'use_sim_time': True, 'of_another_node': 1}},
+                'predictor': {'ros__parameters': {'leads_s': [2.0], 'frame': 'flu'}},
+                '/imu_buffer': {'ros__parameters': {'window_s': 30.0}},
+            }
+        )
+    )
     assert values_from_file(path, 'predictor') == changed('predictor', frame='flu', leads_s=[2.0])
     assert values_from_file(path, 'imu_buffer') == changed('imu_buffer', frame='frd', window_s=30.0)
     assert values_from_file(None, 'identifier') == defaults(IDENTIFIER)
 
 
-@pytest.mark.parametrize(('text', 'sentence'), [
-    ('predictor: {ros__parameters: {leads: [1.0]}}', 'has no parameter leads'),
-    ('predictor: {ros__parameters: {horizon_s: 5}}', '1.0 instead of 1'),
-    ('predictor: {ros__parameters: {leads_s: 1.0}}', 'must be of the type of'),
-    ('predictor: {leads_s: [1.0]}', 'is not a ROS parameter file'),
-    ('[1, 2]', 'is not a ROS parameter file'),
-    ('', 'is not a ROS parameter file'),
-    ('a: [', 'is not YAML'),
-])
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('predictor: {ros__parameters: {leads: [1.0]}}', 'has no parameter leads'),
+        ('predictor: {ros__parameters: {horizon_s: 5}}', '1.0 instead of 1'),
+        ('predictor: {ros__parameters: {leads_s: 1.0}}', 'must be of the type of'),
+        ('predictor: {leads_s: [1.0]}', 'is not a ROS parameter file'),
+        ('[1, 2]', 'is not a ROS parameter file'),
+        ('', 'is not a ROS parameter file'),
+        ('a: [', 'is not YAML'),
+    ],
+)
 def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentence):
     path = tmp_path / 'parameters.yaml'
     path.write_text(text)
@@ -160,10 +194,11 @@ def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentenc
 
 
 FORMER = {
-    '/**/identifier': {'ros__parameters': {'equation': 'odd-cubic', 'manoeuvre_window_s': 120.0,
-                                           'manoeuvre_mass_kg': 180.0}},
+    '/**/identifier': {
+        'ros__parameters': {'equation': 'odd-cubic', 'manoeuvre_window_s': 120.0, 'manoeuvre_mass_kg': 180.0}
+    },
     'manoeuvre_predictor': {'ros__parameters': {'leads_s': [2.0]}},
-}  # fmt: skip
+}
 
 
 def test_a_parameter_file_of_an_earlier_version_is_still_read(tmp_path):
@@ -175,8 +210,7 @@ def test_a_parameter_file_of_an_earlier_version_is_still_read(tmp_path):
     assert values_from_file(path, 'manoeuvring_predictor') == changed('manoeuvring_predictor', leads_s=[2.0])
     given = ['node', '--ros-args', '--params-file', str(path), '-p', 'mass_kg:=200.0']
     arguments, (warning,) = with_moved_parameters(given, 'manoeuvring_identifier')
-    assert arguments == [
-        'node', '--ros-args', '-p', 'mass_kg:=180.0', '-p', 'window_s:=120.0', '--', *given[1:]]
+    assert arguments == ['node', '--ros-args', '-p', 'mass_kg:=180.0', '-p', 'window_s:=120.0', '--', *given[1:]]
     assert 'sets mass_kg, window_s in the section of an earlier version' in warning and '/**/manoeuvr' in warning
 
 

@@ -1,4 +1,5 @@
 """Over DDS: the probability of staying quiet, by limits that can be changed at once, and the sea state."""
+
 import math
 import time
 from itertools import islice

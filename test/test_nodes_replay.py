@@ -1,4 +1,5 @@
 """Replay and record over real DDS: what went in comes out, and live nodes forecast as play-through does."""
+
 import os
 import signal
 import subprocess
@@ -36,8 +37,11 @@ def verb(*words, ends=signal.SIGINT):
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
     child = subprocess.Popen(
         [sys.executable, '-m', 'swath_sysid.cli.main', *map(str, words)],
-        env={**os.environ, 'PYTHONPATH': path}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
+        env={**os.environ, 'PYTHONPATH': path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     try:
         yield child
         if child.poll() is None and ends is not None:
@@ -96,7 +100,8 @@ def decoded(path, topic):
     with opened_bag(path) as (readers, advice):
         assert advice == []
         return [
-            STORE.deserialize_cdr(raw, c.msgtype) for reader in readers
+            STORE.deserialize_cdr(raw, c.msgtype)
+            for reader in readers
             for c, _, raw in reader.messages([c for c in reader.connections if c.topic == topic])
         ]
 
@@ -109,9 +114,16 @@ def numbers_of(message):
     """The floats of a sensor_msgs/Imu that a forecast fills."""
     turn, rates = message.orientation, message.angular_velocity
     return (
-        turn.x, turn.y, turn.z, turn.w, rates.x, rates.y, rates.z,
-        *message.orientation_covariance, *message.angular_velocity_covariance,
-    )  # fmt: skip
+        turn.x,
+        turn.y,
+        turn.z,
+        turn.w,
+        rates.x,
+        rates.y,
+        rates.z,
+        *message.orientation_covariance,
+        *message.angular_velocity_covariance,
+    )
 
 
 @pytest.fixture
@@ -121,8 +133,10 @@ def statuses(node):
 
     found = {}
     node.create_subscription(
-        DiagnosticArray, '/diagnostics',
-        lambda message: found.update({s.name: {v.key: v.value for v in s.values} for s in message.status}), 10,
+        DiagnosticArray,
+        '/diagnostics',
+        lambda message: found.update({s.name: {v.key: v.value for v in s.values} for s in message.status}),
+        10,
     )
     return found
 
@@ -172,7 +186,9 @@ def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, no
         np.testing.assert_array_equal([p.velocities for p in one.points], [p.velocities for p in other.points])
     shown = {
         f'/diagnostics/{status.name}/{pair.key}'
-        for message in decoded(live, '/diagnostics') for status in message.status for pair in status.values
+        for message in decoded(live, '/diagnostics')
+        for status in message.status
+        for pair in status.values
     }
     layout = (ROOT / 'config' / 'plotjuggler_layout.xml').read_text(encoding='utf-8')
     drawn = {part.split('"')[0] for part in layout.split('<curve name="')[1:] if part.startswith('/diagnostics/')}
@@ -200,8 +216,10 @@ def test_a_killed_recording_can_be_read(bag, tmp_path, node):
         player = stack.enter_context(verb('replay', bag, '--loop', '--wait-for', 1))
         recorder = subprocess.Popen(
             [sys.executable, '-m', 'swath_sysid.cli.main', 'record', '--output', str(tmp_path / 'cut.mcap')],
-            cwd=ROOT, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-        )  # fmt: skip
+            cwd=ROOT,
+            stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+        )
         try:
             growing = tmp_path / 'cut.recording' / 'cut.recording.mcap'
             wait_until(lambda: growing.exists() and growing.stat().st_size > 50_000, 'what was recorded')
@@ -220,11 +238,10 @@ def test_replay_tells_the_time_and_loops(bag, node):
 
     stamps, clocks = [], []
     node.create_subscription(Imu, '/imu/data', lambda m: stamps.append(stamp_of(m)), 1000)
-    node.create_subscription(
-        Clock, '/clock', lambda m: clocks.append(m.clock.sec * 10**9 + m.clock.nanosec), 1000)
+    node.create_subscription(Clock, '/clock', lambda m: clocks.append(m.clock.sec * 10**9 + m.clock.nanosec), 1000)
     with verb('replay', bag, '--loop', '--clock', '--rate', 10, '--wait-for', 1):
         wait_until(lambda: sum(np.diff(stamps) < 0) >= 1 and len(clocks) > 20, 'the second round', node)
-    first_round = stamps[:np.flatnonzero(np.diff(stamps) < 0)[0] + 1]
+    first_round = stamps[: np.flatnonzero(np.diff(stamps) < 0)[0] + 1]
     known = read_imu(bag).stamps
     assert first_round == known.tolist(), 'from the first sample on'
     assert known[0] <= min(clocks) and max(clocks) <= known[-1] + 10**9
@@ -316,17 +333,20 @@ def test_recordings_that_cannot_be_are_told_at_once(name, tmp_path, monkeypatch,
 
 @pytest.mark.parametrize('words', [['replay', 'some.mcap'], ['record'], ['demo']])
 def test_without_ros_one_sentence_says_what_to_do(words, tmp_path):
-    code = f'''
+    code = f"""
 import sys
 sys.modules['rclpy'] = None
 from swath_sysid.cli.main import main
 sys.exit(main({words}))
-'''
+"""
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
     result = subprocess.run(
-        [sys.executable, '-c', code], cwd=tmp_path, capture_output=True, text=True,
+        [sys.executable, '-c', code],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
         env={**os.environ, 'PYTHONPATH': path},
-    )  # fmt: skip
+    )
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1
     assert 'pip install' in result.stderr

@@ -1,4 +1,5 @@
 """The worker process: warm, cancelled, killed, never left behind."""
+
 import os
 import signal
 import subprocess
@@ -195,16 +196,19 @@ def test_closing_during_the_warm_up(python_path):
 @pytest.mark.parametrize('how', [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_the_worker_ends_with_its_node(python_path, how):
     """Even where the node has no time to say farewell."""
-    code = textwrap.dedent('''
+    code = textwrap.dedent("""
         import test_nodes_worker as t
         worker = t.Worker(t.warm_up)
         ending = t.submit(worker, t.until_cancelled, reports=True)
         ending.wait_for_progress()
         print(worker.pid, flush=True)
         t.time.sleep(t.PATIENCE)
-    ''')
+    """)
     with subprocess.Popen(
-        [sys.executable, '-c', code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        [sys.executable, '-c', code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join([str(Path(TEST_FOLDER).parent), os.environ['PYTHONPATH']])},
     ) as node:
         pid = int(node.stdout.readline())

@@ -1,4 +1,5 @@
 """The package as a whole: its manifest, what it installs, and which room may use what."""
+
 import ast
 import json
 import os
@@ -39,16 +40,31 @@ DISTRIBUTIONS = {'yaml': 'PyYAML'}
 """Names on PyPI that differ from the imported name."""
 
 OPTIONAL = {
-    'numba': 'fast', 'dask': 'cluster', 'distributed': 'cluster',
+    'numba': 'fast',
+    'dask': 'cluster',
+    'distributed': 'cluster',
     **dict.fromkeys(('fastapi', 'nicegui', 'uvicorn'), 'page'),
 }
 """Imports that may fail, and the extra that installs them; Ubuntu 24.04 has no numba, rosdep no distributed and no
 nicegui, which brings fastapi and uvicorn."""
 
 ROS_PACKAGES = {
-    'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'launch', 'launch_ros', 'nav_msgs',
-    'rcl_interfaces', 'rclpy', 'rosgraph_msgs', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'std_srvs',
-    'tf2_msgs', 'trajectory_msgs',
+    'ament_index_python',
+    'builtin_interfaces',
+    'diagnostic_msgs',
+    'geometry_msgs',
+    'launch',
+    'launch_ros',
+    'nav_msgs',
+    'rcl_interfaces',
+    'rclpy',
+    'rosgraph_msgs',
+    'rosidl_runtime_py',
+    'sensor_msgs',
+    'std_msgs',
+    'std_srvs',
+    'tf2_msgs',
+    'trajectory_msgs',
 }
 
 NODE_VERBS = {'demo', 'page', 'record', 'replay', 'run'}
@@ -69,7 +85,8 @@ MAY_IMPORT = {
     'start': set(),
     **{
         f'{wing}/{room}': BASE | {f'{wing}/{above}' for above in INNER_ORDER[:level]}
-        for wing in WINGS for level, room in enumerate(INNER_ORDER)
+        for wing in WINGS
+        for level, room in enumerate(INNER_ORDER)
     },
     'pipeline': CORE,
     'formats': CORE,
@@ -83,8 +100,13 @@ MAY_IMPORT = {
 
 IMPURE_MODULES = {'logging', 'random', 'rich', 'time'}
 IMPURE_CALLS = {
-    'print', 'input', 'warnings.warn',
-    'datetime.now', 'datetime.utcnow', 'datetime.today', 'date.today',
+    'print',
+    'input',
+    'warnings.warn',
+    'datetime.now',
+    'datetime.utcnow',
+    'datetime.today',
+    'date.today',
 }
 """What logs, prints, sleeps or reads a clock; compared with the end of the called name."""
 
@@ -114,7 +136,7 @@ def imports_of(path):
         elif isinstance(node, ast.ImportFrom):
             module = node.module or ''
             if node.level:
-                module = '.'.join([*package[:len(package) - node.level + 1], *filter(None, [module])])
+                module = '.'.join([*package[: len(package) - node.level + 1], *filter(None, [module])])
             names.update(f'{module}.{alias.name}' for alias in node.names)
     return names
 
@@ -136,12 +158,15 @@ def guarded_by_import_error(path, module):
     tree = tree_of(path)
     guarded = {
         inner
-        for node in ast.walk(tree) if isinstance(node, ast.Try)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Try)
         if any(handler.type is not None and 'ImportError' in ast.unparse(handler.type) for handler in node.handlers)
-        for statement in node.body for inner in ast.walk(statement)
+        for statement in node.body
+        for inner in ast.walk(statement)
     }
     imports = [
-        node for node in ast.walk(tree)
+        node
+        for node in ast.walk(tree)
         if (isinstance(node, ast.Import) and any(alias.name.split('.')[0] == module for alias in node.names))
         or (isinstance(node, ast.ImportFrom) and (node.module or '').split('.')[0] == module)
     ]
@@ -229,9 +254,11 @@ def test_optional_imports_are_guarded_and_have_an_extra(module, setup_arguments)
 
 def test_only_nodes_and_their_verbs_import_ros():
     offenders = {
-        str(path.relative_to(ROOT)): sorted(outside_imports(path) & ROS_PACKAGES) for path in MODULES
+        str(path.relative_to(ROOT)): sorted(outside_imports(path) & ROS_PACKAGES)
+        for path in MODULES
         if outside_imports(path) & ROS_PACKAGES
-        and room_of(path) != 'nodes' and not (room_of(path) == 'cli' and path.stem in NODE_VERBS)
+        and room_of(path) != 'nodes'
+        and not (room_of(path) == 'cli' and path.stem in NODE_VERBS)
     }
     assert offenders == {}
 
@@ -249,15 +276,16 @@ def test_imports_go_up_the_layers_only(path):
 def test_all_but_the_nodes_import_without_ros_and_numba():
     """Where neither is installed, everything that starts no node still runs."""
     names = [
-        '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__') for path in MODULES
+        '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
+        for path in MODULES
         if room_of(path) != 'nodes' and not (room_of(path) == 'cli' and path.stem in NODE_VERBS)
     ]
-    code = f'''
+    code = f"""
 import importlib, sys
 sys.modules.update(dict.fromkeys({sorted(ROS_PACKAGES | set(OPTIONAL))}))
 for name in {names}:
     importlib.import_module(name)
-'''
+"""
     result = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr.splitlines()[-1]
 
@@ -303,7 +331,9 @@ def test_the_users_path_gets_the_command_line_only(setup_arguments):
 def test_ros2_run_finds_every_node_after_pip_and_colcon():
     """The scripts of the nodes start the command line beside them: pip's script, or colcon's console script."""
     nodes = {
-        path.stem for path in (PACKAGE / 'nodes').glob('*.py') if path.stem != 'all_in_one'
+        path.stem
+        for path in (PACKAGE / 'nodes').glob('*.py')
+        if path.stem != 'all_in_one'
         and any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree_of(path).body)
     }
     assert nodes == set(NODES)
@@ -344,7 +374,8 @@ def test_every_data_file_inside_the_package_is_packaged(setup_arguments):
     patterns = setup_arguments.get('package_data', {}).get(PACKAGE.name, [])
     packaged = {path for pattern in patterns for path in PACKAGE.glob(pattern)}
     others = {
-        path for path in PACKAGE.rglob('*')
+        path
+        for path in PACKAGE.rglob('*')
         if path.is_file() and '__pycache__' not in path.parts and path.suffix != '.py'
     }
     assert others == packaged
@@ -365,7 +396,8 @@ def test_colcon_puts_the_command_line_and_nothing_else_on_the_path(setup_argumen
     """Everything is where `ros2 run` looks, not in bin/: a hook makes `swath-sysid` a command all the same."""
     installed = {
         f'{target}/{Path(source).name}': source
-        for target, sources in setup_arguments['data_files'] for source in sources
+        for target, sources in setup_arguments['data_files']
+        for source in sources
     }
     (hook,) = json.loads((ROOT / 'colcon.pkg').read_text(encoding='utf-8'))['hooks']
     action, variable, folder = (ROOT / installed[hook]).read_text(encoding='utf-8').strip().split(';')
@@ -388,8 +420,10 @@ def test_every_public_module_and_function_is_documented():
         if not ast.get_docstring(tree):
             missing.append(str(path.relative_to(ROOT)))
         missing += [
-            f'{path.relative_to(ROOT)}:{node.lineno} {node.name}' for node in tree.body
-            if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith('_')
+            f'{path.relative_to(ROOT)}:{node.lineno} {node.name}'
+            for node in tree.body
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef))
+            and not node.name.startswith('_')
             and not ast.get_docstring(node)
         ]
     assert missing == []
@@ -406,11 +440,14 @@ def install(prefix, package_folder, share=True):
     return folder / 'share.py'
 
 
-@pytest.mark.parametrize('package_folder', [
-    'lib/python3.12/site-packages',
-    'lib/python3/dist-packages',
-    'local/lib/python3.12/dist-packages',
-])
+@pytest.mark.parametrize(
+    'package_folder',
+    [
+        'lib/python3.12/site-packages',
+        'lib/python3/dist-packages',
+        'local/lib/python3.12/dist-packages',
+    ],
+)
 def test_share_folder_of_an_installation(tmp_path, package_folder):
     module = install(tmp_path, package_folder)
     assert share_folder(module) == (tmp_path / 'share' / PACKAGE.name).resolve()

@@ -1,4 +1,5 @@
 """The page in headless Chromium: every step of the bring-up, faults with their cures, the buttons, narrow and wide."""
+
 import shutil
 import threading
 import time
@@ -20,7 +21,8 @@ from swath_sysid.page.server import is_allowed, served  # noqa: E402
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 needs_chromium = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason='no chromium with its driver: apt install chromium chromium-driver')
+    not (CHROMIUM and DRIVER), reason='no chromium with its driver: apt install chromium chromium-driver'
+)
 PATIENCE = 60.0
 TOKEN = 'a-token-of-the-test'
 WIDTHS = 400, 1600
@@ -54,9 +56,14 @@ class Tank(TankSide):
 
     def look(self):
         leads = range(0, 5_000_000_000, 100_000_000)
-        self.record.add_horizon(horizon_of(
-            self.stamp_ns, list(leads), ['roll', 'roll_std', 'pitch', 'pitch_std'],
-            [0.0, 0.01, 0.01, 0.02] * len(leads)))
+        self.record.add_horizon(
+            horizon_of(
+                self.stamp_ns,
+                list(leads),
+                ['roll', 'roll_std', 'pitch', 'pitch_std'],
+                [0.0, 0.01, 0.01, 0.02] * len(leads),
+            )
+        )
         self.description = model_to_yaml(self.record.models) if self.record.models else ''
         Desk.refresh(self.desk)
         guidance = self.desk.view.guidance
@@ -76,8 +83,7 @@ class Screen:
         self.driver, self.tank = driver, tank
 
     def text(self, name):
-        return self.driver.execute_script(
-            f"return document.querySelector('[data-name={name}]')?.innerText ?? ''")
+        return self.driver.execute_script(f"return document.querySelector('[data-name={name}]')?.innerText ?? ''")
 
     def wait_for(self, words, name='sentence'):
         end = time.monotonic() + PATIENCE
@@ -89,8 +95,10 @@ class Screen:
         self.driver.execute_script(f"document.querySelector('[data-name={name}]').click()")
 
     def resize(self, width, height=1400):
-        self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {
-            'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600})
+        self.driver.execute_cdp_cmd(
+            'Emulation.setDeviceMetricsOverride',
+            {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600},
+        )
 
 
 @pytest.fixture(scope='module')
@@ -196,18 +204,21 @@ def test_without_the_token_nothing_is_shown(address):
         assert answer.status == 200 and TOKEN in answer.headers['set-cookie']
 
 
-@pytest.mark.parametrize(('headers', 'token', 'given', 'allowed'), [
-    ({'host': 'localhost:8484'}, '', '', True),
-    ({'host': '127.0.0.1:8484', 'origin': 'http://127.0.0.1:8484'}, '', '', True),
-    ({'host': '[::1]:8484'}, '', '', True),
-    # another name for this machine, or a page of another origin in the same browser
-    ({'host': 'elsewhere.example:8484'}, '', '', False),
-    ({'host': 'localhost:8484', 'origin': 'http://elsewhere.example'}, '', '', False),
-    ({'host': 'craft:8484'}, 't', 't', True),
-    ({'host': 'craft:8484', 'cookie': 'swath_sysid_page=t'}, 't', '', True),
-    ({'host': 'craft:8484', 'cookie': 'swath_sysid_page=u'}, 't', '', False),
-    ({'host': 'craft:8484', 'origin': 'http://elsewhere.example'}, 't', 't', False),
-    ({'host': 'localhost:8484'}, 't', '', False),
-])
+@pytest.mark.parametrize(
+    ('headers', 'token', 'given', 'allowed'),
+    [
+        ({'host': 'localhost:8484'}, '', '', True),
+        ({'host': '127.0.0.1:8484', 'origin': 'http://127.0.0.1:8484'}, '', '', True),
+        ({'host': '[::1]:8484'}, '', '', True),
+        # another name for this machine, or a page of another origin in the same browser
+        ({'host': 'elsewhere.example:8484'}, '', '', False),
+        ({'host': 'localhost:8484', 'origin': 'http://elsewhere.example'}, '', '', False),
+        ({'host': 'craft:8484'}, 't', 't', True),
+        ({'host': 'craft:8484', 'cookie': 'swath_sysid_page=t'}, 't', '', True),
+        ({'host': 'craft:8484', 'cookie': 'swath_sysid_page=u'}, 't', '', False),
+        ({'host': 'craft:8484', 'origin': 'http://elsewhere.example'}, 't', 't', False),
+        ({'host': 'localhost:8484'}, 't', '', False),
+    ],
+)
 def test_who_may_see_the_page(headers, token, given, allowed):
     assert is_allowed(headers, token, given) is allowed

@@ -1,4 +1,5 @@
 """The guided bring-up, step by step, and every fault named with its cure; the nodes' part is done by their cores."""
+
 import numpy as np
 import pytest
 from tank_side import TankSide
@@ -106,6 +107,7 @@ def waves(t):
 
 def wrongly(wrong):
     """The whole bring-up with a sensor that is wrong in this way."""
+
     def play(tank):
         tank.send(REST_S, wrong=wrong)
         tank.release(5.0, wrong=wrong)
@@ -123,8 +125,13 @@ def rest_then(play):
 
 FAULTS = {
     # what is wrong: (how the tank is made, what happens, code, step, what the cure must name)
-    'frame': ({'installation': Installation('frd')}, wrongly(lambda each: each), 'axes-of-sensor', SENSOR,
-              'set frame to flu'),
+    'frame': (
+        {'installation': Installation('frd')},
+        wrongly(lambda each: each),
+        'axes-of-sensor',
+        SENSOR,
+        'set frame to flu',
+    ),
     'upside down': ({}, wrongly(turned_over), 'sensor-turned', SENSOR, 'set mounting_deg to [180, 0, 0]'),
     'g for m/s^2': ({}, wrongly(in_g), 'accelerations-in-g', SENSOR, 'they are in g'),
     'deg/s for rad/s': ({}, wrongly(rates_times(57.29578)), 'rate-unit', SENSOR, 'deg/s where rad/s is expected'),
@@ -139,13 +146,27 @@ FAULTS = {
     'too small': ({}, rest_then(lambda tank: tank.release(1.1)), 'too-small', PUSH, 'push further, to 5 degrees'),
     'held': ({}, rest_then(lambda tank: tank.release(5.0, hold=30.0)), 'held', PUSH, 'let go at once'),
     'lowered by hand': (
-        {}, rest_then(lambda tank: tank.release(5.0, damping=0.95)), 'few-cycles', PUSH, 'instead of lowering it'),
+        {},
+        rest_then(lambda tank: tank.release(5.0, damping=0.95)),
+        'few-cycles',
+        PUSH,
+        'instead of lowering it',
+    ),
     'other axis': (
-        {}, rest_then(lambda tank: tank.release(5.0, axis='roll')), 'other-axis', PUSH, 'or choose roll above'),
+        {},
+        rest_then(lambda tank: tank.release(5.0, axis='roll')),
+        'other-axis',
+        PUSH,
+        'or choose roll above',
+    ),
     'not noticed': (
-        {'auto_identify': False}, rest_then(lambda tank: tank.release(5.0, duration=45.0)), 'not-noticed', IDENTIFY,
-        'press Identify'),
-}  # fmt: skip
+        {'auto_identify': False},
+        rest_then(lambda tank: tank.release(5.0, duration=45.0)),
+        'not-noticed',
+        IDENTIFY,
+        'press Identify',
+    ),
+}
 
 
 @pytest.mark.parametrize('fault', FAULTS)

@@ -1,4 +1,5 @@
 """The page's node beside the real nodes and a sensor: what it hears, what it asks of them, and the faults it names."""
+
 import os
 import signal
 import time
@@ -24,7 +25,14 @@ pytestmark = pytest.mark.dds
 RATE = 25.0
 
 SETTINGS = (
-    '-p', 'window_timeout_s:=60.0', '-p', 'axes:=[pitch]', '-p', 'generations:=20', '-p', 'population:=30',
+    '-p',
+    'window_timeout_s:=60.0',
+    '-p',
+    'axes:=[pitch]',
+    '-p',
+    'generations:=20',
+    '-p',
+    'population:=30',
 )
 """A search that suffices for a linear hull, since it is not what is tested here."""
 
@@ -67,11 +75,14 @@ class Page:
         self.bench.settle('predictor', self.sent)
 
     def rest(self, seconds=20.0, wrong=lambda each: each):
-        self.send(wrong(reading(self.stamp + (k + 1) * round(1e9 / RATE), noise(k), noise(k + 1)))
-                  for k in range(round(RATE * seconds)))
+        self.send(
+            wrong(reading(self.stamp + (k + 1) * round(1e9 / RATE), noise(k), noise(k + 1)))
+            for k in range(round(RATE * seconds))
+        )
 
     def lie_still_until(self, condition, what, wrong=lambda each: each):
         """The sensor goes on at rest until the guidance is as it should be; that."""
+
         def found():
             self.rest(0.8, wrong)
             guidance = self.look()
@@ -122,10 +133,14 @@ def test_from_rest_to_a_kept_model_without_a_terminal(page):
     wait_for(lambda: any('no model before' in line or 'back to' in line for line in page.desk.answers), 'an answer')
 
 
-@pytest.mark.parametrize(('wrong', 'code', 'cure'), [
-    (turned_over, 'sensor-turned', 'set mounting_deg to [180, 0, 0]'),
-    (in_g, 'accelerations-in-g', 'they are in g'),
-], ids=['upside down', 'g'])
+@pytest.mark.parametrize(
+    ('wrong', 'code', 'cure'),
+    [
+        (turned_over, 'sensor-turned', 'set mounting_deg to [180, 0, 0]'),
+        (in_g, 'accelerations-in-g', 'they are in g'),
+    ],
+    ids=['upside down', 'g'],
+)
 def test_a_wrong_sensor_is_named_through_the_nodes(page, wrong, code, cure):
     page.rest(15.0, wrong)
     assert cure in page.lie_still_until(lambda guidance: guidance.fault == code, f'fault {code}', wrong).cure
@@ -160,7 +175,10 @@ def test_run_starts_the_page_and_ends_it():
 
     process = subprocess.Popen(
         [sys.executable, '-m', 'swath_sysid.cli.main', 'run', '--page', '--namespace', 'paged'],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ,
     )
     lines, deadline = [], time.monotonic() + PATIENCE
     while not any('the page is at http://localhost:' in line for line in lines):

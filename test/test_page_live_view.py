@@ -1,4 +1,5 @@
 """What the page shows, as plain data."""
+
 import numpy as np
 import pytest
 from imu_stream import reading
@@ -42,8 +43,10 @@ def test_noise_is_that_of_the_sensor_whether_or_not_the_craft_moves():
 
 
 def test_health_has_a_line_for_every_status_and_names_the_silent(tank):
-    lines = {name: (level, sentence) for name, level, sentence in health(
-        tank.record.statuses(tank.clock), tank.record.motions())}
+    lines = {
+        name: (level, sentence)
+        for name, level, sentence in health(tank.record.statuses(tank.clock), tank.record.motions())
+    }
     assert lines['Sensor'][0] == 0 and lines['Sensor'][1].endswith('Hz, receiving /imu/data')
     assert 'roll 0.0' in lines['Noise of the angles'][1]
     assert health({}, {})[0] == ('Sensor', 1, 'no word from predictor')
@@ -89,9 +92,15 @@ def test_of_a_fast_sensor_25_samples_a_second_are_kept():
     assert np.diff(time) == pytest.approx(0.04, abs=1e-6) and time.size == 50
 
 
-@pytest.mark.parametrize(('largest', 'band', 'reach'), [
-    (0.01, 0.0, 1.0), (1.2, 0.5, 2.0), (4.0, 3.0, 5.0), (4.0, 90.0, 10.0),
-])
+@pytest.mark.parametrize(
+    ('largest', 'band', 'reach'),
+    [
+        (0.01, 0.0, 1.0),
+        (1.2, 0.5, 2.0),
+        (4.0, 3.0, 5.0),
+        (4.0, 90.0, 10.0),
+    ],
+)
 def test_the_height_of_a_chart_is_round_and_holds_the_motion(largest, band, reach):
     chart = {'measured': [[0.0, -largest]], 'forecast': [[1.0, 0.0]], 'bands': [[[1.0, -band, band]]]}
     assert reach_of(chart, 1.0) == reach

@@ -1,4 +1,5 @@
 """The published studies: their printed values, and their trials and searches carried out again."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -62,8 +63,14 @@ def test_hulls_follow_the_draft_by_powers():
 
 @pytest.mark.parametrize(
     ('values', 'trend'),
-    [([3, 2, 1], 'falls'), ([1, 2, 3], 'rises'), ([1, 0.9, 1.05], 'steady'), ([1, 3, 2], 'rises then falls'),
-     ([1, 3, 2, 4], 'mixed'), ([3, 2, 2, 1], 'falls')],
+    [
+        ([3, 2, 1], 'falls'),
+        ([1, 2, 3], 'rises'),
+        ([1, 0.9, 1.05], 'steady'),
+        ([1, 3, 2], 'rises then falls'),
+        ([1, 3, 2, 4], 'mixed'),
+        ([3, 2, 2, 1], 'falls'),
+    ],
 )
 def test_trends(values, trend):
     assert trend_of(values) == trend

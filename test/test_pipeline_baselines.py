@@ -1,4 +1,5 @@
 """Baselines: against closed forms and plain least squares, and blind to the future."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -95,10 +96,10 @@ def test_a_window_that_slid_on_gives_the_least_squares_of_its_own_rows():
     found = running_regression(record, (0, 1), (1,), order, stamp, np.array([0.1]), window)[0, 0, 0]
     last = refit - 2
     rows = range(last - 1000 + 1 + order, last + 1)
-    design = np.array([np.append(values[k - order:k, :2][::-1].ravel(), 1.0) for k in rows])
+    design = np.array([np.append(values[k - order : k, :2][::-1].ravel(), 1.0) for k in rows])
     whole = np.isfinite(design).all(axis=1) & np.isfinite(values[list(rows), 1])
     right = np.linalg.lstsq(design[whole], values[list(rows), 1][whole], rcond=None)[0]
-    now = np.append(values[refit - order + 1:refit + 1, :2][::-1].ravel(), 1.0)
+    now = np.append(values[refit - order + 1 : refit + 1, :2][::-1].ravel(), 1.0)
     assert found == pytest.approx(now @ right, abs=1e-6)
 
 

@@ -1,4 +1,5 @@
 """The forecast pipeline: what the predictor publishes, as plain numbers."""
+
 import numpy as np
 import pytest
 from imu_stream import EPOCH_NS, NOT_GIVEN, decay_stream, reading, released
@@ -49,7 +50,12 @@ def pitch_of(forecast):
 
 def test_topics_of_leads():
     assert [lead_topic(lead) for lead in (0.1, 0.5, 1, 2.0, 0.25)] == [
-        'forecast/lead_0_1s', 'forecast/lead_0_5s', 'forecast/lead_1_0s', 'forecast/lead_2_0s', 'forecast/lead_0_25s']
+        'forecast/lead_0_1s',
+        'forecast/lead_0_5s',
+        'forecast/lead_1_0s',
+        'forecast/lead_2_0s',
+        'forecast/lead_0_25s',
+    ]
 
 
 def test_every_sample_after_the_first_gives_a_next(decay):
@@ -62,7 +68,9 @@ def test_stamps_are_exact(decay):
     step = next(step for step in decay[500:] if step.forecast)
     index = decay.index(step)
     assert [forecast.stamp_ns - EPOCH_NS for _, forecast in step.attitudes()] == [
-        index * 20_000_000 + 500_000_000, index * 20_000_000 + 1_000_000_000]
+        index * 20_000_000 + 500_000_000,
+        index * 20_000_000 + 1_000_000_000,
+    ]
     assert step.trajectory().stamp_ns == EPOCH_NS + index * 20_000_000
     assert step.trajectory().leads_ns == tuple(100_000_000 * k for k in range(1, 21))
 
@@ -161,11 +169,15 @@ def test_the_epoch_does_not_matter():
 
 
 def test_what_cannot_be_used_is_counted_and_forecasts_nothing():
-    pipeline, steps = play([
-        reading(EPOCH_NS), reading(EPOCH_NS + 20_000_000), reading(EPOCH_NS + 20_000_000),
-        reading(EPOCH_NS + 40_000_000, orientation=(0.0,) * 4, rates=(float('nan'),) * 3),
-        reading(EPOCH_NS + 60_000_000),
-    ])
+    pipeline, steps = play(
+        [
+            reading(EPOCH_NS),
+            reading(EPOCH_NS + 20_000_000),
+            reading(EPOCH_NS + 20_000_000),
+            reading(EPOCH_NS + 40_000_000, orientation=(0.0,) * 4, rates=(float('nan'),) * 3),
+            reading(EPOCH_NS + 60_000_000),
+        ]
+    )
     assert [step.next is not None for step in steps] == [False, True, False, False, True]
     assert steps[2].reasons == ('duplicate-stamp',) and pipeline.used == 3
     assert set(steps[3].reasons) == {'bad-quaternion', 'not-finite', 'nothing-usable'}

@@ -1,4 +1,5 @@
 """Scores of vertical motion at points: errors of known size, what is not known yet, and the verb that prints them."""
+
 import json
 from dataclasses import replace
 from types import SimpleNamespace
@@ -34,20 +35,28 @@ def swell(duration=300.0, seed=0):
         pitch, rate = 0.05 * np.cos(turn).sum(axis=-1), -0.05 * (FREQUENCIES * np.sin(turn)).sum(axis=-1)
         turning = -0.05 * (FREQUENCIES**2 * np.cos(turn)).sum(axis=-1)
         acceleration = -0.4 * (FREQUENCIES**2 * np.sin(turn)).sum(axis=-1)
-        return pitch, rate, acceleration, np.stack([
-            heave.sum(axis=-1) - ahead * np.sin(pitch),
-            velocity.sum(axis=-1) - ahead * np.cos(pitch) * rate,
-            acceleration + ahead * (np.sin(pitch) * rate**2 - np.cos(pitch) * turning),
-        ], axis=-1)  # fmt: skip
+        return (
+            pitch,
+            rate,
+            acceleration,
+            np.stack(
+                [
+                    heave.sum(axis=-1) - ahead * np.sin(pitch),
+                    velocity.sum(axis=-1) - ahead * np.cos(pitch) * rate,
+                    acceleration + ahead * (np.sin(pitch) * rate**2 - np.cos(pitch) * turning),
+                ],
+                axis=-1,
+            ),
+        )
 
     time = np.arange(0.0, duration, 0.1)
     pitch, rate, acceleration, _ = motion(time)
     none, up = np.zeros(time.size), STANDARD_GRAVITY + acceleration
     noise = rng.normal(0.0, 1e-4, (7, time.size))
     trial = Trial(time, none, pitch, none, rate, -np.sin(pitch) * up, none, np.cos(pitch) * up, source='swell')
-    return replace(trial, **{
-        name: values + part for (name, values), part in zip(trial.channels.items(), noise, strict=True)
-    }), motion
+    return replace(
+        trial, **{name: values + part for (name, values), part in zip(trial.channels.items(), noise, strict=True)}
+    ), motion
 
 
 def forecasts(trial, motion, learnt, seed=1):
@@ -60,8 +69,9 @@ def forecasts(trial, motion, learnt, seed=1):
             point.name: PointMotion(
                 point.place, motion(stamp + LEADS, point.place[0])[3] + DEVIATIONS * rng.normal(size=(2, 3)), covariance
             )
-            for point in (SENSOR, BOW) if stamp >= learnt
-        }  # fmt: skip
+            for point in (SENSOR, BOW)
+            if stamp >= learnt
+        }
         ahead = Forecast(stamp, LEADS, {'roll': angle, 'pitch': angle}, points=points)
         steps.append(SimpleNamespace(stamp=stamp, forecast=ahead, horizon=ahead))
     return Run(tuple(steps))
@@ -134,9 +144,10 @@ def test_the_verb_scores_points_and_the_sensor(record, tmp_path, capsys):
 @pytest.mark.parametrize(
     ('points', 'words'),
     [
-        (['bow:1,2,3', 'bow:1,2,4'], 'given twice'), (['sensor:1,0,0'], "sensor's own place"),
+        (['bow:1,2,3', 'bow:1,2,4'], 'given twice'),
+        (['sensor:1,0,0'], "sensor's own place"),
     ],
-)  # fmt: skip
+)
 def test_points_that_contradict_each_other_are_refused(record, points, words, capsys):
     assert main(['forecast', record, *(word for point in points for word in ('--point', point))]) == 2
     assert words in capsys.readouterr().err

@@ -1,4 +1,5 @@
 """A record run through the pipeline: every forecast from the past alone, one at every turn."""
+
 import math
 
 import numpy as np
@@ -37,8 +38,10 @@ def test_what_is_to_come_changes_no_forecast_before(whole):
     changed_from = 22.0
     is_later = trial.time > changed_from
     others = record(seed=7)
-    columns = {name: np.where(is_later, 3.0 * getattr(others, name), getattr(trial, name))
-               for name in ('roll', 'pitch', 'roll_rate', 'pitch_rate')}
+    columns = {
+        name: np.where(is_later, 3.0 * getattr(others, name), getattr(trial, name))
+        for name in ('roll', 'pitch', 'roll_rate', 'pitch_rate')
+    }
     other = run_through(Trial(trial.time, **columns), SETTINGS)
     alike = []
     for one, two in zip(run.steps, other.steps, strict=True):
@@ -85,8 +88,9 @@ def test_every_sample_that_is_used_is_forecast_from_after_lost_ones_too():
     trial = record(kept=lambda time: (time % 10.0 < 9.0) | (time < 9.5))
     assert np.diff(trial.time).max() > 1.0
     pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))
-    used = [stamp for stamp, sample in zip(trial.time, samples_of(trial), strict=True)
-            if pipeline.add_sample(sample).used]
+    used = [
+        stamp for stamp, sample in zip(trial.time, samples_of(trial), strict=True) if pipeline.add_sample(sample).used
+    ]
     run = run_through(trial, SETTINGS)
     assert len(used) >= trial.time.size - 3, 'only what might be a stray stamp is left out'
     np.testing.assert_allclose([step.stamp for step in run.steps], used[1:], atol=1e-9)
@@ -138,7 +142,9 @@ def test_limits_of_quiescence_are_taken_up_at_their_stamp():
     wide, narrow = (QuiescenceLimits(math.radians(size), math.radians(size), duration=2.0) for size in (60.0, 0.2))
     settings = ForecasterSettings(leads=(0.5,), horizon=2.0, horizon_step=0.1, quiescence=wide)
     run = run_through(record(), settings, limits_from=(20.0, narrow))
-    before, after = ([step.horizon.quiescence for step in run.steps if span[0] <= step.stamp < span[1]]
-                     for span in ((10.0, 20.0), (20.0, 30.0)))
+    before, after = (
+        [step.horizon.quiescence for step in run.steps if span[0] <= step.stamp < span[1]]
+        for span in ((10.0, 20.0), (20.0, 30.0))
+    )
     assert run.quiescence_limits == narrow and run.reliability is not None
     assert np.nanmin(before) > 0.9 and np.nanmax(after) < 0.5

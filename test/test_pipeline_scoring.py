@@ -1,4 +1,5 @@
 """Skill: every forecast counts, beside closed forms, with what is lost and what is to come."""
+
 import json
 from dataclasses import replace
 from types import SimpleNamespace
@@ -26,14 +27,16 @@ def sea(duration=120.0, dt=0.1, seed=0):
     rng, time = np.random.default_rng(seed), np.arange(0.0, duration, dt)
     frequency, phase = rng.uniform(1.0, 3.0, (2, 60)), rng.uniform(0.0, 6.28, (2, 60))
     angle = [0.01 * np.cos(np.outer(time, f) + p).sum(axis=1) for f, p in zip(frequency, phase, strict=True)]
-    rate = [
-        (-0.01 * f * np.sin(np.outer(time, f) + p)).sum(axis=1) for f, p in zip(frequency, phase, strict=True)
-    ]  # fmt: skip
+    rate = [(-0.01 * f * np.sin(np.outer(time, f) + p)).sum(axis=1) for f, p in zip(frequency, phase, strict=True)]
     noise = [rng.normal(0.0, 1e-3, time.size) for _ in range(4)]
     return Trial(
-        time, roll=angle[0] + noise[0], pitch=angle[1] + noise[1], roll_rate=rate[0] + noise[2],
-        pitch_rate=rate[1] + noise[3], source='simulated',
-    )  # fmt: skip
+        time,
+        roll=angle[0] + noise[0],
+        pitch=angle[1] + noise[1],
+        roll_rate=rate[0] + noise[2],
+        pitch_rate=rate[1] + noise[3],
+        source='simulated',
+    )
 
 
 def lost(trial, every, count):

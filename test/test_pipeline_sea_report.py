@@ -1,4 +1,5 @@
 """The sea state on board: asked for once a minute, found beside the samples, and published as YAML."""
+
 from itertools import pairwise
 
 import numpy as np
@@ -78,5 +79,5 @@ def test_it_says_why_nothing_is_known(reports):
 
 
 def test_a_sensor_without_accelerations_measures_no_sea():
-    report, = published(900, has_force=False).values()
+    (report,) = published(900, has_force=False).values()
     assert 'the sensor lacks' in report['reason']

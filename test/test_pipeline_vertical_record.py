@@ -1,4 +1,5 @@
 """Vertical motion of whole records: against closed forms, across gaps, and what lacks a channel."""
+
 from dataclasses import replace
 
 import numpy as np

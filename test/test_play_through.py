@@ -1,4 +1,5 @@
 """Play-through: deterministic, equal to the cores by themselves, and readable by anyone."""
+
 from math import radians
 
 import numpy as np
@@ -62,7 +63,8 @@ def messages_of(path):
     with opened_bag(path) as (readers, advice):
         assert advice == []
         return [
-            (c.topic, c.msgtype, time, bytes(raw)) for reader in readers
+            (c.topic, c.msgtype, time, bytes(raw))
+            for reader in readers
             for c, time, raw in reader.messages(reader.connections)
         ]
 
@@ -97,7 +99,13 @@ def test_every_message_is_what_a_type_system_writes(played):
         kinds.add(kind.rpartition('/')[2])
         assert bytes(STORE.serialize_cdr(STORE.deserialize_cdr(raw, kind), kind)) == raw
     assert kinds == {
-        'DiagnosticArray', 'Imu', 'JointTrajectory', 'PointCloud2', 'String', 'Float32', 'Float64MultiArray'
+        'DiagnosticArray',
+        'Imu',
+        'JointTrajectory',
+        'PointCloud2',
+        'String',
+        'Float32',
+        'Float64MultiArray',
     }
 
 
@@ -114,18 +122,22 @@ def test_forecasts_are_those_of_the_predictor_core(bag, played):
         if step.next is not None:
             expected.append((reading.stamp_ns, step.next.stamp_ns, step.next.orientation, step.next.rates))
     found = [
-        (time, m.header.stamp.sec * 10**9 + m.header.stamp.nanosec,
-         (m.orientation.x, m.orientation.y, m.orientation.z, m.orientation.w),
-         (m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z))
-        for time, m in decoded(played, '/forecast/next') if time < model_time
-    ]  # fmt: skip
+        (
+            time,
+            m.header.stamp.sec * 10**9 + m.header.stamp.nanosec,
+            (m.orientation.x, m.orientation.y, m.orientation.z, m.orientation.w),
+            (m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z),
+        )
+        for time, m in decoded(played, '/forecast/next')
+        if time < model_time
+    ]
     assert len(expected) > 300
     assert found == expected
 
 
 def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
-    (window_time, window), = decoded(played, '/motion/window')
-    (model_time, description), = decoded(played, '/model/description')
+    ((window_time, window),) = decoded(played, '/motion/window')
+    ((model_time, description),) = decoded(played, '/model/description')
     assert model_time - window_time == 500_000_000
     model = model_from_yaml(description.data)['roll'].model
     assert model.natural_period == pytest.approx(HULL.model.natural_period, rel=0.05)
@@ -134,7 +146,7 @@ def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
     core = MotionWindow()
     finished = next(filter(None, (core.add(reading).finished for reading in read_readings(bag))))
     np.testing.assert_array_equal(rows, finished.table.rows)
-    (_, numbers), = decoded(played, '/model/coefficients')
+    ((_, numbers),) = decoded(played, '/model/coefficients')
     assert numbers.layout.dim[0].label == 'roll'
     assert numbers.data[4] == model.terms['r1']
 
@@ -217,7 +229,7 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
         'imu_buffer': ['imu_buffer: imu', 'imu_buffer: window'],
         'identifier': ['identifier: identification', 'identifier: stability'],
         'predictor': ['predictor: imu', 'predictor: forecast', 'predictor: installation'],
-    }  # fmt: skip
+    }
     statuses = by_node['predictor'][-1][1].status
     stream, forecast, installation = ({pair.key: pair.value for pair in status.values} for status in statuses)
     assert (stream['rate_hz'], stream['processing_ms_max']) == ('50', '0') and abs(float(stream['stamp_age_s'])) < 1e-9
@@ -261,7 +273,7 @@ def test_a_known_model_is_published_first_and_used(bag, tmp_path):
     params.write_text('/**:\n  ros__parameters: {auto_identify: false, frame_id: hull, leads_s: [0.25, 1.0]}\n')
     given = ['--params', str(params), '--model', str(model_file), '--with-imu']
     assert main(['play-through', str(bag), '--output', str(out), *given]) == 0
-    (time, description), = decoded(out, '/model/description')
+    ((time, description),) = decoded(out, '/model/description')
     assert model_from_yaml(description.data) == read_model(model_file)
     sent = messages_of(out)
     assert time == min(message[2] for message in sent)
@@ -316,13 +328,16 @@ def test_the_output_is_a_bag_of_trials_itself(played):
     assert forecast.roll.size == forecast.time.size > 700
 
 
-@pytest.mark.parametrize(('words', 'sentence'), [
-    (['--output', 'out.db3'], 'end the name in .mcap'),
-    (['--output', 'out.mcap', '--refit-delay', '-1'], 'must not be negative'),
-    (['--output', 'nowhere/out.mcap'], 'cannot write'),
-    (['--output', 'out.mcap', '--topic', '/other'], 'holds no topic /other'),
-    (['--output', 'out.mcap', '--model', 'none.yaml'], 'cannot read the model file'),
-])
+@pytest.mark.parametrize(
+    ('words', 'sentence'),
+    [
+        (['--output', 'out.db3'], 'end the name in .mcap'),
+        (['--output', 'out.mcap', '--refit-delay', '-1'], 'must not be negative'),
+        (['--output', 'nowhere/out.mcap'], 'cannot write'),
+        (['--output', 'out.mcap', '--topic', '/other'], 'holds no topic /other'),
+        (['--output', 'out.mcap', '--model', 'none.yaml'], 'cannot read the model file'),
+    ],
+)
 def test_mistakes_are_told_in_one_sentence(bag, words, sentence, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(['play-through', str(bag), *words]) == 2
@@ -342,9 +357,12 @@ def forecast(stamp_ns, seed):
 def test_templates_write_what_the_type_system_writes(frame_id, tmp_path):
     """Whatever the length of the strings before the numbers, and so their places."""
     horizon = HorizonForecast(
-        2_000_000_007, ('roll', 'roll_std', 'pitch', 'pitch_std'), (100_000_000, 1_100_000_000, 2_000_000_000),
-        np.random.default_rng(5).normal(size=(3, 4)), np.random.default_rng(6).normal(size=(3, 4)),
-    )  # fmt: skip
+        2_000_000_007,
+        ('roll', 'roll_std', 'pitch', 'pitch_std'),
+        (100_000_000, 1_100_000_000, 2_000_000_000),
+        np.random.default_rng(5).normal(size=(3, 4)),
+        np.random.default_rng(6).normal(size=(3, 4)),
+    )
     path, imu = tmp_path / 'out.mcap', ImuMessage(frame_id)
     with writing_output_bag(path, frame_id=frame_id) as bag:
         for number in range(3):
@@ -359,7 +377,7 @@ def test_templates_write_what_the_type_system_writes(frame_id, tmp_path):
         assert message.angular_velocity.z == expected.rates[2]
         assert tuple(message.angular_velocity_covariance) == expected.rates_covariance
         assert message.linear_acceleration.x == 0.0 and message.linear_acceleration_covariance[0] == -1.0
-    (_, message), = decoded(path, '/forecast/horizon')
+    ((_, message),) = decoded(path, '/forecast/horizon')
     assert message.joint_names == list(horizon.columns)
     for row, point in enumerate(message.points):
         np.testing.assert_array_equal(point.positions, horizon.positions[row])
@@ -384,23 +402,33 @@ def test_diagnostics_are_written(tmp_path):
     path = tmp_path / 'out.mcap'
     with writing_output_bag(path) as bag:
         bag.add_diagnostics(7, [(1, 'predictor: imu', 'samples are missing', {'rate_hz': '99.5'})])
-    (time, message), = decoded(path, '/diagnostics')
-    status, = message.status
+    ((time, message),) = decoded(path, '/diagnostics')
+    (status,) = message.status
     assert (time, status.level, status.name, status.values[0].value) == (7, 1, 'predictor: imu', '99.5')
 
 
-@given(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), st.lists(st.tuples(
-    st.sampled_from([0, 1, 2]), st.text(max_size=9), st.text(max_size=9),
-    st.dictionaries(st.text(max_size=9), st.text(max_size=9), max_size=4),
-), max_size=3))
+@given(
+    st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1),
+    st.lists(
+        st.tuples(
+            st.sampled_from([0, 1, 2]),
+            st.text(max_size=9),
+            st.text(max_size=9),
+            st.dictionaries(st.text(max_size=9), st.text(max_size=9), max_size=4),
+        ),
+        max_size=3,
+    ),
+)
 def test_the_bytes_of_diagnostics_are_those_of_a_type_system(stamp_ns, statuses):
     types = STORE.types
     status, pair = types['diagnostic_msgs/msg/DiagnosticStatus'], types['diagnostic_msgs/msg/KeyValue']
     seconds, rest = divmod(stamp_ns, 10**9)
     message = types['diagnostic_msgs/msg/DiagnosticArray'](
         header=types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](seconds, rest), ''),
-        status=[status(level, name, text, '', [pair(key, value) for key, value in values.items()])
-                for level, name, text, values in statuses],
+        status=[
+            status(level, name, text, '', [pair(key, value) for key, value in values.items()])
+            for level, name, text, values in statuses
+        ],
     )
     wanted = bytes(STORE.serialize_cdr(message, 'diagnostic_msgs/msg/DiagnosticArray'))
     assert diagnostics_message(stamp_ns, statuses) == wanted

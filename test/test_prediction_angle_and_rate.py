@@ -1,4 +1,5 @@
 """Angles and rates that do not quite belong together: a hull is no reason to forecast worse than without one."""
+
 import math
 
 import numpy as np

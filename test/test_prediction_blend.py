@@ -1,4 +1,5 @@
 """The blend of forecasts against errors that are made up, so that the best answer is known."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

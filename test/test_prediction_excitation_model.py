@@ -1,4 +1,5 @@
 """The sea's moment, learnt from angle and rate: spectra of known seas, closed forms, the filter with and without it."""
+
 import math
 
 import numpy as np
@@ -70,9 +71,13 @@ def test_the_reduced_moment_has_the_variance_and_the_period_of_the_sea(sea):
     w, moment = np.linspace(0.2, 6.0, 400), fit.moment
     # the autocovariance is h exp(A t) Pi h', whose transform is 2 Re h (i w - A)^-1 Pi h'
     density = [
-        (moment.output @ np.linalg.solve(1j * f * np.eye(moment.size) - moment.generator, moment.stationary)
-         @ moment.output).real for f in w
-    ]  # fmt: skip
+        (
+            moment.output
+            @ np.linalg.solve(1j * f * np.eye(moment.size) - moment.generator, moment.stationary)
+            @ moment.output
+        ).real
+        for f in w
+    ]
     assert fit.moment.variance == pytest.approx(SIZE**2, rel=0.2)
     assert np.sum(w * density) / np.sum(density) == pytest.approx(PEAK, abs=0.15)
     assert fit.mean.size == 5 + 2 + fit.moment.size and fit.moment.size <= 22
@@ -100,7 +105,7 @@ def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(
         attitude = HullFilter()
         attitude.set_hull(HULL, HullUncertainty(5e-4))
         attitude.start(*seen[count - 200].tolist(), NOISE[0] ** 2, NOISE[1] ** 2)
-        for sample in seen[count - 199:count].tolist():
+        for sample in seen[count - 199 : count].tolist():
             attitude.observe(0.01, *sample, NOISE[0] ** 2, NOISE[1] ** 2)
         if learnt is not None:
             # the last block's middle lies half a step before the last sample
@@ -170,7 +175,7 @@ def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
     for k in range(1, len(blocks)):
         attitude.observe(STEP, *blocks[k].tolist(), *variances)
         if k in (1200, 1800, 2400, 3000, 3600):
-            window = blocks[:k + 1]
+            window = blocks[: k + 1]
             attitude.set_excitation(
                 fit_excitation(attitude.excitation_request(STEP, *window.T.copy(), *variances, SAMPLES))
             )

@@ -1,4 +1,5 @@
 """The forecaster behind the pipeline: sensors of any rate, gaps, clocks that are set, models that are not exact."""
+
 import copy
 import math
 
@@ -33,17 +34,21 @@ class Sea:
 
     def angles(self, time):
         """Roll and pitch, shape (2, N)."""
-        return np.array([
-            (a * np.cos(np.multiply.outer(time, self.frequency) + p)).sum(-1)
-            for a, p in zip(self.amplitude, self.phase, strict=True)
-        ])
+        return np.array(
+            [
+                (a * np.cos(np.multiply.outer(time, self.frequency) + p)).sum(-1)
+                for a, p in zip(self.amplitude, self.phase, strict=True)
+            ]
+        )
 
     def rates(self, time):
         """Their derivatives, shape (2, N)."""
-        return np.array([
-            -(a * self.frequency * np.sin(np.multiply.outer(time, self.frequency) + p)).sum(-1)
-            for a, p in zip(self.amplitude, self.phase, strict=True)
-        ])
+        return np.array(
+            [
+                -(a * self.frequency * np.sin(np.multiply.outer(time, self.frequency) + p)).sum(-1)
+                for a, p in zip(self.amplitude, self.phase, strict=True)
+            ]
+        )
 
     def samples(self, time, stamps=None, seed=1):
         """What a sensor gives at these times, its clock showing ``stamps``."""
@@ -82,8 +87,11 @@ def run(samples, settings=SETTINGS, models=None, late_by=0, fits=True, pipeline=
 
 def error(steps, time, first, last, axis='roll'):
     """Root mean square error at `LEADS` of the forecasts issued at true times from first to last."""
-    issued = [(now, step.forecast.axes[axis].angle) for now, step in zip(time, steps, strict=True)
-              if step.forecast is not None and first <= now < last]
+    issued = [
+        (now, step.forecast.axes[axis].angle)
+        for now, step in zip(time, steps, strict=True)
+        if step.forecast is not None and first <= now < last
+    ]
     assert issued, 'none was issued'
     due = np.array([now for now, _ in issued])[:, None] + np.array(LEADS)
     truth = SEA.angles(due)[('roll', 'pitch').index(axis)]
@@ -103,7 +111,7 @@ EPOCH = 4e7
 @pytest.fixture(scope='module')
 def beginning():
     """A pipeline after the first minute at 10 Hz, and its steps; run copies of it."""
-    return run(SEA.samples(clock(10.0, 120.0), EPOCH + clock(10.0, 120.0))[:round(10.0 * UNTOUCHED)])
+    return run(SEA.samples(clock(10.0, 120.0), EPOCH + clock(10.0, 120.0))[: round(10.0 * UNTOUCHED)])
 
 
 def run_on(beginning, samples):
@@ -116,7 +124,7 @@ def run_on(beginning, samples):
 def steady(beginning):
     """Two minutes at 10 Hz, of which nothing is lost."""
     time = clock(10.0, 120.0)
-    return time, run_on(beginning, SEA.samples(time, EPOCH + time)[round(10.0 * UNTOUCHED):])
+    return time, run_on(beginning, SEA.samples(time, EPOCH + time)[round(10.0 * UNTOUCHED) :])
 
 
 def test_a_quick_sensor_is_forecast_as_well_as_one_of_ten_hertz():
@@ -150,12 +158,14 @@ def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(beginning, st
     numbers = np.arange(time.size)
     kept = (numbers % 100 >= lost) | (time < UNTOUCHED)
     samples = [sample for sample, is_kept in zip(SEA.samples(time, EPOCH + time), kept, strict=True) if is_kept]
-    steps = run_on(beginning, samples[round(10.0 * UNTOUCHED):])
+    steps = run_on(beginning, samples[round(10.0 * UNTOUCHED) :])
     after = [(first, first + 4.0) for first in time[numbers % 100 == lost] if UNTOUCHED <= first < 115.0]
-    squares = np.array([
-        [error(run_steps, times, *span) ** 2 for run_steps, times in ((steps, time[kept]), (whole, time))]
-        for span in after
-    ]).mean(axis=0)
+    squares = np.array(
+        [
+            [error(run_steps, times, *span) ** 2 for run_steps, times in ((steps, time[kept]), (whole, time))]
+            for span in after
+        ]
+    ).mean(axis=0)
     ratio = np.sqrt(squares[0] / squares[1])
     assert len(after) >= 3 and (ratio[1:] < 1.3).all(), ratio
 
@@ -168,7 +178,8 @@ def test_a_pitch_that_is_a_fifth_of_roll_is_forecast_through_gaps(rates):
     rows = np.column_stack([roll, 0.2 * roll, rate, 0.2 * rate]).tolist()
     samples = [
         CraftSample(round(1e9 * now), *row, *(NOT_MEASURED,) * 7)
-        for number, (now, row) in enumerate(zip(time.tolist(), rows, strict=True)) if number % 200 >= 5
+        for number, (now, row) in enumerate(zip(time.tolist(), rows, strict=True))
+        if number % 200 >= 5
     ]
     _, steps = run(samples)
     issued = [forecast for step in steps for forecast in (step.forecast, step.horizon) if forecast is not None]
@@ -267,9 +278,11 @@ def test_a_fit_that_comes_late_is_used_from_then_on():
     (_, on_time), (pipeline, late) = run(samples), run(samples, late_by=30)
     asked = next(k for k, step in enumerate(on_time) if step.sea_request is not None)
     delay = round(10.0 * SETTINGS.refit_delay)
-    same = [a.forecast is None or np.array_equal(a.forecast.axes['roll'].angle, b.forecast.axes['roll'].angle)
-            for a, b in zip(on_time, late, strict=True)]
-    assert all(same[:asked + delay]) and not all(same[:asked + 30]) and pipeline.diagnostics().has_waves
+    same = [
+        a.forecast is None or np.array_equal(a.forecast.axes['roll'].angle, b.forecast.axes['roll'].angle)
+        for a, b in zip(on_time, late, strict=True)
+    ]
+    assert all(same[: asked + delay]) and not all(same[: asked + 30]) and pipeline.diagnostics().has_waves
     assert (error(late, time, 30.0, 45.0) < 1.5 * error(on_time, time, 30.0, 45.0) + 1e-3).all()
 
 
@@ -308,8 +321,11 @@ def test_an_axis_without_angle_is_forecast_from_its_rate():
     time = clock(10.0, 50.0)
     samples = [sample._replace(roll=math.nan) for sample in SEA.samples(time)]
     _, steps = run(samples, models={'roll': hull})
-    issued = [(now, step.forecast.axes['roll']) for now, step in zip(time, steps, strict=True)
-              if step.forecast is not None and now > 30.0]
+    issued = [
+        (now, step.forecast.axes['roll'])
+        for now, step in zip(time, steps, strict=True)
+        if step.forecast is not None and now > 30.0
+    ]
     assert len(issued) > 90
     rates = np.array([ahead.rate[:3] for _, ahead in issued])
     truth = SEA.rates(np.array([now for now, _ in issued])[:, None] + np.array(LEADS[:3]))[0]
@@ -328,9 +344,16 @@ def sample_of(craft, now):
     """The next sample of a simulated craft, whose sensor reports its noise."""
     reading, noise = craft.next_reading(), craft.settings.noise
     return CraftSample(
-        round(now * 1e9), reading.roll, reading.pitch, reading.roll_rate, reading.pitch_rate, *reading.force,
-        *(noise.angle**2,) * 2, *(noise.rate**2,) * 2, yaw_rate=0.0,
-    )  # fmt: skip
+        round(now * 1e9),
+        reading.roll,
+        reading.pitch,
+        reading.roll_rate,
+        reading.pitch_rate,
+        *reading.force,
+        *(noise.angle**2,) * 2,
+        *(noise.rate**2,) * 2,
+        yaw_rate=0.0,
+    )
 
 
 def released(name, seed=0):

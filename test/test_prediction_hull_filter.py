@@ -1,4 +1,5 @@
 """The filter on the hull against independent oracles: matrix exponentials, filterpy, simulated releases."""
+
 import copy
 import math
 
@@ -98,9 +99,7 @@ def test_what_alternates_from_step_to_step_is_forgotten():
 
 
 @settings(max_examples=25, deadline=None)
-@given(
-    st.floats(-0.1, 0.2), st.floats(0.1, 0.3), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0)
-)
+@given(st.floats(-0.1, 0.2), st.floats(0.1, 0.3), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0))
 def test_a_step_of_the_hull_solves_its_equation_and_so_do_its_slopes(angle, rate, stiffness, damping, moment):
     step = 0.005
 
@@ -199,9 +198,13 @@ def test_the_compiled_step_is_filterpys(monkeypatch):
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.lists(st.tuples(
-    st.floats(0.001, 3.0), st.floats(-6.0, 6.0) | st.just(NAN), st.floats(-30.0, 30.0) | st.just(NAN)
-), min_size=1, max_size=40))  # fmt: skip
+@given(
+    st.lists(
+        st.tuples(st.floats(0.001, 3.0), st.floats(-6.0, 6.0) | st.just(NAN), st.floats(-30.0, 30.0) | st.just(NAN)),
+        min_size=1,
+        max_size=40,
+    )
+)
 def test_whatever_is_measured_the_covariance_stays_one(samples):
     attitude = in_swell(modal_swell())
     for elapsed, angle, rate in samples:

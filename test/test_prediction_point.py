@@ -1,4 +1,5 @@
 """Motion at a point: against rigid-body kinematics by rotation matrices, and against Monte Carlo."""
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -13,11 +14,20 @@ def heights(place, times):
     roll, pitch = 0.4 * np.sin(1.3 * times + 0.2), 0.3 * np.sin(0.9 * times - 1.0)
     heave = 0.8 * np.sin(0.7 * times)
     turned = Rotation.from_euler('ZYX', np.stack([0.0 * roll, pitch, roll], axis=1)).apply(place)
-    return heave + turned[:, 2], np.stack([
-        heave, 0.56 * np.cos(0.7 * times), -0.392 * np.sin(0.7 * times),
-        -0.4 * 1.69 * np.sin(1.3 * times + 0.2), -0.3 * 0.81 * np.sin(0.9 * times - 1.0),
-        roll, pitch, 0.52 * np.cos(1.3 * times + 0.2), 0.27 * np.cos(0.9 * times - 1.0),
-    ], axis=1)  # fmt: skip
+    return heave + turned[:, 2], np.stack(
+        [
+            heave,
+            0.56 * np.cos(0.7 * times),
+            -0.392 * np.sin(0.7 * times),
+            -0.4 * 1.69 * np.sin(1.3 * times + 0.2),
+            -0.3 * 0.81 * np.sin(0.9 * times - 1.0),
+            roll,
+            pitch,
+            0.52 * np.cos(1.3 * times + 0.2),
+            0.27 * np.cos(0.9 * times - 1.0),
+        ],
+        axis=1,
+    )
 
 
 @pytest.mark.parametrize('place', PLACES)

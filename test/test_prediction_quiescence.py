@@ -1,4 +1,5 @@
 """The probability of staying quiet, and how it came true, against closed forms."""
+
 import math
 
 import numpy as np
@@ -72,9 +73,7 @@ def test_before_any_experience_the_worst_lead_decides():
     quiet = Quiescence(QuiescenceLimits(roll_rate=0.2, duration=1.0), LEADS)
     deviation = np.full((10, 4), 0.1)
     deviation[4, 2] = 0.2
-    assert quiet.assess(0.0, np.zeros((10, 4)), deviation, ONES)[0] == pytest.approx(
-        math.erf(1.0 / math.sqrt(2.0))
-    )
+    assert quiet.assess(0.0, np.zeros((10, 4)), deviation, ONES)[0] == pytest.approx(math.erf(1.0 / math.sqrt(2.0)))
 
 
 def test_a_limited_axis_that_is_not_measured_leaves_the_probability_unknown():

@@ -1,4 +1,5 @@
 """What is learnt of the sea: a request as data, a pure function, a result without holes."""
+
 import math
 
 import numpy as np
@@ -35,10 +36,23 @@ def waves(count):
     return 0.01 * np.cos(angle).sum(-1) + rng.normal(0.0, 1e-3, (count, channels))
 
 
-@pytest.mark.parametrize(('count', 'absent', 'missing'), [
-    (0, (), 0.0), (1, (), 0.0), (40, (), 0.0), (80, (), 0.0), (300, (), 0.0), (900, (), 0.0), (900, (1, 3), 0.0),
-    (900, (0, 2), 0.0), (900, (4, 5, 6, 7, 8), 0.0), (900, (), 0.05), (900, (), 0.6), (900, tuple(range(9)), 0.0),
-])
+@pytest.mark.parametrize(
+    ('count', 'absent', 'missing'),
+    [
+        (0, (), 0.0),
+        (1, (), 0.0),
+        (40, (), 0.0),
+        (80, (), 0.0),
+        (300, (), 0.0),
+        (900, (), 0.0),
+        (900, (1, 3), 0.0),
+        (900, (0, 2), 0.0),
+        (900, (4, 5, 6, 7, 8), 0.0),
+        (900, (), 0.05),
+        (900, (), 0.6),
+        (900, tuple(range(9)), 0.0),
+    ],
+)
 def test_what_cannot_be_learnt_is_left_out_and_the_rest_is_sound(count, absent, missing):
     values = waves(count)
     values[:, absent] = math.nan
@@ -79,10 +93,15 @@ def test_a_hull_is_asked_for_its_moment_and_gets_it():
     asked = [
         observed.sea_request
         for number, row in enumerate(values.tolist())
-        if (observed := forecaster.observe(
-            CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7), STEP * number, STEP if number else None
-        )).sea_request is not None
-    ]  # fmt: skip
+        if (
+            observed := forecaster.observe(
+                CraftSample(round(1e9 * STEP * number), *row[:4], *(math.nan,) * 7),
+                STEP * number,
+                STEP if number else None,
+            )
+        ).sea_request
+        is not None
+    ]
     assert asked and set(asked[-1].excitations) == {'roll'} and asked[-1].names == CHANNELS
     assert asked[-1].step == pytest.approx(STEP) and asked[-1].values.shape[1] == len(CHANNELS)
     fit = fit_sea(asked[-1])
@@ -94,6 +113,7 @@ def test_the_warm_up_runs():
 
 
 # -- the newest stretch
+
 
 def stretch_of(channels, step):
     """The same by looking at every sample in turn, backwards."""
@@ -123,9 +143,15 @@ def stretch_of(channels, step):
     return filled
 
 
-@given(st.integers(0, 40).flatmap(lambda n: st.lists(
-    st.lists(st.one_of(st.just(math.nan), st.floats(-1.0, 1.0)), min_size=n, max_size=n), min_size=2, max_size=2,
-)))
+@given(
+    st.integers(0, 40).flatmap(
+        lambda n: st.lists(
+            st.lists(st.one_of(st.just(math.nan), st.floats(-1.0, 1.0)), min_size=n, max_size=n),
+            min_size=2,
+            max_size=2,
+        )
+    )
+)
 def test_the_newest_stretch_is_that_of_looking_backwards(channels):
     step = LONGEST_FILLED / 4.5
     found = newest_stretch(np.array(channels, dtype=float), step)

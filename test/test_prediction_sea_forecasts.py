@@ -1,4 +1,5 @@
 """Forecasts in a JONSWAP sea, beside the filter that knows hull, noise and spectrum."""
+
 import importlib.util
 import sys
 from pathlib import Path
@@ -44,9 +45,12 @@ def test_the_same_sea_is_read_at_any_rate(sea_forecasts):
 def test_the_hull_is_carried_on_as_an_ode_solver_does(sea_forecasts):
     hull, moment = sea_forecasts.HULL, 0.4
     right = solve_ivp(
-        lambda _, y: [y[1], hull.acceleration(y[0], y[1], moment)], (0.0, sea_forecasts.STEP), [0.05, -0.2],
-        rtol=1e-10, atol=1e-12,
-    ).y[:, -1]  # fmt: skip
+        lambda _, y: [y[1], hull.acceleration(y[0], y[1], moment)],
+        (0.0, sea_forecasts.STEP),
+        [0.05, -0.2],
+        rtol=1e-10,
+        atol=1e-12,
+    ).y[:, -1]
     assert sea_forecasts.advance(0.05, -0.2, moment) == pytest.approx(right, abs=1e-6)
 
 

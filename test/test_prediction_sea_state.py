@@ -1,4 +1,5 @@
 """The sea from own motion: closed forms, simulated seas, and a buoy's own processing."""
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -56,11 +57,13 @@ def test_intervals_hold_in_simulated_seas():
         period = (4.0, 6.0, 9.0, 14.0)[seed % 4]
         record, mean_period = jonswap_record(2.0, period, 0.6, seed)
         found = sea_state(*record, STEP)
-        held.append((
-            abs(found.significant_height - 2.0) < 1.96 * found.significant_height_std,
-            abs(found.mean_period - mean_period) < 1.96 * found.mean_period_std,
-            found.peak_period_interval[0] <= period <= found.peak_period_interval[1],
-        ))
+        held.append(
+            (
+                abs(found.significant_height - 2.0) < 1.96 * found.significant_height_std,
+                abs(found.mean_period - mean_period) < 1.96 * found.mean_period_std,
+                found.peak_period_interval[0] <= period <= found.peak_period_interval[1],
+            )
+        )
     share = np.mean(held, axis=0)
     assert (share >= 0.9).all(), share
 

@@ -1,4 +1,5 @@
 """The state space in innovations form against filterpy's Kalman filter, closed forms and long pasts."""
+
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
@@ -32,9 +33,17 @@ def _model(seed=0, states=4, channels=('roll', 'pitch', 'heave'), places=None):
     s = root @ root.T + 0.1 * np.eye(count)
     prior = solve_discrete_lyapunov(a, k @ s @ k.T)
     return InnovationsModel(
-        channels, tuple(range(count)) if places is None else places, STEP, rng.normal(size=count),
-        rng.uniform(0.5, 2.0, count), a, k, c, s, prior,
-    )  # fmt: skip
+        channels,
+        tuple(range(count)) if places is None else places,
+        STEP,
+        rng.normal(size=count),
+        rng.uniform(0.5, 2.0, count),
+        a,
+        k,
+        c,
+        s,
+        prior,
+    )
 
 
 def _rows(model, count, seed=1):
@@ -152,7 +161,8 @@ def _pendulum(period=1.0):
     turn = np.array([[np.cos(w * STEP), np.sin(w * STEP)], [-np.sin(w * STEP), np.cos(w * STEP)]])
     k = turn @ np.array([[0.5], [0.1]])
     return w, InnovationsModel(
-        ('roll',), (0,), STEP, np.zeros(1), np.ones(1), turn, k, np.array([[1.0, 0.0]]), 1e-6 * np.eye(1), np.eye(2))
+        ('roll',), (0,), STEP, np.zeros(1), np.ones(1), turn, k, np.array([[1.0, 0.0]]), 1e-6 * np.eye(1), np.eye(2)
+    )
 
 
 def test_age_is_added_to_the_lead_and_a_rate_is_the_difference_of_an_angle_that_has_none():

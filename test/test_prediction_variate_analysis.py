@@ -1,4 +1,5 @@
 """Canonical variate analysis against direct sums, systems whose best forecast is known, and measured records."""
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -39,7 +40,7 @@ def test_the_gram_matrix_is_the_sum_over_complete_lags(seed, lost, count):
     rng = np.random.default_rng(seed)
     rows = rng.normal(size=(120, 3))
     rows[rng.uniform(size=120) < lost, rng.integers(0, 3)] = np.nan
-    lags = np.column_stack([rows[count - 1 - k:rows.shape[0] - k] for k in range(count)])
+    lags = np.column_stack([rows[count - 1 - k : rows.shape[0] - k] for k in range(count)])
     lags = lags[np.isfinite(lags).all(axis=1)]
     gram, used = lag_gram(rows, count)
     assert used == len(lags)
@@ -72,7 +73,7 @@ def test_the_state_from_lags_is_that_of_a_long_past():
     model = identify(y, NAMES, STEP)
     long, short = (InnovationsFilter(model, NAMES, 1.0) for _ in range(2))
     long.seed(y[-1500:])
-    short.seed(y[-model.lags:])
+    short.seed(y[-model.lags :])
     spread = np.sqrt(np.diagonal(long.forecast([0.1])[1][0]))
     assert np.abs(long.forecast([0.1])[0] - short.forecast([0.1])[0]).max() < 0.1 * spread.min()
 
@@ -89,9 +90,15 @@ def test_channels_that_say_nothing_are_left_out():
     assert ours._p is None and np.isfinite(ours.forecast([0.5])[0]).all()
 
 
-@pytest.mark.parametrize('values', [
-    np.zeros((0, 2)), np.zeros((500, 2)), np.full((500, 2), np.nan), _sea(120)[0][:8],
-])  # fmt: skip
+@pytest.mark.parametrize(
+    'values',
+    [
+        np.zeros((0, 2)),
+        np.zeros((500, 2)),
+        np.full((500, 2), np.nan),
+        _sea(120)[0][:8],
+    ],
+)
 def test_too_little_gives_no_model(values):
     assert identify(values, NAMES, STEP) is None
     assert identify_alone(values, NAMES, STEP, NAMES) is None
@@ -122,15 +129,18 @@ def _following(kind, angle, rate):
 @settings(max_examples=25)
 @given(
     kind=st.sampled_from(('a fifth', 'twice', 'reversed, no rates', 'rate and its multiple', 'constant', 'quantised')),
-    seed=st.integers(0, 1000), components=st.sampled_from((1, 3, 12, 60)), count=st.sampled_from((300, 1000)),
-    noise=st.sampled_from((0.0, 1e-9, 1e-6, 1e-4)), lost=st.integers(0, 20),
-)  # fmt: skip
+    seed=st.integers(0, 1000),
+    components=st.sampled_from((1, 3, 12, 60)),
+    count=st.sampled_from((300, 1000)),
+    noise=st.sampled_from((0.0, 1e-9, 1e-6, 1e-4)),
+    lost=st.integers(0, 20),
+)
 def test_channels_that_follow_from_others_give_a_model_and_variances(kind, seed, components, count, noise, lost):
     angle, rate = _waves(seed, components, count)
     angle = angle + noise * np.random.default_rng(seed).normal(size=count)
     values = _following(kind, angle, rate)
-    names = ('roll', 'pitch', 'roll_rate', 'pitch_rate')[:values.shape[1]]
-    values[60:60 + lost] = np.nan
+    names = ('roll', 'pitch', 'roll_rate', 'pitch_rate')[: values.shape[1]]
+    values[60 : 60 + lost] = np.nan
     model = identify(values, names, STEP)
     # of some hundred windows one gives a filter that is not stable; without any noise none would give a model
     assume(model is not None)
@@ -142,17 +152,18 @@ def test_channels_that_follow_from_others_give_a_model_and_variances(kind, seed,
         ours.step(np.where(known, values[-1], np.nan))
         covariance = ours.forecast(STEP * np.arange(51))[1]
         # not at a lead of zero, where what was measured is known
-        variances = np.diagonal(covariance[1:], axis1=1, axis2=2)[:, :1 + (kind != 'constant')]
+        variances = np.diagonal(covariance[1:], axis1=1, axis2=2)[:, : 1 + (kind != 'constant')]
         assert (variances > 0.0).all(), variances.min()
-        assert (np.linalg.eigvalsh(covariance[1:, :variances.shape[1], :variances.shape[1]]) > -1e-12).all()
+        assert (np.linalg.eigvalsh(covariance[1:, : variances.shape[1], : variances.shape[1]]) > -1e-12).all()
 
 
 @pytest.mark.parametrize('kind', ['a fifth', 'twice', 'reversed, no rates'])
 def test_what_follows_from_another_channel_is_forecast_with_it(kind):
     angle, rate = _waves(4, 3, 1400)
     values = _following(kind, angle, rate)
-    ours = InnovationsFilter(identify(values[:1200], NAMES + ('roll_rate', 'pitch_rate')[:values.shape[1] - 2], STEP),
-                             NAMES, 2.0)
+    ours = InnovationsFilter(
+        identify(values[:1200], NAMES + ('roll_rate', 'pitch_rate')[: values.shape[1] - 2], STEP), NAMES, 2.0
+    )
     ours.seed(values[1000:1200])
     errors = []
     for t in range(1200, 1380):
@@ -212,7 +223,7 @@ def _nrmse(values, names, start, stop, leads, step):
     for t in range(start, stop):
         if (t - start) % round(60.0 / step) == 0:
             ours = InnovationsFilter(identify(values[:t], names, step), NAMES, leads[-1])
-            ours.seed(values[t - round(30.0 / step):t])
+            ours.seed(values[t - round(30.0 / step) : t])
         ours.step(values[t])
         errors.append(ours.forecast(leads)[0] - values[t + np.round(leads / step).astype(int), :2])
     return np.sqrt(np.nanmean(np.square(errors), axis=0)) / np.nanstd(values[start:, :2], axis=0)
@@ -247,7 +258,7 @@ def test_an_oscillator_forecasts_as_its_equation_says():
     ours = InnovationsFilter(oscillators(values, ('roll', 'roll_rate'), STEP, NAMES), ('roll', 'roll_rate'), 5.0)
     ours.seed(values)
     for lead in (0.1, 1.0, 5.0):
-        drift = np.array([[0.0, 1.0], [-frequency**2, -0.8 * frequency]])
+        drift = np.array([[0.0, 1.0], [-(frequency**2), -0.8 * frequency]])
         wanted = expm(drift * lead) @ (values[-1] - [mean, 0.0]) + [mean, 0.0]
         assert ours.forecast([lead])[0][0] == pytest.approx(wanted, abs=1e-6)
 

@@ -1,4 +1,5 @@
 """README and site say what is true: every command line is one, every name is explained."""
+
 import runpy
 import shlex
 from pathlib import Path
@@ -15,6 +16,7 @@ from swath_sysid.nodes.reason_advice import reasons_table
 
 ROOT = Path(__file__).resolve().parents[1]
 SITE = '\n'.join(PAGES.values())
+
 
 def test_the_readme_is_short_and_begins_with_a_picture():
     lines = PAGES['README.md'].splitlines()

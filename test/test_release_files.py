@@ -1,4 +1,5 @@
 """What a release has beside the code: one version, a changelog that ROS tools read, the fields for its owner."""
+
 import re
 import subprocess
 from pathlib import Path

@@ -1,4 +1,5 @@
 """The picture of a record: what it shades, marks and leaves out."""
+
 import numpy as np
 import pytest
 from matplotlib.patches import Polygon, Rectangle
@@ -18,8 +19,14 @@ def decaying(duration=30.0, rate_hz=50.0):
 def shaded(axes):
     """Left and right edges of the spans, in data coordinates."""
     spans = [patch for patch in axes.patches if isinstance(patch, Rectangle | Polygon)]
-    return [(span.get_path().vertices[:, 0] if isinstance(span, Polygon) else
-             np.array([span.get_x(), span.get_x() + span.get_width()])) for span in spans]
+    return [
+        (
+            span.get_path().vertices[:, 0]
+            if isinstance(span, Polygon)
+            else np.array([span.get_x(), span.get_x() + span.get_width()])
+        )
+        for span in spans
+    ]
 
 
 def test_picture_of_a_record_is_drawn_with_its_decays(tmp_path, data_folder):

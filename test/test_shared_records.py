@@ -1,4 +1,5 @@
 """The measured records that come with the package: small, licensed, and what their sources say."""
+
 import numpy as np
 import pytest
 
@@ -34,4 +35,4 @@ def test_they_are_the_measured_ones(name, data_folder):
     source = read_trial(data_folder / SOURCES[name], frame='frd' if name == 'morro_buoy' else None)
     ours = read_trial(RECORDS / f'{name}.csv')
     for channel, values in ours.channels.items():
-        assert np.array_equal(values, source.channels[channel][::EVERY[name]][:values.size], equal_nan=True)
+        assert np.array_equal(values, source.channels[channel][:: EVERY[name]][: values.size], equal_nan=True)

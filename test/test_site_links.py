@@ -1,4 +1,5 @@
 """No dead link, without the network: files, headings, and what the pages name of the repository."""
+
 import ast
 import re
 import unicodedata

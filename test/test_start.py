@@ -1,4 +1,5 @@
 """Ctrl-C while the command line is still importing: no traceback, and the exit code it should have."""
+
 import os
 import signal
 import subprocess
@@ -15,14 +16,16 @@ PATIENCE = 90.0
 def started(*arguments):
     """A process that runs the command line as its console script does, and says when that begins."""
     program = (
-        'import sys\nfrom swath_sysid.start import command_line\n'
-        "print('begun', flush=True)\nsys.exit(command_line())"
+        "import sys\nfrom swath_sysid.start import command_line\nprint('begun', flush=True)\nsys.exit(command_line())"
     )
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
     return subprocess.Popen(
-        [sys.executable, '-c', program, *arguments], env={**os.environ, 'PYTHONPATH': path},
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [sys.executable, '-c', program, *arguments],
+        env={**os.environ, 'PYTHONPATH': path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def interrupted(process, after, number=signal.SIGINT):

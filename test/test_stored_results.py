@@ -3,6 +3,7 @@
 What computes the same differently leaves them as they are. After a change that is meant to alter them, and only then:
 ``python test/test_stored_results.py``.
 """
+
 import csv
 import io
 import json
@@ -59,7 +60,7 @@ def a_record():
         motion += np.concatenate([size * np.sin(angle), size * frequency * np.cos(angle)], axis=1).T
     motion *= np.clip((time - 24.0) / 4.0, 0.0, 1.0)
     motion += random.normal(0.0, 1.0, motion.shape) * [[0.0005], [0.0005], [0.003], [0.003]]
-    motion[::2, :fall.time.size] += fall.roll, fall.roll_rate
+    motion[::2, : fall.time.size] += fall.roll, fall.roll_rate
     return Trial(time, roll=motion[0], pitch=motion[1], roll_rate=motion[2], pitch_rate=motion[3])
 
 
@@ -100,8 +101,11 @@ def tables_of_a_campaign(folder):
         write_csv(folder / f'roll_{angle}deg_repeat{repeat}.csv', made)
     (folder / 'campaign.yaml').write_text(MANIFEST)
     outcome = run_campaign(read_manifest(folder / 'campaign.yaml'), ResultStore(folder / 'results'), SerialExecutor())
-    return {table.name: list(csv.reader(io.StringIO(table_as_csv(table))))
-            for table in campaign_tables(outcome) if table.name not in TRACES_OF_FILES}
+    return {
+        table.name: list(csv.reader(io.StringIO(table_as_csv(table))))
+        for table in campaign_tables(outcome)
+        if table.name not in TRACES_OF_FILES
+    }
 
 
 @pytest.fixture(scope='module')
@@ -112,7 +116,8 @@ def stored():
 def test_a_record_played_through_gives_the_stored_messages(stored, tmp_path):
     found = played_through(tmp_path)
     assert {topic: kept['count'] for topic, kept in found.items()} == {
-        topic: kept['count'] for topic, kept in stored['played'].items()}
+        topic: kept['count'] for topic, kept in stored['played'].items()
+    }
     for topic, kept in stored['played'].items():
         for one, other in zip(found[topic]['some'], kept['some'], strict=True):
             np.testing.assert_allclose(one, other, rtol=CLOSE, atol=CLOSE, err_msg=topic)
@@ -140,5 +145,6 @@ if __name__ == '__main__':
 
     with tempfile.TemporaryDirectory() as name:
         STORED.parent.mkdir(exist_ok=True)
-        STORED.write_text(json.dumps(
-            {'played': played_through(Path(name)), 'tables': tables_of_a_campaign(Path(name))}, indent=None))
+        STORED.write_text(
+            json.dumps({'played': played_through(Path(name)), 'tables': tables_of_a_campaign(Path(name))}, indent=None)
+        )

@@ -1,4 +1,5 @@
 """Sensors that sit in the craft in another way than was said: the readings of one that sits right, made wrong."""
+
 from functools import cache
 
 import numpy as np
@@ -48,27 +49,46 @@ WRONG = {
     'other frame': (lambda *all_right: all_right, True, 'axes-of-sensor', 'set frame to {frame}'),
     'upside down': (turned(180, 0, 0, True), False, 'sensor-turned', 'set mounting_deg to [180, 0, 0]'),
     'upside down, its orientation corrected': (
-        turned(180, 0, 0, False), False, 'axes-of-sensor', 'set mounting_deg to [180, 0, 0]'),
+        turned(180, 0, 0, False),
+        False,
+        'axes-of-sensor',
+        'set mounting_deg to [180, 0, 0]',
+    ),
     'turned by 90 deg': (turned(0, 0, 90, False), False, 'rates-turned', 'set mounting_deg to [0, 0, {quarter}]'),
     'turned by 180 deg': (turned(0, 0, 180, False), False, 'rates-turned', 'set mounting_deg to [0, 0, 180]'),
     'turned by 270 deg': (turned(0, 0, -90, False), False, 'rates-turned', 'set mounting_deg to [0, 0, {back}]'),
     'on its side': (turned(90, 0, 0, True), False, 'sensor-turned', 'set mounting_deg to [90, 0, 0]'),
     'on its side, its orientation corrected': (
-        turned(90, 0, 0, False), False, 'axes-of-sensor', 'set mounting_deg to [90, 0, 0]'),
+        turned(90, 0, 0, False),
+        False,
+        'axes-of-sensor',
+        'set mounting_deg to [90, 0, 0]',
+    ),
     'deg/s': (rates_times(180 / np.pi), False, 'rate-unit', 'the rate is in deg/s where rad/s is expected'),
     'g': (lambda a, r, f: (a, r, f / GRAVITY), False, 'accelerations-in-g', 'they are in g'),
     'rates reversed': (rates_times(-1.0), False, 'rate-sign', 'reverse the signs of the rates'),
     'roll rate reversed': (rates_times([-1.0, 1.0, 1.0]), False, 'rate-sign', 'the roll rate is the derivative'),
     'gyroscopes exchanged': (
-        lambda a, r, f: (a, r[:, [1, 0, 2]], f), False, 'rates-swapped', 'exchange the x and y gyroscopes'),
+        lambda a, r, f: (a, r[:, [1, 0, 2]], f),
+        False,
+        'rates-swapped',
+        'exchange the x and y gyroscopes',
+    ),
     'rates 0.4 s late': (late(4), False, 'rate-late', 'after the'),
     'frozen after 20 s': (frozen_from(200), False, 'sensor-frozen', 'restart its driver'),
     'gyroscope 20 deg/s off': (
-        lambda a, r, f: (a, r + np.radians([20.0, 0.0, 0.0]), f), False, 'rate-offset', 'calibrate the gyroscope'),
+        lambda a, r, f: (a, r + np.radians([20.0, 0.0, 0.0]), f),
+        False,
+        'rate-offset',
+        'calibrate the gyroscope',
+    ),
     'rates of another sensor': (
-        lambda a, r, f: (a, np.random.default_rng(1).normal(0.0, 0.1, r.shape), f), False, 'rate-unrelated',
-        'does not follow it'),
-}  # fmt: skip
+        lambda a, r, f: (a, np.random.default_rng(1).normal(0.0, 0.1, r.shape), f),
+        False,
+        'rate-unrelated',
+        'does not follow it',
+    ),
+}
 """All at 10 Hz."""
 
 

@@ -148,21 +148,35 @@ class FitSummary(_Plain):
         """Summary of an `Identification`."""
         found, model, curves = identification, identification.model, identification.bands.curves
         return cls(
-            equation=model.equation.name, axis=model.axis, terms=model.equation.terms,
-            ratios=_floats(model.terms.values()), std=_floats(found.std.values()),
+            equation=model.equation.name,
+            axis=model.axis,
+            terms=model.equation.terms,
+            ratios=_floats(model.terms.values()),
+            std=_floats(found.std.values()),
             covariance=tuple(_floats(row) for row in found.covariance),
-            trim=float(model.trim), trim_std=float(found.trim_std), friction_rate=float(model.friction_rate),
+            trim=float(model.trim),
+            trim_std=float(found.trim_std),
+            friction_rate=float(model.friction_rate),
             amplitude_range=_floats(found.amplitude_range),
             states=tuple((r.state.x, r.state.rate, r.state.trim) for r in found.records),
-            objective=found.objective, objective_value=float(found.objective_value), r2=float(found.r2),
-            rmse=found.rmse, rate_rmse=found.rate_rmse, samples=int(found.samples),
-            effective_samples=float(found.effective_samples), amplitude=_floats(curves.amplitude),
-            frequency=_floats(curves.frequency), frequency_std=_floats(found.bands.frequency_std),
-            damping_ratio=_floats(curves.damping_ratio), damping_ratio_std=_floats(found.bands.damping_ratio_std),
-            generations=int(found.search.generations), evaluations=int(found.search.evaluations),
-            stop=str(found.search.stop), seed=int(found.settings.search.seed),
+            objective=found.objective,
+            objective_value=float(found.objective_value),
+            r2=float(found.r2),
+            rmse=found.rmse,
+            rate_rmse=found.rate_rmse,
+            samples=int(found.samples),
+            effective_samples=float(found.effective_samples),
+            amplitude=_floats(curves.amplitude),
+            frequency=_floats(curves.frequency),
+            frequency_std=_floats(found.bands.frequency_std),
+            damping_ratio=_floats(curves.damping_ratio),
+            damping_ratio_std=_floats(found.bands.damping_ratio_std),
+            generations=int(found.search.generations),
+            evaluations=int(found.search.evaluations),
+            stop=str(found.search.stop),
+            seed=int(found.settings.search.seed),
             advice=tuple((a.code, a.message) for a in found.advice),
-        )  # fmt: skip
+        )
 
     @property
     def model(self) -> DecayModel:
@@ -195,7 +209,11 @@ class FitSummary(_Plain):
         """The content of a model file."""
         how = {'search_stop': self.stop, 'seed': self.seed, 'advice': [code for code, _ in self.advice]}
         return IdentifiedModel(
-            self.model, np.array(self.covariance), self.trim_std, self.amplitude_range, fit_metrics(self),
+            self.model,
+            np.array(self.covariance),
+            self.trim_std,
+            self.amplitude_range,
+            fit_metrics(self),
             {**provenance, **how},
         )
 
@@ -246,6 +264,7 @@ def settle(
     Where a search ended worse than that of a smaller equation, it is refined again from there, by the objective of the
     settings, whose equation is ignored.
     """
+
     def refit(fit: FitSummary, better: FitSummary) -> FitSummary:
         return _refit(problem, settings, fit.equation, better.model.ratios, better.initial_states, fit)
 
@@ -279,8 +298,12 @@ def fit_together(
 
 
 def _refit(
-    problem: Problem, settings: IdentificationSettings, equation: str, ratios: np.ndarray,
-    states: Sequence[InitialState], summary: FitSummary | None,
+    problem: Problem,
+    settings: IdentificationSettings,
+    equation: str,
+    ratios: np.ndarray,
+    states: Sequence[InitialState],
+    summary: FitSummary | None,
 ) -> FitSummary:
     """Refinement from given ratios and states, as a summary; it keeps the search of ``summary``."""
     chosen = replace(settings, equation=equation)
@@ -438,7 +461,9 @@ class Ranking:
 
 
 def rank_campaign(
-    axis: str, by_draft: Sequence[Sequence[FitSummary]], by_record: Sequence[Sequence[FitSummary]],
+    axis: str,
+    by_draft: Sequence[Sequence[FitSummary]],
+    by_record: Sequence[Sequence[FitSummary]],
     judgements: Sequence[Sequence[Judgement]],
 ) -> Ranking:
     """Rank the equations of one axis over a whole campaign.
@@ -475,8 +500,7 @@ def rank_campaign(
             )
         )
     ranked.sort(key=lambda r: r.criterion)
-    choice, reason = simplest_adequate(
-        ranked, 'criterion, with one set of ratios a draft for all angles and repeats,')
+    choice, reason = simplest_adequate(ranked, 'criterion, with one set of ratios a draft for all angles and repeats,')
     return Ranking(axis, tuple(ranked), choice, reason, _findings(ranked, by_draft))
 
 
@@ -494,15 +518,23 @@ def _findings(ranked: Sequence[RankedEquation], by_draft: Sequence[Sequence[FitS
             continue
         gain = without.criterion - item.criterion
         if gain > CRITERION_MARGIN:
-            found.append(Advice('friction-necessary', (
-                f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} (more than '
-                f'{CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; look for it in the '
-                f'bearings or the mooring of the rig, and leave it out for the craft afloat'
-            )))
+            found.append(
+                Advice(
+                    'friction-necessary',
+                    (
+                        f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} '
+                        f'(more than {CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; '
+                        f'look for it in the bearings or the mooring of the rig, and leave it out for the craft afloat'
+                    ),
+                )
+            )
         elif gain < 0:
-            found.append(Advice('no-friction', (
-                f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}'
-            )))
+            found.append(
+                Advice(
+                    'no-friction',
+                    (f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}'),
+                )
+            )
     return tuple(found)
 
 
@@ -519,7 +551,10 @@ def _damping_without(without: RankedEquation, item: RankedEquation, by_draft: Se
 
 
 def schedule_of(
-    by_draft: Sequence[Sequence[FitSummary]], equation: str, loadings: Iterable[float], quantity: str,
+    by_draft: Sequence[Sequence[FitSummary]],
+    equation: str,
+    loadings: Iterable[float],
+    quantity: str,
     provenances: Sequence[dict],
 ) -> ScheduledModel:
     """The model scheduled on draft, of one equation's joint fits of each draft, the loadings increasing."""

@@ -63,20 +63,23 @@ OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
 _NAME = text(1000, as_written=True)
 _NUMBER = number(-LARGEST, LARGEST)
 _POSITIVE = number(above=0.0, highest=LARGEST)
-_TRIAL = record({}, {
-    'file': _NAME,
-    'pattern': _NAME,
-    'axis': one_of(AXES, 'axis'),
-    **dict.fromkeys(QUANTITIES, _POSITIVE),
-    **dict.fromkeys(OF_CONDITION, _POSITIVE),
-    'speed_m_s': number(0.0, LARGEST),
-    'initial_angle_deg': _NUMBER,
-    'repeat': whole(1),
-    'start_s': _NUMBER,
-    'end_s': _NUMBER,
-    'frame': one_of(('flu', 'frd'), 'frame'),
-    'topic': _NAME,
-})  # fmt: skip
+_TRIAL = record(
+    {},
+    {
+        'file': _NAME,
+        'pattern': _NAME,
+        'axis': one_of(AXES, 'axis'),
+        **dict.fromkeys(QUANTITIES, _POSITIVE),
+        **dict.fromkeys(OF_CONDITION, _POSITIVE),
+        'speed_m_s': number(0.0, LARGEST),
+        'initial_angle_deg': _NUMBER,
+        'repeat': whole(1),
+        'start_s': _NUMBER,
+        'end_s': _NUMBER,
+        'frame': one_of(('flu', 'frd'), 'frame'),
+        'topic': _NAME,
+    },
+)
 """What an entry may say."""
 
 
@@ -192,14 +195,24 @@ class Manifest:
     faults: tuple[Fault, ...] = ()
 
 
-_CRAFT = record({}, {
-    **dict.fromkeys((f.name for f in fields(Craft)), _POSITIVE), 'water_temperature_c': _NUMBER,
-    **dict.fromkeys(('name', 'appendages', 'basin'), _NAME),
-})  # fmt: skip
+_CRAFT = record(
+    {},
+    {
+        **dict.fromkeys((f.name for f in fields(Craft)), _POSITIVE),
+        'water_temperature_c': _NUMBER,
+        **dict.fromkeys(('name', 'appendages', 'basin'), _NAME),
+    },
+)
 _UNCERTAINTY = record({}, {f.name: number(0.0, 1.0) for f in fields(TypeB)})
-_PREDICTION = record({'method': _NAME, 'amplitude_deg': _POSITIVE}, {
-    'damping_n_m_s': _POSITIVE, 'damping_ratio': _POSITIVE, 'loading': _POSITIVE, 'axis': one_of(AXES, 'axis'),
-})  # fmt: skip
+_PREDICTION = record(
+    {'method': _NAME, 'amplitude_deg': _POSITIVE},
+    {
+        'damping_n_m_s': _POSITIVE,
+        'damping_ratio': _POSITIVE,
+        'loading': _POSITIVE,
+        'axis': one_of(AXES, 'axis'),
+    },
+)
 
 
 def _prediction(value: Any, where: Place) -> PredictedDamping:
@@ -210,11 +223,20 @@ def _prediction(value: Any, where: Place) -> PredictedDamping:
 
 
 _SEARCH = record({}, {f.name: anything for f in fields(SearchSettings)})
-_CAMPAIGN = record({}, {
-    'title': _NAME, 'craft': _CRAFT, 'axis': one_of(AXES, 'axis'), 'equations': anything,
-    'objectives': one_or_more(one_of(OBJECTIVES, 'objective')), 'search': _SEARCH, 'trials': anything,
-    'uncertainty': _UNCERTAINTY, 'predictions': one_or_more(_prediction),
-})  # fmt: skip
+_CAMPAIGN = record(
+    {},
+    {
+        'title': _NAME,
+        'craft': _CRAFT,
+        'axis': one_of(AXES, 'axis'),
+        'equations': anything,
+        'objectives': one_or_more(one_of(OBJECTIVES, 'objective')),
+        'search': _SEARCH,
+        'trials': anything,
+        'uncertainty': _UNCERTAINTY,
+        'predictions': one_or_more(_prediction),
+    },
+)
 """What a manifest may say beside its trials."""
 
 
@@ -246,8 +268,11 @@ def _fault(error: FieldError | LocatedError) -> Fault:
 def _manifest_of(root: yaml.MappingNode, path: Path) -> Manifest:
     entries = next((value for key, value in root.value if key.value == 'trials'), None)
     if not isinstance(entries, yaml.SequenceNode) or not entries.value:
-        raise FieldError('', "'trials:' must list at least one entry with 'file:' or 'pattern:'",
-                         1 if entries is None else line_of(entries))
+        raise FieldError(
+            '',
+            "'trials:' must list at least one entry with 'file:' or 'pattern:'",
+            1 if entries is None else line_of(entries),
+        )
     # the trials each by itself: what is wrong with one leaves that one out
     root.value = [(key, value) for key, value in root.value if value is not entries]
     source, place = str(path), Place('')
@@ -273,11 +298,16 @@ def _manifest_of(root: yaml.MappingNode, path: Path) -> Manifest:
     # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
     objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
     return Manifest(
-        title=plain.get('title', craft.name), craft=craft, trials=tuple(trials), equations=plain.get('equations', ()),
-        objectives=tuple(o for o in OBJECTIVES if o in objectives), search=plain.get('search', SearchSettings()),
+        title=plain.get('title', craft.name),
+        craft=craft,
+        trials=tuple(trials),
+        equations=plain.get('equations', ()),
+        objectives=tuple(o for o in OBJECTIVES if o in objectives),
+        search=plain.get('search', SearchSettings()),
         uncertainty=TypeB(**plain.get('uncertainty', {})),
-        predictions=tuple(plain.get('predictions', ())), faults=tuple(faults),
-    )  # fmt: skip
+        predictions=tuple(plain.get('predictions', ())),
+        faults=tuple(faults),
+    )
 
 
 def _equations(value: Any, place: Place, faults: list[FieldError]) -> tuple[str, ...]:
@@ -306,8 +336,10 @@ def _search(values: dict, content: LocatedDict) -> SearchSettings:
             raise FieldError(key, ': one value is expected here, not a list or a mapping', lines[key])
     values = {key: shown(value) if isinstance(value, str) else value for key, value in values.items()}
     # each alone first, so that the line is that of the key
-    for line, chosen in (*((lines[key], {key: value}) for key, value in values.items()),
-                         (content.lines['search'], values)):  # fmt: skip
+    for line, chosen in (
+        *((lines[key], {key: value}) for key, value in values.items()),
+        (content.lines['search'], values),
+    ):
         try:
             settings = SearchSettings(**chosen)
         except InputError as error:
@@ -354,11 +386,18 @@ def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, lin
     if len(loadings) > 1:
         raise FieldError('', f'give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}', line)
     if 'axis' not in values:
-        raise FieldError('', f"no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for the "
-                             f'whole campaign', line)  # fmt: skip
+        raise FieldError(
+            '',
+            f"no axis is given for {path.name}: write 'axis: pitch' or 'axis: roll' here or for the whole campaign",
+            line,
+        )
     names = {'start_s': 'start', 'end_s': 'end'}
-    return TrialEntry(path, line, loading=loadings[0] if loadings else None,
-                      **{names.get(key, key): value for key, value in values.items()})  # fmt: skip
+    return TrialEntry(
+        path,
+        line,
+        loading=loadings[0] if loadings else None,
+        **{names.get(key, key): value for key, value in values.items()},
+    )
 
 
 def pattern_expression(pattern: str) -> re.Pattern:
@@ -438,15 +477,26 @@ def _without_duplicates(trials: Sequence[TrialEntry], faults: list[Fault]) -> li
         stated = trial.axis, trial.loading, trial.speed_m_s, trial.initial_angle_deg, trial.repeat
         complete = None not in (trial.initial_angle_deg, trial.repeat)
         if file in known:
-            faults.append(Fault(trial.line, (
-                f'{trial.path.name} is already given in line {known[file].line}: it would count twice, name it once'
-            )))
+            faults.append(
+                Fault(
+                    trial.line,
+                    (
+                        f'{trial.path.name} is already given in line {known[file].line}: it would count twice, name '
+                        'it once'
+                    ),
+                )
+            )
         elif complete and stated in known:
             other = known[stated]
-            faults.append(Fault(trial.line, (
-                f'{trial.path.name} has the same condition and repeat as {other.path.name} (line {other.line}): '
-                'give it another repeat'
-            )))
+            faults.append(
+                Fault(
+                    trial.line,
+                    (
+                        f'{trial.path.name} has the same condition and repeat as {other.path.name} (line '
+                        f'{other.line}): give it another repeat'
+                    ),
+                )
+            )
         else:
             kept.append(trial)
             known[file] = trial

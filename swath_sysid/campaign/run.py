@@ -161,7 +161,9 @@ class Progress:
 
 
 def run_campaign(
-    manifest: Manifest, store: ResultStore, executor: concurrent.futures.Executor,
+    manifest: Manifest,
+    store: ResultStore,
+    executor: concurrent.futures.Executor,
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> CampaignOutcome:
     """Carry a campaign out; results in the store are not computed again.
@@ -186,9 +188,15 @@ def run_campaign(
     left_out = {name: reason for plan in plans for name, reason in plan.left_out.items()}
     trials = [t.left_out(left_out[str(t.record)]) if t.record and str(t.record) in left_out else t for t in trials]
     return CampaignOutcome(
-        manifest, quantity, tuple(trials), tuple(a for a in found if a), tuple(work.failures), work.computed, work.kept,
+        manifest,
+        quantity,
+        tuple(trials),
+        tuple(a for a in found if a),
+        tuple(work.failures),
+        work.computed,
+        work.kept,
         work.cpu_s,
-    )  # fmt: skip
+    )
 
 
 def loading_quantity(manifest: Manifest) -> str:
@@ -264,7 +272,8 @@ def _without_copies(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
             original = first.setdefault(what, t)
             if original is not t:
                 t = t.left_out(
-                    f'it has the same content as {original.name}, and would count twice as a repeat that it is not')
+                    f'it has the same content as {original.name}, and would count twice as a repeat that it is not'
+                )
         found.append(t)
     return found
 
@@ -283,8 +292,9 @@ def _numbered(trials: Sequence[TrialOutcome]) -> list[TrialOutcome]:
         r, used = t.record, taken.setdefault(t.record.condition, Counter())
         number = r.repeat or next(k for k in range(1, len(trials) + 2) if not used[k])
         if (r.condition, number) in seen:
-            found.append(t.left_out(
-                f'its condition and repeat ({r}) are those of another trial: give it another repeat'))
+            found.append(
+                t.left_out(f'its condition and repeat ({r}) are those of another trial: give it another repeat')
+            )
             continue
         seen.add((r.condition, number))
         used[number] += 1
@@ -422,19 +432,30 @@ class _AxisPlan:
         ranking = rank_campaign(self._axis, list(by_draft.values()), fits['simulation'], judgements)
         choice = self._names.index(ranking.choice.equation)
         schedule = schedule_of(
-            list(by_draft.values()), ranking.choice.equation, list(by_draft), quantity,
+            list(by_draft.values()),
+            ranking.choice.equation,
+            list(by_draft),
+            quantity,
             [self._provenance(group) for group in self._drafts().values()],
-        )  # fmt: skip
+        )
         spreads = (
             spread_of_repeats(condition, [fits['simulation'][order.index(str(r))][choice] for r in group])
-            for condition, group in self._conditions().items() if len(group) > 1
-        )  # fmt: skip
+            for condition, group in self._conditions().items()
+            if len(group) > 1
+        )
         return AxisOutcome(
-            axis=self._axis, records=records, names=tuple(self._names), fits=fits, judgements=judgements,
+            axis=self._axis,
+            records=records,
+            names=tuple(self._names),
+            fits=fits,
+            judgements=judgements,
             best=best_repeats(records, fits['simulation']),
-            together={k: v for k, v in together.items() if isinstance(k, Condition)}, by_draft=by_draft,
-            ranking=ranking, schedule=schedule, spreads=tuple(spread for group in spreads for spread in group),
-        )  # fmt: skip
+            together={k: v for k, v in together.items() if isinstance(k, Condition)},
+            by_draft=by_draft,
+            ranking=ranking,
+            schedule=schedule,
+            spreads=tuple(spread for group in spreads for spread in group),
+        )
 
     def _settings(self, objective: str, equation: str | None = None) -> IdentificationSettings:
         return IdentificationSettings(equation, objective, self._manifest.search)
@@ -453,11 +474,13 @@ class _AxisPlan:
         """(record, objective, equation) to key and summary."""
         tasks = {
             (str(record), objective, name): Task(
-                self._fit_key(record, objective, name), f'{record}, {name}, {objective}', fit_one,
+                self._fit_key(record, objective, name),
+                f'{record}, {name}, {objective}',
+                fit_one,
                 (record.problem, self._settings(objective, name)),
             )
             for record, objective, name in product(self._records, self._manifest.objectives, self._names)
-        }  # fmt: skip
+        }
         results = self._work.results(list(tasks.values()))
         return {
             place: (task.key, FitSummary.from_plain(results[task.key]))
@@ -524,7 +547,8 @@ class _AxisPlan:
             own = tuple(FitSummary.from_plain(results[place, name]) for name in self._names)
             key = key_of('settle', [tasks[place, name].key for name in self._names])
             orders[place] = Task(
-                key, f'{_place_name(place)}, nested equations', settle, (problems[place], settings, own))
+                key, f'{_place_name(place)}, nested equations', settle, (problems[place], settings, own)
+            )
         settled = self._in_order(orders)
         return {
             place: settled[place][1] if place in settled else simulated[str(group[0])][1]
@@ -539,9 +563,11 @@ class _AxisPlan:
                 other = group[(index + 1) % len(group)] if len(group) > 1 else None
                 key, summaries = simulated[str(record)]
                 tasks[str(record)] = Task(
-                    key_of('judge', key, self._ids[str(other)] if other else None), f'{record}, forecasts', judge,
+                    key_of('judge', key, self._ids[str(other)] if other else None),
+                    f'{record}, forecasts',
+                    judge,
                     (record.problem, self._settings('simulation'), summaries, other.problem if other else None),
-                )  # fmt: skip
+                )
         found = self._needed(tasks)
         return tuple(tuple(map(Judgement.from_plain, found[str(record)])) for record in self._records)
 

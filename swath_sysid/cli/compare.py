@@ -51,9 +51,12 @@ def run(arguments: Namespace) -> int:
     problem = prepare(motions_of(trials, axis), settings.start, settings.end)
     with progress_of('compare') as progress:
         found = compare(
-            problem, equations, settings, jobs=arguments.jobs,
+            problem,
+            equations,
+            settings,
+            jobs=arguments.jobs,
             progress=lambda done, name: progress(done / len(equations), name),
-        )  # fmt: skip
+        )
     choice = found.choice.identification
     write_fit(arguments, choice, fit_figure, is_to_be_written(arguments, choice.verdict))
     advice = (*choice.advice, *choice.verdict.warnings)
@@ -75,9 +78,15 @@ def _print_ranking(comparison: Comparison) -> None:
     for ranked in comparison.ranked:
         fit = ranked.identification
         table.add_row(
-            ranked.name, ' '.join(fit.model.equation.terms), f'{fit.r2:.6f}', f'{fit.objective_value:.6g}',
-            f'+{ranked.criterion - best:.1f}', f'{ranked.held_out:.4f}', f'{fit.model.natural_period:.4f}',
-            f'{fit.damping_ratio:.4f}', style='bold' if ranked is comparison.choice else None,
-        )  # fmt: skip
+            ranked.name,
+            ' '.join(fit.model.equation.terms),
+            f'{fit.r2:.6f}',
+            f'{fit.objective_value:.6g}',
+            f'+{ranked.criterion - best:.1f}',
+            f'{ranked.held_out:.4f}',
+            f'{fit.model.natural_period:.4f}',
+            f'{fit.damping_ratio:.4f}',
+            style='bold' if ranked is comparison.choice else None,
+        )
     Console(file=sys.stdout, width=None if sys.stdout.isatty() else 120).print(table)
     print(f'Choice: {comparison.reason}')

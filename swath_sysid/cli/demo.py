@@ -1,4 +1,5 @@
 """``swath-sysid demo``: a measured sea, forecast; then a simulated craft, the nodes, and forecasts that sharpen."""
+
 from __future__ import annotations
 
 import math
@@ -75,9 +76,10 @@ EXIT_FAILED = 1
 def add_arguments(parser: ArgumentParser) -> None:
     """What to show, the craft, and where the pictures go."""
     parser.add_argument(
-        '--only', choices=(SEA, RELEASE),
+        '--only',
+        choices=(SEA, RELEASE),
         help='the forecast of a measured sea, which needs no ROS, or the simulated release (default: both)',
-    )  # fmt: skip
+    )
     parser.add_argument('--axis', choices=AXES, help='default: that of the hull, else roll')
     parser.add_argument('--hull', help=f'published hull: {", ".join(PUBLISHED_HULLS)} (default: one of the axis)')
     parser.add_argument('--keep-running', action='store_true', help='go on releasing the craft until Ctrl-C')
@@ -242,15 +244,20 @@ def _processes(craft: _Craft, seed: int, log_path: Path):
         ros = ['--ros-args', '--params-file', str(parameters)]
         words = {
             'simulated_craft': ['--hull', craft.hull, '--angle-deg', str(craft.angle_deg), '--seed', str(seed)],
-            'imu_buffer': ros, 'identifier': ros, 'predictor': ros,
+            'imu_buffer': ros,
+            'identifier': ros,
+            'predictor': ros,
         }
         running = {}
         try:
             for name, given in words.items():
                 running[name] = subprocess.Popen(
-                    [sys.executable, '-m', f'swath_sysid.nodes.{name}', *given], stdout=log, stderr=log,
+                    [sys.executable, '-m', f'swath_sysid.nodes.{name}', *given],
+                    stdout=log,
+                    stderr=log,
                     # Ctrl-C is the demonstration's, which then ends them in order
-                    stdin=subprocess.DEVNULL, start_new_session=True,
+                    stdin=subprocess.DEVNULL,
+                    start_new_session=True,
                 )
             yield running
         finally:
@@ -338,12 +345,19 @@ class _Stage:
         drawn = _table(_last(received.forecasts[self.drawn_lead], 150), 3)
         now = angles[-1, 0] if len(angles) else 0.0
         return ViewState(
-            self.title, stage, now, angles[:, 0], angles[:, 1], drawn[:, 0], drawn[:, 1], self.drawn_lead,
+            self.title,
+            stage,
+            now,
+            angles[:, 0],
+            angles[:, 1],
+            drawn[:, 0],
+            drawn[:, 1],
+            self.drawn_lead,
             tuple(self._lead_row(lead, angles) for lead in received.forecasts),
             tuple(_described(received.models, received.versions)),
             tuple((level, name, message) for name, (level, message) in sorted(received.diagnostics.items())),
             self.scale,
-        )  # fmt: skip
+        )
 
     def _lead_row(self, lead: float, angles: Any):
         made = _table(_last(self.listener.received.forecasts[lead], 150), 3)
@@ -384,10 +398,17 @@ def _demonstration(craft: _Craft, received: Received, first: Any, second: int):
 
     time_, angle = _table(received.angles, 2, start).T
     return Demonstration(
-        craft.axis, craft.hull, math.radians(craft.angle_deg), craft.period, time_, angle,
-        tuple((stamp - start) * NANOSECOND for stamp in (first, second)), (received.model_ns - start) * NANOSECOND,
-        relative(received.forecasts), relative(unaided),
-    )  # fmt: skip
+        craft.axis,
+        craft.hull,
+        math.radians(craft.angle_deg),
+        craft.period,
+        time_,
+        angle,
+        tuple((stamp - start) * NANOSECOND for stamp in (first, second)),
+        (received.model_ns - start) * NANOSECOND,
+        relative(received.forecasts),
+        relative(unaided),
+    )
 
 
 def _conclude(demonstration: Demonstration, output: Path, began: float):

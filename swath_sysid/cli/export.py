@@ -45,9 +45,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         '--language', choices=LANGUAGES, help='of fossen; without it matlab where the output ends in .m, else python'
     )
     parser.add_argument(
-        '--inertia', action='append', default=[], metavar='AXIS=KG_M2',
+        '--inertia',
+        action='append',
+        default=[],
+        metavar='AXIS=KG_M2',
         help='of roll and pitch models, with added inertia: roll=0.08',
-    )  # fmt: skip
+    )
     parser.add_argument('--output', metavar='FILE', help='write it there instead of printing it')
 
 
@@ -90,8 +93,10 @@ def _exported(arguments: Namespace) -> Export:
 def _check_inertias(inertias: dict[str, float], axes: tuple[str, ...]) -> None:
     stray = [axis for axis in inertias if axis not in axes]
     if stray:
-        raise InputError(f'--inertia {stray[0]} is of no use here: it is for the axes of roll and pitch models that go '
-                         f'to {" or ".join(WITH_INERTIA)}; leave it out')  # fmt: skip
+        raise InputError(
+            f'--inertia {stray[0]} is of no use here: it is for the axes of roll and pitch models that go '
+            f'to {" or ".join(WITH_INERTIA)}; leave it out'
+        )
 
 
 def _is_attitude(path: str) -> bool:

@@ -1,4 +1,5 @@
 """``swath-sysid forecast``: how well a record is forecast, beside what a forecast must beat."""
+
 import json
 import math
 import time
@@ -39,34 +40,48 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--model', metavar='MODEL.yaml', help='the identified hull')
     parser.add_argument('--leads', type=leads, default=DEFAULT_LEADS, metavar='S,S,...', help='leads in seconds')
     parser.add_argument(
-        '--warmup', type=_not_negative, metavar='S',
+        '--warmup',
+        type=_not_negative,
+        metavar='S',
         help='seconds at the start that are not scored (default: 600, or a third of a shorter record)',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        '--until', type=_positive, metavar='S',
+        '--until',
+        type=_positive,
+        metavar='S',
         help='seconds from the start, after which forecasts are not scored (default: to the end); '
         '--warmup 0 --until 60 scores the first minute',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        '--window', type=_positive, default=_WINDOW, metavar='S',
+        '--window',
+        type=_positive,
+        default=_WINDOW,
+        metavar='S',
         help=f'seconds of past that forecast and baselines are fitted to (default: {_WINDOW:g})',
-    )  # fmt: skip
+    )
     add_reading_arguments(parser)
     parser.add_argument(
-        '--quiet-deg', type=_limits, metavar='ROLL,PITCH',
+        '--quiet-deg',
+        type=_limits,
+        metavar='ROLL,PITCH',
         help='limits whose probability of being kept is scored (default: two standard deviations of the warm-up; '
         '0: any)',
-    )  # fmt: skip
+    )
     parser.add_argument(
         '--quiet-rate-deg-s', type=_limits, metavar='ROLL,PITCH', help='the same of the rates (default: any)'
     )
     parser.add_argument('--quiet-for', type=_positive, default=5.0, metavar='S', help='for this long (default: 5)')
     parser.add_argument(
-        '--point', type=_point, action='append', default=[], metavar='NAME:x,y,z', dest='points',
+        '--point',
+        type=_point,
+        action='append',
+        default=[],
+        metavar='NAME:x,y,z',
+        dest='points',
         help='forecast and score vertical motion at a point of the craft, m forward, to port and up from the sensor, '
         'and at the sensor; the reference is the integral of the whole record without phase error '
         '(repeat for more points)',
-    )  # fmt: skip
+    )
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.add_argument('--plot', metavar='FILE.png', help='write the picture')
 
@@ -92,15 +107,23 @@ def run(arguments: Namespace) -> int:
     quiet = QuiescenceLimits(angles[0], angles[1], rates[0], rates[1], arguments.quiet_for)
     limits, base = usual_limits(trial, quiet, warmup), ForecasterSettings()
     settings = replace(
-        base, leads=arguments.leads, window=arguments.window,
-        quiescence=None if limits is None else quiet, points=points,
+        base,
+        leads=arguments.leads,
+        window=arguments.window,
+        quiescence=None if limits is None else quiet,
+        points=points,
         horizon=max(base.horizon, arguments.quiet_for, arguments.leads[-1]),
-    )  # fmt: skip
+    )
     with progress_of('forecasting') as progress:
         run_made = run_through(
-            trial, settings, models, time.perf_counter, progress,
-            None if limits is None else (float(trial.time[0]) + warmup, limits), points_ahead=False,
-        )  # fmt: skip
+            trial,
+            settings,
+            models,
+            time.perf_counter,
+            progress,
+            None if limits is None else (float(trial.time[0]) + warmup, limits),
+            points_ahead=False,
+        )
     skill = score(trial, run_made, arguments.leads, warmup, arguments.window, arguments.until, points=points)
     if arguments.axis is not None:
         skill = replace(skill, axes={arguments.axis: skill.axes[arguments.axis]})
@@ -176,8 +199,9 @@ def _print_quiescence(console: Any, skill: Any) -> None:
         return
     bounds = ', '.join(
         f'{name.replace("_", " ")} {math.degrees(limit):.2f} {"deg/s" if "rate" in name else "deg"}'
-        for name in ATTITUDE if math.isfinite(limit := getattr(limits, name))
-    )  # fmt: skip
+        for name in ATTITUDE
+        if math.isfinite(limit := getattr(limits, name))
+    )
     console.print(
         f'quiet for {limits.duration:g} s ({bounds}): Brier score {found.brier:.3f} '
         f'(always stating its share: {found.brier_of_climate:.3f})'

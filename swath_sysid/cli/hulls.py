@@ -19,9 +19,12 @@ def add_hull_arguments(parser: ArgumentParser) -> None:
     choice.add_argument('--equation', help='an equation of the catalogue, or a composition such as b1,b2|r1,r3')
     choice.add_argument('--model', metavar='FILE', help='model file')
     parser.add_argument(
-        '--ratio', action='append', default=[], metavar='NAME=VALUE',
+        '--ratio',
+        action='append',
+        default=[],
+        metavar='NAME=VALUE',
         help='ratio to inertia, with --equation, for example r1=10.1; repeat it (default: those of a published hull)',
-    )  # fmt: skip
+    )
     parser.add_argument('--axis', choices=('roll', 'pitch'), help='axis, with --equation or a model file of both axes')
 
 

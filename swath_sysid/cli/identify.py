@@ -32,16 +32,18 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_source_arguments(parser)
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument(
-        '--at-sea', action='store_true',
+        '--at-sea',
+        action='store_true',
         help='the record is motion in waves: natural period and equivalent linear damping (default: where it holds no '
         'free decay and swings from beginning to end)',
-    )  # fmt: skip
+    )
     kind.add_argument('--decay', action='store_true', help='the records are free decays, whatever they look like')
     parser.add_argument(
-        '--equation', metavar='NAME',
+        '--equation',
+        metavar='NAME',
         help='published equation, composition like b1,b2|r1,r3, either with +friction (default: the simplest '
         'adequate one of a few)',
-    )  # fmt: skip
+    )
     add_search_arguments(parser)
     add_tank_arguments(parser)
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
@@ -144,8 +146,12 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
         )
     with progress_of('identify at sea') as progress:
         found = identify_at_sea(
-            trials[0].axis(axis), heave_of(trials[0]), arguments.start, arguments.end,
-            searched=not arguments.at_sea, progress=progress,
+            trials[0].axis(axis),
+            heave_of(trials[0]),
+            arguments.start,
+            arguments.end,
+            searched=not arguments.at_sea,
+            progress=progress,
         )
     write_fit(arguments, found, at_sea_figure, found.is_usable)
     show_advice(found.advice)

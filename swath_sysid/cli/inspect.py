@@ -1,4 +1,5 @@
 """``swath-sysid inspect``: what is in a record."""
+
 from argparse import ArgumentParser, Namespace
 
 from swath_sysid.cli.advice_words import worded

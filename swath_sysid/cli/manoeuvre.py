@@ -73,24 +73,32 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the sub-verb; returns the exit code."""
-    tasks = {'identify': _identify, 'forecast': _forecast, 'simulate': _simulate, 'programme': _recipe,
-             'play-through': _play_through}  # fmt: skip
+    tasks = {
+        'identify': _identify,
+        'forecast': _forecast,
+        'simulate': _simulate,
+        'programme': _recipe,
+        'play-through': _play_through,
+    }
     return tasks[arguments.task](arguments)
 
 
 def add_run_arguments(parser: ArgumentParser, count: str = '+') -> None:
     """How to read runs; shared by the sub-verbs that take them."""
     parser.add_argument(
-        'runs', nargs=count, metavar='RUN',
+        'runs',
+        nargs=count,
+        metavar='RUN',
         help='rosbag2 bag, or CSV file with the columns time_s, port_thrust_n and starboard_thrust_n (or port_command '
         'and starboard_command, -1 to 1; or port_pwm_us and starboard_pwm_us), and any of surge_m_s, sway_m_s, '
         'yaw_rate_rad_s, heading_deg, x_m, y_m',
-    )  # fmt: skip
+    )
     parser.add_argument('--frame', choices=FRAMES, help='of yaw, sway and position (default: as the file states)')
     parser.add_argument(
-        '--gap-means-zero', action='store_true',
+        '--gap-means-zero',
+        action='store_true',
         help='commands are published only while driving: where there are none the thrust is zero',
-    )  # fmt: skip
+    )
     parser.add_argument('--thrust-input', choices=INPUTS, help='of a bag: forces in N, or commands (default: found)')
     parser.add_argument('--odometry-topic', metavar='TOPIC')
     parser.add_argument('--imu-topic', metavar='TOPIC')
@@ -107,9 +115,13 @@ def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
 def _read(path: str | Path, arguments: Namespace):
     if is_bag(existing(path)):
         trial = read_manoeuvring_bag(
-            path, arguments.odometry_topic, arguments.imu_topic, arguments.port_topic, arguments.starboard_topic,
+            path,
+            arguments.odometry_topic,
+            arguments.imu_topic,
+            arguments.port_topic,
+            arguments.starboard_topic,
             arguments.thrust_input,
-        )  # fmt: skip
+        )
         return trial if arguments.frame is None else replace(trial, frame=arguments.frame)
     if Path(path).is_dir():
         raise InputError(f'{path} is a folder and no bag: give CSV files or bags')
@@ -133,19 +145,27 @@ def _add_identify(parser: ArgumentParser) -> None:
     parser.add_argument('--length', type=finite, metavar='M', help='of the hulls, for the prime system')
     parser.add_argument('--terms', metavar='A,B,..', help='exactly these parameters (default: the simplest adequate)')
     parser.add_argument(
-        '--fix', action='append', default=[], metavar='NAME=VALUE', help='a known parameter, as listed below')
+        '--fix', action='append', default=[], metavar='NAME=VALUE', help='a known parameter, as listed below'
+    )
     parser.add_argument(
-        '--towards', action='append', default=[], metavar='NAME=VALUE:STD',
+        '--towards',
+        action='append',
+        default=[],
+        metavar='NAME=VALUE:STD',
         help='regularise a parameter towards a value',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        '--current', choices=CURRENT_CHOICES, default=CURRENT_CHOICES[0],
+        '--current',
+        choices=CURRENT_CHOICES,
+        default=CURRENT_CHOICES[0],
         help='auto: one for each run where the heading is known; shared: one for all; none (default: %(default)s)',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        '--window', type=finite, default=20.0, metavar='S', help='of free simulation (default: %(default)s)')
+        '--window', type=finite, default=20.0, metavar='S', help='of free simulation (default: %(default)s)'
+    )
     parser.add_argument(
-        '--generations', type=int, default=15, metavar='N', help='of the search for a start (default: %(default)s)')
+        '--generations', type=int, default=15, metavar='N', help='of the search for a start (default: %(default)s)'
+    )
     parser.add_argument('--population', type=int, default=24, metavar='N', help='of that search (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=1, metavar='N', help='default: %(default)s')
     parser.add_argument('--output', metavar='MODEL.yaml', help='write the model file')
@@ -160,13 +180,20 @@ def _identify(arguments: Namespace):
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
     settings = ManoeuvringSettings(
-        mass=arguments.mass, inertia=arguments.inertia, thrust_per_command=arguments.thrust_per_command,
-        lever=arguments.lever, length=arguments.length,
+        mass=arguments.mass,
+        inertia=arguments.inertia,
+        thrust_per_command=arguments.thrust_per_command,
+        lever=arguments.lever,
+        length=arguments.length,
         terms=tuple(arguments.terms.split(',')) if arguments.terms else None,
         fixed=dict(assignment(text, 'Xu_dot=-18') for text in arguments.fix),
-        towards=dict(_target(text) for text in arguments.towards), current=arguments.current, window=arguments.window,
-        generations=arguments.generations, population=arguments.population, seed=arguments.seed,
-    )  # fmt: skip
+        towards=dict(_target(text) for text in arguments.towards),
+        current=arguments.current,
+        window=arguments.window,
+        generations=arguments.generations,
+        population=arguments.population,
+        seed=arguments.seed,
+    )
     both = [*arguments.runs, *(arguments.validate or [])]
     check_outputs([Output('--output', arguments.output), Output('--plot', arguments.plot, is_folder=True)], both)
     once, copies = without_copies(both)
@@ -198,8 +225,15 @@ def _for_file(found: Any, data: dict, paths: Sequence[str]):
     metrics = {key: data[key] for key in kept}
     provenance = {**provenance_of(paths), 'runs': data['runs']}
     identified = IdentifiedManoeuvringModel(
-        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on), metrics, provenance,
-        forecast_noise(found.model, found.identified_on))
+        found.model,
+        found.names,
+        found.covariance,
+        found.noise,
+        seen_region(found.identified_on),
+        metrics,
+        provenance,
+        forecast_noise(found.model, found.identified_on),
+    )
     return calibrated(identified, found.identified_on)
 
 
@@ -226,12 +260,19 @@ def _recipe(arguments: Namespace) -> int:
     missing = lacking(shares)
     recipe = [{'run': name, 'drive': what, 'duration_s': duration} for name, what, duration in RECIPE]
     if runs:
-        lines = ["Share of its motion that is a derivative's own (1: no other explains it):", *(
-            f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough')
-            for name, share in shares.items()), *_unmeasured(runs)]  # fmt: skip
+        lines = [
+            "Share of its motion that is a derivative's own (1: no other explains it):",
+            *(
+                f'  {name:<16}{share:>5.2f}  ' + (f'lacks {missing[name]}' if name in missing else 'enough')
+                for name, share in shares.items()
+            ),
+            *_unmeasured(runs),
+        ]
     else:
-        lines = ['Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:', *(
-            f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE)]  # fmt: skip
+        lines = [
+            'Runs to drive, calm and well clear of others; record thrust, speeds, yaw rate, heading, position:',
+            *(f'  {name:<14}{duration:>4} s  {what}' for name, what, duration in RECIPE),
+        ]
     print_result(arguments.json, {'recipe': recipe, 'excitation': finite_or_none(shares), 'lacking': missing}, lines)
     return 0
 
@@ -239,23 +280,32 @@ def _recipe(arguments: Namespace) -> int:
 def _unmeasured(runs: Sequence[Run]):
     return [
         f'No {name.replace("_", " ")} in these runs: record it, or position and heading, to judge its derivatives.'
-        for k, name in enumerate(CHANNELS) if not any(np.isfinite(run.smooth[k]).any() for run in runs)
-    ]  # fmt: skip
+        for k, name in enumerate(CHANNELS)
+        if not any(np.isfinite(run.smooth[k]).any() for run in runs)
+    ]
 
 
 def _add_forecast(parser: ArgumentParser) -> None:
     add_run_arguments(parser)
     parser.add_argument('--model', required=True, metavar='MODEL.yaml', help='model file of manoeuvre identify')
     parser.add_argument(
-        '--train', nargs='+', metavar='RUN', default=[],
+        '--train',
+        nargs='+',
+        metavar='RUN',
+        default=[],
         help='runs that the ARX is fitted to (default: the other runs, or the first half of a single one)',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        '--future', choices=('held', 'supplied'), default='held',
+        '--future',
+        choices=('held', 'supplied'),
+        default='held',
         help='inputs to come: held at their last value, or known (default: %(default)s)',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        '--leads', type=leads, default=LEADS, metavar='S,S,..',
+        '--leads',
+        type=leads,
+        default=LEADS,
+        metavar='S,S,..',
         help='default: ' + ','.join(f'{lead:g}' for lead in LEADS),
     )
     parser.add_argument('--plot', metavar='FILE.png')
@@ -305,25 +355,35 @@ def _add_simulate(parser: ArgumentParser) -> None:
     choice.add_argument('--model', metavar='MODEL', help=f'model file, or one of {", ".join(PRESETS)}')
     choice.add_argument('--hull', choices=tuple(PRESETS), help='a ready-made craft')
     parser.add_argument(
-        '--test', choices=(*TESTS, PROGRAMME), required=True,
+        '--test',
+        choices=(*TESTS, PROGRAMME),
+        required=True,
         help='a standard test, or a whole programme of trials to identify from',
-    )  # fmt: skip
+    )
     parser.add_argument('--base', type=finite, default=0.6, metavar='SHARE', help='mean input (default: %(default)s)')
     parser.add_argument(
-        '--difference', type=finite, default=0.3, metavar='SHARE',
+        '--difference',
+        type=finite,
+        default=0.3,
+        metavar='SHARE',
         help='half the difference of the inputs, positive to starboard (default: %(default)s)',
-    )  # fmt: skip
+    )
     parser.add_argument('--angle-deg', type=finite, default=20.0, metavar='DEG', help='of the zig-zag')
     parser.add_argument('--current', type=finite, nargs=2, metavar=('EAST', 'NORTH'), help='m/s; programme only')
     parser.add_argument(
-        '--command', nargs='*', metavar='NAME=VALUE',
+        '--command',
+        nargs='*',
+        metavar='NAME=VALUE',
         help='drive by normalised commands: gain, dead_band, reverse_ratio, lag, delay, exponent, balance; programme '
         'only',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        '--noise', type=finite, nargs=2, metavar=('SPEED', 'YAW_RATE'),
+        '--noise',
+        type=finite,
+        nargs=2,
+        metavar=('SPEED', 'YAW_RATE'),
         help='standard deviations, m/s and rad/s (default of the programme: 0.05 0.005; of a test: none)',
-    )  # fmt: skip
+    )
     parser.add_argument('--seed', type=int, default=1, metavar='N', help='of the noise')
     parser.add_argument('--output', metavar='FILE', help='.csv, .mcap, .db3; of the programme a folder')
     parser.add_argument('--format', choices=('csv', 'mcap', 'db3'), default='csv', help='of the programme')
@@ -348,8 +408,9 @@ def _simulate(arguments: Namespace):
         return _programme(model, arguments)
     for option in ('current', 'command'):
         if getattr(arguments, option) is not None:
-            raise InputError(f'--{option} is for the programme: standard tests are in still water, with the model as '
-                             f'it is')  # fmt: skip
+            raise InputError(
+                f'--{option} is for the programme: standard tests are in still water, with the model as it is'
+            )
     settings = DriveSettings(arguments.base, arguments.difference, float(np.radians(arguments.angle_deg)))
     report = run_test(arguments.test, model, settings)
     if arguments.output:

@@ -1,4 +1,5 @@
 """``swath-sysid page``: what the nodes do, and a guided bring-up, in a browser."""
+
 import os
 import secrets
 import sys
@@ -48,6 +49,7 @@ def run(arguments: Namespace) -> int:
     os.nice(NICENESS)
     address = '127.0.0.1' if arguments.host == 'localhost' else arguments.host
     with ExitStack() as serving:
+
         def make_node() -> PageNode:
             node = PageNode(lambda line: desk.answer(line))
             desk = Desk(node, folder, arguments.axis, arguments.manifest)

@@ -40,9 +40,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--model', metavar='FILE', help='model file known at the start (default: that of model_path)')
     parser.add_argument('--topic', help='IMU topic, for bags that hold several')
     parser.add_argument(
-        '--refit-delay', type=finite, default=0.0, metavar='S',
+        '--refit-delay',
+        type=finite,
+        default=0.0,
+        metavar='S',
         help='from a window to the model found in it; live it is 0.1 to 3 s (default: at the next sample)',
-    )  # fmt: skip
+    )
     parser.add_argument('--with-imu', action='store_true', help='copy the IMU messages to the output as well')
 
 
@@ -59,18 +62,24 @@ def run(arguments: Namespace) -> int:
         return _play_manoeuvres(arguments)
     buffer, identifier, predictor = (values_from_file(arguments.params, name) for name in ATTITUDE_NODES)
     settings = PlayThroughSettings(
-        window_settings(buffer), refit_settings(identifier), pipeline_settings(predictor),
-        identifier['auto_identify'], arguments.refit_delay, {'topic': WINDOW_TOPIC}, identifier['identify_interval_s'],
-    )  # fmt: skip
+        window_settings(buffer),
+        refit_settings(identifier),
+        pipeline_settings(predictor),
+        identifier['auto_identify'],
+        arguments.refit_delay,
+        {'topic': WINDOW_TOPIC},
+        identifier['identify_interval_s'],
+    )
     installation = settings.forecasts.installation
     readings = read_readings(
         arguments.record, arguments.topic, frame=installation.frame, mounting=installation.mounting
     )
     if readings.in_craft_axes:
         settings = replace(
-            settings, window=replace(settings.window, installation=Installation()),
+            settings,
+            window=replace(settings.window, installation=Installation()),
             forecasts=replace(settings.forecasts, installation=Installation()),
-        )  # fmt: skip
+        )
     pipeline = PlayThrough(settings, _known_models(arguments.model, identifier['model_path']))
     pipeline.window.record(buffer['record_at_start'])
     periods = [node['diagnostics_period_s'] for node in (buffer, identifier, predictor)]

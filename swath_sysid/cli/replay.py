@@ -22,19 +22,26 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--loop', action='store_true', help='begin again at the end, until Ctrl-C')
     parser.add_argument('--clock', action='store_true', help='publish /clock, for nodes with use_sim_time')
     parser.add_argument(
-        '--wait-for', type=int, default=0, metavar='N',
+        '--wait-for',
+        type=int,
+        default=0,
+        metavar='N',
         help='begin when this many subscribe to the IMU, 2 for imu_buffer and predictor (default: when all that are '
         'found are connected and discovery has had its 3.5 s)',
     )
     parser.add_argument(
-        '--wait', type=finite, default=15.0, metavar='S',
+        '--wait',
+        type=finite,
+        default=15.0,
+        metavar='S',
         help='the longest wait for them (default: %(default)s)',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        '--in-step', action='store_true',
+        '--in-step',
+        action='store_true',
         help='go no faster than predictor, started with `-p in_step:=true`, forecasts: with a large --rate as '
         'fast as it can, with the same results',
-    )  # fmt: skip
+    )
 
 
 def run(arguments: Namespace) -> int:

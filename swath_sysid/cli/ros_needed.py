@@ -1,4 +1,5 @@
 """Where a verb needs ROS: one sentence if it is not installed."""
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,4 +1,5 @@
 """The verb ``run``: imu_buffer, identifier and predictor in one process, or one node alone."""
+
 import argparse
 import os
 import subprocess
@@ -18,14 +19,15 @@ from swath_sysid.start import verb_command
 NODES = ('imu_buffer', 'identifier', 'predictor', 'manoeuvring_identifier', 'manoeuvring_predictor')
 
 MODEL_PARAMETERS = {
-    'identifier': 'model_path', 'manoeuvring_identifier': 'model_path', 'manoeuvring_predictor': 'model_file',
+    'identifier': 'model_path',
+    'manoeuvring_identifier': 'model_path',
+    'manoeuvring_predictor': 'model_file',
 }
 
 PAGE_END_S = 15.0
 
 OPEN_TO_THE_SUBNET = (
-    'these nodes can be used from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to '
-    'this machine'
+    'these nodes can be used from the whole subnet: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them to this machine'
 )
 
 

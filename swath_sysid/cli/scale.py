@@ -12,9 +12,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     """The model file, the length ratio, and where to write."""
     parser.add_argument('model', metavar='MODEL.yaml', help='model file, with or without a schedule on draft')
     parser.add_argument(
-        '--ratio', required=True, metavar='L',
+        '--ratio',
+        required=True,
+        metavar='L',
         help='length of the result over that of the model given: 25, or 1/25 for the way back',
-    )  # fmt: skip
+    )
     parser.add_argument('--output', required=True, metavar='FILE.yaml', help='write the scaled model file')
 
 

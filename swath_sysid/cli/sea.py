@@ -1,4 +1,5 @@
 """``swath-sysid sea``: the sea that a record's own motion shows."""
+
 from argparse import ArgumentParser, Namespace
 
 from swath_sysid.attitude.motion.contradictions import refuse_contradictions

@@ -34,14 +34,18 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument('--angle-noise', type=finite, default=usual.angle, metavar='RAD', help='default: %(default)s')
     parser.add_argument(
-        '--rate-noise', type=finite, metavar='RAD_S',
+        '--rate-noise',
+        type=finite,
+        metavar='RAD_S',
         help=f'default: that of the trials of the study that the hull or equation is of, else {usual.rate}',
     )
     parser.add_argument(
         '--accel-noise', type=finite, default=usual.acceleration, metavar='M_S2', help='default: %(default)s'
     )
     parser.add_argument(
-        '--noise', choices=('published', 'none'), default='published',
+        '--noise',
+        choices=('published', 'none'),
+        default='published',
         help='none: an ideal sensor (default: %(default)s)',
     )
     parser.add_argument('--seed', type=int, default=1)
@@ -56,9 +60,14 @@ def run(arguments: Namespace) -> int:
     if arguments.seed < 0:
         raise InputError('the seed must not be negative')
     trial = simulated_trial(
-        model, math.radians(arguments.initial_angle_deg), arguments.duration, arguments.rate,
-        NO_NOISE if arguments.noise == 'none' else noise, arguments.seed, arguments.hold,
-    )  # fmt: skip
+        model,
+        math.radians(arguments.initial_angle_deg),
+        arguments.duration,
+        arguments.rate,
+        NO_NOISE if arguments.noise == 'none' else noise,
+        arguments.seed,
+        arguments.hold,
+    )
     if arguments.output.endswith('.csv'):
         from swath_sysid.formats.csv_trials import write_csv as write
     else:

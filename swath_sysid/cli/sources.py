@@ -29,9 +29,11 @@ EXIT_POOR_FIT = 1
 def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
     """The records, the axis, and how to read them."""
     parser.add_argument(
-        'trials' if many else 'trial', metavar='TRIAL', nargs='+' if many else None,
+        'trials' if many else 'trial',
+        metavar='TRIAL',
+        nargs='+' if many else None,
         help='CSV file, rosbag2 bag (folder, .mcap or .db3) or MTi text export',
-    )  # fmt: skip
+    )
     parser.add_argument('--axis', help='roll or pitch (default: the one that moves more)')
     add_reading_arguments(parser)
     parser.add_argument(
@@ -123,10 +125,15 @@ def without_copies(paths: Sequence[str]) -> tuple[list[str], tuple[Advice, ...]]
     for path in paths:
         original = first.setdefault(source_hash(existing(path)), path)
         if original is not path:
-            advice.append(Advice('identical-files', (
-                f'{path} has the same content as {original} and is left out: it would count twice as a repeat that it '
-                f'is not'
-            )))
+            advice.append(
+                Advice(
+                    'identical-files',
+                    (
+                        f'{path} has the same content as {original} and is left out: it would count twice as a repeat '
+                        f'that it is not'
+                    ),
+                )
+            )
     return list(first.values()), tuple(advice)
 
 

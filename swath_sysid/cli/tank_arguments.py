@@ -1,4 +1,5 @@
 """Arguments of a tank's standard output: what is known of the craft, and how well."""
+
 from argparse import ArgumentParser, Namespace
 from dataclasses import fields
 
@@ -13,9 +14,10 @@ def add_tank_arguments(parser: ArgumentParser) -> None:
     """Inertia or what it follows from, the size, and ``--extinction``."""
     group = parser.add_argument_group('damping in dimensions')
     group.add_argument(
-        '--extinction', action='store_true',
+        '--extinction',
+        action='store_true',
         help='print peaks, logarithmic decrements, the extinction curve, and the damping with its expanded uncertainty',
-    )  # fmt: skip
+    )
     group.add_argument('--inertia', type=finite, metavar='I', help="inertia I', to print the published form too")
     group.add_argument(
         '--mass', type=finite, metavar='KG', help='with --metacentric-height: the inertia follows from both'
@@ -26,9 +28,12 @@ def add_tank_arguments(parser: ArgumentParser) -> None:
     group.add_argument('--length', type=finite, metavar='M', help='for the damping of pitch without dimension')
     group.add_argument('--breadth', type=finite, metavar='M', help='for the damping of roll without dimension')
     group.add_argument(
-        '--uncertainty', action='append', default=[], metavar='SOURCE=SHARE',
+        '--uncertainty',
+        action='append',
+        default=[],
+        metavar='SOURCE=SHARE',
         help=f'relative standard uncertainty, such as metacentric_height=0.02, of {", ".join(SOURCES)}',
-    )  # fmt: skip
+    )
 
 
 def particulars_of(arguments: Namespace) -> Particulars:

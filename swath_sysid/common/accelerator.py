@@ -1,4 +1,5 @@
 """The optional accelerator: numba where it is installed, plain Python where it is not."""
+
 import os
 from collections.abc import Callable
 from functools import cached_property, update_wrapper

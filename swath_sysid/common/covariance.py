@@ -1,4 +1,5 @@
 """Covariance of fitted parameters, and their correlation."""
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

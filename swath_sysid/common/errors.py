@@ -1,4 +1,5 @@
 """The one error that callers show to users instead of a traceback."""
+
 from collections.abc import Collection
 
 

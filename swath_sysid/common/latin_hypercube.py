@@ -1,4 +1,5 @@
 """Latin hypercube sampling, with the numbers of `scipy.stats.qmc`, which takes half a second to load."""
+
 import numpy as np
 
 

@@ -1,4 +1,5 @@
 """Independent tasks in this process or in several of this machine, all by futures."""
+
 import contextlib
 import multiprocessing
 import os
@@ -47,6 +48,7 @@ def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], 
     lock, waiting = threading.Lock(), deque(range(len(tasks)))
     begun: dict[int, Future[Result]] = {}
     with _pool(min(count, len(tasks)) - 1) as executor:
+
         def hand_out(_: Future | None = None) -> None:
             with lock:
                 if not waiting:

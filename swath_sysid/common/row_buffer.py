@@ -1,4 +1,5 @@
 """A ring buffer: rows of numbers, the newest last, in memory that does not grow."""
+
 from collections.abc import Iterable
 from struct import pack_into
 
@@ -31,7 +32,7 @@ class RowBuffer:
     def append(self, row: Iterable[float]) -> None:
         """Add a row, of as many numbers as there are columns; NaN where nothing is known."""
         if self._end == len(self._rows):
-            self._rows[:self.capacity] = self._rows[self._end - self.capacity:]
+            self._rows[: self.capacity] = self._rows[self._end - self.capacity :]
             self._first, self._end = max(self._first - (self._end - self.capacity), 0), self.capacity
         # four times as fast as the assignment of a row
         pack_into(self._format, self._rows.data, self._rows.strides[0] * self._end, *row)
@@ -55,7 +56,7 @@ class RowBuffer:
     def last(self, count: int | None = None) -> np.ndarray:
         """The newest rows, oldest first, shape (min(count, len(self)), C): a view, so copy what is to be kept."""
         first = self._first if count is None else max(self._first, self._end - count)
-        return self._rows[first:self._end]
+        return self._rows[first : self._end]
 
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Rows by number, which need not be whole, linear between two; shapes (N,) and (N, C).

@@ -1,4 +1,5 @@
 """Sampled signals: their white noise, their resolution, spikes, maxima, and means over bins of time."""
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,4 +1,5 @@
 """What searches with ask and tell share, and the named reasons for which they stop."""
+
 from collections.abc import Callable
 from typing import Protocol
 

@@ -3,6 +3,7 @@
 A plain child with one socket, rather than multiprocessing's spawn: that would import the parent's main module, and
 rclpy with it, into the child, and start a resource tracker.
 """
+
 import os
 import signal
 import socket
@@ -159,7 +160,9 @@ class WorkerProcess:
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, '-m', __name__, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()], env=environment, stdin=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+                env=environment,
+                stdin=subprocess.DEVNULL,
                 # out of the terminal's process group: Ctrl-C is the parent's, which then closes the socket
                 start_new_session=True,
             )

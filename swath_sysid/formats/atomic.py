@@ -1,4 +1,5 @@
 """Writing files so that no reader ever finds half of one."""
+
 import os
 import shutil
 import stat
@@ -35,8 +36,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
     try:
         workshop = Path(tempfile.mkdtemp(prefix='.writing-', dir=path.parent))
     except OSError as error:
-        raise InputError(f'cannot write {path}: {error.strerror} ({path.parent}); choose a folder that exists '
-                         f'and may be written to') from error
+        raise InputError(
+            f'cannot write {path}: {error.strerror} ({path.parent}); choose a folder that exists and may be written to'
+        ) from error
     try:
         temporary = workshop / path.name
         yield temporary

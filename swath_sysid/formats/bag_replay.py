@@ -1,4 +1,5 @@
 """A bag as it is published again: its topics, its serialised messages in the order of recording, and their times."""
+
 import heapq
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -77,9 +78,10 @@ def recorded_topics(readers: Sequence[Any]) -> dict[str, RecordedTopic]:
 def merged_messages(readers: Sequence[Any], topics: Collection[str]) -> Iterator[tuple[int, str, bytes]]:
     """The messages of some topics in the order of recording: time of reception, ns, topic, serialised message."""
     streams = [
-        ((received, number, connection.topic, bytes(raw)) for connection, received, raw in reader.messages(
-            [c for c in reader.connections if c.topic in topics]
-        ))
+        (
+            (received, number, connection.topic, bytes(raw))
+            for connection, received, raw in reader.messages([c for c in reader.connections if c.topic in topics])
+        )
         for number, reader in enumerate(readers)
     ]
     for received, _, topic, raw in heapq.merge(*streams, key=lambda message: message[:2]):

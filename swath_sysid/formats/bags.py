@@ -1,4 +1,5 @@
 """Rosbag2 bags: IMU topics as trials, and trials as IMU topics."""
+
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -76,8 +77,8 @@ class ImuRecord:
         """One `ImuReading` after the other."""
         parts = ORIENTATION, ORIENTATION_COVARIANCE, RATES, RATES_COVARIANCE, FORCE, FORCE_COVARIANCE
         for first in range(0, len(self), READINGS_AT_ONCE):
-            values = self.values[first:first + READINGS_AT_ONCE]
-            stamps = self.stamps[first:first + READINGS_AT_ONCE].tolist()
+            values = self.values[first : first + READINGS_AT_ONCE]
+            stamps = self.stamps[first : first + READINGS_AT_ONCE].tolist()
             yield from map(ImuReading, stamps, *(values[:, part].tolist() for part in parts))
 
 
@@ -90,7 +91,9 @@ def is_bag(path: str | Path) -> bool:
 
 
 def read_bag(
-    path: str | Path, topic: str | None = None, frame: str | None = None,
+    path: str | Path,
+    topic: str | None = None,
+    frame: str | None = None,
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Trial:
     """Read a trial from an IMU topic of a rosbag2 bag.
@@ -104,10 +107,15 @@ def read_bag(
     stamps, advice = record.stamps, list(record.advice)
     if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
-        advice.append(Advice('no-header-stamps', (
-            f'{record.topic} carries no header stamps, so the times of arrival are used: have the driver stamp its '
-            f'messages'
-        )))
+        advice.append(
+            Advice(
+                'no-header-stamps',
+                (
+                    f'{record.topic} carries no header stamps, so the times of arrival are used: have the driver '
+                    f'stamp its messages'
+                ),
+            )
+        )
     readings: dict[str, np.ndarray] = {}
     for names, columns, covariance in (
         (QUATERNION, ORIENTATION, ORIENTATION_COVARIANCE),
@@ -119,7 +127,8 @@ def read_bag(
             block = np.where(measured[:, None], record.values[:, columns], np.nan)
             readings.update(zip(names, np.ascontiguousarray(block.T), strict=True))
     return assemble_trial(
-        (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice)
+        (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice
+    )
 
 
 def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
@@ -159,18 +168,29 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
         problem = f' ({advice[-1].message})' if advice else ''
         raise InputError(f'{path} holds no readable message on {topic}{problem}: record it again')
     if decoder.damaged:
-        advice.append(Advice('damaged-messages', (
-            f'{decoder.damaged} messages on {topic} are not of type {IMU_TYPE} and were left out: check the recorder'
-        )))
+        advice.append(
+            Advice(
+                'damaged-messages',
+                (
+                    f'{decoder.damaged} messages on {topic} are not of type {IMU_TYPE} and were left out: check the '
+                    'recorder'
+                ),
+            )
+        )
     order = np.argsort(received, kind='stable')
     if np.any(np.diff(order) != 1):
         stamps, received, values = stamps[order], received[order], values[order]
     if len(decoder.frame_ids) > 1:
         names = ', '.join(repr(name[:40]) for name in list(decoder.frame_ids)[:3])
-        advice.append(Advice('frame-id-changed', (
-            f'the messages on {topic} come in {len(decoder.frame_ids)} frames ({names}): if these are two sensors, '
-            f'record each on a topic of its own; else check whether the mounting is still right'
-        )))
+        advice.append(
+            Advice(
+                'frame-id-changed',
+                (
+                    f'the messages on {topic} come in {len(decoder.frame_ids)} frames ({names}): if these are two '
+                    f'sensors, record each on a topic of its own; else check whether the mounting is still right'
+                ),
+            )
+        )
     return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
 
 
@@ -219,7 +239,7 @@ def imu_values(trial: Trial) -> np.ndarray:
         (ORIENTATION, ORIENTATION_COVARIANCE, quaternion(roll, pitch, np.zeros(count)), angles),
         (RATES, RATES_COVARIANCE, rates, turns),
         (FORCE, FORCE_COVARIANCE, list(map(known, forces)), forces),
-    ):  # fmt: skip
+    ):
         values[:, columns] = np.stack(parts, axis=1)
         if all(channel is None for channel in channels):
             values[:, covariance.start] = NOT_MEASURED
@@ -283,12 +303,14 @@ def _imu_layout(encoding: bytes, name_length: bytes, size: int) -> np.dtype | No
     values = 4 + -(-(12 + length) // 8) * 8
     if not 1 <= length <= size or values + 8 * IMU_VALUES > size:
         return None
-    return np.dtype({
-        'names': ['sec', 'nanosec', 'frame_id', 'values'],
-        'formats': [f'{order}i4', f'{order}u4', f'S{length}', (f'{order}f8', IMU_VALUES)],
-        'offsets': [4, 8, 16, values],
-        'itemsize': size,
-    })
+    return np.dtype(
+        {
+            'names': ['sec', 'nanosec', 'frame_id', 'values'],
+            'formats': [f'{order}i4', f'{order}u4', f'S{length}', (f'{order}f8', IMU_VALUES)],
+            'offsets': [4, 8, 16, values],
+            'itemsize': size,
+        }
+    )
 
 
 @contextmanager
@@ -317,8 +339,10 @@ def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]
         except Exception as error:  # as above
             problem = str(error)
     if not files:
-        raise InputError(f'{path} is not a readable rosbag2 bag ({_reason(path, problem)}): give a bag folder, or '
-                         f'a .mcap or .db3 file')
+        raise InputError(
+            f'{path} is not a readable rosbag2 bag ({_reason(path, problem)}): give a bag folder, or '
+            f'a .mcap or .db3 file'
+        )
     readers, advice = [], [_damage(path, problem)]
     for file in files:
         try:
@@ -346,8 +370,10 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
         return [stack.enter_context(storage)], []
     except Exception as error:  # as above
         if kind != '.mcap':
-            raise InputError(f'{path} is damaged ({_reason(path, error)}): recover it with the sqlite3 tool, as in '
-                             f"sqlite3 OLD.db3 '.recover' | sqlite3 NEW.db3") from error
+            raise InputError(
+                f'{path} is damaged ({_reason(path, error)}): recover it with the sqlite3 tool, as in '
+                f"sqlite3 OLD.db3 '.recover' | sqlite3 NEW.db3"
+            ) from error
         advice = [_damage(path, error)]
     try:
         mended = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.name
@@ -368,8 +394,10 @@ def _opened(storage: Any) -> Iterator[Any]:
 
 def _storage_files(folder: Path) -> list[Path]:
     """The storage files in a folder, in the order in which a recorder numbers them."""
-    return sorted((file for file in folder.iterdir() if file.suffix in STORAGES and file.is_file()),
-                  key=lambda file: (len(file.name), file.name))
+    return sorted(
+        (file for file in folder.iterdir() if file.suffix in STORAGES and file.is_file()),
+        key=lambda file: (len(file.name), file.name),
+    )
 
 
 def _storage_kind(path: Path) -> str | None:
@@ -403,10 +431,13 @@ def _choose_topic(path: str | Path, readers: Sequence[Any], topic: str | None) -
 
 
 def _damage(path: str | Path, error: object) -> Advice:
-    return Advice('damaged-bag', (
-        f'{path} is damaged ({_reason(path, error)}): what is whole was read; stop the recorder before its '
-        f'power is cut'
-    ))
+    return Advice(
+        'damaged-bag',
+        (
+            f'{path} is damaged ({_reason(path, error)}): what is whole was read; stop the recorder before its '
+            f'power is cut'
+        ),
+    )
 
 
 def _reason(path: str | Path, error: object) -> str:

@@ -1,4 +1,5 @@
 """CSV trials: a line of column names that say their units, and lines of numbers."""
+
 import math
 import re
 from collections.abc import Iterable, Sequence
@@ -49,10 +50,11 @@ QUANTITIES = (
     (('yaw_rate',), 'yaw_rate', RATE_UNITS),
     (('heave',), 'heave', LENGTH_UNITS),
     *(((f'gyro_{part}', f'gyr_{part}', f'angular_velocity_{part}'), f'gyro_{part}', RATE_UNITS) for part in 'xyz'),
-    *(((f'accel_{part}', f'acc_{part}', f'linear_acceleration_{part}'), f'accel_{part}', ACCELERATION_UNITS)
-      for part in 'xyz'),
-    *(((f'quaternion_{part}', f'orientation_{part}', f'q{part}'), f'quaternion_{part}', PURE)
-      for part in 'xyzw'),
+    *(
+        ((f'accel_{part}', f'acc_{part}', f'linear_acceleration_{part}'), f'accel_{part}', ACCELERATION_UNITS)
+        for part in 'xyz'
+    ),
+    *(((f'quaternion_{part}', f'orientation_{part}', f'q{part}'), f'quaternion_{part}', PURE) for part in 'xyzw'),
 )
 """Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
 
@@ -78,11 +80,28 @@ MOTION = frozenset(('roll', 'pitch', 'roll_rate', 'pitch_rate', 'gyro_x', 'gyro_
 
 UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
-LOOKED_FOR = ('roll_rad', 'pitch_rad', 'roll_deg', 'pitch_deg', 'roll_rate_rad_s', 'pitch_rate_rad_s',
-              'gyro_x_rad_s', 'gyro_y_rad_s (or _deg_s)')
+LOOKED_FOR = (
+    'roll_rad',
+    'pitch_rad',
+    'roll_deg',
+    'pitch_deg',
+    'roll_rate_rad_s',
+    'pitch_rate_rad_s',
+    'gyro_x_rad_s',
+    'gyro_y_rad_s (or _deg_s)',
+)
 
-WRITTEN_UNITS = {'roll': 'rad', 'pitch': 'rad', 'roll_rate': 'rad_s', 'pitch_rate': 'rad_s',
-                 'accel_x': 'm_s2', 'accel_y': 'm_s2', 'accel_z': 'm_s2', 'yaw_rate': 'rad_s', 'heave': 'm'}
+WRITTEN_UNITS = {
+    'roll': 'rad',
+    'pitch': 'rad',
+    'roll_rate': 'rad_s',
+    'pitch_rate': 'rad_s',
+    'accel_x': 'm_s2',
+    'accel_y': 'm_s2',
+    'accel_z': 'm_s2',
+    'yaw_rate': 'rad_s',
+    'heave': 'm',
+}
 
 
 def read_csv(
@@ -121,16 +140,20 @@ def read_csv(
     _check_units(path, columns, values)
     readings = _agreeing(path, columns, values)
     if unitless:
-        advice += (Advice('unit-missing', (
-            f'columns without a unit left out ({listed_names(unitless)}): {UNIT_ADVICE}'
-        )),)
+        advice += (
+            Advice('unit-missing', (f'columns without a unit left out ({listed_names(unitless)}): {UNIT_ADVICE}')),
+        )
     times = [column for column in columns if column.reading in TIMES]
     time = _time([readings.pop(name) for name in TIMES if name in readings])
     if times[0].unit == SAMPLES:
         time = time / _sample_rate(path, head.remarks)
     trial = assemble_trial(
-        time, readings, _installation(path, head.remarks, frame, mounting), source=str(path),
-        draft=remark_number(path, head.remarks, 'draft_m'), initial_angle=_initial_angle(path, head.remarks),
+        time,
+        readings,
+        _installation(path, head.remarks, frame, mounting),
+        source=str(path),
+        draft=remark_number(path, head.remarks, 'draft_m'),
+        initial_angle=_initial_angle(path, head.remarks),
         advice=(*advice, *_small_angle_advice(columns, values)),
     )
     swinging = [values for name, values in trial.channels.items() if name not in ACCEL]
@@ -181,8 +204,10 @@ def _find_columns(path: str | Path, names: Sequence[str]) -> tuple[list[Column],
     if not any(column.reading in MOTION for column in columns):
         if unitless:
             raise InputError(f"{path} has a column '{shown(unitless[0])}' without a unit: {UNIT_ADVICE}")
-        raise InputError(f'{path} has no roll or pitch motion: looked for {", ".join(LOOKED_FOR)}, '
-                         f'found {listed_names(names)}; name the columns so')
+        raise InputError(
+            f'{path} has no roll or pitch motion: looked for {", ".join(LOOKED_FOR)}, '
+            f'found {listed_names(names)}; name the columns so'
+        )
     _refuse_doubled(path, [column.name for column in columns])
     return columns, unitless
 
@@ -203,8 +228,10 @@ def _agreeing(path: str | Path, columns: Sequence[Column], values: Iterable[np.n
         if column.reading not in readings:
             readings[column.reading], first[column.reading] = row, column
         elif column.reading != 'yaw' and not _agree(readings[column.reading], row):
-            raise InputError(f"{path}: its columns '{shown(first[column.reading].name)}' and '{shown(column.name)}' "
-                             f'contradict each other: leave out the one that is wrong')
+            raise InputError(
+                f"{path}: its columns '{shown(first[column.reading].name)}' and '{shown(column.name)}' "
+                f'contradict each other: leave out the one that is wrong'
+            )
     _refuse_contradicting_orientation(path, readings)
     return readings
 
@@ -226,8 +253,9 @@ def _refuse_contradicting_orientation(path: str | Path, readings: dict[str, np.n
     roll, pitch, _ = euler_angles(*(readings[part] for part in QUATERNION))
     for name, angle in (('roll', roll), ('pitch', pitch)):
         if name in readings and np.isfinite(angle).any() and not _agree(readings[name], angle):
-            raise InputError(f'{path}: its {name} and its quaternion contradict each other: leave out the one that is '
-                             f'wrong')
+            raise InputError(
+                f'{path}: its {name} and its quaternion contradict each other: leave out the one that is wrong'
+            )
 
 
 def _check_units(path: str | Path, columns: Sequence[Column], values: Iterable[np.ndarray]) -> None:
@@ -240,14 +268,19 @@ def _check_units(path: str | Path, columns: Sequence[Column], values: Iterable[n
         beyond = np.count_nonzero(np.abs(known) > limit)
         if beyond > max(BROKEN_PACKETS, BROKEN_SHARE * known.size):
             name = re.sub('rad', 'deg', column.name, flags=re.IGNORECASE)
-            raise InputError(f"{path}: '{shown(column.name)}' goes to {np.abs(known).max():.4g} in {beyond} rows, more "
-                             f"than an angle in rad can be: if it is in degrees, call it '{shown(name)}'")
+            raise InputError(
+                f"{path}: '{shown(column.name)}' goes to {np.abs(known).max():.4g} in {beyond} rows, more "
+                f"than an angle in rad can be: if it is in degrees, call it '{shown(name)}'"
+            )
 
 
 def _small_angle_advice(columns: Sequence[Column], values: Iterable[np.ndarray]) -> tuple[Advice, ...]:
     """Advice (``hardly-moves``) where all angles are declared in degrees but move as little as angles in rad do."""
-    angles = {column.name: row[np.isfinite(row)] for column, row in zip(columns, values, strict=True)
-              if column.reading in LARGEST_ANGLES and column.unit == 'deg'}
+    angles = {
+        column.name: row[np.isfinite(row)]
+        for column, row in zip(columns, values, strict=True)
+        if column.reading in LARGEST_ANGLES and column.unit == 'deg'
+    }
     swings = {name: float(np.subtract(*np.percentile(row, [99, 1]))) / 2 for name, row in angles.items() if row.size}
     if not swings or not MIN_SWING_RAD < max(swings.values()) < LARGEST_SWING_RAD:
         return ()
@@ -255,17 +288,24 @@ def _small_angle_advice(columns: Sequence[Column], values: Iterable[np.ndarray])
     samples_a_cycle = motion_period(np.arange(angles[name].size), angles[name], 1)
     if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()
-    return (Advice('hardly-moves', (
-        f"'{shown(name)}' swings by {swings[name]:.2g} deg only: if it is in rad, call it "
-        f"'{shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE))}'"
-    )),)
+    return (
+        Advice(
+            'hardly-moves',
+            (
+                f"'{shown(name)}' swings by {swings[name]:.2g} deg only: if it is in rad, call it "
+                f"'{shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE))}'"
+            ),
+        ),
+    )
 
 
 def _sample_rate(path: str | Path, remarks: dict[str, str]) -> float:
     rate = remark_number(path, remarks, 'sample_rate_hz')
     if rate is None or not 0.0 < rate < math.inf:
-        raise InputError(f"{path} numbers its samples and does not say how many come a second: put a line "
-                         f"'# sample_rate_hz: 100' above the columns")
+        raise InputError(
+            f'{path} numbers its samples and does not say how many come a second: put a line '
+            f"'# sample_rate_hz: 100' above the columns"
+        )
     return rate
 
 
@@ -273,10 +313,13 @@ def _refuse_without_time(path: str | Path, names: Sequence[str], plain: Sequence
     """Say what is wrong where no time column was found."""
     for name, simple in zip(names, plain, strict=True):
         if simple in TIME_NAMES:
-            raise InputError(f"{path} has a column '{shown(name)}' without a unit: call it time_s, time_ms, time_us "
-                             f'or time_ns')
-    raise InputError(f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, '
-                     f'timestamp_), found {listed_names(names)}; name the columns so')
+            raise InputError(
+                f"{path} has a column '{shown(name)}' without a unit: call it time_s, time_ms, time_us or time_ns"
+            )
+    raise InputError(
+        f'{path} has no time column: looked for time_s, time_ms, time_us, time_ns (or t_, stamp_, '
+        f'timestamp_), found {listed_names(names)}; name the columns so'
+    )
 
 
 def _time_columns(plain: Sequence[str], names: Sequence[str]) -> list[Column]:
@@ -290,8 +333,10 @@ def _time_columns(plain: Sequence[str], names: Sequence[str]) -> list[Column]:
         if f'{alias}sec' in plain and f'{alias}nanosec' in plain:
             places = plain.index(f'{alias}sec'), plain.index(f'{alias}nanosec')
             scales = 1.0, TIME_UNITS['ns']
-            return [Column(reading, names[index], index, 's', scale)
-                    for reading, index, scale in zip(TIMES[1:], places, scales, strict=True)]
+            return [
+                Column(reading, names[index], index, 's', scale)
+                for reading, index, scale in zip(TIMES[1:], places, scales, strict=True)
+            ]
     return []
 
 
@@ -321,8 +366,10 @@ def _installation(
             roll, pitch, yaw = (float(part) * ANGLE_UNITS['deg'] for part in parts)
             mounting = roll, pitch, yaw
         except ValueError as error:
-            raise InputError(f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which is not three "
-                             f'angles: write it as 180, 0, 0') from error
+            raise InputError(
+                f"{path} says 'mounting_deg: {shown(remarks['mounting_deg'])}', which is not three "
+                f'angles: write it as 180, 0, 0'
+            ) from error
     return Installation(frame or remarks.get('frame', 'flu').lower(), mounting)
 
 

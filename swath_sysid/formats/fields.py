@@ -100,8 +100,11 @@ def one_of(choices: Collection[str], kind: str | None = None) -> Check:
     def check(value: Any, where: str) -> Any:
         if not isinstance(value, str) or value not in choices:
             if kind is not None:
-                raise FieldError('', f"there is no {kind} '{shown(value)}': choose from {', '.join(choices)}",
-                                 getattr(where, 'line', None))
+                raise FieldError(
+                    '',
+                    f"there is no {kind} '{shown(value)}': choose from {', '.join(choices)}",
+                    getattr(where, 'line', None),
+                )
             allowed = ' or '.join(map(repr, choices)) if len(choices) < 10 else 'one of ' + ', '.join(map(str, choices))
             raise FieldError(where, f": '{shown(value)}' must be {allowed}")
         return value
@@ -212,10 +215,14 @@ def table_of(names: Collection[str], kind: str, description: Check | dict[str, C
 
 def quantities_of(units: Mapping[str, str], kind: str) -> Check:
     """Values with standard deviation and the unit of each name there is, by name; errors call a name by its kind."""
-    return table_of(units, kind, {
-        name: record({'value': number(), 'std': if_known(number(lowest=0.0)), 'unit': one_of((unit,))})
-        for name, unit in units.items()
-    })  # fmt: skip
+    return table_of(
+        units,
+        kind,
+        {
+            name: record({'value': number(), 'std': if_known(number(lowest=0.0)), 'unit': one_of((unit,))})
+            for name, unit in units.items()
+        },
+    )
 
 
 def mapping(value: Any, where: str) -> dict:
@@ -275,8 +282,10 @@ class ModelFormat:
         version = content.get('version')
         # to Python True is 1
         if version != self.version or not isinstance(version, int) or isinstance(version, bool):
-            raise InputError(f'{source} is a {self.kind} of version {shown(version)}; this software reads version '
-                             f'{self.version}: {self.remedy}')
+            raise InputError(
+                f'{source} is a {self.kind} of version {shown(version)}; this software reads version '
+                f'{self.version}: {self.remedy}'
+            )
         headed = {'format': anything, 'version': anything, 'frame': one_of((self.frame,))}
         return record(headed | self.required, self.optional)(content, source)
 

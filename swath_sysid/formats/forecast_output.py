@@ -1,4 +1,5 @@
 """What the predictor publishes, as messages, live and in a bag."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
@@ -50,14 +51,23 @@ _NOTHING_KNOWN = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [UNKNOWN_RATE_VARIANCE] 
 def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Sequence[float] = ()) -> list[str]:
     """Every topic that is published, for leads, s, named points, and frames at leads as `ForecastMessages` has them."""
     of_points = [
-        topic for point in points for topic in (
-            point_horizon_topic(point), *(point_lead_topic(point, lead) for lead in leads),
+        topic
+        for point in points
+        for topic in (
+            point_horizon_topic(point),
+            *(point_lead_topic(point, lead) for lead in leads),
             *(point_acceleration_topic(point, lead) for lead in leads),
         )
-    ]  # fmt: skip
+    ]
     return [
-        NEXT_TOPIC, *(lead_topic(lead) for lead in leads), HORIZON_TOPIC, QUIESCENCE_TOPIC, CALM_TOPIC, SEA_TOPIC,
-        *of_points, *([FRAMES_TOPIC] if frames_at else []),
+        NEXT_TOPIC,
+        *(lead_topic(lead) for lead in leads),
+        HORIZON_TOPIC,
+        QUIESCENCE_TOPIC,
+        CALM_TOPIC,
+        SEA_TOPIC,
+        *of_points,
+        *([FRAMES_TOPIC] if frames_at else []),
     ]
 
 
@@ -91,13 +101,17 @@ class ForecastMessages:
         if step.sea is not None:
             yield SEA_TOPIC, text_message(sea_as_yaml(step.sea, step.stamp_ns))
         if self._frames_at and step.forecast is not None and step.next is not None:
-            yield FRAMES_TOPIC, serialised(make(
-                TYPES[FRAMES_TOPIC], list(self._transforms(step.forecast, step.next, step.heading[0], step.stamp_ns))
-            ))  # fmt: skip
+            yield (
+                FRAMES_TOPIC,
+                serialised(
+                    make(
+                        TYPES[FRAMES_TOPIC],
+                        list(self._transforms(step.forecast, step.next, step.heading[0], step.stamp_ns)),
+                    )
+                ),
+            )
 
-    def _transforms(
-        self, forecast: Forecast, now: AttitudeForecast, yaw: float, stamp_ns: int
-    ) -> Iterator[Any]:
+    def _transforms(self, forecast: Forecast, now: AttitudeForecast, yaw: float, stamp_ns: int) -> Iterator[Any]:
         """From the level frame to the craft now and at the leads, all at the time of issue; the heading is left out."""
         x, y, z, w = now.orientation
         without_heading = multiply(quaternion(0.0, 0.0, -yaw), (x, y, z, w))
@@ -113,21 +127,44 @@ class ForecastMessages:
 
     def _transform(self, child: str, stamp_ns: int, heave: float, orientation: Sequence[float]) -> Any:
         return make(
-            'geometry_msgs/msg/TransformStamped', header(stamp_ns, self._level), child,
-            make('geometry_msgs/msg/Transform', make('geometry_msgs/msg/Vector3', 0.0, 0.0, heave),
-                 make('geometry_msgs/msg/Quaternion', *orientation)),
-        )  # fmt: skip
+            'geometry_msgs/msg/TransformStamped',
+            header(stamp_ns, self._level),
+            child,
+            make(
+                'geometry_msgs/msg/Transform',
+                make('geometry_msgs/msg/Vector3', 0.0, 0.0, heave),
+                make('geometry_msgs/msg/Quaternion', *orientation),
+            ),
+        )
 
     def _at_points(self, step: PipelineStep) -> Iterator[tuple[str, bytes]]:
         for point in step.points():
-            yield point_lead_topic(point.name, point.lead), self._filled(_odometry, point.name, point.stamp_ns, (
-                *point.position, *point.orientation, *point.pose_covariance.ravel().tolist(),
-                *point.linear, *point.angular, *point.twist_covariance.ravel().tolist(),
-            ))  # fmt: skip
+            yield (
+                point_lead_topic(point.name, point.lead),
+                self._filled(
+                    _odometry,
+                    point.name,
+                    point.stamp_ns,
+                    (
+                        *point.position,
+                        *point.orientation,
+                        *point.pose_covariance.ravel().tolist(),
+                        *point.linear,
+                        *point.angular,
+                        *point.twist_covariance.ravel().tolist(),
+                    ),
+                ),
+            )
             covariance = _NOTHING_KNOWN.copy()
             covariance[2, 2] = point.acceleration_variance
-            yield point_acceleration_topic(point.name, point.lead), self._filled(
-                _acceleration, point.name, point.stamp_ns, (0.0, 0.0, point.acceleration, *covariance.ravel().tolist())
+            yield (
+                point_acceleration_topic(point.name, point.lead),
+                self._filled(
+                    _acceleration,
+                    point.name,
+                    point.stamp_ns,
+                    (0.0, 0.0, point.acceleration, *covariance.ravel().tolist()),
+                ),
             )
         horizon = step.horizon
         if horizon is None:
@@ -139,12 +176,12 @@ class ForecastMessages:
             yield point_horizon_topic(name), self._filled(_point_horizon, leads_ns, step.stamp_ns, values)
         if step.quiescence is not None:
             calm = horizon.calm
-            points = [] if calm is None else [
-                trajectory_point(round(time * SECOND_NS), [calm.probability]) for time in (calm.begin, calm.end)
-            ]  # fmt: skip
-            yield CALM_TOPIC, serialised(make(
-                TRAJECTORY, header(step.stamp_ns, self._level), ['probability'], points
-            ))  # fmt: skip
+            points = (
+                []
+                if calm is None
+                else [trajectory_point(round(time * SECOND_NS), [calm.probability]) for time in (calm.begin, calm.end)]
+            )
+            yield CALM_TOPIC, serialised(make(TRAJECTORY, header(step.stamp_ns, self._level), ['probability'], points))
 
     def _filled(self, message_of: Callable, key: Any, stamp_ns: int, values: Any) -> bytes:
         if (message_of, key) not in self._templates:
@@ -154,13 +191,17 @@ class ForecastMessages:
 
 def _odometry(v: np.ndarray, level: str, point: str) -> Any:
     vector = 'geometry_msgs/msg/Vector3'
-    pose = make('geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', *v[:3]),
-                make('geometry_msgs/msg/Quaternion', *v[3:7]))  # fmt: skip
+    pose = make(
+        'geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', *v[:3]), make('geometry_msgs/msg/Quaternion', *v[3:7])
+    )
     twist = make('geometry_msgs/msg/Twist', make(vector, *v[43:46]), make(vector, *v[46:49]))
     return make(
-        ODOMETRY, header(0, level), point, make('geometry_msgs/msg/PoseWithCovariance', pose, v[7:43]),
+        ODOMETRY,
+        header(0, level),
+        point,
+        make('geometry_msgs/msg/PoseWithCovariance', pose, v[7:43]),
         make('geometry_msgs/msg/TwistWithCovariance', twist, v[49:85]),
-    )  # fmt: skip
+    )
 
 
 def _acceleration(v: np.ndarray, level: str, _: str) -> Any:

@@ -1,4 +1,5 @@
 """Files that are read: whether they are there, and what the system refuses, each in one sentence."""
+
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

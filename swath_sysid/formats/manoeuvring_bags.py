@@ -54,8 +54,12 @@ LONGEST_HOLD = 1.0
 
 
 def read_manoeuvring_bag(
-    path: str | Path, odometry: str | None = None, imu: str | None = None, port: str | None = None,
-    starboard: str | None = None, thrust_input: str | None = None,
+    path: str | Path,
+    odometry: str | None = None,
+    imu: str | None = None,
+    port: str | None = None,
+    starboard: str | None = None,
+    thrust_input: str | None = None,
 ) -> ManoeuvringTrial:
     """Read a record of a manoeuvre from a bag.
 
@@ -91,9 +95,15 @@ def read_manoeuvring_bag(
     if thrust_input is None:
         thrust_input = FORCE if effort or most > LARGEST_COMMAND else COMMAND
         if thrust_input == COMMAND:
-            advice.append(Advice('taken-as-commands', (
-                f'{path}: the thrusters stay within -1 and 1 and are taken as normalised commands; if they are N, say '
-                f'so')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'taken-as-commands',
+                    (
+                        f'{path}: the thrusters stay within -1 and 1 and are taken as normalised commands; if they '
+                        f'are N, say so'
+                    ),
+                )
+            )
     motion = _motion(pose['values'], shifted[chosen['odometry']], path, advice)
     series = {name: (shifted[chosen['odometry']], values) for name, values in motion.items()}
     if 'imu' in chosen and tables[chosen['imu']]['values'].size:
@@ -110,9 +120,15 @@ def read_manoeuvring_bag(
 
     channels: dict[str, Any] = {name: on_all(times, values) for name, (times, values) in series.items()}
     return ManoeuvringTrial(
-        everything, on_all(time, left), on_all(time, right), thrust_input, **channels, frame='enu', source=str(path),
+        everything,
+        on_all(time, left),
+        on_all(time, right),
+        thrust_input,
+        **channels,
+        frame='enu',
+        source=str(path),
         advice=tuple(advice),
-    )  # fmt: skip
+    )
 
 
 def holds_manoeuvres(path: str | Path) -> tuple[bool, bool]:
@@ -136,8 +152,7 @@ def write_manoeuvring_bag(path: str | Path, manoeuvre: Manoeuvre, *, start_stamp
     m = manoeuvre
     imu = ImuMessage('wamv/imu_link')
     unknown = np.zeros((3, 3))
-    sides = [(f'/wamv/thrusters/{side}/thrust', thrust) for side, thrust in
-             (('left', m.port), ('right', m.starboard))]  # fmt: skip
+    sides = [(f'/wamv/thrusters/{side}/thrust', thrust) for side, thrust in (('left', m.port), ('right', m.starboard))]
     with writing_bag(path) as add:
         for k, t in enumerate((m.time - m.time[0]).tolist()):
             stamp = int(start_stamp_ns) + round(t * 1e9)
@@ -162,7 +177,11 @@ def _topics_by_type(readers: Sequence[Any]) -> dict[str, set[str]]:
 
 
 def _choose(
-    path: str | Path, topics: dict[str, set[str]], odometry: str | None, imu: str | None, port: str | None,
+    path: str | Path,
+    topics: dict[str, set[str]],
+    odometry: str | None,
+    imu: str | None,
+    port: str | None,
     starboard: str | None,
 ) -> dict[str, str]:
     """Topic of each role."""
@@ -180,8 +199,9 @@ def _choose(
         # a thruster may have an angle topic (.../pos) beside its thrust
         found = [t for t in found if not re.search(r'(pos|angle|position)$', t)] or found
         if len(found) > 1:
-            raise InputError(f'{path} has several topics for the {side} thruster ({_listed(found)}): choose one',
-                             'several-topics')  # fmt: skip
+            raise InputError(
+                f'{path} has several topics for the {side} thruster ({_listed(found)}): choose one', 'several-topics'
+            )
         if found:
             chosen[side] = found[0]
     if 'port' in chosen and 'starboard' in chosen:
@@ -190,9 +210,11 @@ def _choose(
         chosen = {k: v for k, v in chosen.items() if k in ('odometry', 'imu')}
         chosen['joints'] = _only(path, topics[JOINTS], None, JOINTS)
         return chosen
-    raise InputError(f'{path} has no thrust of both sides: looked for two topics of {NUMBERS[0]} with left or port and '
-                     f'right or starboard in their names, or one of {JOINTS}; name the topics',
-                     'several-topics')  # fmt: skip
+    raise InputError(
+        f'{path} has no thrust of both sides: looked for two topics of {NUMBERS[0]} with left or port and '
+        f'right or starboard in their names, or one of {JOINTS}; name the topics',
+        'several-topics',
+    )
 
 
 def _only(path: str | Path, topics: Collection[str], given: str | None, msgtype: str) -> str:
@@ -234,8 +256,11 @@ def _read(path: str | Path, readers: Sequence[Any], topics: Collection[str], adv
             stamp = np.nan if header is None else header.stamp.sec + 1e-9 * header.stamp.nanosec
             rows[connection.topic].append((stamp, 1e-9 * received, *numbers))
     if damaged:
-        advice.append(Advice('damaged-messages', (
-            f'{path}: {damaged} messages cannot be read and were left out: check the recorder')))  # fmt: skip
+        advice.append(
+            Advice(
+                'damaged-messages', (f'{path}: {damaged} messages cannot be read and were left out: check the recorder')
+            )
+        )
     tables = {}
     for topic, found in rows.items():
         if not found:
@@ -266,8 +291,10 @@ def _joints(message: Any) -> list[int]:
         found = [k for k, name in enumerate(message.name) if pattern.search(name)]
         if len(found) != 1:
             held = ', '.join(message.name)
-            raise InputError(f'the joints {held} hold {len(found)} for the {side} thruster: record a JointState with '
-                             f'one joint a thruster, left or port and right or starboard')  # fmt: skip
+            raise InputError(
+                f'the joints {held} hold {len(found)} for the {side} thruster: record a JointState with '
+                f'one joint a thruster, left or port and right or starboard'
+            )
         places += found
     return places
 
@@ -278,9 +305,15 @@ def _clock_offset(odometry: Table, path: str | Path, advice: list[Advice]) -> fl
     if not np.all(np.isfinite(difference)) or np.ptp(odometry['stamps']) == 0.0:
         return None
     if np.ptp(difference) > CLOCKS_APART:
-        advice.append(Advice('clocks-apart', (
-            f'{path}: header stamps and times of arrival run apart, so that times of arrival are used for all topics: '
-            f'record with one clock')))  # fmt: skip
+        advice.append(
+            Advice(
+                'clocks-apart',
+                (
+                    f'{path}: header stamps and times of arrival run apart, so that times of arrival are used for all '
+                    f'topics: record with one clock'
+                ),
+            )
+        )
         return None
     # the least delayed messages give the offset of the clocks
     return float(np.quantile(difference, 0.9))
@@ -334,13 +367,20 @@ def _motion(values: np.ndarray, time: np.ndarray, path: str | Path, advice: list
         def missed(east: np.ndarray, north: np.ndarray) -> float:
             """Median distance of the integrated velocity from the change of position."""
             way = [np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time))]) for v in (east, north)]
-            return np.median(np.hypot(*((w[span:] - w[:-span]) - (p[span:] - p[:-span])
-                                        for w, p in zip(way, (x, y), strict=True))))  # fmt: skip
+            return np.median(
+                np.hypot(*((w[span:] - w[:-span]) - (p[span:] - p[:-span]) for w, p in zip(way, (x, y), strict=True)))
+            )
 
         body, world = missed(surge * cosine - sway * sine, surge * sine + sway * cosine), missed(surge, sway)
         if world < 0.5 * body:
-            advice.append(Advice('twist-in-world-axes', (
-                f'{path}: the twist of the odometry is in world axes and was turned into body axes: publish it in '
-                f'child_frame_id, as nav_msgs/Odometry defines')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'twist-in-world-axes',
+                    (
+                        f'{path}: the twist of the odometry is in world axes and was turned into body axes: publish '
+                        f'it in child_frame_id, as nav_msgs/Odometry defines'
+                    ),
+                )
+            )
             surge, sway = surge * np.cos(yaw) + sway * np.sin(yaw), -surge * np.sin(yaw) + sway * np.cos(yaw)
     return {'x': x, 'y': y, 'heading': yaw, 'surge': surge, 'sway': sway, 'yaw_rate': rate}

@@ -33,10 +33,12 @@ PULSE_UNITS = {'us': 1.0}
 
 QUANTITIES = (
     (('time', 't', 'stamp', 'timestamp'), 'time', TIME_UNITS),
-    *((names, f'{side}_{kind}', units)
-      for kind, units in (('thrust', FORCE_UNITS), ('command', PURE), ('pwm', PULSE_UNITS))
-      for side, other in (('port', 'left'), ('starboard', 'right'))
-      for names in [(f'{side}_{kind}', f'{other}_{kind}', f'{kind}_{side}', f'{kind}_{other}')]),
+    *(
+        (names, f'{side}_{kind}', units)
+        for kind, units in (('thrust', FORCE_UNITS), ('command', PURE), ('pwm', PULSE_UNITS))
+        for side, other in (('port', 'left'), ('starboard', 'right'))
+        for names in [(f'{side}_{kind}', f'{other}_{kind}', f'{kind}_{side}', f'{kind}_{other}')]
+    ),
     (('surge', 'u', 'surge_speed'), 'surge', SPEED_UNITS),
     (('sway', 'v', 'sway_speed'), 'sway', SPEED_UNITS),
     (('yaw_rate', 'r'), 'yaw_rate', RATE_UNITS),
@@ -93,20 +95,35 @@ def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> Manoeuvr
         raise InputError(f'{path} has no readable time: check its time column')
     motion = {name: found.get(name) for name in ('surge', 'sway', 'yaw_rate', 'heading')}
     return ManoeuvringTrial(
-        time - finite[0] if abs(finite[0]) > EPOCH_SECONDS else time, port, starboard, thrust_input, **motion, x=x, y=y,
-        frame=frame, lever=remark_number(path, head.remarks, 'lever_m'),
-        length=remark_number(path, head.remarks, 'length_m'), source=str(path), advice=advice,
-    )  # fmt: skip
+        time - finite[0] if abs(finite[0]) > EPOCH_SECONDS else time,
+        port,
+        starboard,
+        thrust_input,
+        **motion,
+        x=x,
+        y=y,
+        frame=frame,
+        lever=remark_number(path, head.remarks, 'lever_m'),
+        length=remark_number(path, head.remarks, 'length_m'),
+        source=str(path),
+        advice=advice,
+    )
 
 
 def write_manoeuvring_csv(path: str | Path, manoeuvre: Manoeuvre, model: ManoeuvringModel) -> None:
     """Write a simulated manoeuvre as `read_manoeuvring_csv` reads it, in ENU; the inputs are of the model's kind."""
     kind = 'thrust_n' if model.thrust_input == FORCE else 'command'
     columns = {
-        'time_s': manoeuvre.time, f'port_{kind}': manoeuvre.port, f'starboard_{kind}': manoeuvre.starboard,
-        'surge_m_s': manoeuvre.surge, 'sway_m_s': manoeuvre.sway, 'yaw_rate_rad_s': manoeuvre.yaw_rate,
-        'heading_rad': manoeuvre.heading, 'x_m': manoeuvre.x, 'y_m': manoeuvre.y,
-    }  # fmt: skip
+        'time_s': manoeuvre.time,
+        f'port_{kind}': manoeuvre.port,
+        f'starboard_{kind}': manoeuvre.starboard,
+        'surge_m_s': manoeuvre.surge,
+        'sway_m_s': manoeuvre.sway,
+        'yaw_rate_rad_s': manoeuvre.yaw_rate,
+        'heading_rad': manoeuvre.heading,
+        'x_m': manoeuvre.x,
+        'y_m': manoeuvre.y,
+    }
     remarks = {'frame': 'enu', 'lever_m': model['lever'], 'length_m': model.length}
     write_table(path, remarks, {name: np.round(values, 9) for name, values in columns.items()})
 
@@ -121,13 +138,17 @@ def _find_columns(path: str | Path, names: Sequence[str]) -> dict[str, tuple[int
         raise InputError(f'{path} has no time column: looked for time_s, time_ms, t_s; found {listed_names(names)}')
     thrusters = [{f'port_{kind}', f'starboard_{kind}'} for kind in ('thrust', 'command', 'pwm')]
     if not any(pair <= set(columns) for pair in thrusters):
-        raise InputError(f'{path} has no pair of thrusters: looked for port_thrust_n and starboard_thrust_n, or '
-                         f'port_command and starboard_command, or port_pwm_us and starboard_pwm_us; '
-                         f'found {listed_names(names)}')  # fmt: skip
+        raise InputError(
+            f'{path} has no pair of thrusters: looked for port_thrust_n and starboard_thrust_n, or '
+            f'port_command and starboard_command, or port_pwm_us and starboard_pwm_us; '
+            f'found {listed_names(names)}'
+        )
     motion = set(columns) & {'surge', 'sway', 'yaw_rate', 'heading', 'x', 'east'}
     if not motion:
-        raise InputError(f'{path} has no motion: looked for surge_m_s, sway_m_s, yaw_rate_rad_s, heading_rad, '
-                         f'heading_deg, x_m and y_m; found {listed_names(names)}')  # fmt: skip
+        raise InputError(
+            f'{path} has no motion: looked for surge_m_s, sway_m_s, yaw_rate_rad_s, heading_rad, '
+            f'heading_deg, x_m and y_m; found {listed_names(names)}'
+        )
     return columns
 
 
@@ -140,13 +161,17 @@ def _thrusters(
         neutral = remark_number(path, remarks, 'pwm_neutral_us') or USUAL_NEUTRAL
         span = (remark_number(path, remarks, 'pwm_full_us') or USUAL_FULL) - neutral
         if not span:
-            raise InputError(f'{path}: pwm_neutral_us and pwm_full_us are the same: state the pulses of no thrust '
-                             f'and of full thrust ahead')  # fmt: skip
+            raise InputError(
+                f'{path}: pwm_neutral_us and pwm_full_us are the same: state the pulses of no thrust '
+                f'and of full thrust ahead'
+            )
         port, starboard = ((found[f'{side}_pwm'] - neutral) / span for side in ('port', 'starboard'))
     else:
         port, starboard = found['port_command'], found['starboard_command']
     most = max((float(np.nanmax(np.abs(c))) for c in (port, starboard) if np.isfinite(c).any()), default=0.0)
     if most > LARGEST_COMMAND:
-        raise InputError(f'{path}: commands reach {most:g}: normalise them to -1 .. 1, or name them port_thrust_n and '
-                         f'starboard_thrust_n if they are forces')  # fmt: skip
+        raise InputError(
+            f'{path}: commands reach {most:g}: normalise them to -1 .. 1, or name them port_thrust_n and '
+            f'starboard_thrust_n if they are forces'
+        )
     return COMMAND, port, starboard

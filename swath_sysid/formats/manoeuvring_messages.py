@@ -1,4 +1,5 @@
 """Between ROS messages of surge, sway and yaw and plain values, without ROS; encoders return the serialised message."""
+
 from collections.abc import Iterable
 from typing import Any
 
@@ -22,14 +23,19 @@ def odometry_message(state: ManoeuvreState, frame_id: str, child_frame_id: str, 
     """
     vector = 'geometry_msgs/msg/Vector3'
     twist = make(
-        'geometry_msgs/msg/Twist', make(vector, float(state.surge), float(state.sway), 0.0),
+        'geometry_msgs/msg/Twist',
+        make(vector, float(state.surge), float(state.sway), 0.0),
         make(vector, 0.0, 0.0, float(state.yaw_rate)),
-    )  # fmt: skip
-    return serialised(make(
-        ODOMETRY, header(round(state.stamp * SECOND_NS) if stamp is None else stamp, frame_id), child_frame_id,
-        make('geometry_msgs/msg/PoseWithCovariance', _pose(state), _of_six(state.pose_covariance)),
-        make('geometry_msgs/msg/TwistWithCovariance', twist, _of_six(state.twist_covariance)),
-    ))  # fmt: skip
+    )
+    return serialised(
+        make(
+            ODOMETRY,
+            header(round(state.stamp * SECOND_NS) if stamp is None else stamp, frame_id),
+            child_frame_id,
+            make('geometry_msgs/msg/PoseWithCovariance', _pose(state), _of_six(state.pose_covariance)),
+            make('geometry_msgs/msg/TwistWithCovariance', twist, _of_six(state.twist_covariance)),
+        )
+    )
 
 
 def path_message(path: Iterable[ManoeuvreState], stamp: float, frame_id: str) -> bytes:
@@ -44,9 +50,10 @@ def path_message(path: Iterable[ManoeuvreState], stamp: float, frame_id: str) ->
 def _pose(state: ManoeuvreState) -> Any:
     half = 0.5 * state.heading
     return make(
-        'geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', float(state.x), float(state.y), 0.0),
+        'geometry_msgs/msg/Pose',
+        make('geometry_msgs/msg/Point', float(state.x), float(state.y), 0.0),
         make('geometry_msgs/msg/Quaternion', 0.0, 0.0, float(np.sin(half)), float(np.cos(half))),
-    )  # fmt: skip
+    )
 
 
 def _of_six(block: np.ndarray) -> np.ndarray:
@@ -63,14 +70,21 @@ def odometry_reading(message: Any) -> OdometryReading:
     heading = float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)))
     std = {}
     for names, covariance in (
-        (('x', 'y', 'heading'), message.pose.covariance), (('surge', 'sway', 'yaw_rate'), message.twist.covariance)
-    ):  # fmt: skip
+        (('x', 'y', 'heading'), message.pose.covariance),
+        (('surge', 'sway', 'yaw_rate'), message.twist.covariance),
+    ):
         for name, place in zip(names, PLANAR, strict=True):
             variance = float(covariance[7 * place])
             # all zero means unknown, as for sensor_msgs
             if 0.0 < variance < LARGEST_VARIANCE:
                 std[name] = variance**0.5
     return OdometryReading(
-        stamp_ns(message.header.stamp) / SECOND_NS, pose.position.x, pose.position.y, heading, twist.linear.x,
-        twist.linear.y, twist.angular.z, std,
-    )  # fmt: skip
+        stamp_ns(message.header.stamp) / SECOND_NS,
+        pose.position.x,
+        pose.position.y,
+        heading,
+        twist.linear.x,
+        twist.linear.y,
+        twist.angular.z,
+        std,
+    )

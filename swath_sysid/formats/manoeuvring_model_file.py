@@ -32,15 +32,27 @@ from swath_sysid.manoeuvring.identification.shooting import CURRENT
 _SPEED = number(-100.0, 100.0)
 _INPUT = number(-1e9, 1e9)
 _REGION = {
-    'slowest': _SPEED, 'fastest': _SPEED, 'largest_sway': number(0.0, 100.0), 'largest_yaw_rate': number(0.0, 100.0),
-    'least_input': _INPUT, 'most_input': _INPUT, 'largest_difference': number(0.0, 2e9),
-}  # fmt: skip
+    'slowest': _SPEED,
+    'fastest': _SPEED,
+    'largest_sway': number(0.0, 100.0),
+    'largest_yaw_rate': number(0.0, 100.0),
+    'least_input': _INPUT,
+    'most_input': _INPUT,
+    'largest_difference': number(0.0, 2e9),
+}
 _SPREAD, _TIME = number(0.0, 1e6), number(0.0, 1e6, above=0.0)
-_FORECAST = record({
-    'disturbance': list_of(_SPREAD, 3), 'disturbance_time': list_of(_TIME, 3), 'thrust_mean': list_of(_INPUT, 2),
-    'thrust_covariance': list_of(list_of(number(-1e18, 1e18), 2), 2), 'thrust_time': _TIME,
-    'sensors': list_of(_TIME, 4), 'leads': list_of(_TIME), 'scale': list_of(list_of(_SPREAD), 6),
-})  # fmt: skip
+_FORECAST = record(
+    {
+        'disturbance': list_of(_SPREAD, 3),
+        'disturbance_time': list_of(_TIME, 3),
+        'thrust_mean': list_of(_INPUT, 2),
+        'thrust_covariance': list_of(list_of(number(-1e18, 1e18), 2), 2),
+        'thrust_time': _TIME,
+        'sensors': list_of(_TIME, 4),
+        'leads': list_of(_TIME),
+        'scale': list_of(list_of(_SPREAD), 6),
+    }
+)
 
 
 def _forecast(value: Any, where: str) -> dict | None:
@@ -51,8 +63,10 @@ def _forecast(value: Any, where: str) -> dict | None:
 
 
 FORMAT = ModelFormat(
-    'swath_sysid manoeuvring model', 'body x forward, y port, z up; world x east, y north (REP 103)',
-    'identify the craft again', {
+    'swath_sysid manoeuvring model',
+    'body x forward, y port, z up; world x east, y north (REP 103)',
+    'identify the craft again',
+    {
         'name': text(),
         'thrust_input': one_of(INPUTS),
         'length_m': number(0.01, 1000.0),
@@ -65,8 +79,10 @@ FORMAT = ModelFormat(
         'region': record({field.name: _REGION[field.name] for field in fields(Region)}),
         'metrics': metrics,
         'provenance': mapping,
-    }, {'forecast': _forecast}, kind='manoeuvring model',
-)  # fmt: skip
+    },
+    {'forecast': _forecast},
+    kind='manoeuvring model',
+)
 """What a model file holds; null stands for what is not known."""
 
 
@@ -79,17 +95,30 @@ def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:
         for p in PARAMETERS
         if p.name in identified.names or model[p.name] != NEUTRAL[INDEX[p.name]]
     }
-    forecast = {} if identified.forecast is None else {'forecast': {
-        name: np.asarray(values, dtype=float).tolist() for name, values in asdict(identified.forecast).items()}}
+    forecast = (
+        {}
+        if identified.forecast is None
+        else {
+            'forecast': {
+                name: np.asarray(values, dtype=float).tolist() for name, values in asdict(identified.forecast).items()
+            }
+        }
+    )
     return FORMAT.text(
-        name=model.name, thrust_input=model.thrust_input, length_m=float(model.length),
-        largest_input=float(model.largest_input), parameters=parameters,
-        current_m_s=[float(c) for c in model.current], identified=list(identified.names),
+        name=model.name,
+        thrust_input=model.thrust_input,
+        length_m=float(model.length),
+        largest_input=float(model.largest_input),
+        parameters=parameters,
+        current_m_s=[float(c) for c in model.current],
+        identified=list(identified.names),
         covariance=np.asarray(identified.covariance, dtype=float).tolist(),
         noise=[float(n) for n in identified.noise],
         region={name: float(value) for name, value in asdict(identified.region).items()},
-        metrics=identified.metrics, provenance=identified.provenance, **forecast,
-    )  # fmt: skip
+        metrics=identified.metrics,
+        provenance=identified.provenance,
+        **forecast,
+    )
 
 
 def manoeuvring_from_yaml(text: str, source: str = 'the model') -> IdentifiedManoeuvringModel:
@@ -107,9 +136,15 @@ def manoeuvring_from_yaml(text: str, source: str = 'the model') -> IdentifiedMan
     stated = {name: content['parameters'][name]['std'] for name in names if name in content['parameters']}
     check_std(stated, np.diag(matrix)[[names.index(name) for name in stated]], source)
     return IdentifiedManoeuvringModel(
-        built(lambda: _model_of(content), source), names, matrix, np.array(content['noise']), region,
-        content['metrics'], content['provenance'], _forecast_of(content.get('forecast'), f'{source}, forecast'),
-    )  # fmt: skip
+        built(lambda: _model_of(content), source),
+        names,
+        matrix,
+        np.array(content['noise']),
+        region,
+        content['metrics'],
+        content['provenance'],
+        _forecast_of(content.get('forecast'), f'{source}, forecast'),
+    )
 
 
 def _forecast_of(content: dict | None, where: str) -> ForecastNoise | None:
@@ -125,9 +160,13 @@ def _forecast_of(content: dict | None, where: str) -> ForecastNoise | None:
 def _model_of(content: dict) -> ManoeuvringModel:
     values = {name: plain['value'] for name, plain in content['parameters'].items()}
     model = ManoeuvringModel(
-        parameter_values(values), thrust_input=content['thrust_input'], name=content['name'],
-        length=content['length_m'], largest_input=content['largest_input'], current=tuple(content['current_m_s']),
-    )  # fmt: skip
+        parameter_values(values),
+        thrust_input=content['thrust_input'],
+        name=content['name'],
+        length=content['length_m'],
+        largest_input=content['largest_input'],
+        current=tuple(content['current_m_s']),
+    )
     check_physical(model)
     return model
 

@@ -37,9 +37,11 @@ def play_manoeuvres(
     if missing:
         raise InputError(f'{trial.source} lacks {", ".join(missing)}: play a bag with odometry through')
     if identified is not None and identified.model.thrust_input != trial.thrust_input:
-        raise InputError(f'{trial.source} holds thrust as {trial.thrust_input}, the model takes '
-                         f'{identified.model.thrust_input}: state it if that was mistaken',
-                         'thrust-input-differs')  # fmt: skip
+        raise InputError(
+            f'{trial.source} holds thrust as {trial.thrust_input}, the model takes '
+            f'{identified.model.thrust_input}: state it if that was mistaken',
+            'thrust-input-differs',
+        )
     outlook = ManoeuvreOutlook(settings, identified)
     rate, yaw_rate = np.nan, np.asarray(trial.yaw_rate)
     for k, stamp in enumerate(trial.time.tolist()):

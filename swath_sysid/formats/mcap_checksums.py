@@ -3,6 +3,7 @@
 A file is a magic, records and the magic again; a record is an operation code, a length of eight bytes and its
 content. Chunks, the data section and the summary have a check sum each; zero is none.
 """
+
 import os
 import struct
 from binascii import crc32
@@ -102,7 +103,7 @@ def copy_whole_records(path: Path, target: Path) -> None:
 
 def _chunk_holds(content: bytes) -> bool:
     """Whether the check sum of a chunk holds, or it has none."""
-    expected = int.from_bytes(content[CHUNK_CHECKSUM_AT:CHUNK_CHECKSUM_AT + 4], 'little')
+    expected = int.from_bytes(content[CHUNK_CHECKSUM_AT : CHUNK_CHECKSUM_AT + 4], 'little')
     try:
         return not expected or crc32(_unpacked(content)) == expected
     except Exception:  # noqa: BLE001 - the libraries raise whatever a broken byte leads them to
@@ -112,9 +113,9 @@ def _chunk_holds(content: bytes) -> bool:
 def _unpacked(content: bytes) -> bytes:
     """The records in a chunk."""
     at = CHUNK_CHECKSUM_AT + 8
-    end = at + int.from_bytes(content[at - 4:at], 'little')
-    compression, size = content[at:end].decode(), int.from_bytes(content[end:end + 8], 'little')
-    return DECOMPRESSORS[compression](content[end + 8:end + 8 + size], int.from_bytes(content[16:24], 'little'))
+    end = at + int.from_bytes(content[at - 4 : at], 'little')
+    compression, size = content[at:end].decode(), int.from_bytes(content[end : end + 8], 'little')
+    return DECOMPRESSORS[compression](content[end + 8 : end + 8 + size], int.from_bytes(content[16:24], 'little'))
 
 
 def _sum_of(file: BinaryIO, start: int, end: int) -> int:

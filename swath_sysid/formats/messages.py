@@ -3,6 +3,7 @@
 Encoders return the serialised message. rclpy publishes such bytes as they are and bags hold them, so that nodes and
 play-through send the same. The same values give the same bytes: padding is zero.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
@@ -97,11 +98,19 @@ class ImuMessage:
 
     def __init__(self, frame_id: str) -> None:
         vector = 'geometry_msgs/msg/Vector3'
-        self._template = Template(lambda v: make(
-            IMU, header(0, frame_id),
-            make('geometry_msgs/msg/Quaternion', *v[ORIENTATION]), v[ORIENTATION_COVARIANCE],
-            make(vector, *v[RATES]), v[RATES_COVARIANCE], make(vector, *v[FORCE]), v[FORCE_COVARIANCE],
-        ), IMU_VALUES)  # fmt: skip
+        self._template = Template(
+            lambda v: make(
+                IMU,
+                header(0, frame_id),
+                make('geometry_msgs/msg/Quaternion', *v[ORIENTATION]),
+                v[ORIENTATION_COVARIANCE],
+                make(vector, *v[RATES]),
+                v[RATES_COVARIANCE],
+                make(vector, *v[FORCE]),
+                v[FORCE_COVARIANCE],
+            ),
+            IMU_VALUES,
+        )
 
     def of_values(self, stamp_ns: int, values: Any) -> bytes:
         """The message of a stamp and 37 numbers in the order of the message definition."""
@@ -109,10 +118,16 @@ class ImuMessage:
 
     def filled(self, forecast: AttitudeForecast) -> bytes:
         """The message of an `AttitudeForecast`."""
-        return self.of_values(forecast.stamp_ns, (
-            *forecast.orientation, *forecast.orientation_covariance, *forecast.rates, *forecast.rates_covariance,
-            *NO_FORCE,
-        ))  # fmt: skip
+        return self.of_values(
+            forecast.stamp_ns,
+            (
+                *forecast.orientation,
+                *forecast.orientation_covariance,
+                *forecast.rates,
+                *forecast.rates_covariance,
+                *NO_FORCE,
+            ),
+        )
 
 
 def imu_reading(message: Any) -> ImuReading:
@@ -168,8 +183,10 @@ def trajectory_point(
 def trajectory_values(message: Any) -> tuple[int, list[int], list[str], list[float]]:
     """Stamp and times from it, ns, columns, and the positions of each time in turn, of a JointTrajectory."""
     return (
-        stamp_ns(message.header.stamp), [stamp_ns(point.time_from_start) for point in message.points],
-        list(message.joint_names), [value for point in message.points for value in point.positions],
+        stamp_ns(message.header.stamp),
+        [stamp_ns(point.time_from_start) for point in message.points],
+        list(message.joint_names),
+        [value for point in message.points for value in point.positions],
     )
 
 
@@ -177,13 +194,23 @@ def window_message(table: MotionTable, frame_id: str) -> bytes:
     """The sensor_msgs/PointCloud2 of a `MotionTable`: a row a sample."""
     rows = np.ascontiguousarray(table.rows, dtype='<f8')
     size = FLOAT64_BYTES * len(COLUMNS)
-    return serialised(make(
-        TYPES[WINDOW_TOPIC], header=header(table.stamp_ns, frame_id), height=1, width=len(rows),
-        fields=[make('sensor_msgs/msg/PointField', name, FLOAT64_BYTES * place, FLOAT64, 1)
-                for place, name in enumerate(COLUMNS)],
-        is_bigendian=False, point_step=size, row_step=size * len(rows), data=rows.view(np.uint8).ravel(),
-        is_dense=bool(np.isfinite(rows).all()),
-    ))  # fmt: skip
+    return serialised(
+        make(
+            TYPES[WINDOW_TOPIC],
+            header=header(table.stamp_ns, frame_id),
+            height=1,
+            width=len(rows),
+            fields=[
+                make('sensor_msgs/msg/PointField', name, FLOAT64_BYTES * place, FLOAT64, 1)
+                for place, name in enumerate(COLUMNS)
+            ],
+            is_bigendian=False,
+            point_step=size,
+            row_step=size * len(rows),
+            data=rows.view(np.uint8).ravel(),
+            is_dense=bool(np.isfinite(rows).all()),
+        )
+    )
 
 
 def window_table(message: Any) -> MotionTable:
@@ -206,10 +233,14 @@ def window_table(message: Any) -> MotionTable:
         raise InputError(
             f'the window ends after {len(message.data)} bytes of {count * message.point_step}: send it again'
         )
-    layout = np.dtype({
-        'names': COLUMNS, 'formats': [f'{order}f8'] * len(COLUMNS),
-        'offsets': [fields[name].offset for name in COLUMNS], 'itemsize': message.point_step,
-    })
+    layout = np.dtype(
+        {
+            'names': COLUMNS,
+            'formats': [f'{order}f8'] * len(COLUMNS),
+            'offsets': [fields[name].offset for name in COLUMNS],
+            'itemsize': message.point_step,
+        }
+    )
     table = np.frombuffer(memoryview(message.data), dtype=layout, count=count)
     rows = np.stack([table[name].astype(float) for name in COLUMNS], axis=1)
     return MotionTable(rows, stamp_ns(message.header.stamp))
@@ -229,10 +260,14 @@ def coefficients_message(models: Mapping[str, IdentifiedModel]) -> bytes:
     """The std_msgs/Float64MultiArray of models by axis, with the labels of rows and columns."""
     axes, values = coefficients(models)
     dimension, columns = 'std_msgs/msg/MultiArrayDimension', len(COEFFICIENT_NAMES)
-    layout = make('std_msgs/msg/MultiArrayLayout', [
-        make(dimension, ','.join(axes), len(axes), values.size),
-        make(dimension, ','.join(COEFFICIENT_NAMES), columns, columns),
-    ], 0)  # fmt: skip
+    layout = make(
+        'std_msgs/msg/MultiArrayLayout',
+        [
+            make(dimension, ','.join(axes), len(axes), values.size),
+            make(dimension, ','.join(COEFFICIENT_NAMES), columns, columns),
+        ],
+        0,
+    )
     return serialised(make('std_msgs/msg/Float64MultiArray', layout, values.ravel()))
 
 
@@ -240,8 +275,20 @@ def diagnostics_message(
     stamp_ns: int, statuses: Iterable[tuple[int, str, str, Mapping[str, str]]], hardware_id: str = ''
 ) -> bytes:
     """A diagnostic_msgs/DiagnosticArray of level, name, message and values of each status, all of one hardware id."""
-    return serialised(make('diagnostic_msgs/msg/DiagnosticArray', header(stamp_ns, ''), [
-        make('diagnostic_msgs/msg/DiagnosticStatus', level, name, message, hardware_id,
-              [make('diagnostic_msgs/msg/KeyValue', key, value) for key, value in values.items()])
-        for level, name, message, values in statuses
-    ]))  # fmt: skip
+    return serialised(
+        make(
+            'diagnostic_msgs/msg/DiagnosticArray',
+            header(stamp_ns, ''),
+            [
+                make(
+                    'diagnostic_msgs/msg/DiagnosticStatus',
+                    level,
+                    name,
+                    message,
+                    hardware_id,
+                    [make('diagnostic_msgs/msg/KeyValue', key, value) for key, value in values.items()],
+                )
+                for level, name, message, values in statuses
+            ],
+        )
+    )

@@ -37,24 +37,32 @@ from swath_sysid.formats.fields import (
     text,
 )
 
-_AXIS = record({
-    'equation': text(),
-    'ratios': quantities_of(RATIO_UNITS, 'ratio'),
-    'covariance': anything,
-    'trim_rad': number(-math.pi, math.pi),
-    'trim_std_rad': if_known(number(lowest=0.0)),
-    'friction_rate_rad_s': number(above=0.0),
-    'valid_amplitude_rad': list_of(if_known(number(0.0, math.pi), math.inf), 2),
-    'metrics': metrics,
-    'provenance': mapping,
-})  # fmt: skip
-_SCHEDULE = record({
-    'quantity': one_of(QUANTITIES), 'models': list_of(record({'loading': number(above=0.0), 'model': _AXIS})),
-})  # fmt: skip
+_AXIS = record(
+    {
+        'equation': text(),
+        'ratios': quantities_of(RATIO_UNITS, 'ratio'),
+        'covariance': anything,
+        'trim_rad': number(-math.pi, math.pi),
+        'trim_std_rad': if_known(number(lowest=0.0)),
+        'friction_rate_rad_s': number(above=0.0),
+        'valid_amplitude_rad': list_of(if_known(number(0.0, math.pi), math.inf), 2),
+        'metrics': metrics,
+        'provenance': mapping,
+    }
+)
+_SCHEDULE = record(
+    {
+        'quantity': one_of(QUANTITIES),
+        'models': list_of(record({'loading': number(above=0.0), 'model': _AXIS})),
+    }
+)
 FORMAT = ModelFormat(
-    'swath_sysid decay model', 'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)', 'identify again',
-    {'axes': table_of(AXES, 'axis', _AXIS)}, {'schedule': table_of(AXES, 'axis', _SCHEDULE)},
-)  # fmt: skip
+    'swath_sysid decay model',
+    'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)',
+    'identify again',
+    {'axes': table_of(AXES, 'axis', _AXIS)},
+    {'schedule': table_of(AXES, 'axis', _SCHEDULE)},
+)
 """What a model file holds; null stands for what is not known."""
 
 
@@ -131,17 +139,24 @@ def _identified(plain: dict, axis: str, where: str) -> IdentifiedModel:
     check_std({name: ratio['std'] for name, ratio in ratios.items()}, np.diag(matrix), where)
     order = [tuple(ratios).index(name) for name in model.equation.terms]
     return IdentifiedModel(
-        model, matrix[np.ix_(order, order)], plain['trim_std_rad'], (smallest, largest), plain['metrics'],
+        model,
+        matrix[np.ix_(order, order)],
+        plain['trim_std_rad'],
+        (smallest, largest),
+        plain['metrics'],
         plain['provenance'],
-    )  # fmt: skip
+    )
 
 
 def _model_of(plain: dict, axis: str) -> DecayModel:
     ratios = plain['ratios']
     model = DecayModel.from_terms(
-        Equation(plain['equation'], tuple(ratios)), {name: ratio['value'] for name, ratio in ratios.items()},
-        trim=plain['trim_rad'], friction_rate=plain['friction_rate_rad_s'], axis=axis,
-    )  # fmt: skip
+        Equation(plain['equation'], tuple(ratios)),
+        {name: ratio['value'] for name, ratio in ratios.items()},
+        trim=plain['trim_rad'],
+        friction_rate=plain['friction_rate_rad_s'],
+        axis=axis,
+    )
     check_physical(model)
     return model
 

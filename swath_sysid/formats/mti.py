@@ -1,4 +1,5 @@
 """Xsens MTi text exports, as MT Manager writes them."""
+
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -55,16 +56,21 @@ def read_mti(
         head = read_head(path)
         wanted = [name for name in ('SampleTimeFine', *COUNTERS, *READINGS, *MATRIX_LAST_ROW) if name in head.names]
         if not any(name in wanted for name in (*READINGS, *MATRIX_LAST_ROW) if not name.startswith('Acc')):
-            raise InputError(f'{path} holds no roll or pitch motion: looked for {LOOKED_FOR}, '
-                             f'found {listed_names(head.names)}; export them in MT Manager')
+            raise InputError(
+                f'{path} holds no roll or pitch motion: looked for {LOOKED_FOR}, '
+                f'found {listed_names(head.names)}; export them in MT Manager'
+            )
         if not any(name in wanted for name in ('SampleTimeFine', *COUNTERS)):
-            raise InputError(f'{path} holds no time: looked for SampleTimeFine, PacketCounter, '
-                             f'found {listed_names(head.names)}; export one of them in MT Manager')
+            raise InputError(
+                f'{path} holds no time: looked for SampleTimeFine, PacketCounter, '
+                f'found {listed_names(head.names)}; export one of them in MT Manager'
+            )
         values, advice = read_columns(path, head, [head.names.index(name) for name in wanted])
     columns = dict(zip(wanted, values, strict=True))
     time = _time(path, columns, head.remarks)
     return assemble_trial(
-        time, _readings(columns), Installation(frame or 'flu', mounting), source=str(path), advice=advice)
+        time, _readings(columns), Installation(frame or 'flu', mounting), source=str(path), advice=advice
+    )
 
 
 def _readings(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -87,8 +93,10 @@ def _time(path: str | Path, columns: dict[str, np.ndarray], remarks: dict[str, s
     rate = update_rate(remarks)
     counter = next((columns[name] for name in COUNTERS if name in columns), None)
     if counter is None or rate is None:
-        raise InputError(f"{path} holds no time: its SampleTimeFine is empty or missing, so give PacketCounter and a "
-                         f"line '// Update Rate: 100.0Hz' above the columns")
+        raise InputError(
+            f'{path} holds no time: its SampleTimeFine is empty or missing, so give PacketCounter and a '
+            f"line '// Update Rate: 100.0Hz' above the columns"
+        )
     return _unwrapped(counter, PACKET_COUNTER_WRAP) / rate
 
 

@@ -1,4 +1,5 @@
 """Writing rosbag2 bags without ROS: of what sensors send, and of what the nodes publish."""
+
 from __future__ import annotations
 
 import os
@@ -65,7 +66,8 @@ def writing_bag(path: str | Path) -> Iterator[Callable]:
             def add(topic: str, msgtype: str, time_ns: int, raw: bytes, qos: Sequence[Qos] = ()) -> None:
                 if topic not in connections:
                     connections[topic] = writer.add_connection(
-                        topic, msgtype, typestore=typestore(), offered_qos_profiles=list(qos))
+                        topic, msgtype, typestore=typestore(), offered_qos_profiles=list(qos)
+                    )
                 writer.write(connections[topic], time_ns, raw)
 
             yield add
@@ -140,8 +142,13 @@ class OutputBag:
 def offered_qos(latched: bool, reliable: bool) -> Qos:
     """What a bag says of the publisher of a topic: transient local if latched, best effort if not reliable."""
     return Qos(
-        QosHistory.KEEP_LAST, 1 if latched else 10,
+        QosHistory.KEEP_LAST,
+        1 if latched else 10,
         QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
         QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-        FOR_EVER, FOR_EVER, QosLiveliness.AUTOMATIC, FOR_EVER, False,
-    )  # fmt: skip
+        FOR_EVER,
+        FOR_EVER,
+        QosLiveliness.AUTOMATIC,
+        FOR_EVER,
+        False,
+    )

@@ -1,4 +1,5 @@
 """Where results are to go, looked at before the work begins: what would destroy something is refused."""
+
 import errno
 import os
 from collections.abc import Iterable
@@ -62,7 +63,8 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None]
         for other in outputs[:place]:
             if _are_same(output.path, other.path):
                 raise InputError(
-                    f'{output.option} and {other.option} both name {output.path}: give each a name of its own')
+                    f'{output.option} and {other.option} both name {output.path}: give each a name of its own'
+                )
         _check_folder(output)
         if not (output.is_folder or output.is_recording) and _is_recording(output.path):
             raise InputError(
@@ -110,7 +112,8 @@ def _check_ending(output: Output) -> None:
     ending = Path(output.path).suffix.lower().lstrip('.')
     if output.endings and ending not in output.endings:
         raise InputError(
-            f"{output.option} cannot be written as '{output.path}': end the name in .{', .'.join(output.endings)}")
+            f"{output.option} cannot be written as '{output.path}': end the name in .{', .'.join(output.endings)}"
+        )
 
 
 def _is_bag(path: str | Path) -> bool:
@@ -132,14 +135,16 @@ def _check_target(output: Output) -> None:
 
 def _refuse_input(output: Output, path: Path) -> None:
     if not output.is_folder and _are_same(output.path, path):
-        raise InputError(f'{output.option} {output.path} is read by this command, and would be lost: choose another '
-                         f'name')
+        raise InputError(
+            f'{output.option} {output.path} is read by this command, and would be lost: choose another name'
+        )
     if path.is_dir() and _is_bag(path):
         bag = Path(os.path.realpath(path))
         place = Path(os.path.realpath(output.path))
         if bag == place or bag in place.parents:
-            raise InputError(f'{output.option} {output.path} lies in the bag {path}, which is read: choose a place '
-                             f'outside of it')
+            raise InputError(
+                f'{output.option} {output.path} lies in the bag {path}, which is read: choose a place outside of it'
+            )
 
 
 def _check_folder(output: Output) -> None:

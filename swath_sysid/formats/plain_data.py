@@ -1,4 +1,5 @@
 """Plain data: what JSON and YAML can hold."""
+
 import math
 from typing import Any
 

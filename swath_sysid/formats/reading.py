@@ -1,4 +1,5 @@
 """Reading trials, whatever file they are in."""
+
 from __future__ import annotations
 
 import hashlib
@@ -32,7 +33,10 @@ HASH_BYTES = 1 << 20
 
 
 def read_trial(
-    path: str | Path, *, topic: str | None = None, frame: str | None = None,
+    path: str | Path,
+    *,
+    topic: str | None = None,
+    frame: str | None = None,
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Trial:
     """Read a trial from a CSV file, a rosbag2 bag, or an MTi text export.
@@ -83,7 +87,10 @@ def read_trial(
 
 
 def read_readings(
-    path: str | Path, topic: str | None = None, *, frame: str = 'flu',
+    path: str | Path,
+    topic: str | None = None,
+    *,
+    frame: str = 'flu',
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> ImuRecord:
     """The messages of an IMU: those of a bag as they are, of other trials as an IMU would have sent them.

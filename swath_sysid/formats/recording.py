@@ -1,4 +1,5 @@
 """A recording of the topics of the contract, as one mcap file that is whole at any time."""
+
 import os
 import shutil
 from collections.abc import Callable, Sequence
@@ -14,7 +15,8 @@ from swath_sysid.formats.output_bag import offered_qos
 from swath_sysid.formats.topics import PATH_TOPIC, QUIESCENCE_TOPIC, TYPES, type_of
 
 OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PATH_TOPIC} | {
-    'identifier/progress': TYPES[QUIESCENCE_TOPIC]}
+    'identifier/progress': TYPES[QUIESCENCE_TOPIC]
+}
 """Topic, under whatever namespace, to type."""
 
 

@@ -1,4 +1,5 @@
 """A sea state as plain data: what the verb ``sea`` prints and the topic ``sea/state`` holds."""
+
 import math
 from typing import Any
 
@@ -20,10 +21,19 @@ REMARKS = (
 """What a sea state from own motion is, and what it is not."""
 
 _UNITS = {
-    'duration': 's', 'significant_height': 'm', 'significant_height_std': 'm', 'mean_period': 's',
-    'mean_period_std': 's', 'peak_period': 's', 'peak_period_interval': 's', 'axis': 'rad', 'axis_std': 'rad',
-    'least_height': 'm', 'frequency': 'hz', 'spectrum': 'm2_hz',
-}  # fmt: skip
+    'duration': 's',
+    'significant_height': 'm',
+    'significant_height_std': 'm',
+    'mean_period': 's',
+    'mean_period_std': 's',
+    'peak_period': 's',
+    'peak_period_interval': 's',
+    'axis': 'rad',
+    'axis_std': 'rad',
+    'least_height': 'm',
+    'frequency': 'hz',
+    'spectrum': 'm2_hz',
+}
 
 _OF_THE_SPECTRUM = ('frequency', 'spectrum')
 
@@ -38,10 +48,17 @@ def sea_as_yaml(report: SeaReport, stamp_ns: int) -> str:
     data = {} if report.state is None else sea_as_data(report.state)
     numbers = {name: _rounded(value) for name, value in data.items() if not name.startswith(_OF_THE_SPECTRUM)}
     return yaml.safe_dump(
-        {'stamp_ns': stamp_ns, 'is_known': report.state is not None, 'reason': report.reason, **numbers,
-         'remarks': list(REMARKS)},
-        sort_keys=False, allow_unicode=True, width=1000,
-    )  # fmt: skip
+        {
+            'stamp_ns': stamp_ns,
+            'is_known': report.state is not None,
+            'reason': report.reason,
+            **numbers,
+            'remarks': list(REMARKS),
+        },
+        sort_keys=False,
+        allow_unicode=True,
+        width=1000,
+    )
 
 
 def sea_from_yaml(text: str) -> SeaReport:
@@ -56,8 +73,9 @@ def sea_from_yaml(text: str) -> SeaReport:
     try:
         if not data['is_known']:
             return SeaReport(None, str(data['reason']))
-        numbers = {name: _number(data[f'{name}_{unit}']) for name, unit in _UNITS.items()
-                   if name not in _OF_THE_SPECTRUM}
+        numbers = {
+            name: _number(data[f'{name}_{unit}']) for name, unit in _UNITS.items() if name not in _OF_THE_SPECTRUM
+        }
         return SeaReport(SeaState(**numbers, frequency=np.empty(0), spectrum=np.empty(0)))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f'{SEA_TOPIC}: this was not written by this software ({error!r})') from error

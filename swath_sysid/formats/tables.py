@@ -1,4 +1,5 @@
 """Tables in text files: named columns of numbers, whatever separates them, however damaged."""
+
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -98,13 +99,15 @@ def read_head(path: str | Path) -> TableHead:
     if not head.strip():
         raise InputError(f'{path} is empty: record or export it again')
     if head.translate(None, TEXT_BYTES):
-        raise InputError(f'{path} is not a text file in UTF-8 or UTF-16: give a CSV, an MTi text export, or a '
-                         f'rosbag2 bag')
+        raise InputError(
+            f'{path} is not a text file in UTF-8 or UTF-16: give a CSV, an MTi text export, or a rosbag2 bag'
+        )
     lines = head.splitlines(keepends=True)
     first = next((at for at, line in enumerate(lines) if line.strip() and not _is_comment(line)), None)
     if first is None:
-        raise InputError(f'{path} holds only comments and no table: give a file with a line of column names and '
-                         f'lines of numbers')
+        raise InputError(
+            f'{path} holds only comments and no table: give a file with a line of column names and lines of numbers'
+        )
     comments = [_text(line).strip() for line in lines[:first] if line.strip()]
     line, names_line = _text(lines[first]).strip(), ''
     if not _is_numbers(line):
@@ -122,8 +125,12 @@ def read_head(path: str | Path) -> TableHead:
     sample = _text(head[offset:])
     _refuse_extra_cells(path, sample, names, delimiter)
     return TableHead(
-        names=names, remarks=_remarks(comments), delimiter=delimiter,
-        decimal_comma=delimiter != ',' and _has_decimal_commas(sample, delimiter), first_line=first + 1, offset=offset,
+        names=names,
+        remarks=_remarks(comments),
+        delimiter=delimiter,
+        decimal_comma=delimiter != ',' and _has_decimal_commas(sample, delimiter),
+        first_line=first + 1,
+        offset=offset,
     )
 
 
@@ -144,8 +151,9 @@ def read_columns(path: str | Path, head: TableHead, indices: Sequence[int]) -> t
         while block := file.read(BLOCK_BYTES):
             rest = file.readline(LONGEST_LINE)
             if len(rest) == LONGEST_LINE:
-                raise InputError(f'{path} has a line longer than {LONGEST_LINE} bytes: give a table with a line a '
-                                 f'sample')
+                raise InputError(
+                    f'{path} has a line longer than {LONGEST_LINE} bytes: give a table with a line a sample'
+                )
             parser.parse(block + rest)
     return parser.columns(), parser.advice()
 
@@ -160,7 +168,7 @@ def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[s
         file.writelines(f'# {key}: {value}\n' for key, value in remarks.items() if value is not None)
         file.write(','.join(columns) + '\n')
         for start in range(0, values[0].size, LINES_AT_ONCE):
-            rows = zip(*(column[start:start + LINES_AT_ONCE].tolist() for column in values), strict=True)
+            rows = zip(*(column[start : start + LINES_AT_ONCE].tolist() for column in values), strict=True)
             file.writelines(','.join(map(repr, row)) + '\n' for row in rows)
 
 
@@ -172,14 +180,18 @@ def plain_name(name: str) -> str:
 
 
 def known_columns(
-    quantities: Iterable[tuple[Sequence[str], str, Mapping[str, float]]]
+    quantities: Iterable[tuple[Sequence[str], str, Mapping[str, float]]],
 ) -> dict[str, tuple[str, str, float]]:
     """Every name that a column may have, to reading, unit and size of the unit in SI.
 
     Quantities have their names before the unit, the reading, and units with their size.
     """
-    return {f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
-            for aliases, reading, units in quantities for alias in aliases for unit, scale in units.items()}
+    return {
+        f'{alias}_{unit}' if unit else alias: (reading, unit, scale)
+        for aliases, reading, units in quantities
+        for alias in aliases
+        for unit, scale in units.items()
+    }
 
 
 def remark_number(path: str | Path, remarks: Mapping[str, Any], key: str) -> float | None:
@@ -189,8 +201,9 @@ def remark_number(path: str | Path, remarks: Mapping[str, Any], key: str) -> flo
     try:
         return float(remarks[key].replace(',', '.'))
     except ValueError as error:
-        raise InputError(f"{path} says '{key}: {shown(remarks[key])}', which is not a number: "
-                         f'correct that line') from error
+        raise InputError(
+            f"{path} says '{key}: {shown(remarks[key])}', which is not a number: correct that line"
+        ) from error
 
 
 def listed_names(names: Sequence[str]) -> str:
@@ -239,15 +252,26 @@ class _BlockParser:
         advice = []
         if self.first_text is not None:
             line, column, cell = self.first_text
-            advice.append(Advice('text-in-numbers', (
-                f"{self.text_cells} cells that are not numbers taken as missing, the first '{shown(cell)}' in line "
-                f'{line}, column {shown(column)}: correct them if they matter'
-            )))
+            advice.append(
+                Advice(
+                    'text-in-numbers',
+                    (
+                        f"{self.text_cells} cells that are not numbers taken as missing, the first '{shown(cell)}' in "
+                        'line '
+                        f'{line}, column {shown(column)}: correct them if they matter'
+                    ),
+                )
+            )
         if self.short_rows:
-            advice.append(Advice('short-rows', (
-                f'{self.short_rows} rows end early, the first in line {self.first_short}: their missing cells are '
-                f'taken as missing values; check that the file was written to the end'
-            )))
+            advice.append(
+                Advice(
+                    'short-rows',
+                    (
+                        f'{self.short_rows} rows end early, the first in line {self.first_short}: their missing cells '
+                        f'are taken as missing values; check that the file was written to the end'
+                    ),
+                )
+            )
         return tuple(advice)
 
     def _plain(self, block: bytes) -> str:
@@ -263,8 +287,7 @@ class _BlockParser:
     def _parse_fast(self, text: str) -> np.ndarray:
         if not text or text.isspace():
             return np.empty((0, len(self.indices)))
-        return np.loadtxt(
-            text.split('\n'), delimiter=self.head.delimiter, usecols=self.indices, comments=None, ndmin=2)
+        return np.loadtxt(text.split('\n'), delimiter=self.head.delimiter, usecols=self.indices, comments=None, ndmin=2)
 
     def _parse_with_empty_cells(self, text: str) -> np.ndarray:
         mark = self.head.delimiter
@@ -315,8 +338,9 @@ def _opened(path: str | Path) -> BinaryIO:
     try:
         return io.BytesIO(raw.decode(encoding).removeprefix('\ufeff').encode('utf-8'))
     except (UnicodeDecodeError, UnicodeEncodeError) as error:
-        raise InputError(f'{path} looks like a text in UTF-16 and is damaged ({error.reason}): save it again, in '
-                         f'UTF-8') from error
+        raise InputError(
+            f'{path} looks like a text in UTF-16 and is damaged ({error.reason}): save it again, in UTF-8'
+        ) from error
 
 
 def _encoding_without_mark(start: bytes) -> str | None:
@@ -336,8 +360,10 @@ def _refuse_extra_cells(path: str | Path, sample: str, names: Sequence[str], del
     counts = [len(QUOTED.sub('0', row).rstrip(', \t').split(',')) for row in rows]
     most = int(np.median(counts)) if counts else 0
     if most > len(names):
-        raise InputError(f'{path} has {len(names)} column names and {most} cells a row: if its numbers have decimal '
-                         f'commas, export it with semicolons between them; else name every column')
+        raise InputError(
+            f'{path} has {len(names)} column names and {most} cells a row: if its numbers have decimal '
+            f'commas, export it with semicolons between them; else name every column'
+        )
 
 
 def _has_decimal_commas(sample: str, delimiter: str | None) -> bool:
@@ -360,7 +386,7 @@ def _is_comment(raw: bytes) -> bool:
 def _without_mark(line: str) -> str:
     for mark in COMMENT_MARKS:
         if line.startswith(mark):
-            return line[len(mark):].strip()
+            return line[len(mark) :].strip()
     return line
 
 

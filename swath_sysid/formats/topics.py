@@ -1,4 +1,5 @@
 """Names and message types of the topics, live and in bags."""
+
 from functools import cache
 
 IMU, ODOMETRY, PATH = 'sensor_msgs/msg/Imu', 'nav_msgs/msg/Odometry', 'nav_msgs/msg/Path'

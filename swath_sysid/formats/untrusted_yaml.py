@@ -163,8 +163,12 @@ def dumped(content: Any) -> str:
     Numbers that are not finite become null: not known.
     """
     return yaml.dump(
-        finite_or_none(content), Dumper=_PlainDumper, sort_keys=False, default_flow_style=None, width=120,
-    )  # fmt: skip
+        finite_or_none(content),
+        Dumper=_PlainDumper,
+        sort_keys=False,
+        default_flow_style=None,
+        width=120,
+    )
 
 
 class _PlainDumper(yaml.SafeDumper):

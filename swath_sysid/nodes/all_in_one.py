@@ -1,4 +1,5 @@
 """All three nodes in one process."""
+
 from rclpy.executors import SingleThreadedExecutor
 
 from swath_sysid.nodes.executor_loop import events_executor, run

@@ -1,4 +1,5 @@
 """Topics on their way to and from bags: the class of a message type, and the QoS."""
+
 import importlib
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy

@@ -1,4 +1,5 @@
 """The node of the demonstration that listens: to the sensor, the forecasts, the model and the diagnostics."""
+
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field

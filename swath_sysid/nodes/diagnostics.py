@@ -1,4 +1,5 @@
 """Publishing on /diagnostics: at steady times, whatever the clock of the craft does."""
+
 from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -33,10 +34,13 @@ class DiagnosticsPublisher:
         """Publish what the node reports now."""
         reports = self._reports()
         name = self._node.get_fully_qualified_name()[1:]
-        self._publisher.publish(diagnostics_message(
-            self._node.get_clock().now().nanoseconds, [report.status_of(name) for report in reports],
-            self._node.get_namespace().strip('/'),
-        ))
+        self._publisher.publish(
+            diagnostics_message(
+                self._node.get_clock().now().nanoseconds,
+                [report.status_of(name) for report in reports],
+                self._node.get_namespace().strip('/'),
+            )
+        )
         for report in reports:
             if self._levels.get(report.name, OK) != report.level:
                 self._log(report)

@@ -1,4 +1,5 @@
 """Starting, spinning and stopping nodes: Ctrl-C and SIGTERM, once or twice, end a process cleanly."""
+
 import re
 import signal
 import sys

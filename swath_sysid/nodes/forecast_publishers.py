@@ -1,4 +1,5 @@
 """The publishers of predictor."""
+
 from collections.abc import Sequence
 
 from geometry_msgs.msg import AccelWithCovarianceStamped

@@ -1,4 +1,5 @@
 """What the identifiers of both wings have in common: one identification at a time, in a worker process."""
+
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from typing import Any
 
@@ -48,7 +49,9 @@ class IdentificationNode(Node):
         self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
 
     def serve(
-        self, warm_up: Callable[[], None], identify: Sequence[str] = ('~/identify',),
+        self,
+        warm_up: Callable[[], None],
+        identify: Sequence[str] = ('~/identify',),
         rollback: Sequence[str] = ('~/rollback',),
     ) -> None:
         """Make the worker, which first runs ``warm_up()``, and offer the services under these names."""
@@ -61,7 +64,8 @@ class IdentificationNode(Node):
         self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self.reports)
         self.worker = Worker(
-            warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), self.parameters['worker_idle_s'])
+            warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), self.parameters['worker_idle_s']
+        )
 
     def change(self, settings: Any) -> None:
         """Settings have changed; may be overridden."""

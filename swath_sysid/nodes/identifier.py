@@ -1,4 +1,5 @@
 """The node identifier: refits the model on a window in a worker process, while it goes on answering."""
+
 import sys
 
 from rclpy.executors import SingleThreadedExecutor

@@ -1,4 +1,5 @@
 """The node imu_buffer: keeps the last minute of motion and publishes it, asked or when a decay has ended."""
+
 import sys
 from time import perf_counter
 

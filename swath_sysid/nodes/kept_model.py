@@ -1,4 +1,5 @@
 """The file that a node keeps its model in: read at the start, replaced whenever the model changes."""
+
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,5 @@
 """The node manoeuvring_identifier: fits the model of a twin-thruster craft to how it was driven, when asked."""
+
 import sys
 from collections.abc import Callable
 
@@ -71,8 +72,12 @@ class ManoeuvringIdentifier(IdentificationNode):
     def reports(self) -> list[Report]:
         """The statuses of now."""
         described = self.refitter.described
-        rows = Report('manoeuvres', OK, f'{self.window.size} rows of odometry and thrust kept', {
-            'rows': self.window.size, 'model': described, **self.window.counts})  # fmt: skip
+        rows = Report(
+            'manoeuvres',
+            OK,
+            f'{self.window.size} rows of odometry and thrust kept',
+            {'rows': self.window.size, 'model': described, **self.window.counts},
+        )
         return [self.health.report(described, self.refitter.steps_back, self.busy), rows]
 
     def _request(self) -> ManoeuvreRefitRequest:

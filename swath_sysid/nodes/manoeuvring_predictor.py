@@ -1,4 +1,5 @@
 """The node manoeuvring_predictor: where a twin-thruster craft will be, with covariance."""
+
 import sys
 from collections.abc import Callable
 from time import perf_counter

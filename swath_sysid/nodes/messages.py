@@ -1,4 +1,5 @@
 """Times of ROS messages."""
+
 from builtin_interfaces.msg import Time
 
 from swath_sysid.formats.messages import SECOND_NS

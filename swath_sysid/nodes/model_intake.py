@@ -1,4 +1,5 @@
 """Model texts from the network: read in a thread of their own, so that no callback waits for one."""
+
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator

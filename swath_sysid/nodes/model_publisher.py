@@ -1,4 +1,5 @@
 """Where the identified models go: model/description, model/coefficients and the model file."""
+
 from pathlib import Path
 
 from rclpy.node import Node

@@ -1,4 +1,5 @@
 """The node of the page: subscribes to what the nodes publish."""
+
 from collections.abc import Callable
 from functools import partial
 from threading import Lock
@@ -88,8 +89,11 @@ class PageNode(Node):
         for point in {point for point in points if point} - self._points:
             self._points.add(point)
             self.create_subscription(
-                JointTrajectory, point_horizon_topic(point), partial(self._on_horizon, name=f'heave of {point}'),
-                NEWEST_LOSSY)
+                JointTrajectory,
+                point_horizon_topic(point),
+                partial(self._on_horizon, name=f'heave of {point}'),
+                NEWEST_LOSSY,
+            )
 
     def _on_imu(self, raw: bytes) -> None:
         with self.lock:

@@ -1,4 +1,5 @@
 """What the page asks of the nodes: their services, called in the thread that spins the page's node."""
+
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -37,9 +38,15 @@ class PageRequests:
         if button in ('accept', 'refine'):
             self._waiting.append(partial(self._keep, button == 'accept'))
         else:
-            self._waiting.append(partial(
-                self._call, f'identifier/{button}', Trigger, Trigger.Request(),
-                lambda answer: self._report(answer.message)))  # fmt: skip
+            self._waiting.append(
+                partial(
+                    self._call,
+                    f'identifier/{button}',
+                    Trigger,
+                    Trigger.Request(),
+                    lambda answer: self._report(answer.message),
+                )
+            )
 
     def carry_out(self) -> None:
         """Call what was asked for since the last time."""
@@ -59,8 +66,12 @@ class PageRequests:
             Called with the values.
         """
         self._call(
-            f'{node}/get_parameters', GetParameters, GetParameters.Request(names=names),
-            lambda answer: take(*map(parameter_value_to_python, answer.values)), quietly=True)  # fmt: skip
+            f'{node}/get_parameters',
+            GetParameters,
+            GetParameters.Request(names=names),
+            lambda answer: take(*map(parameter_value_to_python, answer.values)),
+            quietly=True,
+        )
 
     def _call(self, service: str, kind: Any, request: Any, take: Callable[[Any], None], quietly: bool = False) -> None:
         if service not in self._clients:

@@ -1,4 +1,5 @@
 """The node predictor: attitude one sample ahead, at the leads and over the horizon, with covariance."""
+
 import sys
 from time import perf_counter
 
@@ -41,7 +42,10 @@ class Predictor(Node):
         self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
         self._forecasts = ForecastPublishers(
-            self, self.parameters.settings.forecaster, self.parameters['frame_id'], self.health,
+            self,
+            self.parameters.settings.forecaster,
+            self.parameters['frame_id'],
+            self.health,
             frames_at(self.parameters['frames_at_s']),
         )
         self._described: tuple[dict, dict] = {}, {}

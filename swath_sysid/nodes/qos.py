@@ -1,4 +1,5 @@
 """Publishers and subscriptions of the contract: their QoS, and the count of those that do not fit."""
+
 from collections.abc import Callable
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -25,9 +26,7 @@ SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 THRUSTERS = {'port': 'thrusters/left/thrust', 'starboard': 'thrusters/right/thrust'}
 
 
-def imu_subscription(
-    node: Node, kind: type, callback: Callable, depth: int, health: Reasons
-) -> Subscription:
+def imu_subscription(node: Node, kind: type, callback: Callable, depth: int, health: Reasons) -> Subscription:
     """Subscribe to the sensor with sensor data QoS (best effort, volatile), but a longer queue.
 
     Best effort and volatile connect with any publisher. The depth is the subscriber's own matter:
@@ -51,9 +50,7 @@ def waiting(subscription: Subscription, most: int) -> list:
     return messages
 
 
-def watched_publisher(
-    node: Node, kind: type, topic: str, qos: QoSProfile | int, health: Reasons
-) -> Publisher:
+def watched_publisher(node: Node, kind: type, topic: str, qos: QoSProfile | int, health: Reasons) -> Publisher:
     """A publisher whose refused subscriptions are counted."""
     events = PublisherEventCallbacks(incompatible_qos=lambda event: health.note(QOS_MISMATCH))
     return node.create_publisher(kind, topic, qos, event_callbacks=events)

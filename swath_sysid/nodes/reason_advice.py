@@ -1,4 +1,5 @@
 """What to do about every reason that is counted in /diagnostics."""
+
 from swath_sysid.attitude.motion import intake, stamps
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.pipeline import health
@@ -23,10 +24,15 @@ REASON_ADVICE = {
     intake.NEAR_VERTICAL: 'samples with pitch beyond 80 deg were left out, where roll and yaw cannot be distinguished: '
     'if there are more and more, the sensor stands on end: set mounting_deg to [0, 90, 0] or [0, -90, 0]',
     intake.EMPTY: 'messages with nothing usable in them were left out: check the driver',
-    **{f'outlier-{axis}': 'samples that contradict the forecast were rejected: look for shocks or magnetic disturbance'
-       for axis in AXES},
-    **{f'gate-restarted-{axis}': 'the sensor contradicted the filter until the filter was restarted: identify again '
-       'if this repeats' for axis in AXES},
+    **{
+        f'outlier-{axis}': 'samples that contradict the forecast were rejected: look for shocks or magnetic disturbance'
+        for axis in AXES
+    },
+    **{
+        f'gate-restarted-{axis}': 'the sensor contradicted the filter until the filter was restarted: identify again '
+        'if this repeats'
+        for axis in AXES
+    },
     health.SEVERAL_PUBLISHERS: 'more than one node publishes the IMU topic: stop one, or remap them apart',
     health.QOS_MISMATCH: 'a publisher and a subscription have incompatible QoS and do not connect: compare both with '
     '`ros2 topic info --verbose`',
@@ -37,8 +43,7 @@ REASON_ADVICE = {
     'start again',
     health.BAD_LOADING: 'a draft or displacement that is not a positive number came in, the one before it stays: check '
     'what publishes it',
-    health.LOADING_ADVICE: 'the draft is outside the range of its model: see the log, and add trials at this '
-    'draft',
+    health.LOADING_ADVICE: 'the draft is outside the range of its model: see the log, and add trials at this draft',
     health.BAD_WINDOW: 'a motion window could not be read: publish what imu_buffer publishes',
     health.PASSED_OVER: 'samples had waited in a queue: the filters used them, forecasts were issued from newer ones '
     'only; check the load of the machine',

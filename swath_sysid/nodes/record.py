@@ -1,4 +1,5 @@
 """Recording: every topic of ours, wherever in the graph it appears, to one mcap file."""
+
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,4 +1,5 @@
 """Replaying a bag: its messages as they are, with their own stamps, and /clock."""
+
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -102,8 +103,9 @@ class Replay(Node):
 
     def _connected(self):
         """For every topic, the subscriptions that are connected, and those that are known of."""
-        return [(outlet.get_subscription_count(), self.count_subscribers(topic))
-                for topic, outlet in self.outlets.items()]  # fmt: skip
+        return [
+            (outlet.get_subscription_count(), self.count_subscribers(topic)) for topic, outlet in self.outlets.items()
+        ]
 
     def _listening(self):
         imus = [topic for topic in self.outlets if self._recorded[topic].is_imu]

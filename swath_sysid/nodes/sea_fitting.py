@@ -1,4 +1,5 @@
 """The sea learnt in a process of its own, and handed back to the pipeline between two samples."""
+
 from queue import SimpleQueue
 from typing import Any
 

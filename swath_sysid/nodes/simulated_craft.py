@@ -1,4 +1,5 @@
 """The node simulated_craft: a published hull with an IMU, for trying everything without hardware."""
+
 import argparse
 import math
 import sys
@@ -47,7 +48,9 @@ class SimulatedCraftNode(Node):
         message = Imu()
         message.header.frame_id = 'base_link'
         for name, spread in (
-            ('orientation', noise.angle), ('angular_velocity', noise.rate), ('linear_acceleration', noise.acceleration)
+            ('orientation', noise.angle),
+            ('angular_velocity', noise.rate),
+            ('linear_acceleration', noise.acceleration),
         ):
             getattr(message, f'{name}_covariance')[::4] = [spread * spread] * 3
         return message

@@ -1,4 +1,5 @@
 """A replay that goes no faster than its samples are forecast from."""
+
 import time
 from collections.abc import Callable
 

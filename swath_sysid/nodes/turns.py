@@ -1,4 +1,5 @@
 """Waiting in coroutines of a node: for the end of a worker, and for a turn to answer."""
+
 from collections import deque
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,5 @@
 """The identifier's side of motion/window: the newest window, and how to get a fresh one."""
+
 from collections.abc import Callable
 from typing import Any
 

@@ -1,4 +1,5 @@
 """The worker beside a node: its long work, one function after the other, in a process of its own."""
+
 import queue
 import threading
 import time

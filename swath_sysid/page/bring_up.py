@@ -2,6 +2,7 @@
 
 Time is the stamps of the motion, so that the same record is guided alike at any speed.
 """
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -15,7 +16,14 @@ from swath_sysid.common.signals import bin_means, noise_level
 from swath_sysid.pipeline.health import ERROR, OK, Report
 
 CONNECT, SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE, KEPT = STEPS = (
-    'connect', 'sensor', 'rest', 'push', 'decay', 'identify', 'judge', 'kept',
+    'connect',
+    'sensor',
+    'rest',
+    'push',
+    'decay',
+    'identify',
+    'judge',
+    'kept',
 )
 
 NODES = ('imu_buffer', 'predictor', 'identifier')
@@ -168,11 +176,16 @@ class BringUp:
         missing = [node for node in NODES if not any(name.startswith(f'{node}:') for name in facts.statuses)]
         if missing:
             return Guidance(
-                CONNECT, f'Waiting for {", ".join(missing)}.', 'nodes-missing',
+                CONNECT,
+                f'Waiting for {", ".join(missing)}.',
+                'nodes-missing',
                 'start the nodes with `swath-sysid run` on this network and in the same ROS_DOMAIN_ID and namespace',
             )
-        worst = max((facts.statuses[f'{node}: imu'] for node in NODES[:2] if f'{node}: imu' in facts.statuses),
-                    key=lambda report: report.level, default=None)  # fmt: skip
+        worst = max(
+            (facts.statuses[f'{node}: imu'] for node in NODES[:2] if f'{node}: imu' in facts.statuses),
+            key=lambda report: report.level,
+            default=None,
+        )
         if worst is not None and worst.level == ERROR:
             fault = 'silence' if facts.value('predictor: imu', 'received') else 'no-sensor'
             return Guidance(SENSOR, 'Nothing comes from the sensor.', fault, worst.message)
@@ -181,7 +194,9 @@ class BringUp:
         rate = facts.value('predictor: imu', 'rate_hz')
         if 0.0 < rate < LOWEST_RATE:
             return Guidance(
-                SENSOR, f'The sensor gives {rate:.1f} samples a second, too few to see a craft roll.', 'low-rate',
+                SENSOR,
+                f'The sensor gives {rate:.1f} samples a second, too few to see a craft roll.',
+                'low-rate',
                 'have its driver publish at 20 Hz or more',
             )
         return None
@@ -195,7 +210,9 @@ class BringUp:
         if motion is None or motion.angle is None or motion.size < 2:
             if facts.value('predictor: imu', 'no-orientation'):
                 return Guidance(
-                    SENSOR, 'The sensor gives rates without orientation.', 'no-orientation',
+                    SENSOR,
+                    'The sensor gives rates without orientation.',
+                    'no-orientation',
                     'release the craft, let it roll out and press Identify: the guide needs angles, identification '
                     'does not',
                 )
@@ -248,11 +265,13 @@ class BringUp:
         motion = facts.motions[self.axis]
         angle = motion.angle[motion.time > now - LONGEST_UNREST]  # type: ignore[index]
         return Guidance(
-            REST, f'The craft does not come to rest: {self.axis} of {np.degrees(np.std(angle)):.2g} deg (standard '
-            'deviation).', 'waves',
+            REST,
+            f'The craft does not come to rest: {self.axis} of {np.degrees(np.std(angle)):.2g} deg (standard '
+            'deviation).',
+            'waves',
             'wait for calm water or go behind shelter; or stay for some minutes and press Identify: motion in waves '
             'gives the period, and the damping at its amplitude',
-        )  # fmt: skip
+        )
 
     def _before_push(self, facts: Facts) -> Guidance:
         ask = f'push the hull {self._where} by {np.degrees(self._push):.0f} degrees and let go'
@@ -282,21 +301,27 @@ class BringUp:
             return self._conclude(facts, moved, beside, now)
         if (moved.is_kept_up or beside.is_kept_up) and not find_decays(motion.between(self._rest_end, None)):
             return Guidance(
-                DECAY, 'The motion does not die out.', 'waves',
+                DECAY,
+                'The motion does not die out.',
+                'waves',
                 'waves keep the craft moving: wait for calm water, or stay for some minutes and press Identify',
             )
         if not moved.half_cycles:
             held = now - moved.begun if moved.peak else 0.0
             if held > LONGEST_HOLD:
                 return Guidance(
-                    PUSH, f'The hull has been held for {held:.0f} s.', 'held',
+                    PUSH,
+                    f'The hull has been held for {held:.0f} s.',
+                    'held',
                     'let go at once and keep hands and lines off; if nobody holds it, it has a new trim: press Start '
                     'again',
                 )
             share = np.degrees(max(moved.peak, 0.0))
             return Guidance(
-                PUSH, f'{share:.1f} of {np.degrees(self._push):.0f} degrees: ' +
-                ('let go.' if moved.peak >= 0.8 * self._push else 'further, then let go.'))  # fmt: skip
+                PUSH,
+                f'{share:.1f} of {np.degrees(self._push):.0f} degrees: '
+                + ('let go.' if moved.peak >= 0.8 * self._push else 'further, then let go.'),
+            )
         return Guidance(DECAY, f'Hands off and let it roll out: {moved.cycles:.1f} cycles so far.')
 
     def _conclude(self, facts: Facts, moved: _Motion, beside: _Motion, now: float) -> Guidance:
@@ -307,22 +332,26 @@ class BringUp:
         since = facts.motions[self.axis].between(self._rest_end, None).time
         if np.max(np.diff(since), initial=0.0) > LONGEST_GAP:
             self._complaint = (
-                'samples-lost', 'Samples were lost on the way to the page.',
+                'samples-lost',
+                'Samples were lost on the way to the page.',
                 'free the machine of other work, or press Identify: the buffer may have them all',
             )
         elif beside.peak > moved.peak:
             self._complaint = (
-                'other-axis', f'That was {self._other}, {np.degrees(beside.peak):.1f} deg.',
+                'other-axis',
+                f'That was {self._other}, {np.degrees(beside.peak):.1f} deg.',
                 f'push {self._where}, or choose {self._other} above',
             )
         elif moved.peak < SMALLEST_PUSH:
             self._complaint = (
-                'too-small', f'That was {np.degrees(moved.peak):.1f} deg, too small beside what disturbs it.',
+                'too-small',
+                f'That was {np.degrees(moved.peak):.1f} deg, too small beside what disturbs it.',
                 f'push further, to {np.degrees(self._push):.0f} degrees if the craft allows it',
             )
         elif moved.cycles < MIN_CYCLES:
             self._complaint = (
-                'few-cycles', f'The hull came back after {moved.cycles:.1f} cycles.',
+                'few-cycles',
+                f'The hull came back after {moved.cycles:.1f} cycles.',
                 'let go at once instead of lowering it, and keep hands and lines off; a hull that does not swing by '
                 'itself has no period to identify',
             )
@@ -345,7 +374,8 @@ class BringUp:
         if self._has_verdict(facts):
             if facts.model is None:
                 self._complaint = (
-                    'not-identified', 'Nothing was identified.',
+                    'not-identified',
+                    'Nothing was identified.',
                     f'{_verdict(facts)}; release again in still water, from a larger angle',
                 )
             is_new = facts.models_received > self._received
@@ -356,7 +386,9 @@ class BringUp:
             since = facts.motions[self.axis].between(self._rest_end, None)
             why = explain_absence(since).message if since.size > 2 else ''
             return Guidance(
-                IDENTIFY, f'Found {self._cycles:.1f} cycles, but no identification began.', 'not-noticed',
+                IDENTIFY,
+                f'Found {self._cycles:.1f} cycles, but no identification began.',
+                'not-noticed',
                 f'press Identify (auto_identify or auto_detect_decay may be off); {why}',
             )
         return Guidance(IDENTIFY, f'Found {self._cycles:.1f} cycles. Waiting for the identification.')
@@ -371,8 +403,9 @@ class BringUp:
     def _judgement(self, facts: Facts) -> Guidance:
         assert facts.model is not None, 'judged where there is one'
         return Guidance(
-            JUDGE, f'Found {self._cycles:.1f} cycles: {described(facts.model)}.{self._stayed} '
-            f'{next_release(facts.model)}')  # fmt: skip
+            JUDGE,
+            f'Found {self._cycles:.1f} cycles: {described(facts.model)}.{self._stayed} {next_release(facts.model)}',
+        )
 
     def _since_rest(self, motion: AxisMotion) -> _Motion:
         level, noise = self._rest.get(motion.axis, (0.0, 0.0))
@@ -437,7 +470,8 @@ def at_half_amplitude(model: IdentifiedModel) -> tuple[float, tuple[float, float
     frequency = float(bands.curves.frequency[0])
     period = 2.0 * np.pi / frequency
     return (
-        amplitude, (period, period * float(bands.frequency_std[0]) / frequency),
+        amplitude,
+        (period, period * float(bands.frequency_std[0]) / frequency),
         (float(bands.curves.damping_ratio[0]), float(bands.damping_ratio_std[0])),
     )
 

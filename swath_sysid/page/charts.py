@@ -1,4 +1,5 @@
 """The charts, as options of Apache ECharts, and the series that change."""
+
 import math
 from typing import Any
 
@@ -18,8 +19,14 @@ def motion_options(unit: str) -> dict[str, Any]:
     frame['xAxis']['min'] = -SHOWN_S
     return {
         **frame,
-        'legend': {'data': ['measured', 'forecast', '2 s before'], 'top': 0, 'right': 8, 'icon': 'roundRect',
-                   'itemHeight': 3, 'textStyle': {'color': MEASURED}},
+        'legend': {
+            'data': ['measured', 'forecast', '2 s before'],
+            'top': 0,
+            'right': 8,
+            'icon': 'roundRect',
+            'itemHeight': 3,
+            'textStyle': {'color': MEASURED},
+        },
         'series': [
             *(series for interval in INTERVALS for series in _band(interval)),
             {**QUIET, 'name': 'measured', 'lineStyle': {'width': 2}, 'color': MEASURED},
@@ -73,15 +80,23 @@ def reach_of(chart: dict[str, list], smallest: float) -> float:
 
 def _frame(name: str, below: str) -> dict[str, Any]:
     # readable on light and on dark
-    shared = {'type': 'value', 'scale': True, 'axisLine': {'onZero': False, 'lineStyle': {'color': MEASURED}},
-              'axisLabel': {'color': MEASURED}}
+    shared = {
+        'type': 'value',
+        'scale': True,
+        'axisLine': {'onZero': False, 'lineStyle': {'color': MEASURED}},
+        'axisLabel': {'color': MEASURED},
+    }
     return {
         'animation': False,
         'grid': {'left': 48, 'right': 16, 'top': 40, 'bottom': 40},
         'xAxis': {**shared, 'name': below, 'nameLocation': 'middle', 'nameGap': 24, 'splitLine': {'show': False}},
-        'yAxis': {**shared, 'name': name, 'nameTextStyle': {'align': 'left'},
-                  'splitLine': {'lineStyle': {'color': MEASURED, 'opacity': 0.2}}},
-    }  # fmt: skip
+        'yAxis': {
+            **shared,
+            'name': name,
+            'nameTextStyle': {'align': 'left'},
+            'splitLine': {'lineStyle': {'color': MEASURED, 'opacity': 0.2}},
+        },
+    }
 
 
 def _band(name: str) -> list[dict[str, Any]]:

@@ -1,4 +1,5 @@
 """What all browsers share: the guide, the view of now, and what the buttons do."""
+
 import signal
 import subprocess
 from collections import deque
@@ -80,7 +81,11 @@ class Desk:
     """
 
     def __init__(
-        self, source: Source, folder: Path, axis: str = AXES[0], manifest: str | None = None,
+        self,
+        source: Source,
+        folder: Path,
+        axis: str = AXES[0],
+        manifest: str | None = None,
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self.view = View()
@@ -106,7 +111,8 @@ class Desk:
             facts = record.facts(self._axis, now)
             charts = {
                 name: motion_changes(
-                    motion_chart(record, name, facts.motions.get(name)), 'deg' if name in AXES else 'm')
+                    motion_chart(record, name, facts.motions.get(name)), 'deg' if name in AXES else 'm'
+                )
                 for name in dict.fromkeys((*AXES, *record.horizons))
             }
             verdict = facts.statuses.get('identifier: identification')
@@ -116,9 +122,16 @@ class Desk:
             self._campaign, self._campaign_read = campaign_words(self.manifest), now
         self._look_after_recorder()
         self.view = View(
-            self._axis, self._guides[self._axis].look(facts), health(facts.statuses, facts.motions), charts,
-            model_chart(facts.model) if facts.model is not None else {}, words, *waters, *self._campaign,
-            self._recorder is not None, tuple(self.answers),
+            self._axis,
+            self._guides[self._axis].look(facts),
+            health(facts.statuses, facts.motions),
+            charts,
+            model_chart(facts.model) if facts.model is not None else {},
+            words,
+            *waters,
+            *self._campaign,
+            self._recorder is not None,
+            tuple(self.answers),
         )
 
     def choose(self, axis: str) -> None:
@@ -168,7 +181,10 @@ class Desk:
         path = self._folder / f'swath_sysid_{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap'
         self._recorder = subprocess.Popen(
             verb_command('record', '--output', str(path), '--topic', self._source.sensor),
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            start_new_session=True,
         )
         self.answer(f'recording to {path}')
 

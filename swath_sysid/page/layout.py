@@ -1,4 +1,5 @@
 """The page itself: cards that fit a phone and a wide screen."""
+
 from collections.abc import Callable
 from typing import Any
 
@@ -27,8 +28,9 @@ BUTTONS = {
     'save': ('Save', 'write the model to a file on the machine of the page'),
     'restart': ('Start again', 'begin with the rest before a push'),
 }
-TRIAL_COLUMNS = [{'name': name, 'label': name, 'field': name, 'align': 'left'}
-                 for name in ('file', 'axis', 'loading', 'angle')]
+TRIAL_COLUMNS = [
+    {'name': name, 'label': name, 'field': name, 'align': 'left'} for name in ('file', 'axis', 'loading', 'angle')
+]
 
 Update = Callable[[View], None]
 """What brings one card up to date."""
@@ -40,10 +42,16 @@ def build(desk: Desk) -> None:
         ui.label('swath_sysid').classes('text-lg')
         ui.space()
         ui.toggle(list(AXES), value=desk.view.axis or AXES[0], on_change=lambda event: desk.choose(event.value)).props(
-            'dense color=primary toggle-color=secondary text-color=white').mark('axis')
+            'dense color=primary toggle-color=secondary text-color=white'
+        ).mark('axis')
     with ui.element('div').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
         updates = [
-            _guide(desk), *(_motion(axis) for axis in AXES), _health(), _model(), _calm(), _heave(),
+            _guide(desk),
+            *(_motion(axis) for axis in AXES),
+            _health(),
+            _model(),
+            _calm(),
+            _heave(),
         ]
         if desk.manifest:
             updates.append(_trials())
@@ -69,8 +77,9 @@ def _guide(desk: Desk) -> Update:
         cure = _text('text-body1 text-weight-medium text-red-6', 'cure')
         with ui.row().classes('gap-2'):
             buttons = {
-                name: ui.button(label, on_click=lambda name=name: desk.press(name)).props(
-                    f'no-caps {"" if name == "accept" else "outline"} data-name={name}').tooltip(meaning)
+                name: ui.button(label, on_click=lambda name=name: desk.press(name))
+                .props(f'no-caps {"" if name == "accept" else "outline"} data-name={name}')
+                .tooltip(meaning)
                 for name, (label, meaning) in BUTTONS.items()
             }
             record = ui.button(on_click=lambda: desk.press('record')).props('no-caps outline data-name=record')

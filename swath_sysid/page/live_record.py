@@ -1,4 +1,5 @@
 """What one who watches the nodes has received lately, in memory that does not grow: what a page shows and guides by."""
+
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -66,7 +67,9 @@ def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], p
     table = dict(zip(columns, np.asarray(positions, dtype=float).reshape(len(leads_ns), len(columns)).T, strict=True))
     means = {name: values for name, values in table.items() if not name.endswith('_std')}
     return Horizon(
-        stamp_ns * NANOSECOND, np.asarray(leads_ns) * NANOSECOND, means,
+        stamp_ns * NANOSECOND,
+        np.asarray(leads_ns) * NANOSECOND,
+        means,
         {name: table.get(f'{name}_std', np.zeros(len(leads_ns))) for name in means},
     )
 
@@ -93,8 +96,9 @@ class LiveRecord:
         """The sensor sits so; readings are taken in from the first time on."""
         if installation != self._installation:
             self._installation = installation
-            self._window = MotionWindow(WindowSettings(
-                window=WINDOW_S, max_rate=2.0 * RATE, detect_decay=False, installation=installation))
+            self._window = MotionWindow(
+                WindowSettings(window=WINDOW_S, max_rate=2.0 * RATE, detect_decay=False, installation=installation)
+            )
 
     def is_due(self, stamp_ns: int, clock: float) -> bool:
         """Whether a sample of this stamp is due; a sample is counted in any case."""
@@ -111,8 +115,7 @@ class LiveRecord:
     def add_horizon(self, horizon: Horizon, name: str = '') -> None:
         """Take in a forecast: of the attitude, or of the heave of a named point."""
         if name:
-            horizon = Horizon(
-                horizon.stamp, horizon.leads, {name: horizon.mean['heave']}, {name: horizon.std['heave']})
+            horizon = Horizon(horizon.stamp, horizon.leads, {name: horizon.mean['heave']}, {name: horizon.std['heave']})
         for quantity in horizon.mean:
             self.horizons[quantity] = horizon
             kept = self.checked.setdefault(quantity, deque(maxlen=KEPT_FORECASTS))
@@ -161,6 +164,10 @@ class LiveRecord:
     def facts(self, axis: str, clock: float) -> Facts:
         """What the bring-up of an axis goes by."""
         return Facts(
-            self.statuses(clock), clock - self._arrival, self.motions(), self.models.get(axis), self.models_received,
+            self.statuses(clock),
+            clock - self._arrival,
+            self.motions(),
+            self.models.get(axis),
+            self.models_received,
             self.is_kept,
         )

@@ -1,4 +1,5 @@
 """What a page shows of running nodes, as plain data: health in words, charts, the model, calm, a campaign's trials."""
+
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
@@ -26,9 +27,11 @@ AMPLITUDES = 25
 NOISE_S = 5.0
 
 STATUSES = {
-    'predictor: imu': 'Sensor', 'predictor: installation': 'Frame, units, gravity',
+    'predictor: imu': 'Sensor',
+    'predictor: installation': 'Frame, units, gravity',
     'imu_buffer: window': 'Motion window',
-    'identifier: identification': 'Identification', 'predictor: forecast': 'Forecast',
+    'identifier: identification': 'Identification',
+    'predictor: forecast': 'Forecast',
 }
 
 
@@ -44,7 +47,8 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
         lines.append((name, report.level, rate + report.message))
     noises = [
         f'{axis} {np.degrees(noise_level(motion.angle[motion.time > motion.time[-1] - NOISE_S])):.2g} deg'
-        for axis, motion in motions.items() if motion.angle is not None
+        for axis, motion in motions.items()
+        if motion.angle is not None
     ]
     lines.insert(2, ('Noise of the angles', OK, ', '.join(noises) or 'not known yet'))
     return lines
@@ -106,8 +110,7 @@ def model_words(record: LiveRecord, verdict: str) -> list[str]:
     lines = []
     for axis, model in record.models.items():
         low, high = np.degrees(model.amplitude_range)
-        lines.append(
-            f'{axis}: {model.model.equation.name}, {described(model)}, seen from {low:.2g} to {high:.2g} deg')
+        lines.append(f'{axis}: {model.model.equation.name}, {described(model)}, seen from {low:.2g} to {high:.2g} deg')
     return [*(lines or ['No model yet.']), f'Last verdict: {verdict or "none yet"}']
 
 
@@ -121,7 +124,8 @@ def calm_words(record: LiveRecord) -> str:
         if end > record.stamp:
             words.append(
                 f'Calm from {max(begin - record.stamp, 0.0):.1f} to {end - record.stamp:.1f} s from now '
-                f'({100 * probability:.0f} %).')  # fmt: skip
+                f'({100 * probability:.0f} %).'
+            )
     return ' '.join(words) or 'No forecast of calm yet.'
 
 
@@ -142,7 +146,8 @@ def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
         return [], [str(error)]
     rows = [
         {
-            'file': entry.path.name, 'axis': entry.axis,
+            'file': entry.path.name,
+            'axis': entry.axis,
             'loading': '' if entry.loading is None else f'{entry.loading[0]} {entry.loading[1]:g}',
             'angle': '' if entry.initial_angle_deg is None else f'{entry.initial_angle_deg:g} deg',
         }
@@ -151,7 +156,8 @@ def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
     repeats = Counter((row['axis'], row['loading'], row['angle']) for row in rows)
     most = max(repeats.values())
     missing = [
-        f'{" ".join(filter(None, condition))}: {count} of {most} repeats' for condition, count in repeats.items()
+        f'{" ".join(filter(None, condition))}: {count} of {most} repeats'
+        for condition, count in repeats.items()
         if count < most
     ]
     return rows, [*map(str, manifest.faults), *missing]

@@ -1,4 +1,5 @@
 """Serving the page from a thread: on this machine only, or with a token."""
+
 import secrets
 import socket
 import threading
@@ -138,12 +139,17 @@ def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
         raise InputError(f'the page cannot listen on {host}:{port} ({error.strerror}): choose another port') from error
     application = fastapi.FastAPI()
     ui.run_with(
-        application, root=lambda: build(desk), title='swath_sysid', dark=None, message_history_length=FEW_MESSAGES,
+        application,
+        root=lambda: build(desk),
+        title='swath_sysid',
+        dark=None,
+        message_history_length=FEW_MESSAGES,
         show_welcome_message=False,
     )
     pages.timer(SCREEN_PERIOD, desk.refresh)
-    server = uvicorn.Server(uvicorn.Config(Guard(application, token), log_level='error', lifespan='on',
-                                           timeout_graceful_shutdown=1))
+    server = uvicorn.Server(
+        uvicorn.Config(Guard(application, token), log_level='error', lifespan='on', timeout_graceful_shutdown=1)
+    )
     thread = threading.Thread(target=lambda: server.run(sockets=[listener]), daemon=True)
     thread.start()
     shown = 'localhost' if host in LOCAL_NAMES else socket.gethostname() if host in ('0.0.0.0', '::') else host

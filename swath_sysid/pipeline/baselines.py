@@ -1,4 +1,5 @@
 """What a forecast must beat: simple and standard forecasts, each from the record's past alone."""
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -191,7 +192,12 @@ def simple_forecasts(
 
 
 def running_regression(
-    record: Record, channels: Sequence[int], targets: Sequence[int], order: int, stamps: np.ndarray, leads: np.ndarray,
+    record: Record,
+    channels: Sequence[int],
+    targets: Sequence[int],
+    order: int,
+    stamps: np.ndarray,
+    leads: np.ndarray,
     window: float,
 ) -> np.ndarray:
     """A vector autoregression by ridge least squares, iterated ahead and refitted as time goes on.
@@ -248,9 +254,8 @@ def running_regression(
 def _useful(values: np.ndarray, channels: Sequence[int]):
     """Those channels that are mostly there and move."""
     return tuple(
-        c for c in channels
-        if np.isfinite(values[:, c]).mean() > _MIN_SHARE and np.nanstd(values[:, c]) > _STILL
-    )  # fmt: skip
+        c for c in channels if np.isfinite(values[:, c]).mean() > _MIN_SHARE and np.nanstd(values[:, c]) > _STILL
+    )
 
 
 def _supported_order(order: int, rows: int, channels: int):
@@ -278,9 +283,7 @@ class _RunningSums:
         values = grid[:, channels]
         centre, scale = np.nanmean(values[begin:end], axis=0), np.nanstd(values[begin:end], axis=0)
         size = 1 + (order + 1) * len(channels)
-        return cls(
-            channels, order, centre, scale, (values - centre) / scale, (begin, begin), np.zeros((size, size))
-        )
+        return cls(channels, order, centre, scale, (values - centre) / scale, (begin, begin), np.zeros((size, size)))
 
     def slide(self, begin: int, end: int) -> None:
         """Make the window that of the rows from `begin` to `end`."""
@@ -292,7 +295,9 @@ class _RunningSums:
         """Add or take away the rows from `first` to `last`, each with those before it; incomplete ones do not count."""
         if last <= first:
             return
-        windows = np.lib.stride_tricks.sliding_window_view(self.values[first - self.order:last], self.order + 1, axis=0)
+        windows = np.lib.stride_tricks.sliding_window_view(
+            self.values[first - self.order : last], self.order + 1, axis=0
+        )
         rows = windows[:, :, ::-1].transpose(0, 2, 1).reshape(last - first, -1)
         rows = rows[np.isfinite(rows).all(axis=1)]
         rows = np.column_stack([np.ones(rows.shape[0]), rows])
@@ -302,11 +307,9 @@ class _RunningSums:
     def solve(self) -> tuple[np.ndarray, np.ndarray]:
         """Constant, shape (M,), and coefficients, shape (M p, M), of the next row."""
         width = len(self.channels)
-        past = np.r_[0, 1 + width:self.gram.shape[0]]
+        past = np.r_[0, 1 + width : self.gram.shape[0]]
         ridge = np.full(past.size, RIDGE * max(self.count, 1))
-        coefficients = np.linalg.solve(
-            self.gram[np.ix_(past, past)] + np.diag(ridge), self.gram[past, 1:1 + width]
-        )
+        coefficients = np.linalg.solve(self.gram[np.ix_(past, past)] + np.diag(ridge), self.gram[past, 1 : 1 + width])
         return coefficients[0], coefficients[1:]
 
 

@@ -86,16 +86,14 @@ class Demonstration:
 
     def end(self, release: int) -> float:
         """Until when motion after the release of that number counts, s."""
-        lifted_again = (following - LIFTING for following in self.releases[release + 1:])
+        lifted_again = (following - LIFTING for following in self.releases[release + 1 :])
         return min(self.releases[release] + SCORED_SPAN, float(self.time[-1]), *lifted_again)
 
     def during(self, forecasts: LeadForecasts, release: int) -> LeadForecasts:
         """The forecasts that were issued and came due between letting go and the end, aware of the first."""
         issued = forecasts.time - forecasts.lead
         chosen = (issued >= self.releases[release] + UNAWARE) & (forecasts.time <= self.end(release))
-        return LeadForecasts(
-            forecasts.lead, forecasts.time[chosen], forecasts.angle[chosen], forecasts.std[chosen]
-        )
+        return LeadForecasts(forecasts.lead, forecasts.time[chosen], forecasts.angle[chosen], forecasts.std[chosen])
 
     def error(self, forecasts: LeadForecasts, release: int) -> float:
         """Root mean square error over the standard deviation of the motion since letting go (NRMSE).

@@ -1,4 +1,5 @@
 """How the forecasts fare, and whether the sensor sits as was given."""
+
 from collections.abc import Mapping
 from math import isnan
 
@@ -33,7 +34,8 @@ class PredictorHealth(StreamHealth):
 
     def __init__(self, advice: Mapping[str, str], topic: str, pipeline: ForecastPipeline):
         super().__init__(
-            advice, topic,
+            advice,
+            topic,
             (BAD_MODEL, BAD_LOADING, LOADING_ADVICE, PASSED_OVER, LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED),
         )
         self._pipeline = pipeline

@@ -1,4 +1,5 @@
 """Forecasts as the values of the messages that publish them: what every driver sends or writes."""
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -117,15 +118,17 @@ def attitudes_at_leads(
         Lead, s, and the attitude.
     """
     moments = {
-        axis: np.column_stack([
-            ahead.angle, ahead.rate, ahead.covariance[:, 0, 0], ahead.covariance[:, 0, 1], ahead.covariance[:, 1, 1]
-        ]).tolist()
+        axis: np.column_stack(
+            [ahead.angle, ahead.rate, ahead.covariance[:, 0, 0], ahead.covariance[:, 0, 1], ahead.covariance[:, 1, 1]]
+        ).tolist()
         for axis, ahead in forecast.axes.items()
     }
-    return tuple([
-        (lead, attitude_forecast(stamp_ns, lead, {axis: rows[k] for axis, rows in moments.items()}, yaw, yaw_rate))
-        for k, lead in enumerate(forecast.leads.tolist())
-    ])
+    return tuple(
+        [
+            (lead, attitude_forecast(stamp_ns, lead, {axis: rows[k] for axis, rows in moments.items()}, yaw, yaw_rate))
+            for k, lead in enumerate(forecast.leads.tolist())
+        ]
+    )
 
 
 def horizon_forecast(forecast: Forecast, stamp_ns: int) -> HorizonForecast:
@@ -218,7 +221,12 @@ def points_at_leads(forecast: Forecast, stamp_ns: int) -> list[PointForecast]:
 
 
 def _point_forecast(
-    name: str, lead: float, stamp_ns: int, at: Sequence[float], place: Sequence[float], motion: Sequence[float],
+    name: str,
+    lead: float,
+    stamp_ns: int,
+    at: Sequence[float],
+    place: Sequence[float],
+    motion: Sequence[float],
     covariance: np.ndarray,
 ):
     heave, velocity, acceleration = motion
@@ -239,9 +247,18 @@ def _point_forecast(
     twist[:3, 3:5] = up[:, None] * covariance[1, 5:]
     twist[3:5, :3] = twist[:3, 3:5].T
     return PointForecast(
-        name, lead, stamp_ns + round(lead / NANOSECOND), (*level[:2], heave), orientation, pose, linear, angular, twist,
-        acceleration, float(covariance[2, 2]),
-    )  # fmt: skip
+        name,
+        lead,
+        stamp_ns + round(lead / NANOSECOND),
+        (*level[:2], heave),
+        orientation,
+        pose,
+        linear,
+        angular,
+        twist,
+        acceleration,
+        float(covariance[2, 2]),
+    )
 
 
 def _cross(a: Sequence[float], b: Sequence[float]):

@@ -3,6 +3,7 @@
 The live node, play-through, scoring, the demonstration and the benchmarks run this object, so that all of them forecast
 the same. A sample's way: intake (stamp, frame, plausibility: once), forecaster, the values of the messages.
 """
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
@@ -198,9 +199,16 @@ class ForecastPipeline:
             self.counts[reason] += 1
         self.used += 1
         return PipelineStep(
-            reasons + observed.reasons, True, following, observed.forecast, observed.horizon, observed.sea_request,
-            stamp_ns, (self._yaw, self._yaw_rate), observed.sea,
-        )  # fmt: skip
+            reasons + observed.reasons,
+            True,
+            following,
+            observed.forecast,
+            observed.horizon,
+            observed.sea_request,
+            stamp_ns,
+            (self._yaw, self._yaw_rate),
+            observed.sea,
+        )
 
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state; see `Forecaster.diagnostics`."""

@@ -2,6 +2,7 @@
 
 Time is what the caller says. What to do about a reason is the caller's too: a mapping of reason to advice.
 """
+
 from __future__ import annotations
 
 from collections import deque
@@ -270,7 +271,9 @@ class BufferHealth(StreamHealth):
             level = WARN
             message += f': {self._advice[SHORT_OF_MEMORY]}'
         values: dict[str, object] = {
-            'samples': window.size, 'duration_s': window.duration, 'recording': window.recording,
+            'samples': window.size,
+            'duration_s': window.duration,
+            'recording': window.recording,
             'decays_noticed': self.decays,
         }
         return [
@@ -312,8 +315,13 @@ class IdentifierHealth(Reasons):
         if fresh or self.holding:
             level, message = WARN, self.holding or f'{fresh[0]}: {self._advice[fresh[0]]}'
         values: dict[str, object] = {
-            'state': 'identifying' if is_busy else 'ready', 'progress': self.progress, 'models': models,
-            'rollbacks_kept': steps_back, 'refits': self.refits, 'published': self.published, 'last_verdict': self.last,
+            'state': 'identifying' if is_busy else 'ready',
+            'progress': self.progress,
+            'models': models,
+            'rollbacks_kept': steps_back,
+            'refits': self.refits,
+            'published': self.published,
+            'last_verdict': self.last,
             **self.counts,
         }
         return Report('identification', level, message, values)
@@ -331,10 +339,18 @@ def stability_report(watch: StabilityWatch) -> Report:
     if found is None:
         return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})
     level, message = (WARN, found.warning) if found.warning else (OK, 'the natural period of roll has not changed')
-    return Report('stability', level, message, {
-        'relative_gm': found.relative, 'relative_gm_low': found.interval[0], 'relative_gm_high': found.interval[1],
-        'gm_m': 'not known' if isnan(found.height) else found.height,
-        'period_before_s': found.period_before, 'period_s': found.period,
-        'changed_at_s': 'no change beyond chance' if found.changed_at is None else f'{found.changed_at:.1f}',
-        'estimates': watch.count,
-    })  # fmt: skip
+    return Report(
+        'stability',
+        level,
+        message,
+        {
+            'relative_gm': found.relative,
+            'relative_gm_low': found.interval[0],
+            'relative_gm_high': found.interval[1],
+            'gm_m': 'not known' if isnan(found.height) else found.height,
+            'period_before_s': found.period_before,
+            'period_s': found.period,
+            'changed_at_s': 'no change beyond chance' if found.changed_at is None else f'{found.changed_at:.1f}',
+            'estimates': watch.count,
+        },
+    )

@@ -1,4 +1,5 @@
 """How the forecasts of surge, sway and yaw fare."""
+
 from swath_sysid.manoeuvring.prediction.pipeline import REASONS, ManoeuvreOutlook
 from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report
 
@@ -52,7 +53,9 @@ class ManoeuvringHealth(Reasons):
             level = WARN
             text = 'no model yet, steady motion is taken: give model_file, or publish one on manoeuvring/model'
         values: dict[str, object] = {
-            'received': self._received, 'bad_models': self._bad_models, 'refused_model': self._refusal,
+            'received': self._received,
+            'bad_models': self._bad_models,
+            'refused_model': self._refusal,
             **self._pipeline.counts,
         }
         return [Report('manoeuvre', level, text, values)]

@@ -1,4 +1,5 @@
 """The live pipeline without its processes: buffer, identifier and predictor run over messages one after another."""
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -86,8 +87,11 @@ class PlayThrough:
     """
 
     def __init__(
-        self, settings: PlayThroughSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None,
-        fit: Callable[[RefitRequest], RefitOutcome] = refit, fit_sea: Callable[[SeaRequest], SeaFit] = fit_sea,
+        self,
+        settings: PlayThroughSettings | None = None,
+        models: Mapping[str, IdentifiedModel] | None = None,
+        fit: Callable[[RefitRequest], RefitOutcome] = refit,
+        fit_sea: Callable[[SeaRequest], SeaFit] = fit_sea,
     ) -> None:
         self.settings = settings or PlayThroughSettings()
         window, forecasts = self.settings.window, self.settings.forecasts

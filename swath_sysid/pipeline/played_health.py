@@ -1,4 +1,5 @@
 """What the diagnostics of the three nodes would be in a play-through."""
+
 from collections.abc import Mapping, Sequence
 
 from swath_sysid.pipeline.forecast_health import PredictorHealth

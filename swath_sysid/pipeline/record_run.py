@@ -1,4 +1,5 @@
 """The forecast pipeline run causally through a record, with what is learnt of the sea taken over by stamp."""
+
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -67,14 +68,18 @@ def samples_of(trial: Trial) -> Iterator[CraftSample]:
     for stamp_ns, *values in zip(
         np.round(trial.time * 1e9).astype(np.int64).tolist(), *(values.tolist() for values in columns), strict=True
     ):
-        motion, further = values[:len(CHANNELS)], values[len(CHANNELS):]
+        motion, further = values[: len(CHANNELS)], values[len(CHANNELS) :]
         yield CraftSample._make((stamp_ns, *motion, *unknown, math.nan, *further))
 
 
 def run_through(
-    trial: Trial, settings: ForecasterSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None,
-    clock: Callable[[], float] | None = None, progress: Callable[[float], None] | None = None,
-    limits_from: tuple[float, QuiescenceLimits] | None = None, points_ahead: bool = True,
+    trial: Trial,
+    settings: ForecasterSettings | None = None,
+    models: Mapping[str, IdentifiedModel] | None = None,
+    clock: Callable[[], float] | None = None,
+    progress: Callable[[float], None] | None = None,
+    limits_from: tuple[float, QuiescenceLimits] | None = None,
+    points_ahead: bool = True,
 ) -> Run:
     """Run the pipeline through a record; every fit is used from its request's stamp plus the refit delay on.
 

@@ -1,4 +1,5 @@
 """Skill: every forecast that was issued counts, beside what it must beat."""
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -146,8 +147,14 @@ def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> Quies
 
 
 def score(
-    trial: Trial, run: Run, leads: Sequence[float] | np.ndarray, warmup: float, window: float,
-    until: float | None = None, seed: int = 0, points: Sequence[Point] = (),
+    trial: Trial,
+    run: Run,
+    leads: Sequence[float] | np.ndarray,
+    warmup: float,
+    window: float,
+    until: float | None = None,
+    seed: int = 0,
+    points: Sequence[Point] = (),
 ) -> Skill:
     """Score the forecasts of a run and the baselines at the same instants.
 
@@ -220,13 +227,27 @@ def score(
             methods = {FORECAST: mean[..., place], **simple_forecasts(truth, quantity, stamps, leads, window)}
             vertical[point.name][kind] = _score(truth, quantity, at, methods, half_widths[:, :, place], 'mean')
     return Skill(
-        leads, results, warmup, until, window, _spread(run.step_times), _spread(run.refit_times), run.reliability,
-        run.quiescence_limits, tuple(advice), vertical,
-    )  # fmt: skip
+        leads,
+        results,
+        warmup,
+        until,
+        window,
+        _spread(run.step_times),
+        _spread(run.refit_times),
+        run.reliability,
+        run.quiescence_limits,
+        tuple(advice),
+        vertical,
+    )
 
 
 def score_forecasts(
-    record: Record, name: str, stamps: np.ndarray, leads: np.ndarray, forecasts: np.ndarray, stand_in: np.ndarray,
+    record: Record,
+    name: str,
+    stamps: np.ndarray,
+    leads: np.ndarray,
+    forecasts: np.ndarray,
+    stand_in: np.ndarray,
     seed: int = 0,
 ) -> QuantitySkill:
     """Score anyone's forecasts of one channel, as `score` does those of a run.
@@ -329,11 +350,19 @@ def _score(
         ratio = nrmse[FORECAST] / np.array([nrmse[name][i] for i, name in enumerate(best)])
         interval, ratio_interval = _middle(np.sqrt(ours / samples) / scale), _middle(np.sqrt(ours / theirs))
     return QuantitySkill(
-        deviation=deviation, counted=counted, unmeasured=stamps.size - counted, nrmse=nrmse,
+        deviation=deviation,
+        counted=counted,
+        unmeasured=stamps.size - counted,
+        nrmse=nrmse,
         stood_in={name: missing.sum(axis=0) * share for name, missing in absent.items()},
-        coverage=held.sum(axis=0) * share[:, None], interval=interval, best=best, ratio=ratio,
-        ratio_interval=ratio_interval, gap_share=after.sum(axis=0) * share, gap_nrmse=gap_nrmse,
-    )  # fmt: skip
+        coverage=held.sum(axis=0) * share[:, None],
+        interval=interval,
+        best=best,
+        ratio=ratio,
+        ratio_interval=ratio_interval,
+        gap_share=after.sum(axis=0) * share,
+        gap_nrmse=gap_nrmse,
+    )
 
 
 def block_sums(stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -386,10 +415,15 @@ def _advice_on(axis: str, scores: QuantitySkill):
     missing = int(round(float(np.max(np.nan_to_num(scores.stood_in[FORECAST] * scores.counted)))))
     if not missing:
         return []
-    return [Advice('forecast-missing', (
-        f'{missing} forecasts were issued without a value for {axis} at a lead, and persistence stood in for them: '
-        'see at which samples the sensor gave too little'
-    ))]  # fmt: skip
+    return [
+        Advice(
+            'forecast-missing',
+            (
+                f'{missing} forecasts were issued without a value for {axis} at a lead, and persistence stood in for '
+                'them: see at which samples the sensor gave too little'
+            ),
+        )
+    ]
 
 
 def _spread(times: Sequence[float]):

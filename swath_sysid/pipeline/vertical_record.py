@@ -1,4 +1,5 @@
 """The vertical motion of a whole record, looking both ways: what forecasts of it are scored by."""
+
 from collections.abc import Sequence
 from typing import NamedTuple
 

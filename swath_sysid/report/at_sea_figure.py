@@ -1,4 +1,5 @@
 """The picture of an identification at sea: spectra, the hull's response, random decrement."""
+
 from __future__ import annotations
 
 import math
@@ -61,9 +62,7 @@ def _excitation(axes: Axes, found: AtSeaIdentification):
     axes.loglog(hertz, spectra.excitation, color=MEASURED, linewidth=1.0, label='needed by the hull')
     axes.loglog(hertz, spectra.fitted_excitation, '--', color=RESIDUAL, linewidth=1.4, label='fitted sea')
     top = spectra.fitted_excitation.max()
-    axes.set(
-        xlabel='frequency, Hz', ylabel='exciting moment / inertia, (rad/s²)² s', ylim=(_SHOWN * top, 3.0 * top)
-    )
+    axes.set(xlabel='frequency, Hz', ylabel='exciting moment / inertia, (rad/s²)² s', ylim=(_SHOWN * top, 3.0 * top))
     _in_hertz(axes, hertz)
     _marks(axes, found)
     axes.legend(frameon=False, fontsize='small', loc='lower left')
@@ -86,7 +85,8 @@ def _response(axes: Axes, found: AtSeaIdentification):
     for value, vector in zip(values, vectors.T, strict=True):
         shift = math.sqrt(max(value, 0.0)) * vector
         moved = _magnification(
-            hertz, max(found.natural_period + shift[0], 0.1 * found.natural_period),
+            hertz,
+            max(found.natural_period + shift[0], 0.1 * found.natural_period),
             max(found.damping_ratio + shift[1], 0.1 * found.damping_ratio),
         )
         spread += np.log(moved / own) ** 2

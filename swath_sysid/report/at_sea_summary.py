@@ -1,4 +1,5 @@
 """An identification at sea in words and in plain data."""
+
 from __future__ import annotations
 
 import math
@@ -24,29 +25,31 @@ def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> d
     and ``peak_period_s``. ``wall_s`` is how long it took.
     """
     model = found.model
-    return finite_or_none({
-        'identified_from': 'motion in waves',
-        'equation': model.equation.name,
-        'axis': model.axis,
-        'ratios': ratios_as_data(found),
-        'trim_rad': model.trim,
-        'trim_std_rad': found.trim_std,
-        'natural_period_s': found.natural_period,
-        'natural_period_std_s': found.natural_period_std,
-        'damping_ratio': found.damping_ratio,
-        'damping_ratio_std': found.damping_ratio_std,
-        'correlation': _correlation(found.estimate_covariance),
-        'reference_amplitude_rad': found.amplitude,
-        'reference_amplitude_std_rad': found.amplitude_std,
-        'valid_amplitude_rad': [found.amplitude, found.amplitude],
-        'misfit': found.misfit,
-        'sea': found.sea,
-        'peak_period_s': found.peak_period,
-        'segment_s': [float(found.motion.time[0]), float(found.motion.time[-1])],
-        'sources': [found.motion.source],
-        'wall_s': wall_s,
-        **warnings_as_data(found.advice),
-    })  # fmt: skip
+    return finite_or_none(
+        {
+            'identified_from': 'motion in waves',
+            'equation': model.equation.name,
+            'axis': model.axis,
+            'ratios': ratios_as_data(found),
+            'trim_rad': model.trim,
+            'trim_std_rad': found.trim_std,
+            'natural_period_s': found.natural_period,
+            'natural_period_std_s': found.natural_period_std,
+            'damping_ratio': found.damping_ratio,
+            'damping_ratio_std': found.damping_ratio_std,
+            'correlation': _correlation(found.estimate_covariance),
+            'reference_amplitude_rad': found.amplitude,
+            'reference_amplitude_std_rad': found.amplitude_std,
+            'valid_amplitude_rad': [found.amplitude, found.amplitude],
+            'misfit': found.misfit,
+            'sea': found.sea,
+            'peak_period_s': found.peak_period,
+            'segment_s': [float(found.motion.time[0]), float(found.motion.time[-1])],
+            'sources': [found.motion.source],
+            'wall_s': wall_s,
+            **warnings_as_data(found.advice),
+        }
+    )
 
 
 def _correlation(covariance: np.ndarray):

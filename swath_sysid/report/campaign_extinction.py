@@ -1,4 +1,5 @@
 """A tank's standard output of a campaign: conditions, peaks, extinction curves, damping in dimensions, uncertainty."""
+
 from __future__ import annotations
 
 import math
@@ -38,12 +39,21 @@ if TYPE_CHECKING:
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
 
 PARTICULARS = {
-    'length_m': 'length [m]', 'beam_m': 'breadth [m]', 'depth_m': 'depth [m]', 'draft_m': 'draft [m]',
-    'displacement_kg': 'displacement [kg]', 'kg_m': 'KG [m]', 'gm_transverse_m': 'GM transverse [m]',
-    'gm_longitudinal_m': 'GM longitudinal [m]', 'gyradius_m': 'radius of gyration [m]',
-    'inertia_kg_m2': 'inertia with added inertia [kg m^2]', 'water_density_kg_m3': 'water density [kg/m^3]',
-    'water_temperature_c': 'water temperature [deg C]', 'appendages': 'appendages', 'basin': 'basin',
-}  # fmt: skip
+    'length_m': 'length [m]',
+    'beam_m': 'breadth [m]',
+    'depth_m': 'depth [m]',
+    'draft_m': 'draft [m]',
+    'displacement_kg': 'displacement [kg]',
+    'kg_m': 'KG [m]',
+    'gm_transverse_m': 'GM transverse [m]',
+    'gm_longitudinal_m': 'GM longitudinal [m]',
+    'gyradius_m': 'radius of gyration [m]',
+    'inertia_kg_m2': 'inertia with added inertia [kg m^2]',
+    'water_density_kg_m3': 'water density [kg/m^3]',
+    'water_temperature_c': 'water temperature [deg C]',
+    'appendages': 'appendages',
+    'basin': 'basin',
+}
 
 
 def conditions_table(outcome: CampaignOutcome) -> Table:
@@ -51,29 +61,39 @@ def conditions_table(outcome: CampaignOutcome) -> Table:
     craft = outcome.manifest.craft
     rows = [
         (name, value if isinstance(value, str) else f'{value:g}')
-        for key, name in PARTICULARS.items() if (value := getattr(craft, key)) is not None
-    ]  # fmt: skip
+        for key, name in PARTICULARS.items()
+        if (value := getattr(craft, key)) is not None
+    ]
     if craft.depth_m is not None and craft.draft_m is not None:
         rows.append(('freeboard [m]', f'{craft.depth_m - craft.draft_m:g}'))
     for speed in sorted({t.entry.speed_m_s for t in outcome.trials if t.entry.speed_m_s is not None}):
         number = '' if craft.length_m is None else f', Froude number {froude_number(speed, craft.length_m):.3g}'
         rows.append(('speed [m/s]', f'{speed:g}{number}'))
     return Table(
-        'conditions', 'Conditions', 'As the manifest says; at the design draft.',
-        (Column('what'), Column('value')), tuple(rows),
-    )  # fmt: skip
+        'conditions',
+        'Conditions',
+        'As the manifest says; at the design draft.',
+        (Column('what'), Column('value')),
+        tuple(rows),
+    )
 
 
 def particulars_of(outcome: CampaignOutcome, condition: Condition) -> Particulars:
     """What is known of the craft in one condition: beside its trials, or at the design draft of the craft itself."""
-    craft, entries = outcome.manifest.craft, [
-        t.entry for t in outcome.trials if t.record is not None and t.record.condition == condition
-    ]
+    craft, entries = (
+        outcome.manifest.craft,
+        [t.entry for t in outcome.trials if t.record is not None and t.record.condition == condition],
+    )
     design = {'draft_factor': 1.0, 'draft_m': craft.draft_m, 'displacement_kg': craft.displacement_kg}[outcome.quantity]
-    by_craft = {
-        'mass_kg': craft.displacement_kg, 'inertia_kg_m2': craft.inertia_kg_m2,
-        'gm_m': craft.gm_transverse_m if condition.axis == 'roll' else craft.gm_longitudinal_m,
-    } if design is not None and math.isclose(condition.loading, design) else {}  # fmt: skip
+    by_craft = (
+        {
+            'mass_kg': craft.displacement_kg,
+            'inertia_kg_m2': craft.inertia_kg_m2,
+            'gm_m': craft.gm_transverse_m if condition.axis == 'roll' else craft.gm_longitudinal_m,
+        }
+        if design is not None and math.isclose(condition.loading, design)
+        else {}
+    )
     if outcome.quantity == 'displacement_kg':
         by_craft['mass_kg'] = condition.loading
 
@@ -87,8 +107,10 @@ def _conditions(outcome: CampaignOutcome, axis: AxisOutcome):
     """Condition, its records, extinction curve or None, joint fit, inertia and particulars."""
     for condition, fits in sorted(axis.together.items()):
         members = [k for k, r in enumerate(axis.records) if r.condition == condition]
-        peaks = [measured_peaks(r.problem.motions[0], r.problem.segments[0].period)
-                 for r in (axis.records[k] for k in members)]  # fmt: skip
+        peaks = [
+            measured_peaks(r.problem.motions[0], r.problem.segments[0].period)
+            for r in (axis.records[k] for k in members)
+        ]
         try:
             curve = extinction_of(peaks)
         except InputError:
@@ -128,11 +150,14 @@ def extinction_tables(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
     return {
         'damping': Table(f'damping_{axis.axis}', f'Damping, {axis.axis}', note, budget, tuple(damping)),
         'extinction': Table(
-            f'extinction_{axis.axis}', f'Extinction curves, {axis.axis}', CURVE_NOTE, (*where, *CURVE_COLUMNS),
+            f'extinction_{axis.axis}',
+            f'Extinction curves, {axis.axis}',
+            CURVE_NOTE,
+            (*where, *CURVE_COLUMNS),
             tuple(curves),
         ),
         'peaks': peaks_table(f'peaks_{axis.axis}', labelled),
-    }  # fmt: skip
+    }
 
 
 def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Drawing]:
@@ -144,32 +169,45 @@ def extinction_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> list[Dra
     with matplotlib.rc_context(STYLE):
         for loading, items in by_loading.items():
             title = f'{LOADING_NAMES[outcome.quantity]} {loading:g}'
-            found.append(Drawing(
-                f'extinction_{axis.axis}_{loading:g}', f'Extinction curves, {title}: half a cycle, every repeat',
-                _extinction_figure(items, title, axis),
-            ))  # fmt: skip
-            found.append(Drawing(
-                f'damping_{axis.axis}_{loading:g}',
-                f'Equivalent damping against amplitude, {title}: points of the decrements, bands of the fitted motion '
-                '(two standard deviations), crosses as predicted',
-                _damping_figure(outcome, items, title, axis),
-            ))  # fmt: skip
+            found.append(
+                Drawing(
+                    f'extinction_{axis.axis}_{loading:g}',
+                    f'Extinction curves, {title}: half a cycle, every repeat',
+                    _extinction_figure(items, title, axis),
+                )
+            )
+            found.append(
+                Drawing(
+                    f'damping_{axis.axis}_{loading:g}',
+                    f'Equivalent damping against amplitude, {title}: points of the decrements, bands of the fitted '
+                    'motion (two standard deviations), crosses as predicted',
+                    _damping_figure(outcome, items, title, axis),
+                )
+            )
     return found
 
 
 def _extinction_figure(items: Sequence[tuple], title: str, axis: AxisOutcome):
     figure, axes = new_panel(
-        WIDTH, HEIGHT, title=title, xlabel=f'{axis.motion} mean amplitude [deg]',
+        WIDTH,
+        HEIGHT,
+        title=title,
+        xlabel=f'{axis.motion} mean amplitude [deg]',
         ylabel='decrement [deg]',
-    )  # fmt: skip
+    )
     for k, (condition, _, peaks, curve, *_) in enumerate(items):
         colour = SERIES[k % len(SERIES)]
         for p in peaks:
             axes.plot(np.degrees(p.mean_amplitude), np.degrees(p.decrement), '.', color=colour, markersize=4)
         if curve is not None:
             amplitude = np.linspace(0.0, max(p.mean_amplitude.max() for p in curve.peaks), 60)
-            axes.plot(np.degrees(amplitude), np.degrees(curve.curve(amplitude)), color=colour, linewidth=1.2,
-                      label=f'from {condition.initial_angle_deg:g} deg')  # fmt: skip
+            axes.plot(
+                np.degrees(amplitude),
+                np.degrees(curve.curve(amplitude)),
+                color=colour,
+                linewidth=1.2,
+                label=f'from {condition.initial_angle_deg:g} deg',
+            )
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     if axes.lines and any(not str(line.get_label()).startswith('_') for line in axes.lines):
@@ -182,9 +220,12 @@ def _damping_figure(outcome: CampaignOutcome, items: Sequence[tuple], title: str
     dimensional = all(inertia is not None for *_, inertia, _ in items)
     symbol = {'roll': 'B44', 'pitch': 'B55'}[axis.motion]
     figure, axes = new_panel(
-        WIDTH, HEIGHT, title=title, xlabel=f'{axis.motion} mean amplitude [deg]',
+        WIDTH,
+        HEIGHT,
+        title=title,
+        xlabel=f'{axis.motion} mean amplitude [deg]',
         ylabel=f'{symbol} [N m s]' if dimensional else 'equivalent damping ratio',
-    )  # fmt: skip
+    )
     highest = 0.0
     for k, (condition, _, peaks, _, fit, inertia, _) in enumerate(items):
         colour, bands = SERIES[k % len(SERIES)], bands_of(fit)

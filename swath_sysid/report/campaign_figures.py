@@ -85,9 +85,12 @@ def decay_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Draw
                 continue
             title = f'from {angle:g} deg' if several else 'all angles'
             figure, axes = new_panel(
-                WIDTH, HEIGHT, title=title, xlabel='time since release [s]',
+                WIDTH,
+                HEIGHT,
+                title=title,
+                xlabel='time since release [s]',
                 ylabel=f'{axis.motion} [deg]' if what == 'angle' else f'{axis.motion} rate [deg/s]',
-            )  # fmt: skip
+            )
             for condition, index in members:
                 motion = axis.records[index].problem.motions[0]
                 time, value = _thinned(motion.time - motion.time[0], getattr(motion, what))
@@ -129,8 +132,16 @@ def _ratios(
 ):
     """A ratio of the joint fits with two standard deviations, against what the conditions differ in."""
     values = np.array([axis.together[c][axis.choice].ratio(term) for c in conditions])
-    axes.errorbar([getattr(c, against) for c in conditions], values[:, 0], TWO_STD * values[:, 1], marker='o',
-                  markersize=4, capsize=3, label=label, **style)  # fmt: skip
+    axes.errorbar(
+        [getattr(c, against) for c in conditions],
+        values[:, 0],
+        TWO_STD * values[:, 1],
+        marker='o',
+        markersize=4,
+        capsize=3,
+        label=label,
+        **style,
+    )
 
 
 def legend_below(axes: Axes) -> None:
@@ -164,8 +175,17 @@ def against_draft(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawi
         axes.plot(fine, value, color=MEASURED, linewidth=1.6, label='all angles: the schedule')
         for k, angle in enumerate(angles):
             members = sorted(c for c in axis.together if c.initial_angle_deg == angle)
-            _ratios(axes, axis, term, members, 'loading', f'{angle:g} deg', color=SERIES[k % len(SERIES)],
-                    linewidth=0.9, linestyle='--')  # fmt: skip
+            _ratios(
+                axes,
+                axis,
+                term,
+                members,
+                'loading',
+                f'{angle:g} deg',
+                color=SERIES[k % len(SERIES)],
+                linewidth=0.9,
+                linestyle='--',
+            )
         _finish_ratio(axes)
         caption = f'{term} against {LOADING_NAMES[outcome.quantity]}, two standard deviations'
         yield Drawing(f'{term}_against_draft_{axis.axis}', caption, figure)

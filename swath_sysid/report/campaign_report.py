@@ -60,10 +60,13 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
-    sections, drawn = [
-        ('short', 'In short', _in_short(outcome)),
-        ('conditions', 'Conditions', [table_as_html(conditions_table(outcome))]),
-    ], []
+    sections, drawn = (
+        [
+            ('short', 'In short', _in_short(outcome)),
+            ('conditions', 'Conditions', [table_as_html(conditions_table(outcome))]),
+        ],
+        [],
+    )
     for axis in outcome.axes:
         drawings = campaign_drawings(outcome, axis) | {'extinction': extinction_drawings(outcome, axis)}
         drawn += [drawing for items in drawings.values() for drawing in items]
@@ -162,9 +165,14 @@ def _axis_sections(outcome: CampaignOutcome, axis: AxisOutcome, drawings: dict[s
         ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], repeats]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
         ('amplitude', 'Period and damping', [shown['amplitude']]),
-        ('extinction', 'Extinction and damping', [
-            shown['extinction'], *(tables[name] for name in ('damping', 'extinction', 'peaks')),
-        ]),
+        (
+            'extinction',
+            'Extinction and damping',
+            [
+                shown['extinction'],
+                *(tables[name] for name in ('damping', 'extinction', 'peaks')),
+            ],
+        ),
         ('errors', 'Next step, simulation, forecast', [tables['errors'], tables['next_step']]),
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),

@@ -40,15 +40,19 @@ def trials_table(outcome: CampaignOutcome) -> Table:
         return of_record(lambda r: getattr(r.problem.segments[0], name))
 
     table = Table.of(
-        'trials', 'Trials',
+        'trials',
+        'Trials',
         'Used: the decay that was found and fitted; best: the repeat of its condition that the equations explain best.',
         outcome.trials,
         ('trial', lambda t: t.name),
         ('axis', lambda t: t.entry.axis),
         (LOADING_NAMES[outcome.quantity], of_record(lambda r: r.condition.loading), digits(4)),
         ('initial angle [deg]', of_record(lambda r: r.condition.initial_angle_deg), digits(4)),
-        *([('speed [m/s]', of_record(lambda r: r.condition.speed_m_s), digits(4))]
-          if any(t.entry.speed_m_s for t in outcome.trials) else []),
+        *(
+            [('speed [m/s]', of_record(lambda r: r.condition.speed_m_s), digits(4))]
+            if any(t.entry.speed_m_s for t in outcome.trials)
+            else []
+        ),
         ('repeat', of_record(lambda r: r.repeat), _or_dash),
         ('decay from [s]', segment('start'), digits(5)),
         ('to [s]', segment('end'), digits(5)),
@@ -56,12 +60,15 @@ def trials_table(outcome: CampaignOutcome) -> Table:
         ('used', used),
         ('remarks', lambda t: t.reason if t.record is None else ', '.join(a.code for a in t.advice), _or_dash),
         ('SHA-256', lambda t: t.sha256, lambda value: value[:12] or '-'),
-    )  # fmt: skip
+    )
     place = [column.name for column in table.columns].index('used')
-    table.marks.update({
-        (k, place): 'best' if row[place] == 'best' else 'beyond'
-        for k, row in enumerate(table.rows) if row[place] != 'yes'
-    })  # fmt: skip
+    table.marks.update(
+        {
+            (k, place): 'best' if row[place] == 'best' else 'beyond'
+            for k, row in enumerate(table.rows)
+            if row[place] != 'yes'
+        }
+    )
     return table
 
 
@@ -82,11 +89,13 @@ def objective_table(outcome: CampaignOutcome, axis: AxisOutcome, objective: str)
     best = [(axis.records[index], fits[index]) for index in axis.best.values()]
     unit = 'rad/s, one Euler step ahead' if objective == 'one-step' else 'dimensionless: residuals over noise'
     table = Table.of(
-        f'objective_{axis.axis}_{objective}', f'Objective values, {axis.axis}, {objective}',
-        f'{unit[0].upper()}{unit[1:]}. {noise_statement(axis.records, fits, axis.best)}', best,
+        f'objective_{axis.axis}_{objective}',
+        f'Objective values, {axis.axis}, {objective}',
+        f'{unit[0].upper()}{unit[1:]}. {noise_statement(axis.records, fits, axis.best)}',
+        best,
         *_condition_columns(outcome),
         *((name, lambda item, k=k: item[1][k].objective_value, digits(7)) for k, name in enumerate(axis.names)),
-    )  # fmt: skip
+    )
     first = len(table.columns) - len(axis.names)
     for k, (_, own) in enumerate(best):
         table.marks.update({(k, first + j): 'beyond' for j, exceeds in enumerate(beyond_noise(own)) if exceeds})
@@ -97,28 +106,44 @@ def objective_table(outcome: CampaignOutcome, axis: AxisOutcome, objective: str)
 def fits_table(outcome: CampaignOutcome) -> Table:
     """Every fit of every record: the long table, for other programs."""
     items = [
-        (record, objective, fit) for axis in outcome.axes for objective, fits in axis.fits.items()
-        for record, own in zip(axis.records, fits, strict=True) for fit in own
-    ]  # fmt: skip
+        (record, objective, fit)
+        for axis in outcome.axes
+        for objective, fits in axis.fits.items()
+        for record, own in zip(axis.records, fits, strict=True)
+        for fit in own
+    ]
 
     def of_fit(*names: tuple[str, str]):
         return ((heading, lambda item, name=name: getattr(item[2], name)) for heading, name in names)
 
     angle, loading, repeat = (column[:2] for column in _condition_columns(outcome))
     return Table.of(
-        'fits', 'Fits', 'Every record with every equation.', items,
+        'fits',
+        'Fits',
+        'Every record with every equation.',
+        items,
         ('trial', lambda item: item[0].name),
         ('axis', lambda item: item[0].condition.axis),
-        loading, angle, repeat,
+        loading,
+        angle,
+        repeat,
         ('objective', lambda item: item[1]),
         *of_fit(
-            ('equation', 'equation'), ('objective value', 'objective_value'), ('R2', 'r2'), ('RMSE [rad]', 'rmse'),
-            ('rate RMSE [rad/s]', 'rate_rmse'), ('samples', 'samples'), ('effective samples', 'effective_samples'),
-            ('trim [rad]', 'trim'), ('trim std [rad]', 'trim_std'), ('generations', 'generations'),
-            ('evaluations', 'evaluations'), ('stop', 'stop'),
+            ('equation', 'equation'),
+            ('objective value', 'objective_value'),
+            ('R2', 'r2'),
+            ('RMSE [rad]', 'rmse'),
+            ('rate RMSE [rad/s]', 'rate_rmse'),
+            ('samples', 'samples'),
+            ('effective samples', 'effective_samples'),
+            ('trim [rad]', 'trim'),
+            ('trim std [rad]', 'trim_std'),
+            ('generations', 'generations'),
+            ('evaluations', 'evaluations'),
+            ('stop', 'stop'),
         ),
         ('warnings', lambda item: ' '.join(code for code, _ in item[2].advice)),
-    )  # fmt: skip
+    )
 
 
 def coefficients_long_table(outcome: CampaignOutcome) -> Table:
@@ -126,17 +151,31 @@ def coefficients_long_table(outcome: CampaignOutcome) -> Table:
     rows = []
     for axis in outcome.axes:
         groups = [
-            *(('record', r.condition.loading, r.condition.initial_angle_deg, r.repeat, own)
-              for r, own in zip(axis.records, axis.fits['simulation'], strict=True)),
+            *(
+                ('record', r.condition.loading, r.condition.initial_angle_deg, r.repeat, own)
+                for r, own in zip(axis.records, axis.fits['simulation'], strict=True)
+            ),
             *(('condition', c.loading, c.initial_angle_deg, None, own) for c, own in axis.together.items()),
             *(('draft', loading, None, None, own) for loading, own in axis.by_draft.items()),
-        ]  # fmt: skip
+        ]
         rows += [
             (level, axis.axis, *where, fit.equation, term, *value_and_std, RATIO_UNITS[term])
-            for level, *where, own in groups for fit in own for term, value_and_std in term_values(fit).items()
-        ]  # fmt: skip
-    names = ('level', 'axis', LOADING_NAMES[outcome.quantity], 'initial angle [deg]', 'repeat', 'equation', 'ratio',
-             'value', 'standard deviation', 'unit')  # fmt: skip
+            for level, *where, own in groups
+            for fit in own
+            for term, value_and_std in term_values(fit).items()
+        ]
+    names = (
+        'level',
+        'axis',
+        LOADING_NAMES[outcome.quantity],
+        'initial angle [deg]',
+        'repeat',
+        'equation',
+        'ratio',
+        'value',
+        'standard deviation',
+        'unit',
+    )
     return Table('coefficients', 'Coefficients', 'All levels.', tuple(map(Column, names)), tuple(rows))
 
 
@@ -144,7 +183,8 @@ def ranking_table(axis: AxisOutcome) -> Table:
     """Equations over the whole campaign."""
     best = axis.ranking.ranked[0].criterion
     table = Table.of(
-        f'ranking_{axis.axis}', f'Ranking, {axis.axis}',
+        f'ranking_{axis.axis}',
+        f'Ranking, {axis.axis}',
         'Criterion: of one set of ratios a draft for all angles and repeats; 10 more is decisively worse. Held-out: '
         'error on another repeat (or the second half of a lone one) over the standard deviation of the motion.',
         axis.ranking.ranked,
@@ -155,7 +195,7 @@ def ranking_table(axis: AxisOutcome) -> Table:
         ('held-out error', lambda r: r.held_out, percent),
         ('forecast error, one period', lambda r: r.forecast, percent),
         ('records fitted best', lambda r: r.best_of),
-    )  # fmt: skip
+    )
     table.marks[axis.ranking.ranked.index(axis.ranking.choice), 0] = 'best'
     return table
 
@@ -163,11 +203,13 @@ def ranking_table(axis: AxisOutcome) -> Table:
 def _ratio_columns(terms: Iterable[str], pair: Callable[[Any, str], tuple[float, float]]):
     """Value and standard deviation of each term, which `pair` gives of an item and a term."""
     return (
-        column for term in terms for column in (
+        column
+        for term in terms
+        for column in (
             (f'{term} [{RATIO_UNITS[term]}]', lambda item, term=term: pair(item, term)[0], digits(5)),
             (f'{term} std', lambda item, term=term: pair(item, term)[1], digits(2)),
         )
-    )  # fmt: skip
+    )
 
 
 def coefficient_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
@@ -177,29 +219,34 @@ def coefficient_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
         *((loading, 'all', fits[axis.choice]) for loading, fits in axis.by_draft.items()),
     ]
     return Table.of(
-        f'ratios_{axis.axis}', f'Ratios to inertia, {axis.axis}',
+        f'ratios_{axis.axis}',
+        f'Ratios to inertia, {axis.axis}',
         f'Of {axis.ranking.choice.equation}; the repeats of a condition fitted together, and all records of a draft '
-        f'together.', items,
+        f'together.',
+        items,
         (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(4)),
         ('initial angle [deg]', lambda item: item[1], lambda value: str(value) if value == 'all' else f'{value:.4g}'),
         *_ratio_columns(term_values(items[0][2]), lambda item, term: item[2].ratio(term)),
-    )  # fmt: skip
+    )
 
 
 def spread_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     """How the repeats agree, beside what single fits state."""
     angle, loading, _ = _condition_columns(outcome, lambda s: s.condition)
     return Table.of(
-        f'repeats_{axis.axis}', f'Agreement of repeats, {axis.axis}',
+        f'repeats_{axis.axis}',
+        f'Agreement of repeats, {axis.axis}',
         f'{spread_statement(axis)} Spread: standard deviation. Where it is much larger than stated, something other '
-        f'than noise differs between repeats.', axis.spreads,
-        loading, angle,
+        f'than noise differs between repeats.',
+        axis.spreads,
+        loading,
+        angle,
         ('quantity', lambda s: s.quantity),
         ('mean', lambda s: s.mean, digits(5)),
         ('spread between repeats', lambda s: s.spread, digits(2)),
         ('spread stated by single fits', lambda s: s.stated, digits(2)),
         ('repeats', lambda s: s.repeats),
-    )  # fmt: skip
+    )
 
 
 def spread_statement(axis: AxisOutcome) -> str:
@@ -220,23 +267,28 @@ def spread_statement(axis: AxisOutcome) -> str:
 def errors_table(outcome: CampaignOutcome, axis: AxisOutcome, every_equation: bool = False) -> Table:
     """Errors of next step, simulated motion and forecasts, of the choice or of every equation."""
     items = [
-        (record, judged) for record, own in zip(axis.records, axis.judgements, strict=True)
+        (record, judged)
+        for record, own in zip(axis.records, axis.judgements, strict=True)
         for judged in (own if every_equation else [own[axis.choice]])
-    ]  # fmt: skip
+    ]
     name, title = f'errors_{axis.axis}', f'Errors of {axis.ranking.choice.equation}, {axis.axis}'
     return Table.of(
-        f'errors_every_equation_{axis.axis}' if every_equation else name, 'Errors' if every_equation else title,
+        f'errors_every_equation_{axis.axis}' if every_equation else name,
+        'Errors' if every_equation else title,
         'Root mean square errors; in percent: of the standard deviation of the measured motion. Forecasts start all '
         'along the record from the measured state, whose own noise they carry; the simulated motion starts once, at '
-        'the release.', items,
+        'the release.',
+        items,
         *_condition_columns(outcome),
         *([('equation', lambda item: item[1].equation)] if every_equation else []),
         ('next step [rad/s]', lambda item: item[1].next_step, digits(4)),
         ('simulated motion', lambda item: item[1].simulation, percent),
-        *((f'forecast {LEAD_NAMES[lead]} ahead', lambda item, k=k: item[1].forecasts[k], percent)
-          for k, lead in enumerate(LEADS)),
+        *(
+            (f'forecast {LEAD_NAMES[lead]} ahead', lambda item, k=k: item[1].forecasts[k], percent)
+            for k, lead in enumerate(LEADS)
+        ),
         ('simulated, held out', lambda item: item[1].held_out, percent),
-    )  # fmt: skip
+    )
 
 
 def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
@@ -249,15 +301,17 @@ def next_step_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     samples = np.transpose([checked.time[chosen], checked.measured[chosen], checked.predicted[chosen]]).tolist()
     c = record.condition
     return Table.of(
-        f'next_step_{axis.axis}', f'Next-step check, {axis.axis}',
+        f'next_step_{axis.axis}',
+        f'Next-step check, {axis.axis}',
         f'{c.initial_angle_deg:g} deg, {LOADING_NAMES[outcome.quantity]} {c.loading:g}, repeat {record.repeat}: where '
         f'it turns fastest. Any smooth model passes this check, because the measured rate stands on both sides; the '
-        f'errors of simulated motion and forecasts say more.', samples,
+        f'errors of simulated motion and forecasts say more.',
+        samples,
         ('time [s]', lambda s: s[0], digits(6)),
         ('measured rate [rad/s]', lambda s: s[1], digits(6)),
         ('next-step rate [rad/s]', lambda s: s[2], digits(6)),
         ('error', lambda s: abs(s[2] - s[1]) / abs(s[1]) if s[1] else float('nan'), percent),
-    )  # fmt: skip
+    )
 
 
 def _design_condition(axis: AxisOutcome):
@@ -274,9 +328,10 @@ def schedule_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
     ratios, stds = (values.tolist() for values in s.curve(between))
     places = {term: k for k, term in enumerate(s.equation.terms)}
     return Table.of(
-        f'schedule_{axis.axis}', f'Scheduled model, {axis.axis}',
+        f'schedule_{axis.axis}',
+        f'Scheduled model, {axis.axis}',
         'Linear between the drafts that were tried; the standard deviation adds what a straight line may miss.',
         list(zip(between.tolist(), ratios, stds, strict=True)),
         (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(5)),
         *_ratio_columns(places, lambda item, term: (item[1][places[term]], item[2][places[term]])),
-    )  # fmt: skip
+    )

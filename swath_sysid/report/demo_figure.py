@@ -1,4 +1,5 @@
 """The picture of the demonstration: forecasts against what was measured then, before and after identification."""
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -46,20 +47,28 @@ def _draw_run(axes: Axes, demonstration: Demonstration, limit: float):
         (with_model, AFTER, f'forecast {forecasts.lead:g} s before, identified model'),
     ):
         axes.plot(
-            forecasts.time[chosen] - begin, np.degrees(forecasts.angle[chosen]), '.', color=colour, markersize=4.5,
+            forecasts.time[chosen] - begin,
+            np.degrees(forecasts.angle[chosen]),
+            '.',
+            color=colour,
+            markersize=4.5,
             label=name,
-        )  # fmt: skip
+        )
     axes.fill_between(
         forecasts.time[with_model] - begin,
         np.degrees(forecasts.angle - NORMAL_90 * forecasts.std)[with_model],
         np.degrees(forecasts.angle + NORMAL_90 * forecasts.std)[with_model],
-        color=BAND, alpha=0.45, linewidth=0, label='its 90 % interval',
-    )  # fmt: skip
+        color=BAND,
+        alpha=0.45,
+        linewidth=0,
+        label='its 90 % interval',
+    )
     axes.plot(
         demonstration.time - begin, np.degrees(demonstration.angle), color=MEASURED, linewidth=1.5, label='measured'
     )
     for moment, what in (
-        (demonstration.releases[0], 'let go'), (demonstration.model_time, 'decay noticed,\nmodel identified'),
+        (demonstration.releases[0], 'let go'),
+        (demonstration.model_time, 'decay noticed,\nmodel identified'),
         (demonstration.releases[1], 'let go again'),
     ):
         axes.axvline(moment - begin, color=MEASURED, linewidth=0.8, linestyle=':')
@@ -77,8 +86,12 @@ def _draw_lead(axes: Axes, demonstration: Demonstration, forecasts: LeadForecast
     first, second = demonstration.releases
     moving = (demonstration.time >= second - 0.5) & (demonstration.time <= demonstration.end(1))
     axes.plot(
-        demonstration.time[moving] - second, np.degrees(demonstration.angle[moving]), color=MEASURED, linewidth=1.2,
-        zorder=3, label='measured',
+        demonstration.time[moving] - second,
+        np.degrees(demonstration.angle[moving]),
+        color=MEASURED,
+        linewidth=1.2,
+        zorder=3,
+        label='measured',
     )
     for number, release, colour, name in ((0, first, BEFORE, 'before'), (1, second, AFTER, 'after')):
         scored = demonstration.during(forecasts, number)
@@ -87,9 +100,14 @@ def _draw_lead(axes: Axes, demonstration: Demonstration, forecasts: LeadForecast
     axes.axvspan(-0.5, blind, color=MEASURED, alpha=0.05, linewidth=0)
     if blind > 0.25 * SCORED_SPAN:
         axes.text(
-            0.5 * blind - 0.25, -0.9 * limit, 'forecast before\nit was let go', ha='center', fontsize='x-small',
-            color=MEASURED, alpha=0.7,
-        )  # fmt: skip
+            0.5 * blind - 0.25,
+            -0.9 * limit,
+            'forecast before\nit was let go',
+            ha='center',
+            fontsize='x-small',
+            color=MEASURED,
+            alpha=0.7,
+        )
     before, after = (demonstration.error(forecasts, number) for number in (0, 1))
     periods = f'{forecasts.lead / demonstration.period:.2g} period'
     axes.set_title(

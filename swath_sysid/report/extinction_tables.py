@@ -1,4 +1,5 @@
 """A tank's standard output as tables: peaks, extinction curve, damping in dimensions, uncertainty."""
+
 from __future__ import annotations
 
 import math
@@ -20,9 +21,12 @@ DEGREE = math.pi / 180.0
 CURVE_TERMS = (('p1', '-', 1.0), ('p2', '1/deg', DEGREE), ('p3', '1/deg^2', DEGREE**2))
 DAMPING_TERMS = (('b1', '1/s', 'N m s'), ('b2', '1/rad', 'N m s^2'), ('b3', 's/rad^2', 'N m s^3'))
 SOURCES = {
-    'sensor_scale': 'sensor scale', 'time_base': 'time base', 'mass': 'mass', 'metacentric_height': 'GM',
+    'sensor_scale': 'sensor scale',
+    'time_base': 'time base',
+    'mass': 'mass',
+    'metacentric_height': 'GM',
     'inertia': 'inertia',
-}  # fmt: skip
+}
 
 
 def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
@@ -30,9 +34,12 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
     rows = []
     for label, peaks in labelled:
         measured = (
-            np.degrees(peaks.mean_amplitude), np.degrees(peaks.decrement), peaks.logarithmic_decrement, peaks.period,
+            np.degrees(peaks.mean_amplitude),
+            np.degrees(peaks.decrement),
+            peaks.logarithmic_decrement,
+            peaks.period,
             peaks.bertin * DEGREE,
-        )  # fmt: skip
+        )
         # a decrement belongs to the turning point between its two half cycles
         between = np.pad(np.array(measured), ((0, 0), (1, 1)), constant_values=np.nan)
         rows += [
@@ -40,11 +47,16 @@ def peaks_table(name: str, labelled: Iterable[tuple[str, Peaks]]) -> Table:
             for k, (t, a, values) in enumerate(zip(peaks.time, peaks.angle, between.T, strict=True))
         ]
     columns = (
-        Column('record'), Column('peak'), Column('time [s]', digits(5)), Column('angle [deg]', digits(4)),
-        Column('mean amplitude [deg]', digits(4)), Column('decrement [deg]', digits(3)),
-        Column('logarithmic decrement per cycle', digits(3)), Column('period [s]', digits(4)),
+        Column('record'),
+        Column('peak'),
+        Column('time [s]', digits(5)),
+        Column('angle [deg]', digits(4)),
+        Column('mean amplitude [deg]', digits(4)),
+        Column('decrement [deg]', digits(3)),
+        Column('logarithmic decrement per cycle', digits(3)),
+        Column('period [s]', digits(4)),
         Column("Bertin's N [1/deg]", digits(3)),
-    )  # fmt: skip
+    )
     note = 'The decrement is that of half a cycle, of half the swings before and after the peak: trim cancels.'
     return Table(name, 'Peaks and decrements', note, columns, tuple(rows))
 
@@ -62,8 +74,11 @@ def _damping_units(particulars: Particulars, axis: str):
 
 
 def curve_rows(
-    extinction: Extinction, model_terms: Mapping[str, tuple[float, float]], inertia: float | None,
-    particulars: Particulars, axis: str,
+    extinction: Extinction,
+    model_terms: Mapping[str, tuple[float, float]],
+    inertia: float | None,
+    particulars: Particulars,
+    axis: str,
 ) -> list[tuple]:
     """Rows of the extinction curve, then of the damping that it and the fitted motion mean.
 
@@ -88,10 +103,16 @@ def curve_rows(
 
 
 CURVE_COLUMNS = (
-    Column('quantity'), Column('unit'), Column('extinction curve', digits(4)), Column('std', digits(2)),
-    Column('motion fit', digits(4)), Column('motion fit std', digits(2)), Column('times inertia', digits(4)),
-    Column('its unit'), Column('without dimension', digits(4)),
-)  # fmt: skip
+    Column('quantity'),
+    Column('unit'),
+    Column('extinction curve', digits(4)),
+    Column('std', digits(2)),
+    Column('motion fit', digits(4)),
+    Column('motion fit std', digits(2)),
+    Column('times inertia', digits(4)),
+    Column('its unit'),
+    Column('without dimension', digits(4)),
+)
 CURVE_NOTE = (
     'Extinction curve: decrement = p1 a + p2 a^2 + p3 a^3 over the mean amplitude a in deg, whose terms mean linear, '
     'quadratic and cubic damping over inertia b1, b2, b3. Beside them those of the motion fitted as a whole. Times '
@@ -102,10 +123,14 @@ CURVE_NOTE = (
 
 
 QUANTITY_COLUMNS = (
-    Column('quantity'), Column('unit'), Column('value', digits(5)), Column('U (k = 2)', digits(2)),
-    Column('type A, fit', digits(2)), Column('type A, repeats', digits(2)),
+    Column('quantity'),
+    Column('unit'),
+    Column('value', digits(5)),
+    Column('U (k = 2)', digits(2)),
+    Column('type A, fit', digits(2)),
+    Column('type A, repeats', digits(2)),
     *(Column(f'type B, {name}', digits(2)) for name in SOURCES.values()),
-)  # fmt: skip
+)
 
 
 def quantity_row(quantity: TankQuantity) -> tuple:
@@ -128,8 +153,7 @@ def tank_tables(identification: Identification, particulars: Particulars, type_b
     """The tables of one `Identification`: peaks, extinction curve where the records hold one, damping."""
     model, axis = identification.model, identification.model.axis
     labelled = [
-        (short_name(r.motion.source), measured_peaks(r.motion, r.segment.period))
-        for r in identification.records
+        (short_name(r.motion.source), measured_peaks(r.motion, r.segment.period)) for r in identification.records
     ]
     terms = {name: (value, identification.std[name]) for name, value in model.terms.items()}
     inertia = particulars.inertia_of(model)

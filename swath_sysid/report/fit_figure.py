@@ -1,4 +1,5 @@
 """The picture of a fit: motion, residual, frequency and damping against amplitude."""
+
 from __future__ import annotations
 
 import math

@@ -1,4 +1,5 @@
 """A fit in words and in plain data, for the terminal and for other programs."""
+
 from __future__ import annotations
 
 import math

@@ -1,4 +1,5 @@
 """The picture of a forecast's skill: error against lead, a stretch with its fans, reliability."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -18,9 +19,14 @@ if TYPE_CHECKING:
     from swath_sysid.pipeline.scoring import Skill
 
 LABELS = {
-    'forecast': 'forecast', 'persistence': 'persistence', 'constant_rate': 'constant rate', 'mean': 'past mean',
-    'ar_40': 'AR(40)', 'var_40': 'VAR(40)', 'var_60': 'VAR(60)',
-}  # fmt: skip
+    'forecast': 'forecast',
+    'persistence': 'persistence',
+    'constant_rate': 'constant rate',
+    'mean': 'past mean',
+    'ar_40': 'AR(40)',
+    'var_40': 'VAR(40)',
+    'var_60': 'VAR(60)',
+}
 
 _MIN_COUNT = 10
 _STRETCH = 40.0
@@ -108,8 +114,13 @@ def _reliability(axes: Axes, skill: Skill, scores: Any, with_quiescence: bool):
     if with_quiescence and skill.quiescence is not None:
         found, enough = skill.quiescence, skill.quiescence.count >= _MIN_COUNT
         axes.plot(
-            found.forecast[enough], found.observed[enough], 's--', color=MODEL, markersize=4, linewidth=1.0,
+            found.forecast[enough],
+            found.observed[enough],
+            's--',
+            color=MODEL,
+            markersize=4,
+            linewidth=1.0,
             label='quiescence',
-        )  # fmt: skip
+        )
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel='probability forecast', ylabel='share that held', title='reliability')
     _legend(axes)

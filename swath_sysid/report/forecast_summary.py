@@ -1,4 +1,5 @@
 """The skill of forecasts as plain data."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -35,19 +36,25 @@ def skill_as_data(skill: Skill) -> dict:
         r, limits = skill.quiescence, skill.quiescence_limits
         data['quiescence'] = {
             'limits': {name: getattr(limits, name) for name in (*ATTITUDE, 'duration')},
-            'edges': r.edges, 'count': r.count, 'forecast': r.forecast,
-            'observed': r.observed, 'brier': r.brier, 'brier_of_climate': r.brier_of_climate,
-        }  # fmt: skip
+            'edges': r.edges,
+            'count': r.count,
+            'forecast': r.forecast,
+            'observed': r.observed,
+            'brier': r.brier,
+            'brier_of_climate': r.brier_of_climate,
+        }
     return finite_or_none(data)
 
 
 def _points_as_data(points: Mapping[str, Mapping[str, Any]]):
     if not points:
         return {}
-    return {'points': {
-        name: {kind: _scores_as_data(scores, POINT_UNITS[kind]) for kind, scores in kinds.items()}
-        for name, kinds in points.items()
-    }}  # fmt: skip
+    return {
+        'points': {
+            name: {kind: _scores_as_data(scores, POINT_UNITS[kind]) for kind, scores in kinds.items()}
+            for name, kinds in points.items()
+        }
+    }
 
 
 def _scores_as_data(scores: Any, unit: str):

@@ -70,9 +70,10 @@ def test_figure(report: ManoeuvringTest, model: ManoeuvringModel) -> Figure:
         track_axes.set(xlabel='x (m)', ylabel='y (m)', title=report.name.replace('-', ' '))
     quiet(track_axes)
     series = (
-        (np.hypot(m.u, m.v), 'speed (m/s)'), (np.degrees(m.heading), 'heading (deg)'),
+        (np.hypot(m.u, m.v), 'speed (m/s)'),
+        (np.degrees(m.heading), 'heading (deg)'),
         (np.degrees(m.yaw_rate), 'yaw rate (deg/s)'),
-    )  # fmt: skip
+    )
     for axes, (values, label) in zip(others, series, strict=False):
         axes.plot(m.time, values, color=MODEL)
         axes.set_ylabel(label)
@@ -88,8 +89,13 @@ def forecast_figure(scores: ForecastScores, future: str) -> Figure:
     """Errors against lead, a panel a quantity, a line a method."""
     figure = new_figure(12, 6.5)
     panels = figure.subplots(2, 3).ravel()
-    labels = {'surge_m_s': 'surge (m/s)', 'sway_m_s': 'sway (m/s)', 'yaw_rate_rad_s': 'yaw rate (rad/s)',
-              'heading_rad': 'heading (rad)', 'position_m': 'position (m)'}  # fmt: skip
+    labels = {
+        'surge_m_s': 'surge (m/s)',
+        'sway_m_s': 'sway (m/s)',
+        'yaw_rate_rad_s': 'yaw rate (rad/s)',
+        'heading_rad': 'heading (rad)',
+        'position_m': 'position (m)',
+    }
     for axes, (quantity, label) in zip(panels, labels.items(), strict=False):
         for color, (method, table) in zip((MODEL, *SERIES[2:]), scores.rmse.items(), strict=False):
             axes.plot(scores.leads, table[quantity], 'o-', color=color, markersize=3, label=method.replace('-', ' '))
@@ -128,21 +134,31 @@ def _run_figure(run: Run, simulated: Any, label: str, r2: dict[str, float]):
         span = slice(start, start + steps + 1)
         for c, axes in enumerate(histories[:3]):
             if np.isfinite(run.channels[c]).any() or c == 1:
-                axes.plot(time[span], simulated.states[: steps + 1, c, w] * SIZES[c], color=MODEL, linewidth=1.4,
-                          label='simulated' if w == 0 else None)  # fmt: skip
+                axes.plot(
+                    time[span],
+                    simulated.states[: steps + 1, c, w] * SIZES[c],
+                    color=MODEL,
+                    linewidth=1.4,
+                    label='simulated' if w == 0 else None,
+                )
                 axes.axvline(time[start], color=MEASURED, alpha=0.12, linewidth=0.8)
         if run.x is not None and run.y is not None:
             # from the smoothed position, as the scores compare it
             shift = [smoothed(p, run.step, 0.8)[start] - p[start] for p in (run.x, run.y)]
-            track_axes.plot(simulated.x[: steps + 1, w] + shift[0], simulated.y[: steps + 1, w] + shift[1],
-                            color=MODEL, linewidth=1.4)  # fmt: skip
+            track_axes.plot(
+                simulated.x[: steps + 1, w] + shift[0],
+                simulated.y[: steps + 1, w] + shift[1],
+                color=MODEL,
+                linewidth=1.4,
+            )
     histories[0].legend(frameon=False, ncols=2, fontsize='small', loc='lower right', bbox_to_anchor=(1.0, 1.0))
     _draw_thrust(histories[3], time, run, run.thrust_input)
     shares = ', '.join(f'{name.replace("_", " ")} {value:.3f}' for name, value in r2.items() if value == value)
     figure.suptitle(
         f'{short(run.source)} ({label}): free simulation, each window from its own start\n'
-        f"R2 {shares} (1: perfect, 0: as good as the channel's mean)", fontsize='medium',
-    )  # fmt: skip
+        f"R2 {shares} (1: perfect, 0: as good as the channel's mean)",
+        fontsize='medium',
+    )
     return figure
 
 
@@ -190,8 +206,10 @@ def _unit(name: str):
 def _residuals_figure(found: ManoeuvringIdentification, window: float):
     figure = new_figure(11, 6)
     rows = figure.subplots(3, 2, gridspec_kw={'width_ratios': (2.2, 1)})
-    groups = [('identification', found.identified_on, found.currents, RESIDUAL),
-              ('validation', found.validated_on, None, MODEL)]  # fmt: skip
+    groups = [
+        ('identification', found.identified_on, found.currents, RESIDUAL),
+        ('validation', found.validated_on, None, MODEL),
+    ]
     for label, runs, currents, color in groups:
         if not runs:
             continue

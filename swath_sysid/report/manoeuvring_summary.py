@@ -52,41 +52,52 @@ def identification_as_data(found: ManoeuvringIdentification, wall_s: float | Non
     leads = tuple(found.identification.position_error)
     current = None
     if CURRENT[0] in found.names:
-        current = {name: {'value': value, 'std': float(std[key])}
-                   for name, key, value in zip(('east', 'north'), CURRENT, model.current, strict=True)}  # fmt: skip
-    return finite_or_none({
-        'thrust_input': model.thrust_input,
-        'derivatives': {
-            name: {'value': d.value, 'std': d.std, 'prime': d.prime, 'unit': d.unit, 'flags': list(d.flags)}
-            for name, d in found.derivatives.items()
-        },
-        'given': found.fixed,
-        'prime_units': {'length_m': found.prime_units.length, 'speed_m_s': found.prime_units.speed,
-                        'density_kg_m3': found.prime_units.density},
-        'current_m_s': current,
-        'current_by_run_m_s': _currents_by_run(found),
-        'r2': {channel: both(lambda scores, c=channel: scores.r2[c]) for channel in found.identification.r2},
-        'position_error_m': {f'{lead:g}': both(lambda scores, s=lead: scores.position_error[s]) for lead in leads},
-        'heading_error_rad': {f'{lead:g}': both(lambda scores, s=lead: scores.heading_error[s]) for lead in leads},
-        'windows': both(lambda scores: scores.windows),
-        'diverged_windows': both(lambda scores: scores.diverged),
-        'runs': {'identification': [run.source for run in found.identified_on],
-                 'validation': [run.source for run in found.validated_on]},
-        'stability': {'stable': found.stability.stable, 'largest_growth_1_s': found.stability.largest_growth},
-        'noise': dict(zip(('surge_m_s', 'sway_m_s', 'yaw_rate_rad_s'), found.noise.tolist(), strict=True)),
-        'refused_terms': found.rejected,
-        'effective_samples': found.effective_samples,
-        'wall_s': wall_s,
-        **warnings_as_data(condensed(found.advice)),
-    })  # fmt: skip
+        current = {
+            name: {'value': value, 'std': float(std[key])}
+            for name, key, value in zip(('east', 'north'), CURRENT, model.current, strict=True)
+        }
+    return finite_or_none(
+        {
+            'thrust_input': model.thrust_input,
+            'derivatives': {
+                name: {'value': d.value, 'std': d.std, 'prime': d.prime, 'unit': d.unit, 'flags': list(d.flags)}
+                for name, d in found.derivatives.items()
+            },
+            'given': found.fixed,
+            'prime_units': {
+                'length_m': found.prime_units.length,
+                'speed_m_s': found.prime_units.speed,
+                'density_kg_m3': found.prime_units.density,
+            },
+            'current_m_s': current,
+            'current_by_run_m_s': _currents_by_run(found),
+            'r2': {channel: both(lambda scores, c=channel: scores.r2[c]) for channel in found.identification.r2},
+            'position_error_m': {f'{lead:g}': both(lambda scores, s=lead: scores.position_error[s]) for lead in leads},
+            'heading_error_rad': {f'{lead:g}': both(lambda scores, s=lead: scores.heading_error[s]) for lead in leads},
+            'windows': both(lambda scores: scores.windows),
+            'diverged_windows': both(lambda scores: scores.diverged),
+            'runs': {
+                'identification': [run.source for run in found.identified_on],
+                'validation': [run.source for run in found.validated_on],
+            },
+            'stability': {'stable': found.stability.stable, 'largest_growth_1_s': found.stability.largest_growth},
+            'noise': dict(zip(('surge_m_s', 'sway_m_s', 'yaw_rate_rad_s'), found.noise.tolist(), strict=True)),
+            'refused_terms': found.rejected,
+            'effective_samples': found.effective_samples,
+            'wall_s': wall_s,
+            **warnings_as_data(condensed(found.advice)),
+        }
+    )
 
 
 def _currents_by_run(found: ManoeuvringIdentification):
     """East and north by run; None where all have the model's."""
     if not found.has_currents_by_run:
         return None
-    return {run.source: {'east': east, 'north': north}
-            for run, (east, north) in zip(found.identified_on, found.currents.tolist(), strict=True)}  # fmt: skip
+    return {
+        run.source: {'east': east, 'north': north}
+        for run, (east, north) in zip(found.identified_on, found.currents.tolist(), strict=True)
+    }
 
 
 def terms_in_words() -> list[str]:
@@ -101,20 +112,27 @@ def terms_in_words() -> list[str]:
 
 
 _MEANINGS = {
-    'm': 'mass', 'Iz': 'yaw inertia', 'gain': 'thrust a unit of input at full input ahead',
+    'm': 'mass',
+    'Iz': 'yaw inertia',
+    'gain': 'thrust a unit of input at full input ahead',
     'reverse_ratio': 'thrust at full input astern as a share of that ahead',
-    'dead_band': 'share of the full input that gives no thrust', 'exponent': 'of the thrust curve ahead',
+    'dead_band': 'share of the full input that gives no thrust',
+    'exponent': 'of the thrust curve ahead',
     'reverse_exponent_ratio': 'exponent astern as a multiple of that ahead',
-    'balance': 'share by which the starboard thruster is stronger', 'advance': 'loss of thrust by speed',
-    'lag': 'of the thrusters, first order', 'delay': 'of the thrusters',
-    'deduction': 'thrust lost at the hull, a share', 'lever': 'half the distance between the thrusters',
+    'balance': 'share by which the starboard thruster is stronger',
+    'advance': 'loss of thrust by speed',
+    'lag': 'of the thrusters, first order',
+    'delay': 'of the thrusters',
+    'deduction': 'thrust lost at the hull, a share',
+    'lever': 'half the distance between the thrusters',
     'moment_factor': 'gain of the yaw moment at the hull, a share',
     'full_input': 'input at which the thrust curve is 1: 1 for commands, N for forces',
     'deviation_B': 'of the compass, by the sine of the heading (from east to north)',
     'deviation_C': 'of the compass, by the cosine of the heading',
-    'sensor_x': 'sensor ahead of the origin', 'sensor_y': 'sensor to port of the origin',
+    'sensor_x': 'sensor ahead of the origin',
+    'sensor_y': 'sensor to port of the origin',
     'x_G': 'centre of gravity ahead of the origin, about which the hull is symmetric',
-}  # fmt: skip
+}
 
 
 def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
@@ -124,8 +142,10 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
     width = max(map(len, found.derivatives), default=0)
     # without a length or a scale of its own the prime system says nothing
     assumed = {a.code for a in found.advice} & {'length-assumed', 'scale-not-given'}
-    lines = [f'manoeuvring model from {len(found.identified_on)} run(s){held}; thrust as {model.thrust_input}',
-             f'  {"":<{width}}{"value":>12}    {"std":<10}{"" if assumed else "prime":>11}  unit']  # fmt: skip
+    lines = [
+        f'manoeuvring model from {len(found.identified_on)} run(s){held}; thrust as {model.thrust_input}',
+        f'  {"":<{width}}{"value":>12}    {"std":<10}{"" if assumed else "prime":>11}  unit',
+    ]
     for name, d in found.derivatives.items():
         prime = '' if d.prime is None or assumed else f'{d.prime:.3e}'
         flags = f'  [{", ".join(d.flags)}]' if d.flags else ''
@@ -140,13 +160,19 @@ def identification_in_words(found: ManoeuvringIdentification) -> list[str]:
             continue
         r2 = ', '.join(f'{name.replace("_", " ")} {value:.4f}' for name, value in scores.r2.items() if value == value)
         lines.append(f'  {label}: R2 of free simulation over {scores.windows} windows: {r2}')
-        rmse = ', '.join(f'{name.replace("_", " ")} {value:.3g} {"rad/s" if name == "yaw_rate" else "m/s"}'
-                         for name, value in scores.rmse.items() if value == value)  # fmt: skip
+        rmse = ', '.join(
+            f'{name.replace("_", " ")} {value:.3g} {"rad/s" if name == "yaw_rate" else "m/s"}'
+            for name, value in scores.rmse.items()
+            if value == value
+        )
         lines.append(f'    root mean square errors: {rmse}')
         if scores.diverged:
             lines.append(f'    {scores.diverged} windows DIVERGED')
-        errors = [f'{lead:g} s: {scores.position_error[lead]:.2f} m, {scores.heading_error[lead]:.3f} rad'
-                  for lead in scores.position_error if scores.heading_error[lead] == scores.heading_error[lead]]
+        errors = [
+            f'{lead:g} s: {scores.position_error[lead]:.2f} m, {scores.heading_error[lead]:.3f} rad'
+            for lead in scores.position_error
+            if scores.heading_error[lead] == scores.heading_error[lead]
+        ]
         lines.append(f'    error after {"; ".join(errors)}')
     verdict = 'stable' if found.stability.stable else 'NOT stable'
     lines.append(f'  {verdict} at the speeds and inputs seen (slowest decay {-found.stability.largest_growth:.3g} 1/s)')
@@ -177,13 +203,15 @@ def forecast_as_data(scores: ForecastScores, future: str) -> dict:
     def by_lead(values: Iterable[float]):
         return {f'{lead:g}': float(value) for lead, value in zip(scores.leads, values, strict=True)}
 
-    return finite_or_none({
-        'future': future,
-        'forecasts': scores.count,
-        'leads_s': list(scores.leads),
-        'rmse': {method: {q: by_lead(v) for q, v in table.items()} for method, table in scores.rmse.items()},
-        'within_90_percent': {q: by_lead(v) for q, v in scores.spread.items()},
-    })  # fmt: skip
+    return finite_or_none(
+        {
+            'future': future,
+            'forecasts': scores.count,
+            'leads_s': list(scores.leads),
+            'rmse': {method: {q: by_lead(v) for q, v in table.items()} for method, table in scores.rmse.items()},
+            'within_90_percent': {q: by_lead(v) for q, v in scores.spread.items()},
+        }
+    )
 
 
 def forecast_in_words(scores: ForecastScores, future: str) -> list[str]:
@@ -210,9 +238,15 @@ def short(source: str) -> str:
 
 
 _UNITS = {
-    '_rad_s': 'rad/s', '_rad': 'rad', '_deg_s_per_input': 'deg/s per unit of input',
-    '_deg_s': 'deg/s', '_m_s': 'm/s', '_deg': 'deg', '_m': 'm', '_s': 's',
-}  # fmt: skip
+    '_rad_s': 'rad/s',
+    '_rad': 'rad',
+    '_deg_s_per_input': 'deg/s per unit of input',
+    '_deg_s': 'deg/s',
+    '_m_s': 'm/s',
+    '_deg': 'deg',
+    '_m': 'm',
+    '_s': 's',
+}
 
 
 def _label_and_unit(name: str):

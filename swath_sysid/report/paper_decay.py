@@ -1,4 +1,5 @@
 """The page of a study of free decays: its tables and figures in its order, printed and obtained side by side."""
+
 from __future__ import annotations
 
 import math
@@ -50,13 +51,16 @@ def _in_short(study: DecayStudy, wall_s: float):
     p, records = study.publication, study.records
     pairs = sum(
         big != small and equation_named(big).contains(equation_named(small))
-        for big in p.equations for small in p.equations
-    ) * len(records)  # fmt: skip
+        for big in p.equations
+        for small in p.equations
+    ) * len(records)
     beyond = max(s.genetic.value / s.exact.value - 1.0 for r in records for s in r.searched.values())
     inside = [
         abs(value - r.hull.terms[t]) <= TWO_STD * std
-        for r in records for t, (value, std) in ((t, r.ours.ratio(t)) for t in r.ours.terms) if std > 0.0
-    ]  # fmt: skip
+        for r in records
+        for t, (value, std) in ((t, r.ours.ratio(t)) for t in r.ours.terms)
+        if std > 0.0
+    ]
     printed = [min(v.values()) for v in p.printed_objective.values()]
     obtained = [study.chosen(r).genetic.value for r in records]
     ratio = np.median(np.array(obtained) / printed)
@@ -120,10 +124,10 @@ def _limits(study: DecayStudy):
     )
     if p.next_step:
         lines += _limits_of_the_check(study)
-    weak = sorted({
-        t for r in study.records for t in r.ours.terms
-        if r.ours.ratio(t)[1] > 0.5 * abs(r.hull.terms[t])
-    }, key=list(COEFFICIENTS).index)  # fmt: skip
+    weak = sorted(
+        {t for r in study.records for t in r.ours.terms if r.ours.ratio(t)[1] > 0.5 * abs(r.hull.terms[t])},
+        key=list(COEFFICIENTS).index,
+    )
     if weak:
         lines.append(
             f'{", ".join(weak)}: known to worse than half of its value on at least one record; a printed trend of such '

@@ -1,4 +1,5 @@
 """The figures of a study of free decays, as the study orders them."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -29,8 +30,10 @@ def drawn(study: DecayStudy, kind: str) -> str:
     with matplotlib.rc_context(STYLE):
         drawings = [
             replace(drawing, caption=f'As figure {spec["number"]}: {drawing.caption}')
-            for spec in study.publication.figures if spec['kind'] == kind for drawing in FIGURES[kind](study, spec)
-        ]  # fmt: skip
+            for spec in study.publication.figures
+            if spec['kind'] == kind
+            for drawing in FIGURES[kind](study, spec)
+        ]
     return figures(drawings)
 
 
@@ -78,10 +81,25 @@ def _objective_by_equation(study: DecayStudy, spec: dict[str, Any]):
         places = np.arange(1, len(p.equations) + 1)
         for k, factor in enumerate(DRAFT_FACTORS):
             record, printed = study.at(factor, angle), p.printed_objective[factor, angle]
-            axes.plot(places, [printed[e] for e in p.equations], 'o--', color=SERIES[k], markersize=4, linewidth=0.9,
-                      markerfacecolor='none', label=f'{factor:g} T printed')  # fmt: skip
-            axes.plot(places, [record.searched[e].genetic.value for e in p.equations], 'o-', color=SERIES[k],
-                      markersize=4, linewidth=1.2, label=f'{factor:g} T here')  # fmt: skip
+            axes.plot(
+                places,
+                [printed[e] for e in p.equations],
+                'o--',
+                color=SERIES[k],
+                markersize=4,
+                linewidth=0.9,
+                markerfacecolor='none',
+                label=f'{factor:g} T printed',
+            )
+            axes.plot(
+                places,
+                [record.searched[e].genetic.value for e in p.equations],
+                'o-',
+                color=SERIES[k],
+                markersize=4,
+                linewidth=1.2,
+                label=f'{factor:g} T here',
+            )
         axes.set_xticks(places)
         legend_below(axes)
         yield Drawing(f'objective_{angle:g}', f'objective value by equation, {angle:g} deg', figure)
@@ -111,8 +129,17 @@ def _one_curve(axes: Axes, study: DecayStudy, name: str, by: str, k: int, factor
     values, stds = np.array([coefficient(study, r, name, by) for r in records]).T
     hull = np.array([coefficient(study, r, name, HULL)[0] for r in records])
     if by == OURS:
-        axes.errorbar(angles, values, TWO_STD * stds, marker='o', markersize=4, capsize=3, color=SERIES[k],
-                      linewidth=1.2, label=f'{factor:g} T')  # fmt: skip
+        axes.errorbar(
+            angles,
+            values,
+            TWO_STD * stds,
+            marker='o',
+            markersize=4,
+            capsize=3,
+            color=SERIES[k],
+            linewidth=1.2,
+            label=f'{factor:g} T',
+        )
     else:
         axes.plot(angles, values, 'o-', markersize=4, color=SERIES[k], linewidth=1.2, label=f'{factor:g} T')
     axes.plot(angles, hull, ':', color=SERIES[k], linewidth=1.2)
@@ -135,8 +162,16 @@ def _all_coefficients(study: DecayStudy, spec: dict[str, Any]):
         for k, name in enumerate(["I'", *coefficient_names(study)]):
             values = [coefficient(study, r, name, by)[0] for r in records]
             if np.isfinite(values).any():
-                axes.plot([r.angle_deg for r in records], values, marker='o', markersize=4, linewidth=1.1, label=name,
-                          color=SERIES[k % len(SERIES)], linestyle=LINE_STYLES[k // len(SERIES)])  # fmt: skip
+                axes.plot(
+                    [r.angle_deg for r in records],
+                    values,
+                    marker='o',
+                    markersize=4,
+                    linewidth=1.1,
+                    label=name,
+                    color=SERIES[k % len(SERIES)],
+                    linestyle=LINE_STYLES[k // len(SERIES)],
+                )
         axes.set_yscale('symlog', linthresh=1e-3)
         axes.legend(frameon=False, ncols=1, loc='center left', bbox_to_anchor=(1.0, 0.5))
         caption = f"all coefficients at {factor:g} T against initial angle, by {words}; I' {study.inertia:g} given"
@@ -144,6 +179,9 @@ def _all_coefficients(study: DecayStudy, spec: dict[str, Any]):
 
 
 FIGURES = {
-    'decays': _decays, 'motion': _motion, 'objective': _objective_by_equation, 'against-angle': _against_angle,
+    'decays': _decays,
+    'motion': _motion,
+    'objective': _objective_by_equation,
+    'against-angle': _against_angle,
     'coefficients': _all_coefficients,
-}  # fmt: skip
+}

@@ -1,4 +1,5 @@
 """What is compared in a study of free decays: coefficients, trends, and rates one step ahead."""
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

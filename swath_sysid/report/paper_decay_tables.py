@@ -1,4 +1,5 @@
 """The tables of a study of free decays, printed and obtained side by side."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -37,10 +38,14 @@ ROUNDING = 1e-9
 """Ratios to inertia below this are zero, to the rounding of a search."""
 
 NAMES = PARTICULARS | {
-    'speed_kn': 'speed [kn]', 'hull_separation_m': 'hull separation [m]',
-    'pod_length_m': 'pod length [m]', 'pod_diameter_m': 'pod diameter [m]', 'strut_length_m': 'strut length [m]',
-    'level_within_deg': 'level within [deg]', 'tank_m': 'tank [m]',
-}  # fmt: skip
+    'speed_kn': 'speed [kn]',
+    'hull_separation_m': 'hull separation [m]',
+    'pod_length_m': 'pod length [m]',
+    'pod_diameter_m': 'pod diameter [m]',
+    'strut_length_m': 'strut length [m]',
+    'level_within_deg': 'level within [deg]',
+    'tank_m': 'tank [m]',
+}
 
 
 def particulars(study: DecayStudy) -> Table:
@@ -69,13 +74,17 @@ def search_settings(study: DecayStudy) -> Table:
     preset = PRESETS[study.publication.name]
     g = preset.genetic
     rows = (
-        ('generations', g.generations, SWARM['generations']), ('population', g.population, SWARM['population']),
-        ('crossover', g.crossover, None), ('mutation', g.mutation, None), ('last mutation', g.final_mutation, None),
-        ('genetic factor', g.genetic_factor, None), ('evolution weight', g.evolution_weight, None),
+        ('generations', g.generations, SWARM['generations']),
+        ('population', g.population, SWARM['population']),
+        ('crossover', g.crossover, None),
+        ('mutation', g.mutation, None),
+        ('last mutation', g.final_mutation, None),
+        ('genetic factor', g.genetic_factor, None),
+        ('evolution weight', g.evolution_weight, None),
         ("range of I'", f'0 to {preset.inertia:g}', f'0 to {preset.inertia:g}'),
         ('range of N and W', f'0 to {preset.damping:g}', f'0 to {preset.damping:g}'),
         ('range of x, C1, C2, C3', f'0 to {preset.restoring:g}', f'0 to {preset.restoring:g}'),
-    )  # fmt: skip
+    )
     shown = Column('genetic algorithm', _plain), Column('particle swarm', _plain)
     note = 'Genetic algorithm: as printed. Particle swarm: the same ranges, stopped when it stagnates.'
     return Table('search', 'Search', note, (Column('setting'), *shown), rows)
@@ -121,15 +130,25 @@ def coefficients(study: DecayStudy) -> Table:
         form = printed.published_form
         given = form[name] / inertia / factor if form else printed.ratios[term]
         value, std = record.ours.ratio(term)
-        rows.append((
-            f'{term} ({_in_words(name, factor)})', given, chosen.genetic.ratios[term], chosen.swarm.ratios[term],
-            chosen.exact.ratios[term], value, TWO_STD * std, record.hull.terms[term],
-        ))  # fmt: skip
+        rows.append(
+            (
+                f'{term} ({_in_words(name, factor)})',
+                given,
+                chosen.genetic.ratios[term],
+                chosen.swarm.ratios[term],
+                chosen.exact.ratios[term],
+                value,
+                TWO_STD * std,
+                record.hull.terms[term],
+            )
+        )
     names = 'printed', 'genetic', 'swarm', 'exact optimum of the objective', 'simulated motion'
     columns = (
-        Column('ratio to inertia'), *(Column(name, _ratio_shown) for name in names), Column('+- 2 std', digits(2)),
+        Column('ratio to inertia'),
+        *(Column(name, _ratio_shown) for name in names),
+        Column('+- 2 std', digits(2)),
         Column('the simulated hull', _ratio_shown),
-    )  # fmt: skip
+    )
     assumed = '' if "I'" in printed.published_form else ' (assumed)'
     stopped = ', '.join(f'{i:.4f}' for i in (chosen.genetic.inertia, *study.inertias))
     note = (
@@ -151,10 +170,15 @@ def printed_form(study: DecayStudy) -> Table | None:
     for term in equation_named(study.publication.chosen).terms:
         name, factor = COEFFICIENTS[term]
         value, std = record.ours.ratio(term)
-        rows.append((
-            name, form[name], *(s.ratios[term] * s.inertia * factor for s in searches),
-            value * inertia * factor, TWO_STD * std * inertia * factor,
-        ))  # fmt: skip
+        rows.append(
+            (
+                name,
+                form[name],
+                *(s.ratios[term] * s.inertia * factor for s in searches),
+                value * inertia * factor,
+                TWO_STD * std * inertia * factor,
+            )
+        )
     names = 'printed', 'genetic', 'swarm', 'simulated motion'
     columns = Column('coefficient'), *(Column(name, _ratio_shown) for name in names), Column('+- 2 std', digits(2))
     note = (
@@ -179,18 +203,29 @@ def next_step_table(study: DecayStudy) -> Table:
     by_ours, unchanged = (next_steps(study, record, ratios)[2] for ratios in models[1:])
     rows = []
     for k, (t, was, identified, error) in enumerate(printed.rows):
-        rows.append((
-            t, was, identified, error, float(measured[k]), float(by_search[k]),
-            *(100.0 * abs(float(v[k] - measured[k]) / float(measured[k])) for v in (by_search, by_ours, unchanged)),
-        ))  # fmt: skip
+        rows.append(
+            (
+                t,
+                was,
+                identified,
+                error,
+                float(measured[k]),
+                float(by_search[k]),
+                *(100.0 * abs(float(v[k] - measured[k]) / float(measured[k])) for v in (by_search, by_ours, unchanged)),
+            )
+        )
     percent = digits(3)
     columns = (
-        Column('time [s]', digits(3)), Column('printed measured [rad/s]', digits(6)),
-        Column('printed identified [rad/s]', digits(6)), Column('printed error [%]', percent),
-        Column('measured here [rad/s]', digits(6)), Column('identified here [rad/s]', digits(6)),
-        Column('error here [%]', percent), Column('simulated-motion model [%]', percent),
+        Column('time [s]', digits(3)),
+        Column('printed measured [rad/s]', digits(6)),
+        Column('printed identified [rad/s]', digits(6)),
+        Column('printed error [%]', percent),
+        Column('measured here [rad/s]', digits(6)),
+        Column('identified here [rad/s]', digits(6)),
+        Column('error here [%]', percent),
+        Column('simulated-motion model [%]', percent),
         Column('no change at all [%]', percent),
-    )  # fmt: skip
+    )
     note = (
         f'{printed.table[0].upper()}{printed.table[1:]}: {printed.angle_deg:g} deg, {printed.draft_factor:g} T, '
         f'{study.publication.chosen}. No change at all: the rate measured before stands for the next.'
@@ -207,9 +242,12 @@ def claims(study: DecayStudy) -> Table:
         marks[len(rows), len(answers)] = 'best' if answers[-1].startswith('yes') else 'beyond'
         rows.append((claim['text'], *answers))
     columns = (
-        Column('the study concludes'), Column("by the study's method here"), Column('by the simulated motion'),
-        Column('the simulated hull'), Column('holds here'),
-    )  # fmt: skip
+        Column('the study concludes'),
+        Column("by the study's method here"),
+        Column('by the simulated motion'),
+        Column('the simulated hull'),
+        Column('holds here'),
+    )
     note = (
         'Curves: an angle or a draft each. The simulated hull has the same coefficients at every angle: a trend with '
         "the angle that the study's method shows here comes from the method. A conclusion holds here where the method "
@@ -233,9 +271,11 @@ def _claim_next_step(study: DecayStudy, claim: dict[str, Any]):
     record, models = checked_models(study)
     found = [100.0 * next_step_errors(study, record, ratios).max() for ratios in models]
     return (
-        f'at most {found[0]:.3g} %; no change at all: {found[2]:.3g} %', f'at most {found[1]:.3g} %', '-',
+        f'at most {found[0]:.3g} %; no change at all: {found[2]:.3g} %',
+        f'at most {found[1]:.3g} %',
+        '-',
         'yes' if found[0] <= claim['percent'] else 'no',
-    )  # fmt: skip
+    )
 
 
 def _claim_trend(study: DecayStudy, claim: dict[str, Any]):
@@ -251,8 +291,10 @@ def _claim_trend(study: DecayStudy, claim: dict[str, Any]):
         ]
         trends = [trend_of(v) for v in values]
         if claim['direction'] == NEAR_ZERO:
-            trends = [NEAR_ZERO if max(map(abs, v)) < ZERO_SHARE * PRESETS[study.publication.name].damping else t
-                      for v, t in zip(values, trends, strict=True)]  # fmt: skip
+            trends = [
+                NEAR_ZERO if max(map(abs, v)) < ZERO_SHARE * PRESETS[study.publication.name].damping else t
+                for v, t in zip(values, trends, strict=True)
+            ]
         found[by] = (sum(t == claim['direction'] for t in trends), trends)
     if claim['coefficient'] == "I'":
         return _curves(found[GENETIC]), '-', '-', 'no: any value fits alike'
@@ -302,6 +344,10 @@ def _claim_remark(study: DecayStudy, claim: dict[str, Any]):
 
 
 CLAIMS = {
-    'least': _claim_least, 'next-step': _claim_next_step, 'trend': _claim_trend, 'decays': _claim_decays,
-    'larger': _claim_larger, 'remark': _claim_remark,
-}  # fmt: skip
+    'least': _claim_least,
+    'next-step': _claim_next_step,
+    'trend': _claim_trend,
+    'decays': _claim_decays,
+    'larger': _claim_larger,
+    'remark': _claim_remark,
+}

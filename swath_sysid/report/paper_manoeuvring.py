@@ -1,4 +1,5 @@
 """The page of the study of a catamaran's manoeuvring: printed and obtained values side by side, in its order."""
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -72,16 +73,22 @@ def _resemblance(study: ManoeuvringStudy):
 
 def _craft(study: ManoeuvringStudy):
     names = PARTICULARS | {
-        'height_m': 'height [m]', 'deduction': 'thrust deduction', 'moment_factor': 'moment factor',
-        'speed_m_s': 'speed of the prime system [m/s]', 'gyradius_over_length': 'yaw gyradius over length',
-        'lever_m': 'half the distance of the thrusters [m]', 'approach_s': 'approach [s]', 'turn_s': 'turn [s]',
-    }  # fmt: skip
+        'height_m': 'height [m]',
+        'deduction': 'thrust deduction',
+        'moment_factor': 'moment factor',
+        'speed_m_s': 'speed of the prime system [m/s]',
+        'gyradius_over_length': 'yaw gyradius over length',
+        'lever_m': 'half the distance of the thrusters [m]',
+        'approach_s': 'approach [s]',
+        'turn_s': 'turn [s]',
+    }
     content = study.content
     rows = [
         (names[key], f'{value:g}', how)
         for how, group in (('printed', content['craft'] | content['thrust']), ('assumed', content['assumed']))
-        for key, value in group.items() if key in names
-    ]  # fmt: skip
+        for key, value in group.items()
+        if key in names
+    ]
     rows += [
         (f'thrusts, {run} [N]', f'{port:g} port, {starboard:g} starboard', 'printed')
         for run, (port, starboard) in content['runs'].items()
@@ -109,11 +116,17 @@ def _derivatives(study: ManoeuvringStudy):
         for d in study.derivatives
     )
     columns = (
-        Column('derivative'), Column('printed', digits(5)), Column('simulated', digits(5)),
-        Column("study's method", digits(4)), Column('std', digits(2)), Column('ours', digits(4)),
-        Column('ours std', digits(2)), Column('range from', digits(4)), Column('to', digits(4)),
+        Column('derivative'),
+        Column('printed', digits(5)),
+        Column('simulated', digits(5)),
+        Column("study's method", digits(4)),
+        Column('std', digits(2)),
+        Column('ours', digits(4)),
+        Column('ours std', digits(2)),
+        Column('range from', digits(4)),
+        Column('to', digits(4)),
         Column('Mariner', digits(4)),
-    )  # fmt: skip
+    )
     marks = {(k, 4): 'beyond' for k, d in enumerate(study.derivatives) if d.std > abs(d.truth)}
     table = study.content['derivatives']['table']
     note = (
@@ -163,8 +176,14 @@ def _iterations(study: ManoeuvringStudy):
         names = [name for name in study.free if name.startswith(row)]
         for k, name in enumerate(names):
             values = study.iterations[:, study.free.index(name)]
-            axes.plot(values, color=SERIES[k % len(SERIES)], linestyle=LINE_STYLES[k // len(SERIES)], marker='o',
-                      markersize=3, label=name)  # fmt: skip
+            axes.plot(
+                values,
+                color=SERIES[k % len(SERIES)],
+                linestyle=LINE_STYLES[k // len(SERIES)],
+                marker='o',
+                markersize=3,
+                label=name,
+            )
         axes.axhline(1.0, color=MEASURED, linewidth=0.6)
         legend_below(axes)
         caption = f'As figure 6: parameters of {row} against iteration, in shares of what was simulated'
@@ -175,12 +194,19 @@ def _claims(study: ManoeuvringStudy):
     here, other = (_errors(study, run)[0] for run in FIGURE_OF_RUN)
     rows = (
         ('the simulated trajectory agrees with the measured one', f'to {here:.2g} m', 'yes'),
-        ('the model predicts another thrust', f'to {other:.2g} m, {other / here:.2g} times the error of its own run',
-         'yes' if other < 5.0 * here else 'in part'),
-        ('the parameters converge', f'after {len(study.iterations) - 1} iterations they hardly move, the free ones at '
-         f'{np.abs(study.iterations[-1] - 1.0).max():.0%} from the truth at most', 'not to the truth'),
+        (
+            'the model predicts another thrust',
+            f'to {other:.2g} m, {other / here:.2g} times the error of its own run',
+            'yes' if other < 5.0 * here else 'in part',
+        ),
+        (
+            'the parameters converge',
+            f'after {len(study.iterations) - 1} iterations they hardly move, the free ones at '
+            f'{np.abs(study.iterations[-1] - 1.0).max():.0%} from the truth at most',
+            'not to the truth',
+        ),
         ('twelve derivatives are identified', f'{len(_unknown(study))} are not determined by the turn', 'no'),
-    )  # fmt: skip
+    )
     marks = {(k, 2): 'best' if row[2] == 'yes' else 'beyond' for k, row in enumerate(rows)}
     columns = Column('the study concludes'), Column('here'), Column('holds here')
     return Table('claims', 'Conclusions of the study, and whether they hold here', '', columns, rows, marks)

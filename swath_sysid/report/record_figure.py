@@ -1,4 +1,5 @@
 """The picture of a record: the motion with its decays and gaps, and its spectrum."""
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -51,9 +52,13 @@ def _draw_motion(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment])
         axes.axvspan(decay.start, decay.end, color=BAND, alpha=0.35, linewidth=0)
         _draw_turning_points(axes, motion, decay)
         axes.text(
-            decay.start, 0.985, f' decay {index + 1}: {decay.cycles:.1f} cycles of {decay.period:.2f} s',
-            transform=axes.get_xaxis_transform(), va='top', fontsize='small',
-        )  # fmt: skip
+            decay.start,
+            0.985,
+            f' decay {index + 1}: {decay.cycles:.1f} cycles of {decay.period:.2f} s',
+            transform=axes.get_xaxis_transform(),
+            va='top',
+            fontsize='small',
+        )
     # Room for the words above the motion.
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.1 * (high - low) if decays else high)
@@ -90,9 +95,7 @@ def _draw_spectrum(axes: Axes, motion: AxisMotion, decays: Sequence[DecaySegment
     from scipy.signal import welch
 
     length = int(np.clip(SPECTRUM_PERIODS * period / signal.interval, 16, signal.value.size))
-    frequency, density = welch(
-        signal.value, 1.0 / signal.interval, nperseg=length, nfft=4 * length, detrend='linear'
-    )
+    frequency, density = welch(signal.value, 1.0 / signal.interval, nperseg=length, nfft=4 * length, detrend='linear')
     shown = slice(1, max(3, int(np.searchsorted(frequency, SPECTRUM_REACH / period))))
     axes.plot(frequency[shown], density[shown] / density[shown].max(), color=SERIES[0])
     for decay in decays[:1]:

@@ -1,4 +1,5 @@
 """What is in a record, in words and in plain data."""
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -20,17 +21,19 @@ if TYPE_CHECKING:
 def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     """What ``inspect --json`` prints of a whole record and the motions of it that are to be described."""
     interval = float(np.median(np.diff(trial.time)))
-    return finite_or_none({
-        'source': trial.source,
-        'samples': int(trial.time.size),
-        'start_s': float(trial.time[0]),
-        'end_s': float(trial.time[-1]),
-        'rate_hz': 1.0 / interval,
-        'longest_interval_s': float(np.diff(trial.time).max()),
-        'channels': list(trial.channels),
-        'axes': {motion.axis: _axis_as_data(motion) for motion in motions},
-        **warnings_as_data(trial.advice),
-    })  # fmt: skip
+    return finite_or_none(
+        {
+            'source': trial.source,
+            'samples': int(trial.time.size),
+            'start_s': float(trial.time[0]),
+            'end_s': float(trial.time[-1]),
+            'rate_hz': 1.0 / interval,
+            'longest_interval_s': float(np.diff(trial.time).max()),
+            'channels': list(trial.channels),
+            'axes': {motion.axis: _axis_as_data(motion) for motion in motions},
+            **warnings_as_data(trial.advice),
+        }
+    )
 
 
 def _axis_as_data(motion: AxisMotion):
@@ -61,9 +64,7 @@ def _axis_as_data(motion: AxisMotion):
     }
 
 
-def record_in_words(
-    trial: Trial, motions: Sequence[AxisMotion], worded: Callable[[str, str], str]
-) -> list[str]:
+def record_in_words(trial: Trial, motions: Sequence[AxisMotion], worded: Callable[[str, str], str]) -> list[str]:
     """Lines for a reader; see `record_as_data`.
 
     ``worded`` makes of the code and the message of an advice what the reader is to see.

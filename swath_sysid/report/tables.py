@@ -1,4 +1,5 @@
 """Tables: their values, and how they are shown to people and to other programs."""
+
 import csv
 import io
 import math

@@ -64,12 +64,14 @@ def render(state: ViewState) -> Group:
     )
     return Group(
         Panel(
-            chart(state), title=f'{state.title}: {state.stage}', border_style='cyan',
+            chart(state),
+            title=f'{state.title}: {state.stage}',
+            border_style='cyan',
             subtitle=f'[white]●[/] measured  [green]•[/] forecast {state.drawn_lead:g} s before',
         ),
         lower,
         Panel(_diagnostics(state), title='diagnostics', border_style='cyan'),
-    )  # fmt: skip
+    )
 
 
 def chart(state: ViewState) -> Text:
@@ -82,8 +84,9 @@ def chart(state: ViewState) -> Text:
     for row in cells:
         row[present] = '│'
     for times, angles, mark in (
-        (state.forecast_time, state.forecast_angle, '•'), (state.time, state.angle, '●'),
-    ):  # fmt: skip
+        (state.forecast_time, state.forecast_angle, '•'),
+        (state.time, state.angle, '●'),
+    ):
         for time, angle in zip(times, angles, strict=True):
             column = int((time - begin) * per_second)
             height = angle / state.scale
@@ -113,9 +116,10 @@ def _forecasts(state: ViewState):
     table.add_row(Text('ahead', 'dim'), Text('forecast', 'dim'), Text('lately wrong by', 'dim'))
     for lead, angle, error in state.leads:
         table.add_row(
-            f'{lead:g} s', '' if angle != angle else f'{math.degrees(angle):+7.2f}°',
+            f'{lead:g} s',
+            '' if angle != angle else f'{math.degrees(angle):+7.2f}°',
             '' if error != error else f'{math.degrees(error):6.2f}°',
-        )  # fmt: skip
+        )
     return table
 
 

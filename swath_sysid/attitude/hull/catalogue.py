@@ -147,31 +147,49 @@ PUBLISHED_HULLS = {
     hull.name: hull
     for hull in (
         _from_form(
-            'swath-pitch', 'pitch', 'swath-pitch-2',
+            'swath-pitch',
+            'pitch',
+            'swath-pitch-2',
             'SWATH model, L 1.26 m, 30 kg, pitch from 6 deg at design draft; inertia not published, 0.09 assumed',
             PublishedForm(
-                inertia=0.09, linear_damping=0.137953966 / 2, quadratic_damping=0.006320314,
-                c1=8.704769096, c2=1.744499553, c3=0.910961951,
+                inertia=0.09,
+                linear_damping=0.137953966 / 2,
+                quadratic_damping=0.006320314,
+                c1=8.704769096,
+                c2=1.744499553,
+                c3=0.910961951,
             ),
             0.02319572,
         ),
         _from_form(
-            'swath-roll', 'roll', 'swath-roll-3',
+            'swath-roll',
+            'roll',
+            'swath-roll-3',
             'SWATH model, L 1.26 m, 60 kg, roll from 5 deg at design draft',
             PublishedForm(
-                inertia=0.080320655, linear_damping=0.000247681, quadratic_damping=0.981940173,
-                cubic_damping=2.615040557, c1=3.663245158, c2=0.498282369,
+                inertia=0.080320655,
+                linear_damping=0.000247681,
+                quadratic_damping=0.981940173,
+                cubic_damping=2.615040557,
+                c1=3.663245158,
+                c2=0.498282369,
             ),
             0.007095983,
         ),
         PublishedHull(
-            'hydrofoil-pitch', 'pitch', 'planing hydrofoil craft, L 1.50 m, 34.55 kg, pitch from 3 deg at design draft',
+            'hydrofoil-pitch',
+            'pitch',
+            'planing hydrofoil craft, L 1.50 m, 34.55 kg, pitch from 3 deg at design draft',
             DecayModel.from_terms(
                 EQUATIONS['hydrofoil-pitch-1'],
                 {
-                    'b1': 8.79129395, 'b2': 0.00850162, 'b3': 0.04839175,
+                    'b1': 8.79129395,
+                    'b2': 0.00850162,
+                    'b3': 0.04839175,
                     # printed from the cube down: 56.8982143 stands on the cube, 32.953354 on the first power
-                    'r3': 56.8982143, 'r2': 130.820453, 'r1': 32.953354,
+                    'r3': 56.8982143,
+                    'r2': 130.820453,
+                    'r1': 32.953354,
                 },
                 axis='pitch',
             ),
@@ -179,16 +197,23 @@ PUBLISHED_HULLS = {
             0.019560,
         ),
         _from_form(
-            'swath-usv-pitch', 'pitch', 'swath-usv-pitch-1',
+            'swath-usv-pitch',
+            'pitch',
+            'swath-usv-pitch-1',
             'SWATH-USV model, L 1.2 m, 35 kg, pitch from 5 deg at design draft',
             PublishedForm(
-                inertia=0.0937801, linear_damping=0.0950886, quadratic_damping=0.0132637, cubic_damping=0.0046185,
-                c1=0.8210960, c2=0.0015652, c3=0.6977489,
+                inertia=0.0937801,
+                linear_damping=0.0950886,
+                quadratic_damping=0.0132637,
+                cubic_damping=0.0046185,
+                c1=0.8210960,
+                c2=0.0015652,
+                c3=0.6977489,
             ),
             0.009069221,
         ),
     )
-}  # fmt: skip
+}
 
 
 def hull_named(name: str) -> PublishedHull:

@@ -1,4 +1,5 @@
 """The numbers of identified models in one table."""
+
 from collections.abc import Mapping
 
 import numpy as np

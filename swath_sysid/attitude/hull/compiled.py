@@ -11,7 +11,12 @@ restoring_slope = accelerated(terms.restoring_slope)
 
 
 def step_of_arrays(
-    x: Value, rate: Value, moment: float, step: float, ratios: Value, active: tuple[bool, ...],
+    x: Value,
+    rate: Value,
+    moment: float,
+    step: float,
+    ratios: Value,
+    active: tuple[bool, ...],
     friction_rate: float,
 ) -> tuple[Value, Value, Value]:
     """One classical Runge-Kutta step of a hull under a held moment.
@@ -37,7 +42,7 @@ def step_of_arrays(
         Before the step, rad/s^2.
     x, rate : float or ndarray
         After it.
-    """  # fmt: skip
+    """
     half, sixth = 0.5 * step, step / 6.0
     a1 = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
     w2 = rate + half * a1

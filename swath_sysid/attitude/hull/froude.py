@@ -58,8 +58,9 @@ def length_ratio(text: str) -> Fraction:
     if not size > 0.0:
         raise InputError(f'the length ratio must be greater than zero, not {shown}')
     if ratio is None:
-        raise InputError(f'the length ratio {shown} is beyond any craft: it must lie within 1/{LARGEST_RATIO} and '
-                         f'{LARGEST_RATIO}')  # fmt: skip
+        raise InputError(
+            f'the length ratio {shown} is beyond any craft: it must lie within 1/{LARGEST_RATIO} and {LARGEST_RATIO}'
+        )
     return ratio
 
 

@@ -19,6 +19,7 @@ LARGEST_DAMPING = 4.0 * _FASTEST
 FRICTION_RATES = (1e-6, 100.0)
 """rad/s; of the smoothing of dry friction."""
 
+
 def _either_way(size: float) -> tuple[float, float]:
     return -size, size
 

@@ -38,7 +38,12 @@ class SensorNoise:
 
 
 def simulated_trial(
-    model: DecayModel, initial_angle: float, duration: float, rate_hz: float, noise: SensorNoise, seed: int,
+    model: DecayModel,
+    initial_angle: float,
+    duration: float,
+    rate_hz: float,
+    noise: SensorNoise,
+    seed: int,
     hold: float = 0.0,
 ) -> Trial:
     """A free decay, released at rest from an initial angle, at even samples.
@@ -69,7 +74,7 @@ def simulated_trial(
     ------
     InputError
         Too few or too many samples, or the motion runs away from that angle.
-    """  # fmt: skip
+    """
     if not (duration > 0.0 and rate_hz > 0.0 and hold >= 0.0):
         raise InputError('duration and rate must be greater than zero, hold not negative')
     count = int(round((hold + duration) * rate_hz))

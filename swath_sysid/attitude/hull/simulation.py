@@ -16,26 +16,45 @@ _SWING = np.linspace(-1.0, 1.0, 33)
 
 @accelerated
 def _one_by_one(
-    x: np.ndarray, rate: np.ndarray, ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, step: float,
-    angles: np.ndarray, rates: np.ndarray, accelerations: np.ndarray,
+    x: np.ndarray,
+    rate: np.ndarray,
+    ratios: np.ndarray,
+    active: tuple[bool, ...],
+    friction_rate: float,
+    step: float,
+    angles: np.ndarray,
+    rates: np.ndarray,
+    accelerations: np.ndarray,
 ) -> None:
     """All candidates step by step, each in registers: without temporary arrays twice as fast, compiled."""
     x, rate = x.copy(), rate.copy()
     for k in range(angles.shape[0]):
         for p in range(x.size):
             column = (
-                ratios[0, p], ratios[1, p], ratios[2, p], ratios[3, p], ratios[4, p], ratios[5, p], ratios[6, p],
-                ratios[7, p], ratios[8, p],
-            )  # fmt: skip
-            angles[k, p], rates[k, p] = x[p], rate[p]
-            accelerations[k, p], x[p], rate[p] = motion_step(
-                x[p], rate[p], 0.0, step, column, active, friction_rate
+                ratios[0, p],
+                ratios[1, p],
+                ratios[2, p],
+                ratios[3, p],
+                ratios[4, p],
+                ratios[5, p],
+                ratios[6, p],
+                ratios[7, p],
+                ratios[8, p],
             )
+            angles[k, p], rates[k, p] = x[p], rate[p]
+            accelerations[k, p], x[p], rate[p] = motion_step(x[p], rate[p], 0.0, step, column, active, friction_rate)
 
 
 def _side_by_side(
-    x: np.ndarray, rate: np.ndarray, ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, step: float,
-    angles: np.ndarray, rates: np.ndarray, accelerations: np.ndarray,
+    x: np.ndarray,
+    rate: np.ndarray,
+    ratios: np.ndarray,
+    active: tuple[bool, ...],
+    friction_rate: float,
+    step: float,
+    angles: np.ndarray,
+    rates: np.ndarray,
+    accelerations: np.ndarray,
 ) -> None:
     """All candidates at once: what plain Python is fast at."""
     rows = tuple(ratios)
@@ -45,7 +64,12 @@ def _side_by_side(
 
 
 def runge_kutta_population(
-    x: np.ndarray, rate: np.ndarray, ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, step: float,
+    x: np.ndarray,
+    rate: np.ndarray,
+    ratios: np.ndarray,
+    active: tuple[bool, ...],
+    friction_rate: float,
+    step: float,
     steps: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integrate P free decays side by side with the classical Runge-Kutta scheme.
@@ -69,7 +93,7 @@ def runge_kutta_population(
     -------
     angles, rates, accelerations : ndarray, shape (steps + 1, P)
         Not finite from where a candidate has run away.
-    """  # fmt: skip
+    """
     angles, rates, accelerations = (np.empty((steps + 1, x.size)) for _ in range(3))
     # one step, two loops: compiled code is fast in registers, numpy on whole rows
     integrate = _one_by_one if HAS_NUMBA else _side_by_side
@@ -93,12 +117,14 @@ def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
         For the value before, the slope before, the value after and the slope after.
     """
     t = fraction
-    return np.array([
-        (1 + 2 * t) * (1 - t) ** 2,
-        t * (1 - t) ** 2 * step,
-        t**2 * (3 - 2 * t),
-        t**2 * (t - 1) * step,
-    ])  # fmt: skip
+    return np.array(
+        [
+            (1 + 2 * t) * (1 - t) ** 2,
+            t * (1 - t) ** 2 * step,
+            t**2 * (3 - 2 * t),
+            t**2 * (t - 1) * step,
+        ]
+    )
 
 
 def interpolate(values: np.ndarray, slopes: np.ndarray, before: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -169,9 +195,14 @@ def simulate(model: DecayModel, angle: float, rate: float, time: np.ndarray) -> 
     before, weights, steps = places_in_steps(elapsed, step)
     with np.errstate(over='ignore', invalid='ignore'):
         angles, rates, accelerations = runge_kutta_population(
-            np.array([angle - model.trim], dtype=float), np.array([rate], dtype=float),
-            model.ratios[:, None], model.equation.active, model.friction_rate, step, steps,
-        )  # fmt: skip
+            np.array([angle - model.trim], dtype=float),
+            np.array([rate], dtype=float),
+            model.ratios[:, None],
+            model.equation.active,
+            model.friction_rate,
+            step,
+            steps,
+        )
         return (
             interpolate(angles, rates, before, weights)[:, 0] + model.trim,
             interpolate(rates, accelerations, before, weights)[:, 0],

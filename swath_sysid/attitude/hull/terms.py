@@ -26,9 +26,16 @@ TERM_NAMES = DAMPING_NAMES + RESTORING_NAMES
 TERM_INDEX = {name: index for index, name in enumerate(TERM_NAMES)}
 
 RATIO_UNITS = {
-    'b0': 'rad/s^2', 'b1': '1/s', 'b2': '1/rad', 'b3': 's/rad^2',
-    'r1': '1/s^2', 'r2': '1/(rad s^2)', 'r3': '1/(rad^2 s^2)', 's1': 'rad/s^2', 's2': 'rad/s^2',
-}  # fmt: skip
+    'b0': 'rad/s^2',
+    'b1': '1/s',
+    'b2': '1/rad',
+    'b3': 's/rad^2',
+    'r1': '1/s^2',
+    'r2': '1/(rad s^2)',
+    'r3': '1/(rad^2 s^2)',
+    's1': 'rad/s^2',
+    's2': 'rad/s^2',
+}
 
 B0, B1, B2, B3, R1, R2, R3, S1, S2 = range(9)
 
@@ -131,7 +138,16 @@ def term_moments(x: np.ndarray | float, rate: np.ndarray | float, friction_rate:
         The model is linear in its ratios: ``acceleration = -ratios @ term_moments``.
     """
     sine = np.sin(x)
-    return np.array([
-        np.tanh(rate / friction_rate), rate, np.abs(rate) * rate, rate**3,
-        x, x**2, x**3, sine, sine**2,
-    ])  # fmt: skip
+    return np.array(
+        [
+            np.tanh(rate / friction_rate),
+            rate,
+            np.abs(rate) * rate,
+            rate**3,
+            x,
+            x**2,
+            x**3,
+            sine,
+            sine**2,
+        ]
+    )

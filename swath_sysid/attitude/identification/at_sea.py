@@ -18,6 +18,7 @@ record in one sea does not show how the damping depends on the amplitude, so wha
 *equivalent linear hull at the record's amplitude*: that of the harmonic motion with the same standard
 deviation, sqrt(2) std, by `hull.amplitude`.
 """
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -55,8 +56,13 @@ MIN_WAVES = 50
 """Peak periods that a record must hold."""
 
 PARAMETERS = (
-    'log frequency', 'log damping', 'quadratic damping', 'quadratic restoring', 'cubic restoring', 'log level'
-)  # fmt: skip
+    'log frequency',
+    'log damping',
+    'quadratic damping',
+    'quadratic restoring',
+    'cubic restoring',
+    'log level',
+)
 """Of hull and level; those of the sea's shape follow."""
 _FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(6)
 _PRIOR_STD = (1.0, 1.2, 0.5, 0.3, 0.1, np.inf)
@@ -249,9 +255,15 @@ def is_at_sea(identified: IdentifiedModel) -> bool:
 
 
 def identify_at_sea(
-    motion: AxisMotion, heave: Heave | None = None, start: float | None = None, end: float | None = None, *,
-    searched: bool = False, progress: Progress | None = None, should_cancel: ShouldCancel | None = None,
-) -> AtSeaIdentification:  # fmt: skip
+    motion: AxisMotion,
+    heave: Heave | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    *,
+    searched: bool = False,
+    progress: Progress | None = None,
+    should_cancel: ShouldCancel | None = None,
+) -> AtSeaIdentification:
     """Natural period and equivalent linear damping from a record in waves.
 
     Parameters
@@ -451,7 +463,7 @@ class _Fit:
         needed = self.spectra.matrices @ own @ own
         stiffness = (own[2] - w**2) ** 2 + (own[1] * w) ** 2
         level = np.exp(np.clip(parameters[_LEVEL], -60.0, 60.0))
-        given = level * self.waves.spectrum(w, parameters[len(PARAMETERS):])
+        given = level * self.waves.spectrum(w, parameters[len(PARAMETERS) :])
         return needed, given + stiffness * self.noise, stiffness
 
     def __call__(self, parameters: np.ndarray):
@@ -480,19 +492,21 @@ class _Fit:
         from scipy.optimize import minimize
 
         result = minimize(
-            lambda rest: self(np.concatenate([fixed, rest])), start[fixed.size:], method='BFGS',
+            lambda rest: self(np.concatenate([fixed, rest])),
+            start[fixed.size :],
+            method='BFGS',
             options={'gtol': 1e-2, 'maxiter': 300},
-        )  # fmt: skip
+        )
         result.x = np.concatenate([fixed, result.x])
         return result
 
     def _starts(self):
         for waves in self.waves.starts():
             for factor in _FREQUENCY_STARTS:
-                start = np.concatenate([self.prior[:len(PARAMETERS)], waves])
+                start = np.concatenate([self.prior[: len(PARAMETERS)], waves])
                 start[_FREQUENCY] += np.log(factor)
                 if self.held is not None:
-                    start[:self.held.size] = self.held
+                    start[: self.held.size] = self.held
                 needed, given, _ = self.parts(start)
                 start[_LEVEL] = np.log(np.average(needed / given, weights=self.spectra.counts * self.spectra.angle))
                 yield start
@@ -501,9 +515,14 @@ class _Fit:
         """Ratios (9,) of the nonlinear hull about its angle of rest."""
         one, b, r, quadratic, even, cubic = self.weights(parameters)
         s, q, x = self.sea.angle_std, self.sea.rate_std, self.sea.angle
-        restoring = np.polynomial.Polynomial([
-            -even * s - cubic * np.mean(x**3) / s**2, r - 3.0 * cubic, even / s, cubic / s**2,
-        ])  # fmt: skip
+        restoring = np.polynomial.Polynomial(
+            [
+                -even * s - cubic * np.mean(x**3) / s**2,
+                r - 3.0 * cubic,
+                even / s,
+                cubic / s**2,
+            ]
+        )
         rest = 0.0
         for _ in range(5):
             slope = restoring.deriv()(rest)
@@ -638,8 +657,11 @@ def _estimate_with_covariance(fit: _Fit, modes: Sequence[Any], inflation: float)
     logs = fit.estimate(best.x)
     covariance = slopes @ within @ slopes.T
     depths = np.array([(mode.fun - best.fun) / inflation for mode in modes])
-    likely = [(np.exp(-depth), fit.estimate(mode.x) - logs) for depth, mode in zip(depths, modes, strict=True)
-              if depth < _MODE_DEPTH]
+    likely = [
+        (np.exp(-depth), fit.estimate(mode.x) - logs)
+        for depth, mode in zip(depths, modes, strict=True)
+        if depth < _MODE_DEPTH
+    ]
     # optima reached twice are one
     apart: list[tuple] = []
     for weight, shift in likely:
@@ -681,33 +703,48 @@ def _free_decay(model: DecayModel, level: float, lag: np.ndarray):
 
 
 def _advice(
-    holds_decay: bool, sea: SeaMotion, period: float, damping: float, covariance: np.ndarray, misfit: float,
-    peak_period: float, amplitude: float,
-):  # fmt: skip
+    holds_decay: bool,
+    sea: SeaMotion,
+    period: float,
+    damping: float,
+    covariance: np.ndarray,
+    misfit: float,
+    peak_period: float,
+    amplitude: float,
+):
     degrees = np.degrees(amplitude)
-    found = [Advice(
-        'equivalent-linear',
-        f'from motion in waves only the equivalent linear damping at an amplitude of {degrees:.2g} deg is known, not '
-        'how it depends on the amplitude: for larger motions record a free decay in still water',
-    )]  # fmt: skip
+    found = [
+        Advice(
+            'equivalent-linear',
+            f'from motion in waves only the equivalent linear damping at an amplitude of {degrees:.2g} deg is known, '
+            'not how it depends on the amplitude: for larger motions record a free decay in still water',
+        )
+    ]
     period_spread, damping_spread = np.sqrt(np.diag(covariance)) / (period, damping)
     if holds_decay:
-        found.append(Advice(
-            'holds-decay',
-            'there is a free decay in this record, which says more about the hull: identify it as one',
-        ))  # fmt: skip
+        found.append(
+            Advice(
+                'holds-decay',
+                'there is a free decay in this record, which says more about the hull: identify it as one',
+            )
+        )
     if period_spread > PERIOD_WANTED or damping_spread > DAMPING_WANTED:
-        found.append(Advice(
-            'sea-hides-hull',
-            f'the sea (peak period {peak_period:.3g} s) says little of the hull (period to {100 * period_spread:.1f} '
-            f'%, damping to {100 * damping_spread:.0f} %): record longer than {sea.duration / 60:.0f} minutes, on '
-            'another heading or in another sea, or record a free decay in still water',
-        ))  # fmt: skip
+        found.append(
+            Advice(
+                'sea-hides-hull',
+                f'the sea (peak period {peak_period:.3g} s) says little of the hull (period to '
+                f'{100 * period_spread:.1f} %, damping to {100 * damping_spread:.0f} %): record longer than '
+                f'{sea.duration / 60:.0f} minutes, on another heading or in another sea, or record a free decay in '
+                'still water',
+            )
+        )
     if misfit > POOR_FIT:
-        found.append(Advice(
-            'sea-not-fitted',
-            f'no single sea explains the motion (misfit {misfit:.1f} instead of 1; the uncertainty is widened for '
-            'it): swell beside wind waves, a mooring, a changing speed or a helm may be in it; give start and end of a '
-            'stretch on a steady course, or record a free decay in still water',
-        ))  # fmt: skip
+        found.append(
+            Advice(
+                'sea-not-fitted',
+                f'no single sea explains the motion (misfit {misfit:.1f} instead of 1; the uncertainty is widened for '
+                'it): swell beside wind waves, a mooring, a changing speed or a helm may be in it; give start and end '
+                'of a stretch on a steady course, or record a free decay in still water',
+            )
+        )
     return tuple(found)

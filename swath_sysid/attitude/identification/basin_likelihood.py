@@ -194,9 +194,13 @@ class BasinLikelihood:
     """
 
     def __init__(
-        self, motions: Sequence[AxisMotion], states: Sequence[InitialState], equation: Equation, scales: Scales,
+        self,
+        motions: Sequence[AxisMotion],
+        states: Sequence[InitialState],
+        equation: Equation,
+        scales: Scales,
         friction_rate: float,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._records = [BlockedRecord.of(m, scales.frequency) for m in motions]
         self._active = equation.active
         self._names = equation.terms
@@ -209,22 +213,35 @@ class BasinLikelihood:
         amplitude, rate = scales.amplitude, scales.rate
         angle_noise = _white([m.angle for m in motions], MIN_NOISE * amplitude)
         rate_noise = _white([m.rate for m in motions], MIN_NOISE * rate)
-        self._floor = MODEL_FLOOR * np.array([
-            max((float(np.std(v)) for v in channel if v is not None), default=0.0)
-            for channel in ([m.angle for m in motions], [m.rate for m in motions])
-        ])  # fmt: skip
+        self._floor = MODEL_FLOOR * np.array(
+            [
+                max((float(np.std(v)) for v in channel if v is not None), default=0.0)
+                for channel in ([m.angle for m in motions], [m.rate for m in motions])
+            ]
+        )
         period = 2.0 * np.pi / scales.frequency
-        self._basin_units = np.array([
-            scales.frequency * rate, scales.frequency, 1.0, 1.0, angle_noise, rate_noise, angle_noise, period,
-            rate_noise, period, amplitude / np.sqrt(period),
-        ])  # fmt: skip
+        self._basin_units = np.array(
+            [
+                scales.frequency * rate,
+                scales.frequency,
+                1.0,
+                1.0,
+                angle_noise,
+                rate_noise,
+                angle_noise,
+                period,
+                rate_noise,
+                period,
+                amplitude / np.sqrt(period),
+            ]
+        )
         self._state_units = np.array([amplitude, rate, amplitude])
         n, m = self._terms.size, len(self._records)
         expected = np.array([1.0 if name in ('r1', 's1') else 0.0 for name in equation.terms])
         self._prior_mean = np.concatenate([expected, [m for _, m, _ in BASIN_PRIORS], self._first_states(states)])
-        self._prior_std = np.concatenate([
-            np.full(n, RATIO_PRIOR), [s for _, _, s in BASIN_PRIORS], np.full(3 * m, STATE_PRIOR)
-        ])  # fmt: skip
+        self._prior_std = np.concatenate(
+            [np.full(n, RATIO_PRIOR), [s for _, _, s in BASIN_PRIORS], np.full(3 * m, STATE_PRIOR)]
+        )
         self._shared = n + len(BASIN_PRIORS)
 
     @property
@@ -252,10 +269,12 @@ class BasinLikelihood:
 
     def _first_states(self, states: Sequence[InitialState]):
         """States (3 M,) in the middle of each first block, dimensionless."""
-        return np.concatenate([
-            np.array([s.x + 0.5 * r.step * s.rate, s.rate, s.trim]) / self._state_units
-            for s, r in zip(states, self._records, strict=True)
-        ])  # fmt: skip
+        return np.concatenate(
+            [
+                np.array([s.x + 0.5 * r.step * s.rate, s.rate, s.trim]) / self._state_units
+                for s, r in zip(states, self._records, strict=True)
+            ]
+        )
 
     def unpack(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ratios (9,), basin parameters (11,) and initial states (M, 3) of parameters, or of B of them."""
@@ -278,9 +297,19 @@ class BasinLikelihood:
         record = self._records[index]
         ratios, basin, states = self.unpack(points)
         found = innovations(
-            ratios.T, self._active, self._friction_rate, basin.T, states[:, index].T, BIAS_PRIOR, self._floor,
-            record.step, record.bend, record.angle, record.rate, record.counts,
-        )  # fmt: skip
+            ratios.T,
+            self._active,
+            self._friction_rate,
+            basin.T,
+            states[:, index].T,
+            BIAS_PRIOR,
+            self._floor,
+            record.step,
+            record.bend,
+            record.angle,
+            record.rate,
+            record.counts,
+        )
         return found.reshape(2, -1, len(points))
 
     def evaluate(self, points: Sequence[np.ndarray] | np.ndarray) -> list[Evaluation]:
@@ -395,9 +424,7 @@ class BasinLikelihood:
         n, units = self.term_count, self._ratio_units
         z, covariance = self._posterior(optima)
         std = np.sqrt(np.diag(covariance)[:n])
-        intervals = np.array([
-            interval(*row) for row in zip(z[:n], std, self._bounded, strict=True)
-        ])  # fmt: skip
+        intervals = np.array([interval(*row) for row in zip(z[:n], std, self._bounded, strict=True)])
         found_ratios, basin, states = self.unpack(z)
         normalised = tuple(
             np.where(r.counts > 0.0, (e / np.sqrt(s)).reshape(-1, 2), np.nan)
@@ -480,9 +507,7 @@ class BasinLikelihood:
         return best.z, covariance
 
 
-def scoring(
-    z: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> Generator[np.ndarray, Evaluation, Evaluation]:
+def scoring(z: np.ndarray, low: np.ndarray, high: np.ndarray) -> Generator[np.ndarray, Evaluation, Evaluation]:
     """Fisher's scoring with Levenberg's damping, within bounds: yields points, is sent the `Evaluation` of each.
 
     Near the optimum it learns from the gradients what of the curvature is not expected of the model but of this record

@@ -10,6 +10,7 @@ Damping takes the energy of b1 w + b2 |w| w + b3 w^3 over half a cycle of cos, s
 motion p1 = pi b1 / (2 w), p2 = 4/3 b2, p3 = 3/8 pi w b3. For the linear term the exact relation stands in place of
 the first: p1 = 2 tanh(b1 T / 8).
 """
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -194,7 +195,11 @@ def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
     coefficients[:terms], covariance[:terms, :terms] = _fitted(peaks, range(1, terms + 1))
     (bertin,), ((bertin_variance,),) = _fitted(peaks, [2])
     return Extinction(
-        peaks, coefficients, covariance, float(bertin), float(np.sqrt(bertin_variance)),
+        peaks,
+        coefficients,
+        covariance,
+        float(bertin),
+        float(np.sqrt(bertin_variance)),
         float(np.average(period, weights=amplitude)),
     )
 
@@ -249,9 +254,7 @@ class Particulars:
 
         Roll: rho V B^2 sqrt(2 g / B) (ITTC 7.5-02-07-04.5); pitch: rho V L^2 sqrt(g / L).
         """
-        size, gravity = (
-            (self.breadth, 2.0 * STANDARD_GRAVITY) if axis == 'roll' else (self.length, STANDARD_GRAVITY)
-        )
+        size, gravity = (self.breadth, 2.0 * STANDARD_GRAVITY) if axis == 'roll' else (self.length, STANDARD_GRAVITY)
         if self.mass is None or size is None:
             return None
         return self.mass * size**2 * np.sqrt(gravity / size)
@@ -333,9 +336,14 @@ _BOTH = ('frequency', 'damping_ratio')
 
 
 def tank_quantities(
-    axis: str, bands: AmplitudeBands, amplitude: float, inertia: float | None, particulars: Particulars, type_b: TypeB,
+    axis: str,
+    bands: AmplitudeBands,
+    amplitude: float,
+    inertia: float | None,
+    particulars: Particulars,
+    type_b: TypeB,
     repeats: Sequence[AmplitudeBands] = (),
-) -> tuple[TankQuantity, ...]:  # fmt: skip
+) -> tuple[TankQuantity, ...]:
     """Natural period, damping ratio and equivalent damping at one amplitude, each with its budget.
 
     Parameters
@@ -384,7 +392,9 @@ def _with_budget(row: tuple, bands: AmplitudeBands, amplitude: float, type_b: Ty
     shares = {source: power * getattr(type_b, source) for source, power in exponents.items()}
     shares['sensor_scale'] = type_b.sensor_scale * sum(_slope_at(bands, q, amplitude) for q in depends_on)
     return TankQuantity(
-        name, unit, value,
+        name,
+        unit,
+        value,
         fit=abs(value) * float(np.linalg.norm(relative)),
         repeats=float(np.std(singles, ddof=1) / np.sqrt(len(singles))) if len(singles) > 1 else float('nan'),
         type_b={source: abs(value * share) for source, share in shares.items() if share},

@@ -1,4 +1,5 @@
 """Whether a fit can be used: adequate, doubtful or refused, in one sentence with the cause and the cure."""
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -91,80 +92,112 @@ def judge(found: 'Identification') -> Verdict:
     for level, causes in ((REFUSED, _refusals(found)), (DOUBTFUL, _doubts(found))):
         for code, sentence in causes:
             return Verdict(level, code, sentence)
-    return Verdict(ADEQUATE, 'adequate', (
-        f'the motion is explained to {found.r2:.2%}, and what is left is the noise of the sensor and of the basin'
-    ))
+    return Verdict(
+        ADEQUATE,
+        'adequate',
+        (f'the motion is explained to {found.r2:.2%}, and what is left is the noise of the sensor and of the basin'),
+    )
 
 
 def _refusals(found: 'Identification'):
     mismatch = max(rate_mismatch(r.motion, r.segment.period) for r in found.records)
     if mismatch > MAX_RATE_MISMATCH:
-        yield 'angle-against-rate', (
-            f'the measured rate differs from the slope of the measured angle by {mismatch:.0%} of itself: check unit, '
-            'sign and delay of both columns'
+        yield (
+            'angle-against-rate',
+            (
+                f'the measured rate differs from the slope of the measured angle by {mismatch:.0%} of itself: check '
+                'unit, sign and delay of both columns'
+            ),
         )
     for quantity in ('angle', 'rate'):
         pairs = [
             (getattr(record.motion, quantity), getattr(record, quantity))
-            for record in found.records if getattr(record.motion, quantity) is not None
+            for record in found.records
+            if getattr(record.motion, quantity) is not None
         ]
         if pairs:
             yield from _poor(quantity, pairs, found)
     if found.model.natural_period > LONGEST_PERIOD:
-        yield 'implausible-period', (
-            f'the natural period came out as {found.model.natural_period:.4g} s, more than '
-            f'{LONGEST_PERIOD:g} s: check the unit of the time column, which may count milliseconds (time_ms) or '
-            f'samples (time_samples)'
+        yield (
+            'implausible-period',
+            (
+                f'the natural period came out as {found.model.natural_period:.4g} s, more than '
+                f'{LONGEST_PERIOD:g} s: check the unit of the time column, which may count milliseconds (time_ms) or '
+                f'samples (time_samples)'
+            ),
         )
 
 
 def _doubts(found: 'Identification'):
     absent = found.absent_term
     if absent is not None:
-        yield 'absent-term', (
-            f'{found.model.equation.name} lacks a term that the motion shows ({absent.name}, {absent.significance:.0f} '
-            f'standard deviations from zero), and its other coefficients bend to make up for it: add {absent.name}, or '
-            'compare equations'
+        yield (
+            'absent-term',
+            (
+                f'{found.model.equation.name} lacks a term that the motion shows ({absent.name}, '
+                f'{absent.significance:.0f} standard deviations from zero), and its other coefficients bend to make '
+                f'up for it: add {absent.name}, or compare equations'
+            ),
         )
     rival = found.rival
     if rival is not None and rival.widening > MAX_WIDENING:
-        yield 'equation-open', (
-            f'{rival.name} explains the motion about as well, with a natural period of {rival.natural_period:.4g} s '
-            f'where {found.model.equation.name} has {found.model.natural_period:.4g} s, and either choice bends the '
-            'other coefficients: release from a larger angle, or repeat the trial, until one of them is ruled out'
+        yield (
+            'equation-open',
+            (
+                f'{rival.name} explains the motion about as well, with a natural period of {rival.natural_period:.4g} '
+                f's where {found.model.equation.name} has {found.model.natural_period:.4g} s, and either choice bends '
+                'the other coefficients: release from a larger angle, or repeat the trial, until one of them is ruled '
+                'out'
+            ),
         )
     for advice in found.advice:
         if advice.code == 'range-limit':
             yield advice.code, advice.message
     if found.keeps_least_squares and absent is None:
-        yield 'equation-or-disturbance', (
-            'the likelihood of a moving basin puts the natural period elsewhere than least squares, whose fit stays: '
-            'the equation lacks a term or the basin is not still, so compare equations, or wait for still water'
+        yield (
+            'equation-or-disturbance',
+            (
+                'the likelihood of a moving basin puts the natural period elsewhere than least squares, whose fit '
+                'stays: the equation lacks a term or the basin is not still, so compare equations, or wait for still '
+                'water'
+            ),
         )
     disturbance = disturbance_of(found)
     if disturbance > MAX_DISTURBANCE:
-        yield 'disturbed', (
-            f'something moved the craft with {disturbance:.0%} of the moment it was released from, waves or an '
-            'equation that lacks a term: wait for still water, or compare equations'
+        yield (
+            'disturbed',
+            (
+                f'something moved the craft with {disturbance:.0%} of the moment it was released from, waves or an '
+                'equation that lacks a term: wait for still water, or compare equations'
+            ),
         )
     correlation = innovation_correlation(found.basin)
     if correlation > MAX_CORRELATION:
-        yield 'residual-not-white', (
-            'what the model leaves of the motion is not noise (its samples are correlated by '
-            f'{correlation:.0f} standard deviations): compare equations, or look for a disturbance'
+        yield (
+            'residual-not-white',
+            (
+                'what the model leaves of the motion is not noise (its samples are correlated by '
+                f'{correlation:.0f} standard deviations): compare equations, or look for a disturbance'
+            ),
         )
     stiffness_std = max(found.std.get(name, 0.0) for name in ('r1', 's1'))
     natural = found.model.natural_frequency
     period_std = 0.5 * stiffness_std / natural**2 if np.isfinite(natural) else np.inf
     if not period_std < MAX_PERIOD_STD:
-        yield 'hardly-known', (
-            f'the natural period is known to {period_std:.0%} only: release from a larger angle, repeat the trial, or '
-            'choose an equation with fewer terms'
+        yield (
+            'hardly-known',
+            (
+                f'the natural period is known to {period_std:.0%} only: release from a larger angle, repeat the '
+                'trial, or choose an equation with fewer terms'
+            ),
         )
     if found.basin is None and found.r2 < DOUBTFUL_R2:
-        yield 'noisy', (
-            f'the simulated motion explains {found.r2:.1%} of the measured one, the rest is the basin or the sensor: '
-            'release from a larger angle, or in stiller water'
+        yield (
+            'noisy',
+            (
+                f'the simulated motion explains {found.r2:.1%} of the measured one, the rest is the basin or the '
+                'sensor: release from a larger angle, or in stiller water'
+            ),
         )
 
 
@@ -190,14 +223,20 @@ def _poor(quantity: str, pairs: Sequence[tuple[np.ndarray, np.ndarray]], found: 
     r2 = explained_share(pairs)
     least = MIN_R2 if found.basin is None else MIN_R2_IN_WAVES
     if not r2 >= least and quantity == fitted:
-        yield 'poor-fit', (
-            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and {least:.0%} is the least '
-            f'that a model is of use with: {CHECK_COLUMNS}'
+        yield (
+            'poor-fit',
+            (
+                f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and {least:.0%} is the least '
+                f'that a model is of use with: {CHECK_COLUMNS}'
+            ),
         )
     elif found.basin is None and r2 < MIN_R2_OF_COHERENT_RESIDUALS and _coherence(pairs, found) > COHERENT:
-        yield 'poor-fit', (
-            f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is not noise: '
-            f'{CHECK_COLUMNS}'
+        yield (
+            'poor-fit',
+            (
+                f'the fit explains {max(r2, 0.0):.1%} of the variance of the {quantity}, and what is left is not '
+                f'noise: {CHECK_COLUMNS}'
+            ),
         )
 
 

@@ -151,7 +151,7 @@ def measured_states(motion: AxisMotion, period: float) -> tuple[np.ndarray, np.n
     # what the samples before weigh in the parabola's value and slope at the newest one (Savitzky and Golay 1964)
     value, slope, _ = np.linalg.pinv(np.vander(-interval * np.arange(window), 3, increasing=True))
     rate = np.convolve(angle, slope) if motion.rate is None else np.convolve(rate, value)
-    return np.convolve(angle, value)[:motion.size], rate[:motion.size], window - 1
+    return np.convolve(angle, value)[: motion.size], rate[: motion.size], window - 1
 
 
 def _relative(error: np.ndarray, measured: np.ndarray):

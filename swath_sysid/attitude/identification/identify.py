@@ -265,9 +265,12 @@ def fit_metrics(fit: Any) -> dict[str, float | str | None]:
 
 
 def identify(
-    motions: Sequence[AxisMotion], settings: IdentificationSettings = IdentificationSettings(), *,  # noqa: B008 - frozen
-    progress: Progress | None = None, should_cancel: ShouldCancel | None = None,
-) -> Identification:  # fmt: skip
+    motions: Sequence[AxisMotion],
+    settings: IdentificationSettings = IdentificationSettings(),
+    *,  # noqa: B008 - frozen
+    progress: Progress | None = None,
+    should_cancel: ShouldCancel | None = None,
+) -> Identification:
     """Identify the decay model of one axis from one or several records.
 
     Parameters
@@ -296,18 +299,24 @@ def identify(
 
 
 def identify_problem(
-    problem: Problem, settings: IdentificationSettings, *, progress: Progress | None = None,
+    problem: Problem,
+    settings: IdentificationSettings,
+    *,
+    progress: Progress | None = None,
     should_cancel: ShouldCancel | None = None,
-) -> Identification:  # fmt: skip
+) -> Identification:
     """As `identify`, on decays found before."""
     equation = settings.chosen_equation
     space = _space(problem, equation, settings)
     report = progress or (lambda share: None)
     found = run_search(
-        _search_objective(problem, equation, settings), space, settings.search,
+        _search_objective(problem, equation, settings),
+        space,
+        settings.search,
         first=[space.from_ratios(_linear_guess(problem, equation))],
-        progress=lambda share: report(SEARCH_SHARE * share), should_cancel=should_cancel,
-    )  # fmt: skip
+        progress=lambda share: report(SEARCH_SHARE * share),
+        should_cancel=should_cancel,
+    )
     best = space.to_ratios(found.best[None])[0]
     if settings.objective == 'one-step':
         fit, parameters = _exact_one_step(problem, equation, space)
@@ -319,9 +328,13 @@ def identify_problem(
 
 
 def refit_from(
-    problem: Problem, settings: IdentificationSettings, equation: Equation, ratios: np.ndarray,
-    states: Sequence[InitialState], search: SearchResult,
-) -> Identification:  # fmt: skip
+    problem: Problem,
+    settings: IdentificationSettings,
+    equation: Equation,
+    ratios: np.ndarray,
+    states: Sequence[InitialState],
+    search: SearchResult,
+) -> Identification:
     """Refine an equation on whole records from given ratios (9,) and states."""
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
@@ -368,9 +381,12 @@ def refined_in_basin(found: Identification) -> Identification:
         lacking = lacking or absent_term(found)
     best = refined if lacking is None and not moved else found
     return replace(
-        best, objective_value=found.objective_value, absent_term=lacking, log_likelihood=basin.log_likelihood,
+        best,
+        objective_value=found.objective_value,
+        absent_term=lacking,
+        log_likelihood=basin.log_likelihood,
         rival=rival,
-    )  # fmt: skip
+    )
 
 
 def _has_left(refined: Identification, found: Identification):
@@ -427,9 +443,9 @@ def _one_step(problem: Problem):
 
 def _linear_guess(problem: Problem, equation: Equation):
     """Dimensionless ratios of the linear oscillator that the segments' decrement implies."""
-    decrement = np.median([
-        np.log(s.initial_amplitude / s.final_amplitude) / (2.0 * np.pi * max(s.cycles, 0.5)) for s in problem.segments
-    ])  # fmt: skip
+    decrement = np.median(
+        [np.log(s.initial_amplitude / s.final_amplitude) / (2.0 * np.pi * max(s.cycles, 0.5)) for s in problem.segments]
+    )
     guess = np.zeros(len(LOWER))
     guess[TERM_INDEX['b1']] = np.clip(2.0 * decrement, 0.01, 2.0)
     guess[TERM_INDEX['r1' if 'r1' in equation.terms else 's1']] = 1.0
@@ -472,9 +488,14 @@ def _refine_outwards(
 
 
 def conclude(
-    problem: Problem, settings: IdentificationSettings, equation: Equation, fit: MotionFit, parameters: np.ndarray,
-    search: SearchResult, basin: BasinFit | None = None,
-) -> Identification:  # fmt: skip
+    problem: Problem,
+    settings: IdentificationSettings,
+    equation: Equation,
+    fit: MotionFit,
+    parameters: np.ndarray,
+    search: SearchResult,
+    basin: BasinFit | None = None,
+) -> Identification:
     """Everything a fit must say besides its coefficients."""
     ratios, states = fit.unpack(parameters)
     n = fit.term_count
@@ -536,9 +557,12 @@ def _explained(records: Sequence[RecordFit]):
 
 
 def _fit_advice(
-    problem: Problem, settings: IdentificationSettings, model: DecayModel, covariance: np.ndarray,
+    problem: Problem,
+    settings: IdentificationSettings,
+    model: DecayModel,
+    covariance: np.ndarray,
     basin: BasinFit | None,
-):  # fmt: skip
+):
     found = list(inseparable_terms(model.equation.terms, covariance))
     dimensionless = model.ratios / problem.scales.ratio_units
     for name in model.equation.terms:
@@ -551,9 +575,7 @@ def _fit_advice(
                     'this record does not need the term, choose an equation without it',
                 )
             )
-        elif basin is None and not (
-            0.999 * min(LOWER[index], -1e-6) <= dimensionless[index] <= 0.999 * UPPER[index]
-        ):
+        elif basin is None and not (0.999 * min(LOWER[index], -1e-6) <= dimensionless[index] <= 0.999 * UPPER[index]):
             found.append(
                 Advice(
                     'range-limit',

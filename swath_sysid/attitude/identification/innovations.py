@@ -34,9 +34,18 @@ SUBSTEPS = 2
 """Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign."""
 
 (
-    LEVEL, FREQUENCY, DAMPING, SPREAD, ANGLE_WHITE, RATE_WHITE, ANGLE_COLOUR, ANGLE_MEMORY, RATE_COLOUR, RATE_MEMORY,
+    LEVEL,
+    FREQUENCY,
+    DAMPING,
+    SPREAD,
+    ANGLE_WHITE,
+    RATE_WHITE,
+    ANGLE_COLOUR,
+    ANGLE_MEMORY,
+    RATE_COLOUR,
+    RATE_MEMORY,
     DRIFT,
-) = range(11)  # fmt: skip
+) = range(11)
 """Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency,
 rad/s, damping ratio and spread; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the
 coloured noise of either; drift of the trim, rad in the square root of a second."""
@@ -146,9 +155,15 @@ def propagate_all(transition: np.ndarray, m: np.ndarray, c: np.ndarray, q: np.nd
 
 @accelerated
 def read_one(
-    m: np.ndarray, c: np.ndarray, by_x: Pair, by_w: Pair, e: Pair, noise: np.ndarray, innovation: np.ndarray,
+    m: np.ndarray,
+    c: np.ndarray,
+    by_x: Pair,
+    by_w: Pair,
+    e: Pair,
+    noise: np.ndarray,
+    innovation: np.ndarray,
     variance: np.ndarray,
-) -> None:  # fmt: skip
+) -> None:
     """Take in readings of the angle and the rate, one after the other.
 
     Parameters
@@ -185,9 +200,15 @@ def read_one(
 
 
 def read_all(
-    m: np.ndarray, c: np.ndarray, by_x: Pair, by_w: Pair, e: Pair, noise: np.ndarray, innovation: np.ndarray,
+    m: np.ndarray,
+    c: np.ndarray,
+    by_x: Pair,
+    by_w: Pair,
+    e: Pair,
+    noise: np.ndarray,
+    innovation: np.ndarray,
     variance: np.ndarray,
-) -> None:  # fmt: skip
+) -> None:
     """As `read_one`, for B filters, the last axis."""
     p = c.transpose(2, 0, 1)
     h = np.zeros((m.shape[1], 2, STATES))
@@ -212,10 +233,21 @@ propagate, read = (propagate_one, read_one) if HAS_NUMBA else (propagate_all, re
 
 @accelerated
 def run_filter(
-    ratios: tuple, active: tuple[bool, ...], friction_rate: float, m: np.ndarray, c: np.ndarray, q: np.ndarray,
-    transition: np.ndarray, noise: np.ndarray, step: float, bend: float, angle: np.ndarray, rate: np.ndarray,
-    innovation: np.ndarray, variance: np.ndarray,
-) -> None:  # fmt: skip
+    ratios: tuple,
+    active: tuple[bool, ...],
+    friction_rate: float,
+    m: np.ndarray,
+    c: np.ndarray,
+    q: np.ndarray,
+    transition: np.ndarray,
+    noise: np.ndarray,
+    step: float,
+    bend: float,
+    angle: np.ndarray,
+    rate: np.ndarray,
+    innovation: np.ndarray,
+    variance: np.ndarray,
+) -> None:
     """Innovations and their variances, written into the last two arguments; of one filter or, the last axis, of B.
 
     Parameters
@@ -271,24 +303,58 @@ def run_filter(
 
 @accelerated
 def run_one_by_one(
-    ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, m: np.ndarray, c: np.ndarray, q: np.ndarray,
-    transition: np.ndarray, noise: np.ndarray, step: float, bend: float, angle: np.ndarray, rate: np.ndarray,
-    innovation: np.ndarray, variance: np.ndarray,
-) -> None:  # fmt: skip
+    ratios: np.ndarray,
+    active: tuple[bool, ...],
+    friction_rate: float,
+    m: np.ndarray,
+    c: np.ndarray,
+    q: np.ndarray,
+    transition: np.ndarray,
+    noise: np.ndarray,
+    step: float,
+    bend: float,
+    angle: np.ndarray,
+    rate: np.ndarray,
+    innovation: np.ndarray,
+    variance: np.ndarray,
+) -> None:
     """`run_filter` for each of B filters, the first axis of what is of each."""
     for b in range(len(m)):
         r = ratios[b]
         run_filter(
-            (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]), active, friction_rate, m[b], c[b], q[b],
-            transition[b], noise[b], step, bend, angle, rate, innovation[b], variance[b],
-        )  # fmt: skip
+            (r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]),
+            active,
+            friction_rate,
+            m[b],
+            c[b],
+            q[b],
+            transition[b],
+            noise[b],
+            step,
+            bend,
+            angle,
+            rate,
+            innovation[b],
+            variance[b],
+        )
 
 
 def innovations(
-    ratios: np.ndarray, active: tuple[bool, ...], friction_rate: float, basin: np.ndarray, initial: np.ndarray,
-    bias_std: float, floor: np.ndarray, step: float, bend: float, angle: np.ndarray, rate: np.ndarray,
-    counts: np.ndarray, *, compiled: bool = HAS_NUMBA,
-) -> np.ndarray:  # fmt: skip
+    ratios: np.ndarray,
+    active: tuple[bool, ...],
+    friction_rate: float,
+    basin: np.ndarray,
+    initial: np.ndarray,
+    bias_std: float,
+    floor: np.ndarray,
+    step: float,
+    bend: float,
+    angle: np.ndarray,
+    rate: np.ndarray,
+    counts: np.ndarray,
+    *,
+    compiled: bool = HAS_NUMBA,
+) -> np.ndarray:
     """Innovations and their variances under B sets of parameters.
 
     One after the other where the filter is compiled, all at once where it is not: numpy takes as long for 20 as for 2.

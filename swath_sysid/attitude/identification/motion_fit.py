@@ -56,9 +56,14 @@ class MotionFit:
     """
 
     def __init__(
-        self, motions: Sequence[AxisMotion], equation: Equation, scales: Scales, noise: Noise, friction_rate: float,
+        self,
+        motions: Sequence[AxisMotion],
+        equation: Equation,
+        scales: Scales,
+        noise: Noise,
+        friction_rate: float,
         steps_per_period: float = STEPS_PER_PERIOD,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._motions = motions
         self._equation = equation
         self._noise = noise
@@ -165,9 +170,7 @@ class MotionFit:
                     jacobians.append(jacobian)
         return residuals, jacobians
 
-    def refine(
-        self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray
-    ) -> tuple[np.ndarray, float, int]:
+    def refine(self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, float, int]:
         """Least-squares refinement within bounds.
 
         Parameters
@@ -203,9 +206,10 @@ class MotionFit:
         ratios, states = self.unpack(parameters)
         with np.errstate(over='ignore', invalid='ignore'):
             angles, rates, accelerations = self._simulate(
-                np.array([s.x for s in states]), np.array([s.rate for s in states]),
+                np.array([s.x for s in states]),
+                np.array([s.rate for s in states]),
                 np.tile(ratios[:, None], len(states)),
-            )  # fmt: skip
+            )
             return tuple(
                 (
                     interpolate(angles[:, k : k + 1], rates[:, k : k + 1], before, weights)[:, 0] + state.trim,
@@ -237,9 +241,15 @@ class MotionFit:
         from scipy.optimize import least_squares
 
         return least_squares(
-            residuals, parameters[chosen], jacobian, bounds=bounds,
-            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=MAX_EVALUATIONS,
-        )  # fmt: skip
+            residuals,
+            parameters[chosen],
+            jacobian,
+            bounds=bounds,
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=TOLERANCE,
+            max_nfev=MAX_EVALUATIONS,
+        )
 
     def _simulate(self, x: np.ndarray, rate: np.ndarray, ratios: np.ndarray):
         return runge_kutta_population(

@@ -172,10 +172,14 @@ def refit(
     """
     trial = request.table.trial()
     # a hull is fitted to angles and rates, wherever gravity is
-    trial = replace(trial, advice=tuple(
-        each for each in contradictions_in(trial.time, trial.channels, Installation())
-        if each.code in RATE_CODES | OFFSET_CODES
-    ))  # fmt: skip
+    trial = replace(
+        trial,
+        advice=tuple(
+            each
+            for each in contradictions_in(trial.time, trial.channels, Installation())
+            if each.code in RATE_CODES | OFFSET_CODES
+        ),
+    )
     axes = request.settings.axes
     verdicts = []
     for index, axis in enumerate(axes):
@@ -262,9 +266,13 @@ def _judged_decay(axis: str, problem: Problem, found: Identification, request: R
 
 
 def _refit_at_sea(
-    axis: str, motion: AxisMotion, heave: Heave | None, request: RefitRequest, progress: Progress | None,
+    axis: str,
+    motion: AxisMotion,
+    heave: Heave | None,
+    request: RefitRequest,
+    progress: Progress | None,
     should_cancel: ShouldCancel | None,
-):  # fmt: skip
+):
     try:
         found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
@@ -274,9 +282,13 @@ def _refit_at_sea(
 
 
 def _judged_at_sea(
-    axis: str, motion: AxisMotion, heave: Heave | None, found: AtSeaIdentification, request: RefitRequest,
+    axis: str,
+    motion: AxisMotion,
+    heave: Heave | None,
+    found: AtSeaIdentification,
+    request: RefitRequest,
     should_cancel: ShouldCancel | None,
-):  # fmt: skip
+):
     summary = (
         f'at sea, equivalent linear at {np.degrees(found.amplitude):.2g} deg: period {found.natural_period:.3f} +- '
         f'{found.natural_period_std:.2g} s, damping ratio {found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}'
@@ -323,11 +335,13 @@ def window_provenance(table: MotionTable, source: dict, software: str) -> dict:
     """
     return {
         'software': software,
-        'sources': [{
-            **source,
-            'first_stamp_s': float(table.rows[0, 0]) if len(table.rows) else None,
-            'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
-        }],
+        'sources': [
+            {
+                **source,
+                'first_stamp_s': float(table.rows[0, 0]) if len(table.rows) else None,
+                'sha256': hashlib.sha256(table.rows.tobytes()).hexdigest(),
+            }
+        ],
     }
 
 

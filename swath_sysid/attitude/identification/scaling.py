@@ -12,9 +12,16 @@ import numpy as np
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 
 _RANGES = {
-    'b0': (0.0, 0.5), 'b1': (0.0, 4.0), 'b2': (0.0, 12.0), 'b3': (0.0, 12.0),
-    'r1': (0.0, 5.0), 'r2': (-3.0, 3.0), 'r3': (-3.0, 6.0), 's1': (0.0, 5.0), 's2': (-3.0, 3.0),
-}  # fmt: skip
+    'b0': (0.0, 0.5),
+    'b1': (0.0, 4.0),
+    'b2': (0.0, 12.0),
+    'b3': (0.0, 12.0),
+    'r1': (0.0, 5.0),
+    'r2': (-3.0, 3.0),
+    'r3': (-3.0, 6.0),
+    's1': (0.0, 5.0),
+    's2': (-3.0, 3.0),
+}
 LOWER = np.array([_RANGES[name][0] for name in TERM_NAMES])
 UPPER = np.array([_RANGES[name][1] for name in TERM_NAMES])
 """Damping is not negative. No upper limit is meant to bind."""

@@ -4,6 +4,7 @@ Sine tapers (Riedel and Sidorenko, Minimum bias multiple taper spectral estimati
 Processing 43, 1995) keep the energy of the waves out of the bands where there is none: those bands show
 what the hull's nonlinearity makes of the waves.
 """
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -219,10 +220,10 @@ def sea_motion(motion: AxisMotion) -> SeaMotion:
     line = 0.0 if angle is None else angle[0] + ramp_rate * step * np.arange(size)
     x, w, a = (
         np.fft.irfft((1j * frequency) ** order * spectrum, piece.size)
-        if size == piece.size else np.fft.irfft(((1j * frequency) ** order * spectrum)[:size // 2 + 1], size)
-        * size / piece.size
+        if size == piece.size
+        else np.fft.irfft(((1j * frequency) ** order * spectrum)[: size // 2 + 1], size) * size / piece.size
         for order in range(3)
-    )  # fmt: skip
+    )
     edge = int(np.ceil(EDGE_PERIODS * 2.0 * np.pi / peak / step))
     inside = slice(edge, -edge)
     x = (x + line)[inside]
@@ -230,9 +231,18 @@ def sea_motion(motion: AxisMotion) -> SeaMotion:
         raise InputError(f'the {motion.axis} holds hardly a swing of {2 * np.pi / peak:.3g} s: record longer')
     mean = float(x.mean()) if angle is not None else float('nan')
     return SeaMotion(
-        float(even[0] + edge * step), step, x - x.mean(), (w + ramp_rate)[inside], a[inside], mean, angle_noise,
-        rate_noise, peak, LOWEST_BAND * peak, highest,
-    )  # fmt: skip
+        float(even[0] + edge * step),
+        step,
+        x - x.mean(),
+        (w + ramp_rate)[inside],
+        a[inside],
+        mean,
+        angle_noise,
+        rate_noise,
+        peak,
+        LOWEST_BAND * peak,
+        highest,
+    )
 
 
 def _channel(piece: AxisMotion, name: str, even: np.ndarray):
@@ -250,9 +260,13 @@ def _channel(piece: AxisMotion, name: str, even: np.ndarray):
 
 
 def _from_both(
-    angle: np.ndarray | None, rate: np.ndarray | None, angle_noise: float, rate_noise: float, frequency: np.ndarray,
+    angle: np.ndarray | None,
+    rate: np.ndarray | None,
+    angle_noise: float,
+    rate_noise: float,
+    frequency: np.ndarray,
     interval: float,
-):  # fmt: skip
+):
     """Fourier transform of the angle less its ramp, each channel weighted by its noise at each frequency."""
     weight = np.full_like(frequency, float(angle is None))
     if angle is not None and rate is not None:
@@ -337,9 +351,16 @@ def term_spectra(sea: SeaMotion) -> TermSpectra:
     TermSpectra
     """
     x, w, s, q = sea.angle, sea.rate, sea.angle_std, sea.rate_std
-    columns = np.stack([
-        sea.acceleration, w, x, np.abs(w) * w / q - GAUSSIAN_RATE * w, x * x / s, x**3 / s**2 - 3.0 * x,
-    ])  # fmt: skip
+    columns = np.stack(
+        [
+            sea.acceleration,
+            w,
+            x,
+            np.abs(w) * w / q - GAUSSIAN_RATE * w,
+            x * x / s,
+            x**3 / s**2 - 3.0 * x,
+        ]
+    )
     columns = columns - columns.mean(axis=1, keepdims=True)
     frequency = 2.0 * np.pi * np.fft.rfftfreq(x.size, sea.interval)
     used = (frequency >= sea.lowest) & (frequency <= sea.highest)
@@ -432,6 +453,6 @@ def random_decrement(sea: SeaMotion, span: float) -> tuple[np.ndarray, np.ndarra
         # of the two samples around the crossing the nearer one
         at = at + (np.abs(sign * value[at + 1] - level) < np.abs(sign * value[at] - level))
         at = at[at + count <= value.size]
-        total += sign * sum((value[k:k + count] for k in at), np.zeros(count))
+        total += sign * sum((value[k : k + count] for k in at), np.zeros(count))
         found += at.size
     return lag, total / found if found else np.full(count, np.nan)

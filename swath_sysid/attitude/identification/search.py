@@ -186,9 +186,13 @@ class SearchResult:
 
 
 def run_search(
-    objective: Callable[[np.ndarray], np.ndarray], space: SearchSpace, settings: SearchSettings, first: ArrayLike = (),
-    progress: Progress | None = None, should_cancel: ShouldCancel | None = None,
-) -> SearchResult:  # fmt: skip
+    objective: Callable[[np.ndarray], np.ndarray],
+    space: SearchSpace,
+    settings: SearchSettings,
+    first: ArrayLike = (),
+    progress: Progress | None = None,
+    should_cancel: ShouldCancel | None = None,
+) -> SearchResult:
     """Search the minimum of an objective over a space.
 
     Parameters
@@ -237,9 +241,12 @@ def run_search(
 
 
 def _differential_evolution(
-    objective: Callable[[np.ndarray], np.ndarray], space: SearchSpace, settings: SearchSettings, first: ArrayLike,
+    objective: Callable[[np.ndarray], np.ndarray],
+    space: SearchSpace,
+    settings: SearchSettings,
+    first: ArrayLike,
     note: Callable[[int, int], None],
-):  # fmt: skip
+):
     """scipy's differential evolution; its population is spread around the bounds' scale."""
     from scipy.optimize import differential_evolution
 
@@ -260,9 +267,15 @@ def _differential_evolution(
     found = differential_evolution(
         lambda columns: np.minimum(objective(space.to_ratios(columns.T)), largest),
         list(zip(space.lower, space.upper, strict=True)),
-        init=population, maxiter=budget.generations, tol=1e-3, seed=settings.seed, polish=False,
-        vectorized=True, updating='deferred', callback=count,
-    )  # fmt: skip
+        init=population,
+        maxiter=budget.generations,
+        tol=1e-3,
+        seed=settings.seed,
+        polish=False,
+        vectorized=True,
+        updating='deferred',
+        callback=count,
+    )
     stop = 'convergence' if found.success else 'generations'
     return SearchResult(found.x, float(found.fun), int(found.nit), int(found.nfev), stop)
 

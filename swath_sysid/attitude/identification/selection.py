@@ -87,10 +87,13 @@ class Comparison:
 
 
 def compare(
-    problem: Problem, equations: Sequence[Equation],
-    settings: IdentificationSettings = IdentificationSettings(), *,  # noqa: B008 - frozen
-    jobs: int = 1, progress: Callable[[int, str], None] | None = None,
-) -> Comparison:  # fmt: skip
+    problem: Problem,
+    equations: Sequence[Equation],
+    settings: IdentificationSettings = IdentificationSettings(),  # noqa: B008 - frozen
+    *,
+    jobs: int = 1,
+    progress: Callable[[int, str], None] | None = None,
+) -> Comparison:
     """Fit equations on the same records and rank them.
 
     A model that contains another never ends with a worse objective: where its search did, it is
@@ -164,9 +167,11 @@ def choose(problem: Problem, settings: IdentificationSettings, *, progress: Prog
     else:
         equations.append(equations[0].with_friction())
         found = compare(
-            problem, equations, settings,
+            problem,
+            equations,
+            settings,
             progress=None if progress is None else lambda done, name: progress(done / len(equations)),
-        )  # fmt: skip
+        )
     return replace(found.choice.identification, choice=found.reason)
 
 
@@ -196,11 +201,15 @@ def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Compariso
     if by_likelihood and len(ranked) > 1:
         ranked[0] = replace(ranked[0], identification=widened_by_rivals(ranked))
         best, second = ranked[:2]
-        return Comparison(tuple(ranked), best, (
-            f'{best.name} has {best.term_count} terms and was chosen of {len(ranked)} equations: its log likelihood, '
-            'less one for each term, is '
-            f'{0.5 * (second.criterion - best.criterion):.1f} above that of {second.name}.'
-        ))
+        return Comparison(
+            tuple(ranked),
+            best,
+            (
+                f'{best.name} has {best.term_count} terms and was chosen of {len(ranked)} equations: its log '
+                'likelihood, less one for each term, is '
+                f'{0.5 * (second.criterion - best.criterion):.1f} above that of {second.name}.'
+            ),
+        )
     return Comparison(tuple(ranked), *simplest_adequate(ranked))
 
 

@@ -5,6 +5,7 @@ a likelihood-ratio test for one step at an unknown time, in the logarithm of the
 section 2.4).  What a period owes to the amplitude of the roll alone is allowed for.  No safety device: weight that is
 added changes the inertia, too, and a craft may be lost without a change of its period.
 """
+
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -155,9 +156,14 @@ class StabilityWatch:
                 'added or has shifted, and for water in the hull'
             )
         return Stability(
-            relative, interval, before, now, float(stamp[largest.place]) if is_beyond_chance else None, warning,
+            relative,
+            interval,
+            before,
+            now,
+            float(stamp[largest.place]) if is_beyond_chance else None,
+            warning,
             known * relative if known else math.nan,
-        )  # fmt: skip
+        )
 
 
 class _Step(NamedTuple):

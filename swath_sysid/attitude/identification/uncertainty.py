@@ -80,10 +80,12 @@ def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.nda
             ratios = model.ratios.copy()
             ratios[index] += sign * step
             sides.append(amplitude_curves(ratios, amplitude, model.friction_rate))
-        slopes.append([
-            (sides[0].frequency - sides[1].frequency) / (2 * step),
-            (sides[0].damping_ratio - sides[1].damping_ratio) / (2 * step),
-        ])  # fmt: skip
+        slopes.append(
+            [
+                (sides[0].frequency - sides[1].frequency) / (2 * step),
+                (sides[0].damping_ratio - sides[1].damping_ratio) / (2 * step),
+            ]
+        )
     frequency, damping = np.moveaxis(np.array(slopes), 1, 0)
     return AmplitudeBands(curves, _spread(frequency, covariance), _spread(damping, covariance))
 

@@ -1,4 +1,5 @@
 """A sensor's record, in whatever frame it was mounted, assembled to a trial of the craft."""
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,8 +27,14 @@ Readings = dict[str, np.ndarray]
 
 
 def assemble_trial(
-    time: np.ndarray, readings: Readings, installation: Installation | None = None, *, source: str = '',
-    draft: float | None = None, initial_angle: float | None = None, advice: Sequence[Advice] = (),
+    time: np.ndarray,
+    readings: Readings,
+    installation: Installation | None = None,
+    *,
+    source: str = '',
+    draft: float | None = None,
+    initial_angle: float | None = None,
+    advice: Sequence[Advice] = (),
 ) -> Trial:
     """A trial from the readings of a sensor: cleaned, in the craft's axes, with Euler rates.
 
@@ -54,7 +61,7 @@ def assemble_trial(
     InputError
         Nothing usable is left after cleaning, or a mounting is given for readings that cannot
         be turned.
-    """  # fmt: skip
+    """
     installation = installation or Installation()
     name = source or 'the record'
     time, readings, cleaning_advice = clean(time, readings, name)
@@ -62,8 +69,11 @@ def assemble_trial(
     channels = {key: values for key, values in channels.items() if np.isfinite(values).any()}
     contradictions = contradictions_in(time, channels, installation)
     trial = Trial(
-        time=time, **{key: values for key, values in channels.items() if key in (*CHANNELS, *FURTHER_CHANNELS)},
-        source=source, draft=draft, initial_angle=initial_angle,
+        time=time,
+        **{key: values for key, values in channels.items() if key in (*CHANNELS, *FURTHER_CHANNELS)},
+        source=source,
+        draft=draft,
+        initial_angle=initial_angle,
         advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
     )
     if not trial.axes:
@@ -105,18 +115,26 @@ def _craft_channels(
     if _has(readings, QUATERNION):
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:
-            advice.append(Advice('invalid-orientation', (
-                f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are invalid and were left out: check the '
-                f'sensor driver'
-            )))
+            advice.append(
+                Advice(
+                    'invalid-orientation',
+                    (
+                        f'{invalid} of {len(readings[QUATERNION[0]])} quaternions are invalid and were left out: '
+                        f'check the sensor driver'
+                    ),
+                )
+            )
         if not np.isfinite(angles['roll']).any():
             angles = {}
     rates = {}
     if any(part in readings for part in GYRO[:2]):
         body = _turned_vector(readings, GYRO, installation, name)
         if _has(body, GYRO) and 'roll' in angles and 'pitch' in angles:
-            rates = dict(zip(EULER_RATES, attitude.euler_rates(
-                angles['roll'], angles['pitch'], *_parts(body, GYRO)), strict=True))
+            rates = dict(
+                zip(
+                    EULER_RATES, attitude.euler_rates(angles['roll'], angles['pitch'], *_parts(body, GYRO)), strict=True
+                )
+            )
         else:
             rates = {euler: body[part] for euler, part in zip(EULER_RATES, GYRO, strict=True) if part in body}
     from_gyro = set(rates) - {'yaw_rate'}
@@ -127,10 +145,15 @@ def _craft_channels(
             rates['yaw_rate'] = turning
     force = _turned_vector(readings, ACCEL, installation, name)
     if from_gyro - set(readings) and not ('roll' in angles and 'pitch' in angles and _has(readings, GYRO)):
-        advice.append(Advice('body-rates', (
-            'the angles (or a gyro axis) are not known, so body rates stand for the Euler rates, which is good for '
-            'small angles only: record roll, pitch and all three gyro axes'
-        )))
+        advice.append(
+            Advice(
+                'body-rates',
+                (
+                    'the angles (or a gyro axis) are not known, so body rates stand for the Euler rates, which is '
+                    'good for small angles only: record roll, pitch and all three gyro axes'
+                ),
+            )
+        )
     heave = {'heave': _upward(installation) * readings['heave']} if 'heave' in readings else {}
     return {**angles, **rates, **force, **heave}, advice
 
@@ -147,8 +170,10 @@ def _angles(readings: Readings, installation: Installation, name: str) -> Readin
     elif _has(readings, ('roll', 'pitch')):
         orientation = attitude.quaternion(readings['roll'], readings['pitch'], 0.0 if yaw is None else yaw)
     elif 'roll' in readings or 'pitch' in readings:
-        raise InputError(f'{name} holds only one of roll and pitch, and a mounting can turn only both together: '
-                         f'give both, or no mounting')
+        raise InputError(
+            f'{name} holds only one of roll and pitch, and a mounting can turn only both together: '
+            f'give both, or no mounting'
+        )
     else:
         return {}
     roll, pitch, turned_yaw = attitude.euler_angles(*installation.orientation(*orientation))
@@ -173,8 +198,10 @@ def _euler_rates(readings: Readings, installation: Installation, name: str) -> R
     measured = [rate for rate in EULER_RATES if rate in readings]
     needed = [rate for rate in measured if rate != 'yaw_rate']
     if needed and installation.is_turned:
-        raise InputError(f'{name} holds Euler rates ({", ".join(needed)}), which a mounting cannot turn: '
-                         f'give body rates (gyro_x, gyro_y, gyro_z), or no mounting')
+        raise InputError(
+            f'{name} holds Euler rates ({", ".join(needed)}), which a mounting cannot turn: '
+            f'give body rates (gyro_x, gyro_y, gyro_z), or no mounting'
+        )
     if installation.is_turned:
         return {}
     sign = dict(zip(EULER_RATES, (1, _upward(installation), _upward(installation)), strict=True))
@@ -187,8 +214,10 @@ def _turned_vector(readings: Readings, names: Sequence[str], installation: Insta
     if not known:
         return {}
     if installation.is_turned and len(known) < 3:
-        raise InputError(f'{name} holds only {", ".join(known)}, and a mounting can turn only all of '
-                         f'{", ".join(names)}: give all three, or no mounting')
+        raise InputError(
+            f'{name} holds only {", ".join(known)}, and a mounting can turn only all of '
+            f'{", ".join(names)}: give all three, or no mounting'
+        )
     turned = installation.vector(*(readings.get(part, np.nan) for part in names))
     return {part: values for part, values in zip(names, turned, strict=True) if part in readings}
 

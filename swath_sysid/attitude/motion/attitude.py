@@ -13,6 +13,7 @@ References
 ----------
 .. [1] T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley, 2011.
 """
+
 import math
 from math import isfinite
 from typing import Any
@@ -141,9 +142,7 @@ def quaternion(roll: Value, pitch: Value, yaw: Value) -> Quaternion:
     )
 
 
-def euler_rates(
-    roll: Value, pitch: Value, rate_x: Value, rate_y: Value, rate_z: Value
-) -> tuple[Value, Value, Value]:
+def euler_rates(roll: Value, pitch: Value, rate_x: Value, rate_y: Value, rate_z: Value) -> tuple[Value, Value, Value]:
     """Rates of roll, pitch and yaw of body rates, NaN where the x axis is vertical (they do not exist there).
 
     [1]_, section 2.2.1 (attitude transformation).
@@ -222,4 +221,3 @@ def rotate(rotation: Quaternion, x: Value, y: Value, z: Value) -> tuple[Value, V
         y + w * cy + uz * cx - ux * cz,
         z + w * cz + ux * cy - uy * cx,
     )
-

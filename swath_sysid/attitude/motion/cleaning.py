@@ -1,4 +1,5 @@
 """Cleaning: a record as it came from a sensor, made fit to be a trial."""
+
 from bisect import bisect_left
 
 import numpy as np
@@ -63,8 +64,9 @@ def clean(
     rows, advice = _usable_rows(time)
     if rows is not None:
         time = time[rows]
-    channels = {name: np.asarray(values, dtype=float)[... if rows is None else rows]
-                for name, values in channels.items()}
+    channels = {
+        name: np.asarray(values, dtype=float)[... if rows is None else rows] for name, values in channels.items()
+    }
     channels, value_advice = _plausible_channels(channels)
     advice += value_advice
     if time.size < MIN_ROWS:
@@ -92,25 +94,41 @@ def _usable_rows(time: np.ndarray) -> tuple[np.ndarray | None, list[Advice]]:
             return None, advice
     rows = np.flatnonzero(np.isfinite(time))
     if rows.size < time.size:
-        advice.append(Advice('missing-stamps', (
-            f'{counted(time.size - rows.size, "row")} without a finite time left out: check what wrote the stamps'
-        )))
+        advice.append(
+            Advice(
+                'missing-stamps',
+                (
+                    f'{counted(time.size - rows.size, "row")} without a finite time left out: check what wrote the '
+                    'stamps'
+                ),
+            )
+        )
     fresh = np.ones(rows.size, dtype=bool)
     fresh[1:] = time[rows][1:] != time[rows][:-1]
     repeated = int(rows.size - np.count_nonzero(fresh))
     rows = rows[fresh]
     if repeated:
-        advice.append(Advice('repeated-stamps', (
-            f'{counted(repeated, "row")} with the stamp of the row before left out: if most are, write the time with '
-            f'more digits'
-        )))
+        advice.append(
+            Advice(
+                'repeated-stamps',
+                (
+                    f'{counted(repeated, "row")} with the stamp of the row before left out: if most are, write the '
+                    f'time with more digits'
+                ),
+            )
+        )
     ordered = _longest_increasing(time[rows])
     disordered = int(rows.size - np.count_nonzero(ordered))
     if disordered:
-        advice.append(Advice('out-of-order-stamps', (
-            f'{counted(disordered, "row")} out of order left out: if these are two recordings in one file or a '
-            f'replay that looped, split it'
-        )))
+        advice.append(
+            Advice(
+                'out-of-order-stamps',
+                (
+                    f'{counted(disordered, "row")} out of order left out: if these are two recordings in one file or a '
+                    f'replay that looped, split it'
+                ),
+            )
+        )
     keep = np.zeros(time.size, dtype=bool)
     keep[rows[ordered]] = True
     return keep, advice
@@ -166,19 +184,25 @@ def _plausible_channels(channels: Channels) -> tuple[Channels, list[Advice]]:
         else:
             empty.append(name)
     if any(absurd.values()):
-        advice.append(Advice('absurd-values', (
-            f'values no craft can have left out ({_listed(absurd)}): check the units in the column names, or look '
-            f'for broken packets'
-        )))
+        advice.append(
+            Advice(
+                'absurd-values',
+                (
+                    f'values no craft can have left out ({_listed(absurd)}): check the units in the column names, or '
+                    f'look for broken packets'
+                ),
+            )
+        )
     missing = {name: count for name, count in missing.items() if name in plausible}
     if any(missing.values()):
-        advice.append(Advice('missing-values', (
-            f'values missing ({_listed(missing)}): they are left out of the fit'
-        )))
+        advice.append(Advice('missing-values', (f'values missing ({_listed(missing)}): they are left out of the fit')))
     if empty:
-        advice.append(Advice('empty-channel', (
-            f'no usable value in {", ".join(empty)}: left out; check that the sensor was set to send it'
-        )))
+        advice.append(
+            Advice(
+                'empty-channel',
+                (f'no usable value in {", ".join(empty)}: left out; check that the sensor was set to send it'),
+            )
+        )
     return plausible, advice
 
 
@@ -190,16 +214,26 @@ def _time_base_advice(time: np.ndarray) -> list[Advice]:
     gaps = np.flatnonzero(intervals > GAP_INTERVALS * median)
     if gaps.size:
         longest = gaps[np.argmax(intervals[gaps])]
-        advice.append(Advice('gaps', (
-            f'{counted(gaps.size, "gap")} in the time base, the longest of {intervals[longest]:.4g} s after '
-            f't = {time[longest]:.6g} s (samples come every {median:.4g} s): nothing is filled in; choose a part '
-            f'without gaps if the fit is poor'
-        )))
+        advice.append(
+            Advice(
+                'gaps',
+                (
+                    f'{counted(gaps.size, "gap")} in the time base, the longest of {intervals[longest]:.4g} s after '
+                    f't = {time[longest]:.6g} s (samples come every {median:.4g} s): nothing is filled in; choose a '
+                    f'part without gaps if the fit is poor'
+                ),
+            )
+        )
     if high - low > UNEVEN_SPREAD * median:
-        advice.append(Advice('uneven-time-base', (
-            f'sample intervals run from {low:.4g} to {high:.4g} s about a median of {median:.4g} s: if these are '
-            f'times of arrival, use the stamps of the sensor'
-        )))
+        advice.append(
+            Advice(
+                'uneven-time-base',
+                (
+                    f'sample intervals run from {low:.4g} to {high:.4g} s about a median of {median:.4g} s: if these '
+                    f'are times of arrival, use the stamps of the sensor'
+                ),
+            )
+        )
     return advice
 
 

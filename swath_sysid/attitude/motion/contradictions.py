@@ -1,4 +1,5 @@
 """What contradicts itself in the data of a sensor, as a value: the code, the sentence with the cure, the axis."""
+
 from dataclasses import dataclass
 
 from swath_sysid.attitude.motion.trial import Trial
@@ -15,10 +16,18 @@ GRAVITY_CODES = frozenset(
 OFFSET_CODES = frozenset({'rate-offset'})
 """The same, where there are angles and rates."""
 
-RATE_CODES = frozenset({
-    'rates-turned', 'rates-swapped', 'rate-sign', 'rate-unit', 'rate-scale', 'rate-late', 'angle-late',
-    'rate-unrelated',
-})  # fmt: skip
+RATE_CODES = frozenset(
+    {
+        'rates-turned',
+        'rates-swapped',
+        'rate-sign',
+        'rate-unit',
+        'rate-scale',
+        'rate-late',
+        'angle-late',
+        'rate-unrelated',
+    }
+)
 """Found only while the craft moves."""
 
 DOUBTFUL_CODES = FROZEN_CODES | {'accelerations-scaled', 'gravity-missing'}

@@ -5,6 +5,7 @@ damping made of friction, linear, quadratic and cubic terms, none of them negati
 per half cycle never grows while the amplitude falls, so a free decay is a fall. Waves make
 falls too; `segmentation` distinguishes them.
 """
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -117,7 +118,7 @@ class Fall:
     @cached_property
     def swings(self) -> np.ndarray:
         """Its double amplitudes, shape (last - first,)."""
-        return np.abs(np.diff(self.value[self.first:self.last + 1]))
+        return np.abs(np.diff(self.value[self.first : self.last + 1]))
 
     @property
     def weight(self) -> float:
@@ -151,7 +152,7 @@ class Fall:
     def centre(self) -> float:
         """What it swings about, rad or rad/s; of a single swing, the level of the three periods after it."""
         if not self.is_single:
-            return centre_of_decay(self.value[self.first:self.last + 1])
+            return centre_of_decay(self.value[self.first : self.last + 1])
         after = slice(self.signal.index(self.end), self.signal.index(self.end + 3.0 * self.period) + 1)
         return float(np.median(self.signal.value[after]))
 
@@ -165,7 +166,7 @@ class Fall:
         inner = slice(self.first + 1, self.last if self.at_record_end else self.last + 1)
         time, bridged = self.time[inner], self.bridged[inner][:-1]
         periods, swings = time[2:] - time[:-2], np.abs(np.diff(self.value[inner]))[1:]
-        sure = ~(bridged[:periods.size] | bridged[1:1 + periods.size])
+        sure = ~(bridged[: periods.size] | bridged[1 : 1 + periods.size])
         return (periods[sure], swings[sure]) if sure.any() else (periods, swings)
 
     @cached_property
@@ -239,7 +240,7 @@ class Fall:
         The law gives each swing by a parabola in the one before: friction, linear and
         quadratic damping.
         """
-        bridged = self.bridged[self.first:self.last]
+        bridged = self.bridged[self.first : self.last]
         sure = ~(bridged[:-1] | bridged[1:])
         before, after = self.swings[:-1][sure] / self.swings[0], self.swings[1:][sure] / self.swings[0]
         if after.size < 5:
@@ -253,7 +254,7 @@ class Fall:
         signal = self.signal
         begin, end = signal.index(self.time[turn]), signal.index(self.time[turn + 1])
         band = max(RELEASE_BAND * abs(self.value[turn + 1] - self.value[turn]), 2.0 * signal.noise)
-        near = np.flatnonzero(np.abs(signal.value[begin:end + 1] - self.value[turn]) <= band)
+        near = np.flatnonzero(np.abs(signal.value[begin : end + 1] - self.value[turn]) <= band)
         return float(max(self.time[turn], signal.start + signal.interval * (begin + (near[-1] if near.size else 0))))
 
     def leaves_in_gap(self, turn: int) -> bool:
@@ -267,7 +268,7 @@ class Fall:
         signal = self.signal
         begin, end = signal.index(self.time[turn - 1]), signal.index(self.time[turn])
         band = max(RELEASE_BAND * abs(self.value[turn] - self.value[turn - 1]), 2.0 * signal.noise)
-        near = np.flatnonzero(np.abs(signal.value[begin:end + 1] - self.value[turn]) <= band)
+        near = np.flatnonzero(np.abs(signal.value[begin : end + 1] - self.value[turn]) <= band)
         return float(signal.start + signal.interval * (begin + (near[0] if near.size else end - begin)))
 
     @cached_property
@@ -294,7 +295,7 @@ class Fall:
     @cached_property
     def _past(self) -> np.ndarray:
         """Samples up to the release, latest first."""
-        return self.signal.value[:self.signal.index(self.release) + 1][::-1]
+        return self.signal.value[: self.signal.index(self.release) + 1][::-1]
 
     def rest_before(self, push: float) -> float:
         """Longest rest, in periods, that ended no more than ``push`` periods before the first turning point."""
@@ -304,7 +305,7 @@ class Fall:
         longest = 0
         for end in ends:
             at = signal.index(end)
-            past = signal.value[max(0, at - most):at + 1][::-1]
+            past = signal.value[max(0, at - most) : at + 1][::-1]
             reach = np.maximum.accumulate(past) - np.minimum.accumulate(past)
             longest = max(longest, int(np.count_nonzero(reach <= 2.0 * REST_BAND * self.swings[0])))
         return (longest - 1) * signal.interval / self.period
@@ -314,11 +315,11 @@ class Fall:
         signal = self.signal
         most = int(LONGEST_REST * self.period / signal.interval)
         begin, end = signal.index(self.release), signal.index(self.end)
-        future = signal.value[begin:end + most + int(stop * self.period / signal.interval) + 1]
+        future = signal.value[begin : end + most + int(stop * self.period / signal.interval) + 1]
         low = np.abs(future - self.centre) <= REST_BAND * self.swings[0]
-        longest = _leading(low[:end - begin][::-1]) + _leading(low[end - begin:][:most])
+        longest = _leading(low[: end - begin][::-1]) + _leading(low[end - begin :][:most])
         for offset in np.arange(0.25, stop + 0.01, 0.25):
-            longest = max(longest, _leading(low[signal.index(self.end + offset * self.period) - begin:][:most]))
+            longest = max(longest, _leading(low[signal.index(self.end + offset * self.period) - begin :][:most]))
         return max(longest - 1, 0) * signal.interval / self.period
 
     @cached_property

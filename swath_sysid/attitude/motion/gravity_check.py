@@ -1,4 +1,5 @@
 """Gravity checked against the attitude: in size and in direction."""
+
 import numpy as np
 
 from swath_sysid.attitude.motion import attitude
@@ -66,18 +67,28 @@ def size_of_gravity(mean_force: np.ndarray) -> list[Contradiction]:
     measured = size * STANDARD_GRAVITY
     seen = f'the accelerations average {measured:.2f}'
     if abs(measured - 1.0) <= GRAVITY_TOLERANCE:
-        code, sentence = 'accelerations-in-g', (
-            f'{seen} where gravity is {STANDARD_GRAVITY:.2f} m/s^2: they are in g; give them in m/s^2 (multiplied by '
-            f'{STANDARD_GRAVITY:.2f})'
+        code, sentence = (
+            'accelerations-in-g',
+            (
+                f'{seen} where gravity is {STANDARD_GRAVITY:.2f} m/s^2: they are in g; give them in m/s^2 (multiplied '
+                f'by {STANDARD_GRAVITY:.2f})'
+            ),
         )
     elif size < NO_GRAVITY:
-        code, sentence = 'gravity-missing', (
-            f'{seen} m/s^2, without gravity: have the driver give the specific force, which reads '
-            f'{STANDARD_GRAVITY:.2f} upward at rest, or none'
+        code, sentence = (
+            'gravity-missing',
+            (
+                f'{seen} m/s^2, without gravity: have the driver give the specific force, which reads '
+                f'{STANDARD_GRAVITY:.2f} upward at rest, or none'
+            ),
         )
     else:
-        code, sentence = 'accelerations-scaled', (
-            f'{seen} where gravity is {STANDARD_GRAVITY:.2f} m/s^2: give them in m/s^2, or calibrate the accelerometer'
+        code, sentence = (
+            'accelerations-scaled',
+            (
+                f'{seen} where gravity is {STANDARD_GRAVITY:.2f} m/s^2: give them in m/s^2, or calibrate the '
+                'accelerometer'
+            ),
         )
     return [Contradiction(code, sentence)]
 
@@ -94,11 +105,16 @@ def list_of_craft(up: np.ndarray, installation: Installation) -> list[Contradict
         return []
     roll, pitch = attitude.tilt_angles(*up)
     mounting = mounting_after((nearest_quarter(roll), nearest_quarter(pitch), 0.0), installation)
-    return [Contradiction('sensor-turned', (
-        f'the attitude averages roll {in_degrees([roll])[0]} deg and pitch {in_degrees([pitch])[0]} deg, at which no '
-        f'craft floats, so this is its mounting: set mounting_deg to {mounting} (roll, pitch, yaw, of which the '
-        f'yaw does not show)'
-    ))]  # fmt: skip
+    return [
+        Contradiction(
+            'sensor-turned',
+            (
+                f'the attitude averages roll {in_degrees([roll])[0]} deg and pitch {in_degrees([pitch])[0]} deg, at '
+                f'which no craft floats, so this is its mounting: set mounting_deg to {mounting} (roll, pitch, yaw, '
+                f'of which the yaw does not show)'
+            ),
+        )
+    ]
 
 
 def direction_of_gravity(
@@ -139,23 +155,39 @@ def direction_of_gravity(
     # the frame explains gravity that is opposite; a turn needs rates that say so, or no such explanation
     if -cosine >= AGREEMENT and (best is None or agreement(np.eye(3)) >= best_score - 1e-6):
         frame = OPPOSITE_FRAME[installation.frame]
-        return None, [Contradiction('axes-of-sensor', (
-            f'{_reading_of(direction)}, opposite to that of the attitude: its axes are {FRAMES_ALIKE[frame]}; set '
-            f'frame to {frame} (or, if they are {FRAMES_ALIKE[installation.frame]}, have the driver give the specific '
-            f'force, which points up at rest)'
-        ))]  # fmt: skip
+        return None, [
+            Contradiction(
+                'axes-of-sensor',
+                (
+                    f'{_reading_of(direction)}, opposite to that of the attitude: its axes are {FRAMES_ALIKE[frame]}; '
+                    f'set frame to {frame} (or, if they are {FRAMES_ALIKE[installation.frame]}, have the driver give '
+                    f'the specific force, which points up at rest)'
+                ),
+            )
+        ]
     if best is None:
         off = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        return TURNS[0], [Contradiction('axes-of-sensor', (
-            f'gravity is {off:.0f} deg away from where the attitude puts it, which no right-angled mounting explains: '
-            f'have the driver give orientation and accelerations in the same axes, and mounting_deg say how these sit'
-        ))]  # fmt: skip
+        return TURNS[0], [
+            Contradiction(
+                'axes-of-sensor',
+                (
+                    f'gravity is {off:.0f} deg away from where the attitude puts it, which no right-angled mounting '
+                    'explains: have the driver give orientation and accelerations in the same axes, and mounting_deg '
+                    'say how these sit'
+                ),
+            )
+        ]
     further = angles_of(best)
     likely = 'forward-right-down vectors beside a forward-left-up orientation, or a sensor upside down: '
-    return best, [Contradiction('axes-of-sensor', (
-        f'{_reading_of(direction)} while by its attitude the craft floats upright: '
-        f'{likely if in_degrees(further) == [180, 0, 0] else ""}{turn_and_cure(further, installation)}'
-    ))]  # fmt: skip
+    return best, [
+        Contradiction(
+            'axes-of-sensor',
+            (
+                f'{_reading_of(direction)} while by its attitude the craft floats upright: '
+                f'{likely if in_degrees(further) == [180, 0, 0] else ""}{turn_and_cure(further, installation)}'
+            ),
+        )
+    ]
 
 
 def _direction_alone(direction: np.ndarray, installation: Installation) -> list[Contradiction]:

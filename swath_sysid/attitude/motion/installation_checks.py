@@ -3,6 +3,7 @@
 Gravity is held against the attitude, and the rates against the derivative of the angles. A sensor whose orientation,
 rates and accelerations are all turned alike about the vertical agrees with itself: no such check can see it.
 """
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -61,7 +62,12 @@ class Judgement:
 
 
 def judge(
-    time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.ndarray, *, installation: Installation,
+    time: np.ndarray,
+    angles: np.ndarray,
+    rates: np.ndarray,
+    force: np.ndarray,
+    *,
+    installation: Installation,
     interval: float,
 ) -> Judgement:
     """Judge one stretch of data.
@@ -75,7 +81,7 @@ def judge(
         installation makes them; NaN where not known.
     installation, interval : Installation and float
         What frame and mounting were taken to be; s between the samples of the sensor.
-    """  # fmt: skip
+    """
     if time.size < MIN_BINS:
         return Judgement()
     frozen = _frozen(time, angles, rates, force)
@@ -108,15 +114,21 @@ def _frozen(time: np.ndarray, *parts: np.ndarray) -> Contradiction | None:
         return None
     still = [bool(np.all((part == part[0]) | np.isnan(part))) for part in (angles, rates, force)]
     if all(still):
-        return Contradiction('sensor-frozen', (
-            f'every value of the sensor has been the same for {FROZEN:g} s while its stamps go on: restart its driver, '
-            f'and look for one that repeats its last message'
-        ))  # fmt: skip
+        return Contradiction(
+            'sensor-frozen',
+            (
+                f'every value of the sensor has been the same for {FROZEN:g} s while its stamps go on: restart its '
+                f'driver, and look for one that repeats its last message'
+            ),
+        )
     if known[0] and still[0] and known[1] and np.nanmax(np.nanstd(rates[:, :2], axis=0)) > MIN_RATE:
-        return Contradiction('angles-frozen', (
-            f'the orientation has been the same for {FROZEN:g} s while the rates show motion: check what gives the '
-            f'orientation, or have the driver set orientation_covariance[0] to -1'
-        ))  # fmt: skip
+        return Contradiction(
+            'angles-frozen',
+            (
+                f'the orientation has been the same for {FROZEN:g} s while the rates show motion: check what gives the '
+                f'orientation, or have the driver set orientation_covariance[0] to -1'
+            ),
+        )
     return None
 
 
@@ -173,9 +185,10 @@ def contradictions_in(
         for contradiction in judgement.contradictions:
             found.setdefault((contradiction.code, contradiction.axis), []).append(contradiction)
     return tuple(
-        each[len(each) // 2] for (code, _), each in found.items()
+        each[len(each) // 2]
+        for (code, _), each in found.items()
         if code in FROZEN_CODES or len(each) > 0.5 * sum(code in judgement.decided for judgement in judgements)
-    )  # fmt: skip
+    )
 
 
 def samples_a_bin(interval: float) -> int:
@@ -209,5 +222,7 @@ def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tu
     first = angles[:, :1]
     angles = first + (angles - first + np.pi) % (2.0 * np.pi) - np.pi
     return (
-        time[:whole].reshape(-1, count).mean(axis=1), angles.mean(axis=1), *(other.mean(axis=1) for other in others)
+        time[:whole].reshape(-1, count).mean(axis=1),
+        angles.mean(axis=1),
+        *(other.mean(axis=1) for other in others),
     )

@@ -1,4 +1,5 @@
 """A running sensor, watched: what its own data say of its installation, from sample to sample."""
+
 from operator import itemgetter
 
 import numpy as np
@@ -61,8 +62,11 @@ class InstallationCheck:
     def described(self) -> str:
         """What could be judged lately, in words."""
         if RATE_CODES <= self._decided:
-            return 'gravity and rates agree with the attitude' if GRAVITY_CODES <= self._decided else (
-                'the rates agree with the attitude')  # fmt: skip
+            return (
+                'gravity and rates agree with the attitude'
+                if GRAVITY_CODES <= self._decided
+                else ('the rates agree with the attitude')
+            )
         if GRAVITY_CODES <= self._decided:
             return 'gravity agrees with the attitude; the rates show when the craft moves'
         return 'not judged yet: it takes 10 s of samples, with orientation or accelerations'
@@ -82,7 +86,7 @@ class InstallationCheck:
         rows = self._rows.last()
         interval = float(np.median(np.diff(rows[:, 0])))
         in_time = int(np.count_nonzero(rows[:, 0] > rows[-1, 0] - WINDOW))
-        rows = rows[-max(in_time, WINDOW_BINS * samples_a_bin(interval)):]
+        rows = rows[-max(in_time, WINDOW_BINS * samples_a_bin(interval)) :]
         if rows[-1, 0] - rows[0, 0] < MIN_DURATION:
             return Judgement()
         parts = binned(rows[:, 0], np.split(rows[:, 1:], 3, axis=1), interval)

@@ -1,4 +1,5 @@
 """The intake: IMU messages, as plain numbers, to samples of the craft's motion."""
+
 from collections.abc import Sequence
 from math import inf, isfinite, nan, radians
 from typing import NamedTuple
@@ -19,8 +20,15 @@ ABSURD_COVARIANCE = 'absurd-covariance'
 NEAR_VERTICAL = 'near-vertical'
 EMPTY = 'nothing-usable'
 INTAKE_REASONS = (
-    NOT_FINITE, ABSURD, BAD_QUATERNION, NO_ORIENTATION, UNKNOWN_COVARIANCE, ABSURD_COVARIANCE, NEAR_VERTICAL, EMPTY,
-)  # fmt: skip
+    NOT_FINITE,
+    ABSURD,
+    BAD_QUATERNION,
+    NO_ORIENTATION,
+    UNKNOWN_COVARIANCE,
+    ABSURD_COVARIANCE,
+    NEAR_VERTICAL,
+    EMPTY,
+)
 """Everything that is counted; only the last two leave the whole sample out."""
 
 NOT_MEASURED = -1.0
@@ -159,11 +167,21 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
         reasons.append(UNKNOWN_COVARIANCE)
     return Taken(
         CraftSample(
-            stamp_ns, roll, pitch, roll_rate, pitch_rate, accel_x, accel_y, accel_z, *angle_variances, *rate_variances,
-            yaw, yaw_rate,
+            stamp_ns,
+            roll,
+            pitch,
+            roll_rate,
+            pitch_rate,
+            accel_x,
+            accel_y,
+            accel_z,
+            *angle_variances,
+            *rate_variances,
+            yaw,
+            yaw_rate,
         ),
         tuple(reasons),
-    )  # fmt: skip
+    )
 
 
 def _orientation(

@@ -1,4 +1,5 @@
 """Quality gates: weaknesses of a record or a decay, found before anything is fitted to it."""
+
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -57,11 +58,13 @@ def check_motion(motion: AxisMotion, decays: Sequence[DecaySegment] | None = Non
     gaps = find_gaps(motion, MISSING_SAMPLES * motion.sample_interval if motion.size > 2 else None)
     if len(gaps):
         begin, end = gaps[np.argmax(gaps[:, 1] - gaps[:, 0])]
-        advice.append(Advice(
-            'gaps',
-            f'the {motion.axis} has {counted(len(gaps), "gap")}, the longest of {end - begin:.2g} s at {begin:.1f} s: '
-            'look for lost messages, and keep them out of the decay',
-        ))  # fmt: skip
+        advice.append(
+            Advice(
+                'gaps',
+                f'the {motion.axis} has {counted(len(gaps), "gap")}, the longest of {end - begin:.2g} s at '
+                f'{begin:.1f} s: look for lost messages, and keep them out of the decay',
+            )
+        )
     return (*advice, *_saturation(motion, decays[0].period if decays else _usual_period(motion)))
 
 
@@ -77,9 +80,13 @@ def check_decay(motion: AxisMotion, segment: DecaySegment) -> tuple[Advice, ...]
         return ()
     saturation = tuple(_saturation(inside, segment.period))
     advice = (
-        *_cycles(segment), *_size(inside, segment), *_sampling(inside, segment), *saturation,
-        *_resolution(inside, segment), *_spikes(inside),
-    )  # fmt: skip
+        *_cycles(segment),
+        *_size(inside, segment),
+        *_sampling(inside, segment),
+        *saturation,
+        *_resolution(inside, segment),
+        *_spikes(inside),
+    )
     # swings that are cut off do not fall, so nothing would be found between the bounds
     if 'given' in (segment.beginning, segment.ending) and not saturation:
         advice += tuple(_bounds(inside, segment))

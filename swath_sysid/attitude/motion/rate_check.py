@@ -1,4 +1,5 @@
 """Rates checked against the derivatives of their angles: axis, sign, unit, delay, offset."""
+
 import numpy as np
 
 from swath_sysid.attitude.motion.contradictions import Contradiction
@@ -98,10 +99,14 @@ def _rearranged(
     if name == 'reversed' and comparison.evidenced.size > 1:
         return _both_reversed(accelerations, installation)
     axis = AXES[comparison.evidenced[0]] if name == 'reversed' else name.split()[0]
-    return Contradiction('rate-sign', (
-        f'the {axis} rate is the derivative of the {axis} angle with the opposite sign: reverse one of the two (roll '
-        f'is positive to starboard, pitch bow down, and so are their rates)'
-    ), axis)  # fmt: skip
+    return Contradiction(
+        'rate-sign',
+        (
+            f'the {axis} rate is the derivative of the {axis} angle with the opposite sign: reverse one of the two '
+            f'(roll is positive to starboard, pitch bow down, and so are their rates)'
+        ),
+        axis,
+    )
 
 
 def _both_reversed(accelerations: int, installation: Installation) -> Contradiction:
@@ -121,11 +126,18 @@ def _scale(comparison: RateComparison, j: int) -> list[Contradiction]:
     if comparison.lagged[j] < EXPLAINS or not _differs(comparison, j):
         return []
     unit = next((unit for factor, unit in UNITS.items() if _is_near(gain, factor)), None)
-    cure = f'{unit}; give each in the unit expected, or name the one it is in' if unit else (
-        'check the units of angle, rate and time, and at the scale of the gyroscope')
-    return [Contradiction('rate-unit' if unit else 'rate-scale', (
-        f'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: {cure}'
-    ), axis)]  # fmt: skip
+    cure = (
+        f'{unit}; give each in the unit expected, or name the one it is in'
+        if unit
+        else ('check the units of angle, rate and time, and at the scale of the gyroscope')
+    )
+    return [
+        Contradiction(
+            'rate-unit' if unit else 'rate-scale',
+            (f'the {axis} rate is {gain:.3g} times the derivative of the {axis} angle: {cure}'),
+            axis,
+        )
+    ]
 
 
 def _differs(comparison: RateComparison, j: int) -> bool:
@@ -145,32 +157,48 @@ def _delay(comparison: RateComparison, j: int, interval: float) -> list[Contradi
     if comparison.lagged[j] < EXPLAINS or abs(lag) <= limit:
         return []
     late, early = ('rate', 'angle') if lag > 0.0 else ('angle', 'rate')
-    return [Contradiction(f'{late}-late', (
-        f'the {axis} {late} comes {abs(lag):.2f} s after the {axis} {early}: have the driver stamp both when they '
-        f'are measured and look for a slow filter on the {late}, or move its column by as much'
-    ), axis)]  # fmt: skip
+    return [
+        Contradiction(
+            f'{late}-late',
+            (
+                f'the {axis} {late} comes {abs(lag):.2f} s after the {axis} {early}: have the driver stamp both when '
+                f'they are measured and look for a slow filter on the {late}, or move its column by as much'
+            ),
+            axis,
+        )
+    ]
 
 
 def _offsets(comparison: RateComparison) -> list[Contradiction]:
     """Rates that are off by a constant."""
     return [
-        Contradiction('rate-offset', (
-            f'the {axis} rate is {np.degrees(offset):+.1f} deg/s off the change of the angle: calibrate the gyroscope '
-            f'at rest, or take the offset away'
-        ), axis)
-        for axis, offset in zip(AXES, comparison.offset, strict=True) if abs(offset) > MAX_OFFSET
-    ]  # fmt: skip
+        Contradiction(
+            'rate-offset',
+            (
+                f'the {axis} rate is {np.degrees(offset):+.1f} deg/s off the change of the angle: calibrate the '
+                f'gyroscope at rest, or take the offset away'
+            ),
+            axis,
+        )
+        for axis, offset in zip(AXES, comparison.offset, strict=True)
+        if abs(offset) > MAX_OFFSET
+    ]
 
 
 def _unrelated(comparison: RateComparison) -> list[Contradiction]:
     """Rates that have nothing to do with the angle while it moves."""
     return [
-        Contradiction('rate-unrelated', (
-            f'the {AXES[j]} angle moves and its rate does not follow it at any delay: check what gives the '
-            f'rate, or leave it out'
-        ), AXES[j])
-        for j in comparison.evidenced if comparison.has_rate[j] and _is_unrelated(comparison, j)
-    ]  # fmt: skip
+        Contradiction(
+            'rate-unrelated',
+            (
+                f'the {AXES[j]} angle moves and its rate does not follow it at any delay: check what gives the '
+                f'rate, or leave it out'
+            ),
+            AXES[j],
+        )
+        for j in comparison.evidenced
+        if comparison.has_rate[j] and _is_unrelated(comparison, j)
+    ]
 
 
 def _is_unrelated(comparison: RateComparison, j: int) -> bool:

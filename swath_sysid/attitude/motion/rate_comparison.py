@@ -1,4 +1,5 @@
 """Rates compared with the derivatives of the angles: their axis, sign, scale, delay and offset."""
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,8 +96,9 @@ class RateComparison:
             Row i has +1 or -1 in the column of the angle whose derivative rate i holds.
         """
         rows = np.argmax(np.abs(arrangement), axis=0)
-        correlations = [arrangement[rows[j], j] * self.at_once[rows[j], j]
-                        for j in self.evidenced if self.has_rate[rows[j]]]
+        correlations = [
+            arrangement[rows[j], j] * self.at_once[rows[j], j] for j in self.evidenced if self.has_rate[rows[j]]
+        ]
         return float(np.mean(correlations)) if correlations else 0.0
 
 
@@ -219,6 +221,6 @@ def _delay(
     best = int(np.argmax(common))
     lag = lags[best]
     if 0 < best < lags.size - 1:
-        before, at, after = common[best - 1:best + 2]
+        before, at, after = common[best - 1 : best + 2]
         lag += 0.5 * (before - after) / (before - 2.0 * at + after) * (lags[1] - lags[0])
     return float(lag), float(common[best] / scale), float(common[best] / power)

@@ -137,8 +137,9 @@ def kink_time(
     """
     channels = [
         (values, max(noise_level(values), 1e-9), order)
-        for order, values in enumerate((motion.angle, motion.rate)) if values is not None
-    ]  # fmt: skip
+        for order, values in enumerate((motion.angle, motion.rate))
+        if values is not None
+    ]
     before, after = BEFORE * period, AFTER * period
     least_fall = MIN_FALL * (2.0 * np.pi / period) ** 2 * level
 

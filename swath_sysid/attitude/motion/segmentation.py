@@ -3,6 +3,7 @@
 A free decay is a fall (see `decay_candidates`). Waves make falls too, but short and rough ones amid
 motion; around a decay the craft was, or came to, rest.
 """
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -196,9 +197,7 @@ def find_decay(motion: AxisMotion, start: float | None = None, end: float | None
     return found
 
 
-def decay_or_absence(
-    motion: AxisMotion, start: float | None = None, end: float | None = None
-) -> DecaySegment | Advice:
+def decay_or_absence(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment | Advice:
     """As `find_decay`, but the answer of `explain_absence` where nothing decays freely."""
     inside = _between(motion, start, end)
     if start is not None and end is not None:
@@ -287,9 +286,12 @@ def _released(decay: DecaySegment, release: Release) -> DecaySegment:
     """A decay begun at its release."""
     gained = (decay.start - release.time) / decay.period
     return replace(
-        decay, start=release.time, beginning='released', cycles=decay.cycles + gained,
+        decay,
+        start=release.time,
+        beginning='released',
+        cycles=decay.cycles + gained,
         initial_amplitude=max(abs(release.angle - decay.trim), decay.final_amplitude),
-    )  # fmt: skip
+    )
 
 
 def _comes_to_rest(release: Release, motion: AxisMotion) -> bool:
@@ -326,10 +328,7 @@ def _free_falls(falls: Sequence[Fall]) -> list[Fall]:
     """The falls whose own regularity, or the rest around them, shows that no waves made them."""
     rhythmic = [fall for fall in falls if _is_rhythmic(fall)]
     certain = [fall for fall in rhythmic if _is_regular(fall) or _is_settled(fall)]
-    others = [
-        fall for fall in rhythmic
-        if not any(fall is known for known in certain) and _stands_alone(fall, certain)
-    ]
+    others = [fall for fall in rhythmic if not any(fall is known for known in certain) and _stands_alone(fall, certain)]
     if certain or others:
         return certain + others
     singles = [single for single in (fall.first_swing() for fall in falls) if _is_single_release(single)]
@@ -339,12 +338,7 @@ def _free_falls(falls: Sequence[Fall]) -> list[Fall]:
 
 def _is_rhythmic(fall: Fall) -> bool:
     """Long enough to show a rhythm, which its first half cycle keeps, and truly falling."""
-    return (
-        fall.swings.size >= MIN_SWINGS
-        and fall.is_suited
-        and _keeps_time(fall)
-        and fall.decrement >= MIN_DECREMENT
-    )
+    return fall.swings.size >= MIN_SWINGS and fall.is_suited and _keeps_time(fall) and fall.decrement >= MIN_DECREMENT
 
 
 def _keeps_time(fall: Fall) -> bool:
@@ -362,16 +356,8 @@ def _rest_before(fall: Fall) -> float:
 def _is_regular(fall: Fall) -> bool:
     """Longer or smoother than waves make a fall, or all that the record holds."""
     number, duration = fall.swings.size, fall.end - fall.release
-    many = (
-        number >= MANY_SWINGS
-        and fall.roughness <= MANY_ROUGHNESS
-        and fall.scatter <= MANY_SCATTER
-    )
-    smooth = (
-        number >= SMOOTH_SWINGS
-        and fall.roughness <= SMOOTH_ROUGHNESS
-        and fall.scatter <= SMOOTH_SCATTER
-    )
+    many = number >= MANY_SWINGS and fall.roughness <= MANY_ROUGHNESS and fall.scatter <= MANY_SCATTER
+    smooth = number >= SMOOTH_SWINGS and fall.roughness <= SMOOTH_ROUGHNESS and fall.scatter <= SMOOTH_SCATTER
     if (many or smooth) and fall.unexplained([fall]) <= MAX_SEARCHED * duration:
         return True
     return number >= WHOLE_SWINGS and duration >= WHOLE_PART * (fall.signal.end - fall.signal.start)
@@ -380,9 +366,7 @@ def _is_regular(fall: Fall) -> bool:
 def _is_settled(fall: Fall) -> bool:
     """Followed by a long rest, or begun from one without being swamped afterwards."""
     rest_after = fall.rest_after(STOP_PERIODS)
-    if rest_after < REST_WANTED and not (
-        _rest(fall) >= REST_WANTED and fall.activity_after() <= MAX_ACTIVITY_AFTER
-    ):
+    if rest_after < REST_WANTED and not (_rest(fall) >= REST_WANTED and fall.activity_after() <= MAX_ACTIVITY_AFTER):
         return False
     return fall.unexplained([fall]) <= MAX_SEARCHED_WITH_REST * (fall.end - fall.release)
 
@@ -464,7 +448,7 @@ def _free_end(fall: Fall, first: int) -> tuple[int, float, str]:
     """Index of the last turning point, end time (s) and kind of ending of the free motion."""
     whole = fall.swings[:-1] if fall.at_record_end else fall.swings
     faint = np.flatnonzero(
-        (whole < PLENTIFUL_TAIL * whole.max(initial=0.0)) & ~fall.bridged[fall.first:fall.first + whole.size]
+        (whole < PLENTIFUL_TAIL * whole.max(initial=0.0)) & ~fall.bridged[fall.first : fall.first + whole.size]
     )
     if faint.size and faint[0] >= PLENTY_OF_SWINGS:
         last = fall.first + int(faint[0])
@@ -484,7 +468,7 @@ def _end_of_quiet(fall: Fall) -> float:
     settling = fall.period if fall.is_single else 0.5 * fall.period
     begin, end = signal.index(fall.end), signal.index(fall.end + settling)
     reach = max(abs(fall.value[fall.last] - fall.centre), 0.5 * fall.swings[-1], prominence_of(signal))
-    outside = np.flatnonzero(np.abs(signal.value[begin:end + 1] - fall.centre) > 1.2 * reach)
+    outside = np.flatnonzero(np.abs(signal.value[begin : end + 1] - fall.centre) > 1.2 * reach)
     return signal.start + signal.interval * (begin + int(outside[0]) if outside.size else end)
 
 
@@ -503,8 +487,10 @@ def _between(motion: AxisMotion, start: float | None, end: float | None) -> Axis
         raise InputError(f'the start ({start:g} s) must lie before the end ({end:g} s)')
     inside = motion.between(start, end)
     if inside.size < 8:
-        bounds = '' if start is None and end is None else (
-            f' between {_bound(start, "its begin")} and {_bound(end, "its end")}'
+        bounds = (
+            ''
+            if start is None and end is None
+            else (f' between {_bound(start, "its begin")} and {_bound(end, "its end")}')
         )
         raise InputError(
             f'{_name(motion)} has too few samples{bounds} for a decay ({inside.size}); '
@@ -554,7 +540,9 @@ def _period_of_relaxation(signal: EvenSignal, centre: float) -> float:
 def _vouched_for(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The large falls, taken for free decays because the user gave a bound."""
     falls = [
-        fall for piece in split_at_pauses(motion) for fall in find_falls(piece)
+        fall
+        for piece in split_at_pauses(motion)
+        for fall in find_falls(piece)
         if fall.is_suited and fall.swings.size >= 2
     ]
     largest = max((fall.swings[0] for fall in falls), default=0.0)

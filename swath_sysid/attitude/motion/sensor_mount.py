@@ -1,4 +1,5 @@
 """The frame and mounting of an IMU, and its readings in the axes of the craft."""
+
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite

@@ -1,4 +1,5 @@
 """The order of a sensor's stamps: what to leave out, and when the clock itself has moved."""
+
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,4 +1,5 @@
 """Whether a time column counts what it says: seconds, and not milliseconds, ticks, or samples."""
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -58,14 +59,21 @@ def check_time_base(
         short = next((u for u, scale in SHORTER_UNITS.items() if abs(time[0]) * scale < LATEST_EPOCH), 'ns')
         raise InputError(f'{name} counts {short} since 1970 and not seconds: call it time_{short}')
     if interval > 1.0 / MIN_RATE:
-        fitting = [u for u, scale in SHORTER_UNITS.items()
-                   if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]] if unit == 's' else []
+        fitting = (
+            [u for u, scale in SHORTER_UNITS.items() if USUAL_RATES[0] <= 1.0 / (interval * scale) <= USUAL_RATES[1]]
+            if unit == 's'
+            else []
+        )
         cure = f'call it time_{" or time_".join(fitting)}, as its unit is' if fitting else 'give it its true unit'
-        raise InputError(f'{name} has a sample every {interval:.4g} s, too seldom for the motion of a craft: '
-                         f'{cure}, or time_samples with a line "# sample_rate_hz: 100" above if it numbers the samples')
+        raise InputError(
+            f'{name} has a sample every {interval:.4g} s, too seldom for the motion of a craft: '
+            f'{cure}, or time_samples with a line "# sample_rate_hz: 100" above if it numbers the samples'
+        )
     if interval < 1.0 / MAX_RATE:
-        raise InputError(f'{name} has a sample every {interval:.4g} s, more often than any sensor of motion: call it '
-                         f'time_s if it counts seconds, or give it its true unit')
+        raise InputError(
+            f'{name} has a sample every {interval:.4g} s, more often than any sensor of motion: call it '
+            f'time_s if it counts seconds, or give it its true unit'
+        )
     return _check_numbering(time, motions, name) if unit == 's' else ()
 
 

@@ -1,4 +1,5 @@
 """Trials: the measured motion of a craft, whatever file or topic it came from."""
+
 from dataclasses import dataclass, replace
 from typing import Any
 

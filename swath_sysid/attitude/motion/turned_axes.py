@@ -1,4 +1,5 @@
 """Sensors whose axes are turned by right angles: the turns, as mountings, and what mends them."""
+
 from collections.abc import Sequence
 from itertools import permutations, product
 
@@ -10,8 +11,10 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 
 def _turns() -> list[np.ndarray]:
     """The 24 rotations that bring axes onto axes, the plainest first."""
-    signed = (np.array(signs)[:, None] * np.eye(3)[list(order)]
-              for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)))
+    signed = (
+        np.array(signs)[:, None] * np.eye(3)[list(order)]
+        for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    )
     found = [turn for turn in signed if np.linalg.det(turn) > 0.0]
     return sorted(found, key=lambda turn: (-np.trace(turn), -turn[2, 2], -turn[0, 0]))
 

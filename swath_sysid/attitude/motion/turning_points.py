@@ -4,6 +4,7 @@ A motion is looked at on a pyramid of ever coarser even time grids, each the pai
 the one before. On the grid that holds a few tens of samples a period the noise is small, the
 turning points are still sharp, and a turning point is one that stands out of the noise.
 """
+
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -3,6 +3,7 @@
 Gravity is removed by the orientation.  What is integrated is known above a lowest frequency only, so heave and velocity
 are about their mean: the level about which the craft heaves.
 """
+
 from itertools import accumulate
 
 import numpy as np
@@ -62,7 +63,7 @@ def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: floa
     s = 2j * np.pi * frequency[inside]
     spectrum = np.zeros(frequency.size, dtype=complex)
     spectrum[inside] = fft.rfft(signal - signal.mean(), size)[inside] * np.exp(s * delay) / s**times
-    return fft.irfft(spectrum, size)[:signal.size]
+    return fft.irfft(spectrum, size)[: signal.size]
 
 
 class LeakyIntegrals:

@@ -1,4 +1,5 @@
 """The motion window: the last minute of motion in fixed memory, and the decays that end in it."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -97,9 +98,7 @@ class MotionTable:
         if not len(self.rows):
             raise InputError('the motion window is empty: check that the IMU publishes and that imu_buffer receives it')
         time, *channels = np.ascontiguousarray(self.rows.T)
-        measured = {
-            name: values for name, values in zip(CHANNELS, channels, strict=True) if np.isfinite(values).any()
-        }
+        measured = {name: values for name, values in zip(CHANNELS, channels, strict=True) if np.isfinite(values).any()}
         return Trial(time=time - time[0], **measured, source=source)
 
 
@@ -230,7 +229,7 @@ class MotionWindow:
         """
         rows = self._rows.last()
         if since is not None:
-            rows = rows[np.searchsorted(rows[:, 0], since):]
+            rows = rows[np.searchsorted(rows[:, 0], since) :]
         return MotionTable(rows.copy(), self._stamp_ns)
 
     def _append(self, sample: CraftSample) -> None:

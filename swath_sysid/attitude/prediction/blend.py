@@ -1,4 +1,5 @@
 """Several forecasts made one, lead by lead, by their measured errors; and the spread that those errors call for."""
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -84,8 +85,13 @@ class Blend:
         self.weights = np.broadcast_to(self._prior / self._prior.sum(), self._shape)
 
     def take(
-        self, reading: np.ndarray, mean: np.ndarray, variance: np.ndarray, noise_variance: float | np.ndarray = 0.0,
-        foreseeable: np.ndarray | None = None, free: np.ndarray | int = 0,
+        self,
+        reading: np.ndarray,
+        mean: np.ndarray,
+        variance: np.ndarray,
+        noise_variance: float | np.ndarray = 0.0,
+        foreseeable: np.ndarray | None = None,
+        free: np.ndarray | int = 0,
     ) -> None:
         """Score the forecasts that this row makes known, and keep those issued at it.
 
@@ -158,8 +164,13 @@ class Blend:
         self._row += max(count - self._issued.shape[0], 0)
 
     def _learn(
-        self, errors: np.ndarray, blended: np.ndarray, variance: np.ndarray, interval: np.ndarray,
-        noise_variance: float | np.ndarray, was_free: tuple,
+        self,
+        errors: np.ndarray,
+        blended: np.ndarray,
+        variance: np.ndarray,
+        interval: np.ndarray,
+        noise_variance: float | np.ndarray,
+        was_free: tuple,
     ):
         known = np.isfinite(blended)
         if not known.any():

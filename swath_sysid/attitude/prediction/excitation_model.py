@@ -8,6 +8,7 @@
 4. The few states of it that the angle's forecasts need: truncation balanced between what a filter comes to know of
    the moment and what it then says of the angle up to `FORECAST_SPAN` ahead; in modal form.
 """
+
 import math
 from dataclasses import dataclass
 from typing import Self
@@ -123,7 +124,7 @@ def moment_spectrum(request: ExcitationRequest, hull: _Hull) -> Spectrum:
     ramp = max(20, n // 100)
     ends = np.ones(n)
     ends[:ramp] = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
-    ends[-ramp:] = ends[ramp - 1::-1]
+    ends[-ramp:] = ends[ramp - 1 :: -1]
     length = next_fast_len(n, real=True)
     w = 2.0 * np.pi * np.fft.rfftfreq(length, step)
     centre = request.angle.mean()
@@ -134,7 +135,7 @@ def moment_spectrum(request: ExcitationRequest, hull: _Hull) -> Spectrum:
     best = (angle / request.angle_variance - 1j * w * rate / request.rate_variance) / precision / kept
     precision *= kept**2
     best[w > HIGHEST_FREQUENCY] = 0.0
-    parts = [irfft(factor * best, length)[ramp:n - ramp] for factor in (1.0, 1j * w, -w * w)]
+    parts = [irfft(factor * best, length)[ramp : n - ramp] for factor in (1.0, 1j * w, -w * w)]
     moment = hull.moment(parts[0] + centre, parts[1], parts[2])
     stiffness, damping = hull.linearised(parts[1])
     noise = np.abs(stiffness - w * w + 1j * w * damping) ** 2 * step / precision
@@ -266,6 +267,6 @@ def _state_at_end(request: ExcitationRequest, moment: ModalMoment):
     fitted = HullFilter.for_window(r, moment)
     begin = max(0, r.angle.size - round(REPLAY_SPAN / r.step))
     fitted.start(float(r.angle[begin]), float(r.rate[begin]), r.angle_variance, r.rate_variance)
-    for angle, rate in zip(r.angle[begin + 1:].tolist(), r.rate[begin + 1:].tolist(), strict=True):
+    for angle, rate in zip(r.angle[begin + 1 :].tolist(), r.rate[begin + 1 :].tolist(), strict=True):
         fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)
     return fitted.driven.x, fitted.driven.P, tuple(fitted.levels.tolist())

@@ -1,4 +1,5 @@
 """`HullTrack` carried by filterpy's extended Kalman filter, where numba is absent."""
+
 import math
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Forecasts as values."""
+
 import math
 from dataclasses import dataclass, field
 

@@ -4,6 +4,7 @@ The candidates are an oscillator an axis, for the first minute; the hull filter 
 and a state space of all channels for each memory. They are weighted lead by lead by their measured errors; one that
 the newest samples contradict is left out.
 """
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -302,7 +303,10 @@ class Forecaster:
     # -- samples
 
     def observe(
-        self, sample: CraftSample, stamp: float, elapsed: float | None,
+        self,
+        sample: CraftSample,
+        stamp: float,
+        elapsed: float | None,
         publish_next: Callable[[float, dict], None] | None = None,
     ) -> Observed:
         """Take one sample.
@@ -414,7 +418,8 @@ class Forecaster:
         for target, variance in ((place, sample[8 + place]), (place + 2, sample[10 + place])):
             self._reported_noise[target] = variance if variance > 0.0 else 0.0
         return (
-            self._reported_noise[place] or of_angle.take(angle), self._reported_noise[place + 2] or of_rate.take(rate)
+            self._reported_noise[place] or of_angle.take(angle),
+            self._reported_noise[place + 2] or of_rate.take(rate),
         )
 
     # -- rows: the motion at even steps
@@ -482,9 +487,12 @@ class Forecaster:
                 if hull.is_started:
                     row[place], row[place + 2] = hull.x.item(0), hull.x.item(1)
         block = zip(self._block_sum, self._block_count, strict=True)
-        self._take_row(np.array([
-            *row, *measured[:_MEASURED_COUNT], *[total / count if count else math.nan for total, count in block]
-        ]), steps)  # fmt: skip
+        self._take_row(
+            np.array(
+                [*row, *measured[:_MEASURED_COUNT], *[total / count if count else math.nan for total, count in block]]
+            ),
+            steps,
+        )
 
     def _take_row(self, row: np.ndarray, steps: int):
         """A row is complete, so many steps after the one before."""
@@ -499,9 +507,13 @@ class Forecaster:
         self._at_row = mean, covariance = self._candidates(self._step * self._blend.steps, None)
         variance = np.diagonal(covariance, axis1=2, axis2=3)
         self._blend.take(
-            row[_MEASURED][:2], mean[..., :2], variance[..., :2], np.array(self._reported_noise[:2]),
-            np.array(self._rows_since_surprise), np.array([hull.is_free for hull in self._hulls.values()], dtype=int),
-        )  # fmt: skip
+            row[_MEASURED][:2],
+            mean[..., :2],
+            variance[..., :2],
+            np.array(self._reported_noise[:2]),
+            np.array(self._rows_since_surprise),
+            np.array([hull.is_free for hull in self._hulls.values()], dtype=int),
+        )
         self._rows_since_surprise = [rows + steps for rows in self._rows_since_surprise]
 
     def _skip_rows(self, count: int):
@@ -544,10 +556,14 @@ class Forecaster:
         self._refit_due = self._time + interval
         excitations = {axis: self._excitation_request(place, axis) for place, axis in enumerate(AXES)}
         return SeaRequest(
-            self._time, self._step, CHANNELS, self._past(s.window).copy(),
+            self._time,
+            self._step,
+            CHANNELS,
+            self._past(s.window).copy(),
             {axis: request for axis, request in excitations.items() if request is not None},
-            self._vertical_request(), self._time >= self._sea_state_due,
-        )  # fmt: skip
+            self._vertical_request(),
+            self._time >= self._sea_state_due,
+        )
 
     def _vertical_request(self):
         if self._vertical is None:
@@ -611,7 +627,7 @@ class Forecaster:
         for place, hull in enumerate(self._hulls.values()):
             if hull.is_free:
                 # nothing acts: there is nothing else to know
-                mean[:hull_place, :, place::2] = mean[hull_place + 1:, :, place::2] = math.nan
+                mean[:hull_place, :, place::2] = mean[hull_place + 1 :, :, place::2] = math.nan
         angles = mean[..., :2]
         # a third of what np.clip takes
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
@@ -643,11 +659,16 @@ class Forecaster:
             mean, covariance = mean[:, joint], covariance[:, joint][:, :, joint]
         return [
             Forecast(
-                stamp, self._leads[chosen], _by_axis(known, mean[chosen], covariance[chosen]), covariance[chosen],
-                quiescence, window, {name: motion.at(chosen) for name, motion in points.items()},
+                stamp,
+                self._leads[chosen],
+                _by_axis(known, mean[chosen], covariance[chosen]),
+                covariance[chosen],
+                quiescence,
+                window,
+                {name: motion.at(chosen) for name, motion in points.items()},
             )
             for chosen in (self._asked, self._over_horizon)
-        ]  # fmt: skip
+        ]
 
     @property
     def _trim(self):
@@ -675,7 +696,7 @@ class Forecaster:
         newest, time = self._history.newest, self._time - self._since_row
         self._quiescence.learn(self._time, lambda times: self._what_came(newest + (times - time) / self._step))
         activity = [self._sizes[axis].activity for axis in AXIS_OF_TARGET]
-        activity += [max(abs(value), _MIN_ACTIVITY) for value in motion[0, len(ATTITUDE):].tolist()]
+        activity += [max(abs(value), _MIN_ACTIVITY) for value in motion[0, len(ATTITUDE) :].tolist()]
         trim = np.array([*self._trim, *[0.0] * (motion.shape[1] - len(AXES))])
         return self._quiescence.assess(self._time, motion, np.sqrt(variance), np.array(activity), trim)
 
@@ -715,9 +736,16 @@ class Forecaster:
             nrmse = np.sqrt(self._blend.blended_square[places]).T / size[:, None]
             coverage = self._blend.coverage[places].T
         return ForecasterDiagnostics(
-            self._interval, {axis: self._models[axis] is not None for axis in AXES}, has_waves,
-            {axis: hull.strain for axis, hull in started.items()}, nrmse, coverage, candidate, weights, advice,
-        )  # fmt: skip
+            self._interval,
+            {axis: self._models[axis] is not None for axis in AXES},
+            has_waves,
+            {axis: hull.strain for axis, hull in started.items()},
+            nrmse,
+            coverage,
+            candidate,
+            weights,
+            advice,
+        )
 
 
 def _by_axis(places: Sequence[int], mean: np.ndarray, covariance: np.ndarray):

@@ -10,6 +10,7 @@ which nothing is known but its size (second-order Markov: a hand on the craft, a
 learnt, that of the sea (`excitation_model`). Which one is used is decided by the likelihood of their innovations, in
 Wald's sequential test: once a hand lets go, the hull alone remains within some tenths of a second.
 """
+
 import math
 from collections import deque
 from collections.abc import Sequence
@@ -267,9 +268,11 @@ class HullTrack:
 
     def set_hull(self, model: DecayModel | None) -> None:
         """Swap the equation; None: a constant rate that the moment drives."""
-        self.hull = NO_HULL if model is None else (
-            tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate)
-        )  # fmt: skip
+        self.hull = (
+            NO_HULL
+            if model is None
+            else (tuple(model.ratios.tolist()), model.equation.active, float(model.friction_rate))
+        )
         fastest = 0.0
         if model is not None:
             by_angle, by_rate = model.jacobian(model.trim, 0.0)
@@ -466,11 +469,13 @@ class HullFilter:
         if self.model is None:
             return np.array([UNKNOWN_TRIM_STD**2, 0.0, 0.0])
         trim_std = uncertainty.trim_std if uncertainty.trim_std == uncertainty.trim_std else UNKNOWN_TRIM_STD
-        return np.square([
-            trim_std,
-            min(max(uncertainty.stiffness_std, MIN_STIFFNESS_STD), MAX_SCALE_STD),
-            min(max(uncertainty.damping_std, MIN_DAMPING_STD), MAX_SCALE_STD),
-        ])
+        return np.square(
+            [
+                trim_std,
+                min(max(uncertainty.stiffness_std, MIN_STIFFNESS_STD), MAX_SCALE_STD),
+                min(max(uncertainty.damping_std, MIN_DAMPING_STD), MAX_SCALE_STD),
+            ]
+        )
 
     def set_excitation(self, fit: ExcitationFit, age: float = 0.0) -> None:
         """Take up a learnt moment.
@@ -504,7 +509,12 @@ class HullFilter:
             self.observe(*sample)
 
     def excitation_request(
-        self, step: float, angle: np.ndarray, rate: np.ndarray, angle_variance: float, rate_variance: float,
+        self,
+        step: float,
+        angle: np.ndarray,
+        rate: np.ndarray,
+        angle_variance: float,
+        rate_variance: float,
         samples: int = 1,
     ) -> ExcitationRequest | None:
         """A window of the past, with what is known of the hull now, for `fit_excitation`.
@@ -528,9 +538,17 @@ class HullFilter:
         if self.model is None:
             return None
         return ExcitationRequest(
-            self.model, self.x[OF_HULL].copy(), self.P[OF_HULL, OF_HULL].copy(), self.learns_hull, step, angle,
-            rate, angle_variance, rate_variance, samples,
-        )  # fmt: skip
+            self.model,
+            self.x[OF_HULL].copy(),
+            self.P[OF_HULL, OF_HULL].copy(),
+            self.learns_hull,
+            step,
+            angle,
+            rate,
+            angle_variance,
+            rate_variance,
+            samples,
+        )
 
     def _use_moments(self, moments: Sequence[ModalMoment], levels: Sequence[float]):
         self.moments, self.levels = list(moments), np.array(levels, dtype=float)
@@ -563,9 +581,9 @@ class HullFilter:
         """
         has_angle, has_rate = angle == angle, rate == rate
         motion = [angle if has_angle else self.x[TRIM], rate if has_rate else 0.0]
-        spread = np.diag([
-            angle_variance if has_angle else INITIAL_ANGLE_STD**2, rate_variance if has_rate else INITIAL_RATE_STD**2
-        ])
+        spread = np.diag(
+            [angle_variance if has_angle else INITIAL_ANGLE_STD**2, rate_variance if has_rate else INITIAL_RATE_STD**2]
+        )
         if self.is_free:
             self.driven.set_part(OF_HULL, self.x[OF_HULL], self.P[OF_HULL, OF_HULL])
         self.driven.set_part(slice(2), motion, spread)
@@ -706,12 +724,14 @@ class HullFilter:
             is_unlikely = abs(log_scale) > CONTRADICTION * math.sqrt(before)
             is_much = abs(log_scale) > much and abs(log_scale) > CONTRADICTION * math.sqrt(now)
             if is_unlikely or is_much:
-                found.append(Advice(
-                    'model-contradicted',
-                    f'the motion shows {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
-                    f'model has, and than its uncertainty allows ({log_scale / math.sqrt(before):+.1f} standard '
-                    'deviations): identify again',
-                ))  # fmt: skip
+                found.append(
+                    Advice(
+                        'model-contradicted',
+                        f'the motion shows {"more" if log_scale > 0.0 else "less"} {name} than the {self.model.axis} '
+                        f'model has, and than its uncertainty allows ({log_scale / math.sqrt(before):+.1f} standard '
+                        'deviations): identify again',
+                    )
+                )
         return tuple(found)
 
     # -- the forecast ------------------------------------------------------------------------------------------
@@ -725,9 +745,7 @@ class HullFilter:
             Angle, rate, angle variance, covariance of both, rate variance.
         """
         mean, covariance = self.active.ahead(lead)
-        return (
-            mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1)
-        )
+        return (mean.item(0), mean.item(1), covariance.item(0, 0), covariance.item(0, 1), covariance.item(1, 1))
 
     def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angle and rate at leads after the present state, which stays as it is.

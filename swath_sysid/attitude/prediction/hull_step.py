@@ -5,6 +5,7 @@ The state is [angle, rate, trim, log stiffness scale, log damping scale, moment'
 step takes some thousand multiplications where dense matrices take forty thousand. `FilterpyTrack.linearise` says the
 same in matrices, for filterpy.
 """
+
 import math
 
 import numpy as np
@@ -45,16 +46,29 @@ def expected_ratios(ratios: tuple, stiffness: float, damping: float, rate: float
     """
     more = ratios[2] * (math.sqrt(rate * rate + 8.0 / math.pi * variance) - abs(rate)) + 3.0 * ratios[3] * variance
     return (
-        ratios[0] * damping, (ratios[1] + more) * damping, ratios[2] * damping, ratios[3] * damping,
-        ratios[4] * stiffness, ratios[5] * stiffness, ratios[6] * stiffness, ratios[7] * stiffness,
+        ratios[0] * damping,
+        (ratios[1] + more) * damping,
+        ratios[2] * damping,
+        ratios[3] * damping,
+        ratios[4] * stiffness,
+        ratios[5] * stiffness,
+        ratios[6] * stiffness,
+        ratios[7] * stiffness,
         ratios[8] * stiffness,
-    )  # fmt: skip
+    )
 
 
 @accelerated
 def hull_step(
-    angle: float, rate: float, trim: float, stiffness: float, damping: float, moment: float, rate_variance: float,
-    step: float, hull: tuple,
+    angle: float,
+    rate: float,
+    trim: float,
+    stiffness: float,
+    damping: float,
+    moment: float,
+    rate_variance: float,
+    step: float,
+    hull: tuple,
 ) -> tuple[float, float, tuple, tuple]:
     """One step of the hull under a held moment, and its linearisation in the middle of the step.
 
@@ -104,13 +118,21 @@ def hull_step(
     square = a + c * c
     gain_angle, gain_rate = h2 + c * h3, step + c * h2 + square * h3
     to_angle = (
-        1.0 + a * h2 + a * c * h3, gain_rate, -a * gain_angle, -restoring * gain_angle, -resisting * gain_angle,
+        1.0 + a * h2 + a * c * h3,
+        gain_rate,
+        -a * gain_angle,
+        -restoring * gain_angle,
+        -resisting * gain_angle,
         gain_angle,
-    )  # fmt: skip
+    )
     to_rate = (
-        a * step + a * c * h2 + a * square * h3, 1.0 + c * step + square * h2 + c * (a + square) * h3,
-        -a * gain_rate, -restoring * gain_rate, -resisting * gain_rate, gain_rate,
-    )  # fmt: skip
+        a * step + a * c * h2 + a * square * h3,
+        1.0 + c * step + square * h2 + c * (a + square) * h3,
+        -a * gain_rate,
+        -restoring * gain_rate,
+        -resisting * gain_rate,
+        gain_rate,
+    )
     return angle, rate, to_angle, to_rate
 
 
@@ -130,7 +152,12 @@ def block_transitions(blocks: np.ndarray, step: float) -> np.ndarray:
 
 @accelerated
 def predict(
-    mean: np.ndarray, covariance: np.ndarray, moment: tuple, hull: tuple, drifts: tuple[float, float], duration: float,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    moment: tuple,
+    hull: tuple,
+    drifts: tuple[float, float],
+    duration: float,
     longest: float,
 ) -> None:
     """Move mean and covariance on by a duration, in place.
@@ -301,7 +328,12 @@ def update(mean: np.ndarray, covariance: np.ndarray, place: int, value: float, v
 
 @accelerated
 def observe(
-    mean: np.ndarray, covariance: np.ndarray, angle: float, rate: float, angle_variance: float, rate_variance: float,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    angle: float,
+    rate: float,
+    angle_variance: float,
+    rate_variance: float,
     learns: bool,
 ) -> None:
     """Take in what was measured of angle and rate (NaN: not measured), in place; see `update`."""
@@ -313,8 +345,15 @@ def observe(
 
 @accelerated
 def predict_to(
-    mean: np.ndarray, covariance: np.ndarray, moment: tuple, hull: tuple, drifts: tuple[float, float],
-    durations: np.ndarray, longest: float, means: np.ndarray, spreads: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    moment: tuple,
+    hull: tuple,
+    drifts: tuple[float, float],
+    durations: np.ndarray,
+    longest: float,
+    means: np.ndarray,
+    spreads: np.ndarray,
 ) -> None:
     """Predict on over successive durations, in place, and keep angle and rate with their covariance after each."""
     for k in range(durations.size):
@@ -328,8 +367,16 @@ def predict_to(
 
 @accelerated
 def innovation(
-    mean: np.ndarray, covariance: np.ndarray, output: np.ndarray, hull: tuple, elapsed: float, angle: float,
-    rate: float, angle_variance: float, rate_variance: float, min_jump: float,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    output: np.ndarray,
+    hull: tuple,
+    elapsed: float,
+    angle: float,
+    rate: float,
+    angle_variance: float,
+    rate_variance: float,
+    min_jump: float,
 ) -> tuple[int, float, float, float]:
     """How far what was measured (NaN: not measured) lies from what was expected.
 

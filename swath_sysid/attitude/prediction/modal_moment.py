@@ -8,6 +8,7 @@ A block diagonal with blocks [[s, v], [-v, s]] (a pair of poles s +- i v) or dia
 interval t the transition is F(t) = exp(A t), two numbers a block, and the noise Q(t) = Pi - F(t) Pi F(t)': no matrix
 exponential and no Lyapunov equation has to be solved while the filter runs, however uneven the samples are.
 """
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -61,9 +62,7 @@ class ModalMoment:
         return block_diag(*[[[first, v], [-v, second]] for first, second, v in self.blocks])
 
     @classmethod
-    def from_discrete(
-        cls, transition: np.ndarray, output: np.ndarray, stationary: np.ndarray, step: float
-    ) -> Self:
+    def from_discrete(cls, transition: np.ndarray, output: np.ndarray, stationary: np.ndarray, step: float) -> Self:
         """Bring a stable discrete state space into continuous modal form.
 
         Parameters
@@ -95,7 +94,7 @@ class ModalMoment:
         to_modal = np.linalg.inv(np.array(columns).T)
         spread = to_modal @ stationary @ to_modal.T
         scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-        scale[:2 * pairs.size] = np.repeat(np.hypot(*scale[:2 * pairs.size].reshape(-1, 2).T), 2)
+        scale[: 2 * pairs.size] = np.repeat(np.hypot(*scale[: 2 * pairs.size].reshape(-1, 2).T), 2)
         new_output, covariance = np.array(columns) @ output * scale, spread / np.outer(scale, scale)
         if len(real) % 2:
             new_output, covariance = np.append(new_output, 0.0), block_diag(covariance, 1.0)

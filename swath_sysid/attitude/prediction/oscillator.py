@@ -4,6 +4,7 @@ At short leads it carries the rate on, at long ones it returns to the mean, so t
 rate and the mean are each good at.  Its natural frequency is the ratio of the rate's to the angle's standard deviation,
 for which the regression of the angle a little later on angle and rate is the best linear one whatever the spectrum.
 """
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -62,16 +63,32 @@ def _oscillator(values: np.ndarray, names: Sequence[str], step: float, angle: in
     if rate is not None:
         s = noise + _NOISE * np.eye(2)
         return InnovationsModel(
-            (names[angle], names[rate]), (angle, rate), step, np.array([mean, 0.0]),
-            np.array([deviation, deviation * frequency]), a, a, np.eye(2), s, a @ a.T,
-        )  # fmt: skip
+            (names[angle], names[rate]),
+            (angle, rate),
+            step,
+            np.array([mean, 0.0]),
+            np.array([deviation, deviation * frequency]),
+            a,
+            a,
+            np.eye(2),
+            s,
+            a @ a.T,
+        )
     c = np.array([[1.0, 0.0]])
     error = solve_discrete_are(a.T, c.T, noise + _NOISE * np.eye(2), np.array([[_NOISE]]))
     s = c @ error @ c.T + _NOISE
     return InnovationsModel(
-        (names[angle],), (angle,), step, np.array([mean]), np.array([deviation]), a, a @ error @ c.T / s, c, s,
+        (names[angle],),
+        (angle,),
+        step,
+        np.array([mean]),
+        np.array([deviation]),
+        a,
+        a @ error @ c.T / s,
+        c,
+        s,
         np.eye(2) - error,
-    )  # fmt: skip
+    )
 
 
 def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) -> tuple[float, float, float]:

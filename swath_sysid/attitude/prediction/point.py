@@ -4,6 +4,7 @@ With u(roll, pitch) the world's vertical in the craft's axes and r the point, it
 vertical velocity and acceleration the derivatives of that in time (Fossen 2021, section 2.2, of the third row of the
 rotation matrix).
 """
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -89,7 +90,9 @@ def height_partials(
 
 
 def point_motion(
-    place: tuple[float, float, float], mean_attitude: tuple[float, float], motion: np.ndarray,
+    place: tuple[float, float, float],
+    mean_attitude: tuple[float, float],
+    motion: np.ndarray,
     covariance: np.ndarray | None = None,
 ) -> PointMotion:
     """Vertical motion at a point from that at the sensor, with its covariance to first order.
@@ -112,9 +115,12 @@ def point_motion(
     def turning(i: int, j: int) -> np.ndarray:
         """(d/dt)^2 of u . r, differentiated i times in roll and j times in pitch."""
         return (
-            h[i + 2, j] * roll_rate**2 + 2.0 * h[i + 1, j + 1] * roll_rate * pitch_rate + h[i, j + 2] * pitch_rate**2
-            + h[i + 1, j] * roll_acc + h[i, j + 1] * pitch_acc
-        )  # fmt: skip
+            h[i + 2, j] * roll_rate**2
+            + 2.0 * h[i + 1, j + 1] * roll_rate * pitch_rate
+            + h[i, j + 2] * pitch_rate**2
+            + h[i + 1, j] * roll_acc
+            + h[i, j + 1] * pitch_acc
+        )
 
     level = height_partials(place, *mean_attitude)[0, 0]
     velocity_of_turning = h[1, 0] * roll_rate + h[0, 1] * pitch_rate

@@ -5,6 +5,7 @@ be multiplied.  Past error trajectories, whole horizons of all that may be limit
 then, are laid over the present forecast instead (a causal ensemble, as in ensemble dressing: Roulston
 and Smith 2003), and the members that stay inside are counted.
 """
+
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -197,7 +198,11 @@ class Quiescence:
     """
 
     def __init__(
-        self, limits: QuiescenceLimits, leads: np.ndarray, quantities: Sequence[str] = ATTITUDE, members: int = 300,
+        self,
+        limits: QuiescenceLimits,
+        leads: np.ndarray,
+        quantities: Sequence[str] = ATTITUDE,
+        members: int = 300,
         spacing: float = 1.0,
     ) -> None:
         self._leads = leads
@@ -252,12 +257,16 @@ class Quiescence:
             self._errors[:, place] = errors = ((actual - issued.motion) / issued.size).T
             self._complete[:, place] = np.isfinite(errors).all(axis=1)
             self._seen += 1
-            actual = (actual - issued.trim)[:self._within, self._bounded]
+            actual = (actual - issued.trim)[: self._within, self._bounded]
             if issued.probability == issued.probability and np.isfinite(actual).all():
                 self.record.add(issued.probability, bool((np.abs(actual) <= self._bound).all()))
 
     def assess(
-        self, now: float, motion: np.ndarray, deviation: np.ndarray, activity: np.ndarray,
+        self,
+        now: float,
+        motion: np.ndarray,
+        deviation: np.ndarray,
+        activity: np.ndarray,
         trim: np.ndarray | None = None,
     ) -> tuple[float, CalmWindow | None]:
         """Probability of staying inside, for the forecast issued now, and when the craft will next be quiet.
@@ -287,9 +296,9 @@ class Quiescence:
             centred = motion - about
             inside = self._members_inside(centred, size)
             if inside is None:
-                probability = self._by_marginals(centred[:self._within], deviation[:self._within])
+                probability = self._by_marginals(centred[: self._within], deviation[: self._within])
             else:
-                probability = _share(inside[:, :self._within].all(axis=1))
+                probability = _share(inside[:, : self._within].all(axis=1))
                 window = self._calm_window(inside)
         if not self._pending or now - self._pending[-1].stamp >= self._spacing - 1e-6:
             self._pending.append(_Issued(now, motion, size, about, probability))

@@ -1,4 +1,5 @@
 """What is learnt of the sea from the recent past, beside the samples: a request as data, a pure function, a result."""
+
 import math
 from dataclasses import dataclass, field
 
@@ -88,7 +89,7 @@ def fit_sea(request: SeaRequest) -> SeaFit:
     """
     past, names, step = request.values, request.names, request.step
     waves = {
-        SHORT_MEMORY: identify(past[-round(SHORT / step):], names, step),
+        SHORT_MEMORY: identify(past[-round(SHORT / step) :], names, step),
         ALL_CHANNELS: identify(past, names, step),
         EACH_ALONE: identify_alone(past, names, step, AXES),
     }
@@ -149,12 +150,14 @@ def newest_stretch(channels: np.ndarray, step: float) -> np.ndarray:
     if not seen.size:
         return channels[:, :0]
     breaks = np.flatnonzero(np.diff(seen) * step > LONGEST_FILLED)
-    seen = seen[breaks[-1] + 1:] if breaks.size else seen
+    seen = seen[breaks[-1] + 1 :] if breaks.size else seen
     even = np.arange(seen[0], seen[-1] + 1)
-    return np.array([
-        np.interp(even, seen, channel[seen]) if known else np.full(even.size, math.nan)
-        for channel, known in zip(channels, measured, strict=True)
-    ])
+    return np.array(
+        [
+            np.interp(even, seen, channel[seen]) if known else np.full(even.size, math.nan)
+            for channel, known in zip(channels, measured, strict=True)
+        ]
+    )
 
 
 def warm_up() -> None:

@@ -3,6 +3,7 @@
 What the craft heaves, not the sea itself: a craft does not follow waves shorter than a few of its lengths, and
 under way its periods are those of encounter.
 """
+
 import math
 from dataclasses import dataclass
 
@@ -144,10 +145,19 @@ def sea_state(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, ste
     period = math.sqrt(m0 / m2)
     axis, axis_std = _axis(spectra[..., inside], spectrum, segments)
     return SeaState(
-        duration, height, 0.5 * height * math.sqrt(of_m0), period, 0.5 * period * math.sqrt(of_ratio),
-        1.0 / _peak_frequency(frequency, spectrum), _peak_interval(frequency, spectrum, segments, seed),
-        axis, axis_std, least_height, frequency, spectrum,
-    )  # fmt: skip
+        duration,
+        height,
+        0.5 * height * math.sqrt(of_m0),
+        period,
+        0.5 * period * math.sqrt(of_ratio),
+        1.0 / _peak_frequency(frequency, spectrum),
+        _peak_interval(frequency, spectrum, segments, seed),
+        axis,
+        axis_std,
+        least_height,
+        frequency,
+        spectrum,
+    )
 
 
 def _peak_frequency(frequency: np.ndarray, spectrum: np.ndarray):

@@ -1,4 +1,5 @@
 """What a sensor does not report: its white noise, by the roughness of its samples, and how well its channels agree."""
+
 import math
 from collections import deque
 

@@ -6,6 +6,7 @@
 error.  Where a sample or a channel is lost, the Kalman update with the noises K e and e, which are correlated, says
 how much is not known.
 """
+
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -138,7 +139,7 @@ class InnovationsFilter:
         complete = np.isfinite(rows[:, self._places]).all(axis=1)
         if count and (whole := whole_lags(complete, count)).any():
             end = int(np.argmax(whole)) + 1
-            lags = (rows[end - count:end, self._places] - self.model.mean) * self._scale
+            lags = (rows[end - count : end, self._places] - self.model.mean) * self._scale
             self._x, self._p = self.model.from_lags @ lags[::-1].ravel(), None
             self._recent.extend(lags[-_PAST:])
             rows = rows[end:]
@@ -157,11 +158,11 @@ class InnovationsFilter:
         self._stepped = None
         if self._p is None:
             following = self._following @ self._x
-            error = z - following[:z.size]
+            error = z - following[: z.size]
             self._follow_strain(error[self._watched])
             # false for NaN, too
             if (error * error < self._largest).all():
-                self._x = following[z.size:] + self.model.k @ error
+                self._x = following[z.size :] + self.model.k @ error
                 self._recent.append(z)
                 return
             self._p = np.zeros_like(self.model.a)
@@ -307,7 +308,7 @@ class InnovationsFilter:
             """Of the channels at consecutive steps, shape (T, C, ...), the targets from two steps further in."""
             result = np.full((path.shape[0] - 4, len(self.targets), *path.shape[2:]), np.nan)
             for place, source, factors in sources:
-                terms = [f * path[2 + k:path.shape[0] - 2 + k, source] for k, f in factors.items()]
+                terms = [f * path[2 + k : path.shape[0] - 2 + k, source] for k, f in factors.items()]
                 result[:, place] = self._unit[place] * sum(terms)
             return result
 
@@ -349,14 +350,18 @@ def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:
         for m in models:
             states, channels = m.k.shape
             own = m.from_lags.reshape(states, m.lags, channels)
-            from_lags[state:state + states, :m.lags, channel:channel + channels] = own
+            from_lags[state : state + states, : m.lags, channel : channel + channels] = own
             state, channel = state + states, channel + channels
         from_lags = from_lags.reshape(from_lags.shape[0], -1)
     return replace(
-        models[0], channels=sum((m.channels for m in models), ()), places=sum((m.places for m in models), ()),
-        mean=np.concatenate([m.mean for m in models]), scale=np.concatenate([m.scale for m in models]),
-        from_lags=from_lags, **whole,
-    )  # fmt: skip
+        models[0],
+        channels=sum((m.channels for m in models), ()),
+        places=sum((m.places for m in models), ()),
+        mean=np.concatenate([m.mean for m in models]),
+        scale=np.concatenate([m.scale for m in models]),
+        from_lags=from_lags,
+        **whole,
+    )
 
 
 def whole_lags(complete: np.ndarray, count: int) -> np.ndarray:
@@ -386,9 +391,12 @@ def cubic_weights(part: np.ndarray) -> np.ndarray:
     ndarray, shape (L, 4)
     """
     p = np.asarray(part)
-    return np.stack([
-        -p * (p - 1.0) * (p - 2.0) / 6.0,
-        (p + 1.0) * (p - 1.0) * (p - 2.0) / 2.0,
-        -(p + 1.0) * p * (p - 2.0) / 2.0,
-        (p + 1.0) * p * (p - 1.0) / 6.0,
-    ], axis=-1)  # fmt: skip
+    return np.stack(
+        [
+            -p * (p - 1.0) * (p - 2.0) / 6.0,
+            (p + 1.0) * (p - 1.0) * (p - 2.0) / 2.0,
+            -(p + 1.0) * p * (p - 2.0) / 2.0,
+            (p + 1.0) * p * (p - 1.0) / 6.0,
+        ],
+        axis=-1,
+    )

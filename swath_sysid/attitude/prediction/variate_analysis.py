@@ -4,6 +4,7 @@ The state is what the past has to say of the future: the leading canonical varia
 ahead (Larimore 1990; Van Overschee and De Moor 1996, chapter 4, the CVA weighting).  A, K, C and S are then regressions
 of rows and of next states on states; all of them need only the Gram matrix of the lags.
 """
+
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -111,9 +112,10 @@ def useful_channels(values: np.ndarray) -> list[int]:
     """
     finite = np.isfinite(values)
     return [
-        place for place in range(values.shape[1])
+        place
+        for place in range(values.shape[1])
         if finite[:, place].sum() > _MIN_SHARE * values.shape[0] and np.nanstd(values[:, place]) > _FLAT
-    ]  # fmt: skip
+    ]
 
 
 def without_breaks(rows: np.ndarray) -> np.ndarray:
@@ -281,7 +283,7 @@ def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np
         weight = np.sqrt(np.sqrt(np.maximum(squared, 0.0)))
         from_lags = weight[:, None] * solve_triangular(white_past, right, lower=True, trans='T').T
         # both regressions need the Gram of half + 1 lags only: x[t] is of lags 1 .. j, x[t+1] of lags 0 .. j - 1
-        both = gram[:half + width, :half + width]
+        both = gram[: half + width, : half + width]
         before = np.hstack([np.zeros((states, width)), from_lags])
         after = np.hstack([from_lags, np.zeros((states, width))])
         newest = np.eye(width, half + width)

@@ -4,6 +4,7 @@ The truth of heave is a zero-phase integral, known only half a minute later; unt
 space's state and on leaky integrals of the vertical acceleration.  (The integrals as channels of the state space would
 make it singular: they are functions of a channel that is there already.)
 """
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -103,7 +104,11 @@ class VerticalRequest:
 
 
 def fit_vertical(
-    stretch: np.ndarray, names: Sequence[str], step: float, model: InnovationsModel, request: VerticalRequest,
+    stretch: np.ndarray,
+    names: Sequence[str],
+    step: float,
+    model: InnovationsModel,
+    request: VerticalRequest,
     age: int = 0,
 ) -> VerticalFit | None:
     """Learn vertical motion from a stretch of complete rows.
@@ -136,10 +141,16 @@ def fit_vertical(
     if not model.lags or used.size < _ROWS_A_REGRESSOR * width or not np.isfinite(measured).all():
         return None
     acceleration = vertical_acceleration(measured[:, 0], measured[:, 1], measured[:, 4:])
-    truth = np.stack([
-        *(zero_phase_integral(acceleration, step, times, request.delay) for times in (HEAVE, VELOCITY, ACCELERATION)),
-        *(zero_phase_integral(rate, step, -1) for rate in measured[:, 2:4].T),
-    ], axis=1)  # fmt: skip
+    truth = np.stack(
+        [
+            *(
+                zero_phase_integral(acceleration, step, times, request.delay)
+                for times in (HEAVE, VELOCITY, ACCELERATION)
+            ),
+            *(zero_phase_integral(rate, step, -1) for rate in measured[:, 2:4].T),
+        ],
+        axis=1,
+    )
     states = states_from_lags(model, stretch[:, model.places], used)
     regressors = np.hstack([states, LeakyIntegrals(step).of(acceleration)[used], np.ones((used.size, 1))])
     targets = np.hstack([truth, measured[:, :4]])[used[:, None] + np.arange(ahead + 1)]
@@ -157,7 +168,7 @@ def fit_vertical(
         errors @ errors.transpose(0, 2, 1) / (used.size - width) + of_states @ of_noise @ of_states.transpose(0, 2, 1),
         truth[edge:-edge, :3],
         request.row - age - edge,
-    )  # fmt: skip
+    )
 
 
 def states_from_lags(model: InnovationsModel, past: np.ndarray, used: np.ndarray) -> np.ndarray:
@@ -309,7 +320,7 @@ class VerticalForecaster:
         both = slope @ attitude_covariance
         own = (1.0 - part) * self._left[low] + part * self._left[low + 1] + both @ slope.transpose(0, 2, 1)
         if self._state_covariance is not None:
-            of_state = self._fit.weights[low][:, :count, :self._state_covariance.shape[0]]
+            of_state = self._fit.weights[low][:, :count, : self._state_covariance.shape[0]]
             own = own + of_state @ self._state_covariance @ of_state.transpose(0, 2, 1)
         mean = mean[:, :count] + (slope @ (attitude - mean[:, count:])[:, :, None])[:, :, 0]
         covariance = np.empty((leads.size, len(VERTICAL) + len(ATTITUDE), len(VERTICAL) + len(ATTITUDE)))

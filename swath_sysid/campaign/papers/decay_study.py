@@ -4,6 +4,7 @@ The trials are those of the hull that the study prints, released as it says, wit
 printed objective value of each record: one step ahead the noise sets it, as the difference of two readings. How the
 ratios follow the draft is not printed and assumed.
 """
+
 from collections.abc import Callable
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
@@ -37,9 +38,15 @@ SWARM: dict[str, Any] = {'generations': 2000, 'population': 200}
 OTHER_SEEDS = (101, 102, 103)
 
 COEFFICIENTS = {
-    'b1': ('N', 0.5), 'b2': ('W', 1.0), 'b3': ('x', 1.0), 'r1': ('C3', 1.0), 'r2': ('C2', 1.0), 'r3': ('C1', 1.0),
-    's1': ('C2', 1.0), 's2': ('C1', 1.0),
-}  # fmt: skip
+    'b1': ('N', 0.5),
+    'b2': ('W', 1.0),
+    'b3': ('x', 1.0),
+    'r1': ('C3', 1.0),
+    'r2': ('C2', 1.0),
+    'r3': ('C1', 1.0),
+    's1': ('C2', 1.0),
+    's2': ('C1', 1.0),
+}
 """Name and factor of the printed coefficient that a ratio times the inertia is."""
 
 

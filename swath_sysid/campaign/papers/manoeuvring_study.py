@@ -4,6 +4,7 @@ Its method: nonlinear least squares on the simulated motion, from GPS position a
 fixed by towing, every other derivative within a range. Ours: `identify_manoeuvring` on the same turn, with the
 compass and the gyro that a craft has today, and the same resistance.
 """
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,9 +113,11 @@ def run_manoeuvring_study(seed: int = 1) -> ManoeuvringStudy:
 def _craft(content: dict, values: dict[str, float]):
     mass, length = content['craft']['displacement_kg'], content['craft']['length_m']
     known = {
-        'm': mass, 'Iz': mass * (content['assumed']['gyradius_over_length'] * length) ** 2,
-        'lever': content['assumed']['lever_m'], **content['thrust'],
-    }  # fmt: skip
+        'm': mass,
+        'Iz': mass * (content['assumed']['gyradius_over_length'] * length) ** 2,
+        'lever': content['assumed']['lever_m'],
+        **content['thrust'],
+    }
     largest = max(max(thrusts) for thrusts in content['runs'].values())
     return ManoeuvringModel(parameter_values({**known, **values}), length=length, largest_input=largest)
 
@@ -138,10 +141,13 @@ def _estimated(content: dict, truth: ManoeuvringModel, values: dict[str, float],
 
     def residuals(shares: np.ndarray) -> np.ndarray:
         found = _turn(model_of(shares), assumed, port, starboard)
-        gap = np.concatenate([
-            (found.x - measured.x) / NOISE.position, (found.y - measured.y) / NOISE.position,
-            (np.hypot(found.surge, found.sway) - np.hypot(measured.surge, measured.sway)) / NOISE.speed,
-        ])  # fmt: skip
+        gap = np.concatenate(
+            [
+                (found.x - measured.x) / NOISE.position,
+                (found.y - measured.y) / NOISE.position,
+                (np.hypot(found.surge, found.sway) - np.hypot(measured.surge, measured.sway)) / NOISE.speed,
+            ]
+        )
         return np.nan_to_num(gap, nan=1e6, posinf=1e6, neginf=-1e6)
 
     def jacobian(shares: np.ndarray) -> np.ndarray:
@@ -160,21 +166,38 @@ def _estimated(content: dict, truth: ManoeuvringModel, values: dict[str, float],
 def _ours(content: dict, runs: dict, towed: dict[str, float]):
     trials = [
         ManoeuvringTrial(
-            m.time, m.port, m.starboard, surge=m.surge, sway=m.sway, yaw_rate=m.yaw_rate, heading=m.heading, x=m.x,
-            y=m.y, frame='enu', source=name,
+            m.time,
+            m.port,
+            m.starboard,
+            surge=m.surge,
+            sway=m.sway,
+            yaw_rate=m.yaw_rate,
+            heading=m.heading,
+            x=m.x,
+            y=m.y,
+            frame='enu',
+            source=name,
         )
         for name, (_, m) in runs.items()
-    ]  # fmt: skip
+    ]
     settings = ManoeuvringSettings(
-        mass=content['craft']['displacement_kg'], lever=content['assumed']['lever_m'],
-        length=content['craft']['length_m'], fixed={**content['thrust'], **towed}, current='none',
-    )  # fmt: skip
+        mass=content['craft']['displacement_kg'],
+        lever=content['assumed']['lever_m'],
+        length=content['craft']['length_m'],
+        fixed={**content['thrust'], **towed},
+        current='none',
+    )
     identification, validation = prepare_all(trials)
     return identify_manoeuvring([identification], settings, [validation])
 
 
 def _derivative(
-    content: dict, units: PrimeUnits, name: str, truth: ManoeuvringModel, estimated: ManoeuvringModel, std: float,
+    content: dict,
+    units: PrimeUnits,
+    name: str,
+    truth: ManoeuvringModel,
+    estimated: ManoeuvringModel,
+    std: float,
     ours: ManoeuvringIdentification,
 ):
     def prime(value: float) -> float:
@@ -185,13 +208,19 @@ def _derivative(
     shares = (1.0, 1.0) if fixed else (assumed['least_share'], assumed['largest_share'])
     low, high = sorted(prime(truth[name]) * share for share in shares)
     return EstimatedDerivative(
-        name, content['derivatives']['printed'][name], prime(truth[name]), prime(estimated[name]),
-        abs(prime(std)), prime(own.value) if own else float('nan'), abs(prime(own.std)) if own else float('nan'),
-        low, high, content['mariner'][name],
-    )  # fmt: skip
+        name,
+        content['derivatives']['printed'][name],
+        prime(truth[name]),
+        prime(estimated[name]),
+        abs(prime(std)),
+        prime(own.value) if own else float('nan'),
+        abs(prime(own.std)) if own else float('nan'),
+        low,
+        high,
+        content['mariner'][name],
+    )
 
 
 def track_error(found: Manoeuvre, measured: Manoeuvre) -> float:
     """Root mean square distance of two tracks, m."""
     return float(np.sqrt(np.mean((found.x - measured.x) ** 2 + (found.y - measured.y) ** 2)))
-

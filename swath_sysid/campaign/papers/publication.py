@@ -1,4 +1,5 @@
 """What the studies print, as it is printed; one YAML file a study beside this module."""
+
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
@@ -114,8 +115,6 @@ def _printed_table(content: dict):
 def decay_publication(name: str) -> DecayPublication:
     """A study of free decays by its name."""
     content = printed_values(name)
-    tables = {
-        key: _printed_table(content[key]) for key in ('objective', 'coefficients', 'next_step') if key in content
-    }
+    tables = {key: _printed_table(content[key]) for key in ('objective', 'coefficients', 'next_step') if key in content}
     lists = {key: tuple(content[key]) for key in ('equations', 'figures', 'claims')}
     return DecayPublication(name, **{**content, **tables, **lists})

@@ -1,4 +1,5 @@
 """What a target can express of a craft, and how far standard tests differ because of the rest."""
+
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,8 +13,18 @@ from swath_sysid.manoeuvring.hull.standard_tests import run_test
 from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR, THRUST
 
 INERTIAL = ('m', 'Iz')
-SENDERS = ('gain', 'reverse_ratio', 'dead_band', 'exponent', 'balance', 'deduction', 'lever', 'moment_factor',
-           'full_input', 'reverse_exponent_ratio')  # fmt: skip
+SENDERS = (
+    'gain',
+    'reverse_ratio',
+    'dead_band',
+    'exponent',
+    'balance',
+    'deduction',
+    'lever',
+    'moment_factor',
+    'full_input',
+    'reverse_exponent_ratio',
+)
 """Of the thrusters; who commands a force in N applies them before the target does."""
 
 COMPARED = {
@@ -57,8 +68,9 @@ def expressed(
     changed = tuple(name for name in NAMES if reduced[name] != model[name])
     stood_in = {
         name: next((power, other) for power, other in enumerate(others, start=1) if other in kept)
-        for name, others in STAND_INS.items() if name in changed and kept.intersection(others)
-    }  # fmt: skip
+        for name, others in STAND_INS.items()
+        if name in changed and kept.intersection(others)
+    }
     if stood_in:
         speed = approach_speed(model)
         for name, (power, other) in stood_in.items():
@@ -76,12 +88,14 @@ def losses(model: ManoeuvringModel, expressible: Collection[str], target: str, *
     reduced, changed = expressed(model, expressible, **implied)
     if not changed:
         return ()
-    named = ', '.join(f'{name} = {model[name]:.4g}' + (f' (there {reduced[name]:.4g})' if name in implied else '')
-                      for name in changed)  # fmt: skip
+    named = ', '.join(
+        f'{name} = {model[name]:.4g}' + (f' (there {reduced[name]:.4g})' if name in implied else '') for name in changed
+    )
     stands_in = [
-        f'{name} = {reduced[name]:.4g} instead of {model[name]:.4g}' for name in NAMES
+        f'{name} = {reduced[name]:.4g} instead of {model[name]:.4g}'
+        for name in NAMES
         if name not in changed and reduced[name] != model[name]
-    ]  # fmt: skip
+    ]
     instead = f' ({", ".join(stands_in)} stands in at {approach_speed(model):.3g} m/s)' if stands_in else ''
     found = [Advice('terms-dropped', f'{target} cannot express {named}{instead}: see how far the tests differ')]
     for test, names in COMPARED.items():
@@ -102,11 +116,13 @@ def change(name: str, whole: float, part: float) -> str:
 def added_mass_diverges(model: ManoeuvringModel) -> bool:
     """Whether added mass that is applied by the acceleration of the step before outgrows the craft's own."""
     own = np.diag([model['m'], model['m'], model['Iz']])
-    added = np.array([
-        [model['Xu_dot'], 0.0, 0.0],
-        [0.0, model['Yv_dot'], model['Yr_dot']],
-        [0.0, model['Nv_dot'], model['Nr_dot']],
-    ])
+    added = np.array(
+        [
+            [model['Xu_dot'], 0.0, 0.0],
+            [0.0, model['Yv_dot'], model['Yr_dot']],
+            [0.0, model['Nv_dot'], model['Nr_dot']],
+        ]
+    )
     return bool(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(own, added)))) >= 1.0)
 
 
@@ -114,16 +130,23 @@ def added_mass_advice(model: ManoeuvringModel) -> tuple[Advice, ...]:
     """Advice where the plugins' explicit added mass would diverge, as a tuple."""
     if not added_mass_diverges(model):
         return ()
-    return (Advice('added-mass-diverges', 'added mass exceeds mass: the plugin applies it by the acceleration of the '
-                   'step before and diverges; identify again with the mass as weighed'),)  # fmt: skip
+    return (
+        Advice(
+            'added-mass-diverges',
+            'added mass exceeds mass: the plugin applies it by the acceleration of the '
+            'step before and diverges; identify again with the mass as weighed',
+        ),
+    )
 
 
 def force_lines(model: ManoeuvringModel) -> list[str]:
     """Sentences on the forces that thrusters are to be sent, and where they act."""
-    lines = [f'input: {model.thrust_input}, at most {model.largest_input:.6g}; send each thruster the force in N of',
-             '(1 - deduction) (1 -+ balance, port - and starboard +) curve(input), with curve(c) = gain full_input',
-             '((|c| / full_input - dead_band) / (1 - dead_band))^exponent; astern the force is multiplied by',
-             '-reverse_ratio and the exponent by reverse_exponent_ratio']  # fmt: skip
+    lines = [
+        f'input: {model.thrust_input}, at most {model.largest_input:.6g}; send each thruster the force in N of',
+        '(1 - deduction) (1 -+ balance, port - and starboard +) curve(input), with curve(c) = gain full_input',
+        '((|c| / full_input - dead_band) / (1 - dead_band))^exponent; astern the force is multiplied by',
+        '-reverse_ratio and the exponent by reverse_exponent_ratio',
+    ]
     return [*lines, *(f'{p.name}: {model[p.name]:.8g}' for p in PARAMETERS if p.kind == THRUST and p.name in SENDERS)]
 
 
@@ -144,8 +167,11 @@ def elements(values: Mapping[str, Any], indent: int) -> str:
     """``<name>value</name>`` a line; mappings within as elements within."""
     margin = ' ' * indent
     return '\n'.join(
-        f'{margin}<{name}>\n{elements(value, indent + 2)}\n{margin}</{name}>' if isinstance(value, dict)
-        else f'{margin}<{name}>{escape(_plain(value))}</{name}>' for name, value in values.items())  # fmt: skip
+        f'{margin}<{name}>\n{elements(value, indent + 2)}\n{margin}</{name}>'
+        if isinstance(value, dict)
+        else f'{margin}<{name}>{escape(_plain(value))}</{name}>'
+        for name, value in values.items()
+    )
 
 
 def _plain(value: Any) -> str:

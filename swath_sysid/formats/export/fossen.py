@@ -3,6 +3,7 @@
 Axes are Fossen's: x forward, y starboard, z down, yaw rate positive to starboard (Fossen 2021, 2.1). Against x forward,
 y port, z up the derivatives of a symmetric craft keep their numbers; N0, the lever's sign and pitch change theirs.
 """
+
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -23,8 +24,11 @@ MATRICES = {
     'D': (
         ('-Xu - Xuu * abs(u) - Xuuu * u * u', '-Xvv * v', '-Xvr * v - Xrr * r'),
         ('0', '-Yv - Yvv * abs(v) - Yvvv * v * v - Yvr * abs(r) - Yuv * abs(u)', '-Yr - Yur * u'),
-        ('0', '-Nv - Nvvv * v * v - Nuv * u',
-         '-Nr - Nrr * abs(r) - Nrrr * r * r - Nvr * abs(v) - Nur * abs(u) - Nuur * u * u'),
+        (
+            '0',
+            '-Nv - Nvvv * v * v - Nuv * u',
+            '-Nr - Nrr * abs(r) - Nrrr * r * r - Nvr * abs(v) - Nur * abs(u) - Nuur * u * u',
+        ),
     ),
     'tau': (
         ('(1 - deduction) * (1 - advance * u) * (left + right) + X0',),
@@ -70,7 +74,7 @@ def acceleration(nu, port, starboard):
     return np.linalg.solve(M, tau(port, starboard, nu[0]) - (C(*nu) + D(*nu)) @ nu)
 '''
 
-_MATLAB = '''function [nu_dot, M, C, D, tau] = {function}(nu, port, starboard)
+_MATLAB = """function [nu_dot, M, C, D, tau] = {function}(nu, port, starboard)
 {head}
 % nu_dot is the derivative of nu = [u v r]' through the water under inputs.
 % C is of the rigid body: that of added mass is in Xvr, Yur and Nuv of D.
@@ -91,7 +95,7 @@ right = (1 + balance) * thrust(2);
 tau = {tau};
 nu_dot = M \\ (tau - (C + D) * nu(:));
 end
-'''
+"""
 
 
 def _python_matrix(rows: Iterable[Sequence[str]]) -> str:
@@ -106,36 +110,51 @@ def fossen(model: ManoeuvringModel, language: str = PYTHON, function: str = 'cra
     """Text of a manoeuvring model in one of `LANGUAGES`; a MATLAB function bears the name of its file."""
     advice = losses(model, EXPRESSIBLE, "Fossen's form")
     east, north = model.current
-    head = ['Surge, sway and yaw of an identified craft: nu = (u, v, r), body x forward, y starboard, z down.',
-            f'Inputs: {model.thrust_input} of the port and starboard thrusters, at most {model.largest_input:.10g}.',
-            f'Current: V_c = {math.hypot(east, north):.6g} m/s, beta_c = {math.atan2(east, north):.6g} rad from north '
-            'to east.', *(f'WARNING {a.message}' for a in advice)]  # fmt: skip
+    head = [
+        'Surge, sway and yaw of an identified craft: nu = (u, v, r), body x forward, y starboard, z down.',
+        f'Inputs: {model.thrust_input} of the port and starboard thrusters, at most {model.largest_input:.10g}.',
+        f'Current: V_c = {math.hypot(east, north):.6g} m/s, beta_c = {math.atan2(east, north):.6g} rad from north '
+        'to east.',
+        *(f'WARNING {a.message}' for a in advice),
+    ]
     values = {p.name: (model[p.name], p.unit) for p in PARAMETERS if p.kind != SENSOR and p.name in EXPRESSIBLE}
     values['N0'] = (0.0 - model['N0'], values['N0'][1])
     if language == PYTHON:
         text = _commented(head, '#') + _PYTHON.format(
             numbers='\n'.join(f'{name} = {value!r}  # {unit}' for name, (value, unit) in values.items()),
-            **{name: _python_matrix(rows).replace('\n', '\n' + ' ' * 4 * (name != 'M'))
-               for name, rows in MATRICES.items()})  # fmt: skip
+            **{
+                name: _python_matrix(rows).replace('\n', '\n' + ' ' * 4 * (name != 'M'))
+                for name, rows in MATRICES.items()
+            },
+        )
     else:
         text = _MATLAB.format(
-            function=_matlab_name(function), head=_commented(head, '%').rstrip(),
+            function=_matlab_name(function),
+            head=_commented(head, '%').rstrip(),
             numbers='\n'.join(f'{name} = {value!r}; % {unit}' for name, (value, unit) in values.items()),
-            **{name: _matlab_matrix(rows) for name, rows in MATRICES.items()})  # fmt: skip
+            **{name: _matlab_matrix(rows) for name, rows in MATRICES.items()},
+        )
     return Export(text, advice)
 
 
 def fossen_attitude(
-    models: Mapping[str, IdentifiedModel], inertias: Mapping[str, float], language: str = PYTHON,
+    models: Mapping[str, IdentifiedModel],
+    inertias: Mapping[str, float],
+    language: str = PYTHON,
     function: str = 'craft',
 ) -> Export:
     """Text of decay models: inertia, damping and restoring of each axis; see `fossen` and `gazebo_attitude`."""
-    head = ['Roll and pitch of an identified craft: I dw/dt + D(w) + G(x) = exciting moment, N m.',
-            'Body x forward, y starboard, z down: pitch is positive bow up. Angles in rad, rates in rad/s.',
-            'Friction is smoothed over a rate, as it was identified.']  # fmt: skip
-    parts = [_commented(head, '#') + 'import numpy as np' if language == PYTHON else
-             f'function s = {_matlab_name(function)}()\n{_commented(head, "%")}'
-             '% s holds inertia, kg m2, and handles of damping and restoring, N m, of each axis.']  # fmt: skip
+    head = [
+        'Roll and pitch of an identified craft: I dw/dt + D(w) + G(x) = exciting moment, N m.',
+        'Body x forward, y starboard, z down: pitch is positive bow up. Angles in rad, rates in rad/s.',
+        'Friction is smoothed over a rate, as it was identified.',
+    ]
+    parts = [
+        _commented(head, '#') + 'import numpy as np'
+        if language == PYTHON
+        else f'function s = {_matlab_name(function)}()\n{_commented(head, "%")}'
+        '% s holds inertia, kg m2, and handles of damping and restoring, N m, of each axis.'
+    ]
     sine, tanh = ('np.sin', 'np.tanh') if language == PYTHON else ('sin', 'tanh')
     for axis, identified in models.items():
         inertia, model = inertia_of(axis, inertias), identified.model
@@ -143,15 +162,21 @@ def fossen_attitude(
         b0, b1, b2, b3, r1, r2, r3, s1, s2 = (float(inertia * value) for value in model.ratios)
         x = f'(angle - {side * float(model.trim)!r})'
         damping = f'{b0!r} * {tanh}(w / {model.friction_rate!r}) + ({b1!r} + {b2!r} * abs(w) + {b3!r} * w * w) * w'
-        restoring = (f'({r1!r} + {side * r2!r} * {x} + {r3!r} * {x} * {x}) * {x} + ({s1!r} + {side * s2!r} * '
-                     f'{sine}{x}) * {sine}{x}')  # fmt: skip
+        restoring = (
+            f'({r1!r} + {side * r2!r} * {x} + {r3!r} * {x} * {x}) * {x} + ({s1!r} + {side * s2!r} * '
+            f'{sine}{x}) * {sine}{x}'
+        )
         if language == PYTHON:
-            parts.append(f'\n{axis}_inertia = {inertia!r}  # kg m2, with added inertia\n\n\n'
-                         f'def {axis}_damping(w):\n    """D(w), N m."""\n    return {damping}\n\n\n'
-                         f'def {axis}_restoring(angle):\n    """G, N m."""\n    return {restoring}\n')  # fmt: skip
+            parts.append(
+                f'\n{axis}_inertia = {inertia!r}  # kg m2, with added inertia\n\n\n'
+                f'def {axis}_damping(w):\n    """D(w), N m."""\n    return {damping}\n\n\n'
+                f'def {axis}_restoring(angle):\n    """G, N m."""\n    return {restoring}\n'
+            )
         else:
-            parts.append(f's.{axis}_inertia = {inertia!r};\ns.{axis}_damping = @(w) {damping};\n'
-                         f's.{axis}_restoring = @(angle) {restoring};')  # fmt: skip
+            parts.append(
+                f's.{axis}_inertia = {inertia!r};\ns.{axis}_damping = @(w) {damping};\n'
+                f's.{axis}_restoring = @(angle) {restoring};'
+            )
     return Export('\n'.join(parts) + ('' if language == PYTHON else '\nend\n'), ())
 
 
@@ -161,6 +186,9 @@ def _commented(lines: Iterable[str], mark: str) -> str:
 
 def _matlab_name(name: str) -> str:
     if not (name.isascii() and name.isidentifier() and name[0] != '_'):
-        raise InputError(f"MATLAB allows no function name '{name}', which is that of the file: begin its name with "
-                         'a letter, then letters, digits and underscores', 'no-function-name')  # fmt: skip
+        raise InputError(
+            f"MATLAB allows no function name '{name}', which is that of the file: begin its name with "
+            'a letter, then letters, digits and underscores',
+            'no-function-name',
+        )
     return name

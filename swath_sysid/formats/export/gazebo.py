@@ -8,6 +8,7 @@ The plugin applies its added mass by the acceleration of the step before, which 
 Such a craft has it in the link's ``fluid_added_mass``, which DART integrates with the mass, and DART's own Coriolis
 forces of it are taken off the plugin's derivatives.
 """
+
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -40,10 +41,24 @@ ADDED_MASS = {'Xu_dot': 'xDotU', 'Yv_dot': 'yDotV', 'Yr_dot': 'yDotR', 'Nv_dot':
 FLUID_ADDED_MASS = {'Xu_dot': 'xx', 'Yv_dot': 'yy', 'Yr_dot': 'yr', 'Nr_dot': 'rr'}
 ELEMENTS = {
     **ADDED_MASS,
-    'Xu': 'xU', 'Xuu': 'xUabsU', 'Xvr': 'xVR', 'Xvv': 'xVV', 'Xrr': 'xRR',
-    'Yv': 'yV', 'Yvv': 'yVabsV', 'Yr': 'yR', 'Yur': 'yUR', 'Yuv': 'yVabsU', 'Yvr': 'yVabsR',
-    'Nr': 'nR', 'Nrr': 'nRabsR', 'Nur': 'nRabsU', 'Nvr': 'nRabsV', 'Nv': 'nV', 'Nuv': 'nUV',
-}  # fmt: skip
+    'Xu': 'xU',
+    'Xuu': 'xUabsU',
+    'Xvr': 'xVR',
+    'Xvv': 'xVV',
+    'Xrr': 'xRR',
+    'Yv': 'yV',
+    'Yvv': 'yVabsV',
+    'Yr': 'yR',
+    'Yur': 'yUR',
+    'Yuv': 'yVabsU',
+    'Yvr': 'yVabsR',
+    'Nr': 'nR',
+    'Nrr': 'nRabsR',
+    'Nur': 'nRabsU',
+    'Nvr': 'nRabsV',
+    'Nv': 'nV',
+    'Nuv': 'nUV',
+}
 EXPRESSIBLE = {*ELEMENTS, 'x_G'}
 AXES = {'roll': ('k', 'P', 'ixx'), 'pitch': ('m', 'Q', 'iyy')}
 EXPRESSED_TERMS = ('b1', 'b2', 'r1')
@@ -60,7 +75,8 @@ def gazebo(model: ManoeuvringModel) -> Export:
     # what a centre of gravity ahead of the frame adds has the form of added mass with its Coriolis forces
     moment = model['m'] * model['x_G']
     model = model.with_values(
-        x_G=0.0, Yr_dot=model['Yr_dot'] - moment, Nv_dot=model['Nv_dot'] - moment, Xrr=model['Xrr'] + moment)
+        x_G=0.0, Yr_dot=model['Yr_dot'] - moment, Nv_dot=model['Nv_dot'] - moment, Xrr=model['Xrr'] + moment
+    )
     within_link = added_mass_diverges(model) and model['Yr_dot'] == model['Nv_dot']
     advice += () if within_link else added_mass_advice(model)
     reduced, _ = expressed(model, ELEMENTS)
@@ -79,11 +95,17 @@ def gazebo(model: ManoeuvringModel) -> Export:
         f'The joints port_joint and starboard_joint turn propellers about x at y = {lever:.6g} m and {-lever:.6g} m;',
         'send forces to /model/NAME/joint/port_joint/cmd_thrust and .../starboard_joint/cmd_thrust. propeller_diameter',
         'and thrust_coefficient set only how fast the propellers are seen to turn: put your own.',
-        *force_lines(model), *(f'WARNING {a.message}' for a in advice),
-    ]  # fmt: skip
+        *force_lines(model),
+        *(f'WARNING {a.message}' for a in advice),
+    ]
     thrusters = [_thruster(reduced, f'{side}_joint', share) for side, share in (('port', -1.0), ('starboard', 1.0))]
-    text = _sdf(model.name or 'craft', notes, inertial, {'izz': model['Iz']},
-                [_hydrodynamics(derivatives, model.current), *thrusters])  # fmt: skip
+    text = _sdf(
+        model.name or 'craft',
+        notes,
+        inertial,
+        {'izz': model['Iz']},
+        [_hydrodynamics(derivatives, model.current), *thrusters],
+    )
     return Export(text, advice)
 
 
@@ -112,8 +134,11 @@ def _thruster(model: ManoeuvringModel, joint: str, side: float) -> str:
     """The plugin with velocity control: its PID control would turn the craft about x by the propeller's torque."""
     limits = thrust_curve(np.array([model.largest_input, -model.largest_input]), model.values)
     most, least = (1.0 - model['deduction']) * (1.0 + side * model['balance']) * limits
-    return _plugin('gz-sim-thruster-system', 'gz::sim::systems::Thruster', {
-        'joint_name': joint, 'velocity_control': 'true', 'max_thrust_cmd': most, 'min_thrust_cmd': least})  # fmt: skip
+    return _plugin(
+        'gz-sim-thruster-system',
+        'gz::sim::systems::Thruster',
+        {'joint_name': joint, 'velocity_control': 'true', 'max_thrust_cmd': most, 'min_thrust_cmd': least},
+    )
 
 
 def _plugin(file: str, name: str, values: Mapping[str, Any]) -> str:
@@ -128,9 +153,11 @@ def _sdf(
     products = dict.fromkeys(('ixy', 'ixz', 'iyz'), 0.0)
     link = elements({**inertial, 'inertia': all_moments | products}, 8)
     body = '\n'.join(plugins)
-    return (f'<?xml version="1.0"?>\n{xml_comment(notes)}\n<sdf version="1.10">\n  <model name={quoteattr(name)}>\n'
-            f'    <link name="base_link">\n      <inertial>\n{link}\n      </inertial>\n    </link>\n{body}\n'
-            '  </model>\n</sdf>\n')  # fmt: skip
+    return (
+        f'<?xml version="1.0"?>\n{xml_comment(notes)}\n<sdf version="1.10">\n  <model name={quoteattr(name)}>\n'
+        f'    <link name="base_link">\n      <inertial>\n{link}\n      </inertial>\n    </link>\n{body}\n'
+        '  </model>\n</sdf>\n'
+    )
 
 
 def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str, float]) -> Export:
@@ -146,53 +173,83 @@ def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str
     for axis, identified in models.items():
         model, inertia = identified.model, inertia_of(axis, inertias)
         moment, rate, diagonal = AXES[axis]
-        derivatives |= {f'{moment}{rate}': -inertia * model.terms.get('b1', 0.0),
-                        f'{moment}{rate}abs{rate}': -inertia * model.terms.get('b2', 0.0)}  # fmt: skip
+        derivatives |= {
+            f'{moment}{rate}': -inertia * model.terms.get('b1', 0.0),
+            f'{moment}{rate}abs{rate}': -inertia * model.terms.get('b2', 0.0),
+        }
         moments[diagonal] = inertia
         restoring = ', '.join(f'{n} {inertia * v:.6g}' for n, v in model.terms.items() if n[0] in 'rs')
-        notes.append(f'{axis}: restoring moment over x = angle - {model.trim:.6g} rad, N m: {restoring} '
-                     '(r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x)')  # fmt: skip
+        notes.append(
+            f'{axis}: restoring moment over x = angle - {model.trim:.6g} rad, N m: {restoring} '
+            '(r1 x + r2 x^2 + r3 x^3 + s1 sin x + s2 sin^2 x)'
+        )
         advice += _attitude_losses(axis, identified, inertia)
-    notes = ['Roll and pitch damping of an identified craft for gz-sim Garden or later.',
-             'Merge link inertia and plugin into your model, mass too. The inertias hold the added inertia; those of',
-             'axes without a model are placeholders.', *notes, *(f'WARNING {a.message}' for a in advice)]  # fmt: skip
+    notes = [
+        'Roll and pitch damping of an identified craft for gz-sim Garden or later.',
+        'Merge link inertia and plugin into your model, mass too. The inertias hold the added inertia; those of',
+        'axes without a model are placeholders.',
+        *notes,
+        *(f'WARNING {a.message}' for a in advice),
+    ]
     return Export(_sdf('craft', notes, {}, moments, [_hydrodynamics(derivatives)]), tuple(advice))
 
 
 def inertia_of(axis: str, inertias: Mapping[str, float]) -> float:
     """Inertia of an axis, kg m^2; InputError where there is none."""
     if axis not in inertias:
-        raise InputError(f'a decay shows only ratios to the inertia: give the inertia of {axis} in kg m^2, with '
-                         'added inertia', 'no-inertia')  # fmt: skip
+        raise InputError(
+            f'a decay shows only ratios to the inertia: give the inertia of {axis} in kg m^2, with added inertia',
+            'no-inertia',
+        )
     return inertias[axis]
 
 
 def gazebo_decay(model: DecayModel) -> DecayModel:
     """A decay model as gz-sim has it: linear and quadratic damping, and the stiffness of small angles by buoyancy."""
     kept = {name: value for name, value in model.terms.items() if name in EXPRESSED_TERMS}
-    return DecayModel.from_terms(Equation('exported', EXPRESSED_TERMS), kept | {'r1': model.natural_frequency**2},
-                                 trim=model.trim, friction_rate=model.friction_rate, axis=model.axis)  # fmt: skip
+    return DecayModel.from_terms(
+        Equation('exported', EXPRESSED_TERMS),
+        kept | {'r1': model.natural_frequency**2},
+        trim=model.trim,
+        friction_rate=model.friction_rate,
+        axis=model.axis,
+    )
 
 
 def _attitude_losses(axis: str, identified: IdentifiedModel, inertia: float) -> list[Advice]:
     """Advice on restoring, which the craft's shape is to give, and on a decay without the terms that gz-sim lacks."""
     model = identified.model
     if not np.isfinite(model.natural_frequency):
-        return [Advice('restoring-not-exported', f'{axis}: this hull is not stable at its trim; gz-sim takes restoring '
-                       'from the shape of the hull, and only its damping is exported')]  # fmt: skip
-    found = [Advice('restoring-not-exported', f'{axis}: gz-sim takes restoring from the Buoyancy plugin and the '
-                    f'shape of the hull: see that it gives {inertia * model.natural_frequency**2:.4g} N m/rad, for a '
-                    f'natural period of {model.natural_period:.4g} s')]  # fmt: skip
+        return [
+            Advice(
+                'restoring-not-exported',
+                f'{axis}: this hull is not stable at its trim; gz-sim takes restoring '
+                'from the shape of the hull, and only its damping is exported',
+            )
+        ]
+    found = [
+        Advice(
+            'restoring-not-exported',
+            f'{axis}: gz-sim takes restoring from the Buoyancy plugin and the '
+            f'shape of the hull: see that it gives {inertia * model.natural_frequency**2:.4g} N m/rad, for a '
+            f'natural period of {model.natural_period:.4g} s',
+        )
+    ]
     dropped = {name: value for name, value in model.terms.items() if value and name not in EXPRESSED_TERMS}
     if dropped:
         largest = identified.amplitude_range[1]
         angle = largest if 0.0 < largest < float('inf') else TYPICAL_AMPLITUDE
         whole, part = crest(model, angle), crest(gazebo_decay(model), angle)
         named = ', '.join(f'{n} = {v:.4g}' for n, v in dropped.items())
-        found.append(Advice('terms-dropped', f'{axis}: gz-sim cannot express {named}: of a decay from '
-                            f'{math.degrees(angle):.3g} deg crest {CRESTS} of the model and as exported: '
-                            f'{change("time_s", whole[0], part[0])}; '
-                            f'{change("height_deg", math.degrees(whole[1]), math.degrees(part[1]))}'))  # fmt: skip
+        found.append(
+            Advice(
+                'terms-dropped',
+                f'{axis}: gz-sim cannot express {named}: of a decay from '
+                f'{math.degrees(angle):.3g} deg crest {CRESTS} of the model and as exported: '
+                f'{change("time_s", whole[0], part[0])}; '
+                f'{change("height_deg", math.degrees(whole[1]), math.degrees(part[1]))}',
+            )
+        )
     return found
 
 

@@ -1,4 +1,5 @@
 """Parameters of Nav2's MPPI controller and velocity smoother, from simulated runs of the craft."""
+
 import math
 from collections.abc import Sequence
 
@@ -36,44 +37,78 @@ def nav2(model: ManoeuvringModel) -> Export:
     spin = _held(model, -full, full)
     yaw_rate = min(abs(float(spin.yaw_rate[-1])), *(row['yaw_rate_rad_s'] for row in rows))
     limits = {
-        'vx_max': rows[-1]['speed_m_s'], 'vx_min': min(float(astern.u[-1]), 0.0), 'wz_max': yaw_rate,
-        'ax_max': _mean_rise(ahead.u, delay), 'ax_min': -rows[-1]['speed_m_s'] / rows[-1]['stopping_time_s'],
+        'vx_max': rows[-1]['speed_m_s'],
+        'vx_min': min(float(astern.u[-1]), 0.0),
+        'wz_max': yaw_rate,
+        'ax_max': _mean_rise(ahead.u, delay),
+        'ax_min': -rows[-1]['speed_m_s'] / rows[-1]['stopping_time_s'],
         'az_max': _mean_rise(np.abs(rows[-1]['turn'].yaw_rate), delay),
-    }  # fmt: skip
+    }
     if not all(math.isfinite(value) for value in limits.values()) or yaw_rate <= 0.0:
-        raise InputError('this craft does not run ahead, turn and stop in the simulation: check its standard tests '
-                         'before giving its limits to Nav2')  # fmt: skip
+        raise InputError(
+            'this craft does not run ahead, turn and stop in the simulation: check its standard tests '
+            'before giving its limits to Nav2'
+        )
     limits = {name: _rounded(value) for name, value in limits.items()}
-    table = {key: [_rounded(row[key]) for row in rows] for key in (
-        'input_share', 'speed_m_s', 'turning_speed_m_s', 'yaw_rate_rad_s', 'turn_radius_m', 'drift_angle_rad',
-        'stopping_distance_m', 'stopping_time_s')}  # fmt: skip
+    table = {
+        key: [_rounded(row[key]) for row in rows]
+        for key in (
+            'input_share',
+            'speed_m_s',
+            'turning_speed_m_s',
+            'yaw_rate_rad_s',
+            'turn_radius_m',
+            'drift_angle_rad',
+            'stopping_distance_m',
+            'stopping_time_s',
+        )
+    }
     v, w = limits['vx_max'], limits['wz_max']
     content = {
-        'controller_server': {'ros__parameters': {'FollowPath': {
-            'plugin': 'nav2_mppi_controller::MPPIController', 'motion_model': 'DiffDrive', **limits,
-            'model_delay_vx': _rounded(delay), 'model_delay_wz': _rounded(delay)}}},
-        'velocity_smoother': {'ros__parameters': {
-            'max_velocity': [v, 0.0, w], 'min_velocity': [limits['vx_min'], 0.0, -w],
-            'max_accel': [limits['ax_max'], 0.0, limits['az_max']],
-            'max_decel': [limits['ax_min'], 0.0, -limits['az_max']]}},
+        'controller_server': {
+            'ros__parameters': {
+                'FollowPath': {
+                    'plugin': 'nav2_mppi_controller::MPPIController',
+                    'motion_model': 'DiffDrive',
+                    **limits,
+                    'model_delay_vx': _rounded(delay),
+                    'model_delay_wz': _rounded(delay),
+                }
+            }
+        },
+        'velocity_smoother': {
+            'ros__parameters': {
+                'max_velocity': [v, 0.0, w],
+                'min_velocity': [limits['vx_min'], 0.0, -w],
+                'max_accel': [limits['ax_max'], 0.0, limits['az_max']],
+                'max_decel': [limits['ax_min'], 0.0, -limits['az_max']],
+            }
+        },
         'craft': {'ros__parameters': table},
-    }  # fmt: skip
+    }
     advice = _simplified(rows)
-    head = ['# Limits of an identified craft in still water; merge into the parameters of Nav2.',
-            f'# The mean input of both thrusters is at most {SHARES[-1]:.0%} of the largest: the rest steers;',
-            '# wz_max is reached at every speed of the table craft. model_delay_* are delay and lag of the thrusters;',
-            '# Nav2 has these parameters from Lyrical on and leaves them unread in Jazzy and Kilted. From Lyrical on',
-            '# motion_model names a plugin: write diff_drive, and diff_drive: {plugin: "mppi::DiffDriveMotionModel"}.',
-            *(f'# WARNING {a.message}' for a in advice)]  # fmt: skip
+    head = [
+        '# Limits of an identified craft in still water; merge into the parameters of Nav2.',
+        f'# The mean input of both thrusters is at most {SHARES[-1]:.0%} of the largest: the rest steers;',
+        '# wz_max is reached at every speed of the table craft. model_delay_* are delay and lag of the thrusters;',
+        '# Nav2 has these parameters from Lyrical on and leaves them unread in Jazzy and Kilted. From Lyrical on',
+        '# motion_model names a plugin: write diff_drive, and diff_drive: {plugin: "mppi::DiffDriveMotionModel"}.',
+        *(f'# WARNING {a.message}' for a in advice),
+    ]
     return Export('\n'.join(head) + '\n' + yaml.safe_dump(content, sort_keys=False), advice)
 
 
 def _simplified(rows: Sequence[dict]) -> tuple[Advice, ...]:
     fastest = rows[-1]
     change = fastest['turning_speed_m_s'] / fastest['speed_m_s'] - 1.0
-    return (Advice('motion-simplified', 'Nav2 moves a craft along its heading at the speed asked for: this one drifts '
-                   f'by up to {math.degrees(max(row["drift_angle_rad"] for row in rows)):.3g} deg and its '
-                   f'speed changes by {change:+.0%} in the hardest turn at the highest speed'),)  # fmt: skip
+    return (
+        Advice(
+            'motion-simplified',
+            'Nav2 moves a craft along its heading at the speed asked for: this one drifts '
+            f'by up to {math.degrees(max(row["drift_angle_rad"] for row in rows)):.3g} deg and its '
+            f'speed changes by {change:+.0%} in the hardest turn at the highest speed',
+        ),
+    )
 
 
 def _held(model: ManoeuvringModel, port: float, starboard: float, speed: float = 0.0, before: float = 0.0) -> Manoeuvre:
@@ -93,9 +128,17 @@ def _row(model: ManoeuvringModel, share: float) -> dict:
     if not (rate > 0.0 and straight > 0.0 and np.isfinite(speed)):
         raise InputError('this craft does not run ahead or does not turn in the simulation: check its standard tests')
     time, way = _until_stopped(model, straight, base)
-    return {'input_share': share, 'speed_m_s': straight, 'turning_speed_m_s': speed, 'yaw_rate_rad_s': rate,
-            'turn_radius_m': speed / rate, 'drift_angle_rad': abs(float(np.arctan2(turn.v[-1], turn.u[-1]))),
-            'stopping_distance_m': way, 'stopping_time_s': time, 'turn': turn}  # fmt: skip
+    return {
+        'input_share': share,
+        'speed_m_s': straight,
+        'turning_speed_m_s': speed,
+        'yaw_rate_rad_s': rate,
+        'turn_radius_m': speed / rate,
+        'drift_angle_rad': abs(float(np.arctan2(turn.v[-1], turn.u[-1]))),
+        'stopping_distance_m': way,
+        'stopping_time_s': time,
+        'turn': turn,
+    }
 
 
 def _until_stopped(model: ManoeuvringModel, speed: float, before: float) -> tuple[float, float]:

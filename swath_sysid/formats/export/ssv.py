@@ -1,4 +1,5 @@
 """Parameters for FMUs: SSV 1.0 (System Structure Parameter Values) of the SSP standard, for co-simulation."""
+
 import re
 from collections.abc import Mapping, Sequence
 from xml.sax.saxutils import quoteattr
@@ -23,11 +24,17 @@ def ssv(identified: IdentifiedManoeuvringModel) -> Export:
     model = identified.model
     std = dict(zip(identified.names, np.sqrt(np.diag(identified.covariance)).tolist(), strict=True))
     rows: list[Row] = [(p.name, model[p.name], std.get(p.name), p.unit) for p in PARAMETERS]
-    rows += [(f'current_{name}', value, std.get(f'current_{name}'), 'm/s')
-             for name, value in zip(('east', 'north'), model.current, strict=True)]  # fmt: skip
+    rows += [
+        (f'current_{name}', value, std.get(f'current_{name}'), 'm/s')
+        for name, value in zip(('east', 'north'), model.current, strict=True)
+    ]
     rows += [('largest_input', model.largest_input, None, '-' if model.thrust_input == 'command' else 'N')]
-    return _parameter_set(model.name or 'craft', 'Surge, sway and yaw of an identified craft in SI units; body x '
-                          f'forward, y port, z up, world x east, y north; inputs: {model.thrust_input}', rows)
+    return _parameter_set(
+        model.name or 'craft',
+        'Surge, sway and yaw of an identified craft in SI units; body x '
+        f'forward, y port, z up, world x east, y north; inputs: {model.thrust_input}',
+        rows,
+    )
 
 
 def ssv_attitude(models: Mapping[str, IdentifiedModel]) -> Export:
@@ -35,13 +42,20 @@ def ssv_attitude(models: Mapping[str, IdentifiedModel]) -> Export:
     rows: list[Row] = []
     for axis, identified in models.items():
         model = identified.model
-        rows += [(f'{axis}.{name}', value, identified.std[name], RATIO_UNITS[name])
-                 for name, value in model.terms.items()]  # fmt: skip
-        rows += [(f'{axis}.trim', model.trim, identified.trim_std, 'rad'),
-                 (f'{axis}.friction_rate', model.friction_rate, None, 'rad/s')]  # fmt: skip
-    return _parameter_set('decay', 'Roll and pitch of an identified craft, ratios to the inertia, roll positive to '
-                          'starboard, pitch bow down: dw/dt = -(b0 sign w + b1 w + b2 |w| w + b3 w^3) - (r1 x + r2 x^2 '
-                          '+ r3 x^3 + s1 sin x + s2 sin^2 x), x = angle - trim', rows)  # fmt: skip
+        rows += [
+            (f'{axis}.{name}', value, identified.std[name], RATIO_UNITS[name]) for name, value in model.terms.items()
+        ]
+        rows += [
+            (f'{axis}.trim', model.trim, identified.trim_std, 'rad'),
+            (f'{axis}.friction_rate', model.friction_rate, None, 'rad/s'),
+        ]
+    return _parameter_set(
+        'decay',
+        'Roll and pitch of an identified craft, ratios to the inertia, roll positive to '
+        'starboard, pitch bow down: dw/dt = -(b0 sign w + b1 w + b2 |w| w + b3 w^3) - (r1 x + r2 x^2 '
+        '+ r3 x^3 + s1 sin x + s2 sin^2 x), x = angle - trim',
+        rows,
+    )
 
 
 def _parameter_set(name: str, description: str, rows: Sequence[Row]) -> Export:
@@ -49,18 +63,35 @@ def _parameter_set(name: str, description: str, rows: Sequence[Row]) -> Export:
     for parameter, value, std, unit in rows:
         known = std is not None and np.isfinite(std)
         deviation = f'identified, standard deviation {std:.4g}' if known else 'not identified, or without a deviation'
-        parameters.append(f'    <ssv:Parameter name={quoteattr(parameter)} description="{deviation}">'
-                          f'<ssv:Real value="{float(value)!r}" unit={quoteattr(unit)}/></ssv:Parameter>')  # fmt: skip
-    bases = [f'    <ssc:Unit name={quoteattr(unit)}><ssc:BaseUnit'
-             + ''.join(f' {base}="{power}"' for base, power in _base_units(unit).items())
-             + '/></ssc:Unit>' for unit in units]  # fmt: skip
-    return Export('\n'.join([
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<ssv:ParameterSet version="1.0" xmlns:ssv="{NAMESPACE}SystemStructureParameterValues"',
-        f'    xmlns:ssc="{NAMESPACE}SystemStructureCommon" name={quoteattr(name)}',
-        f'    description={quoteattr(description)}>',
-        '  <ssv:Parameters>', *parameters, '  </ssv:Parameters>',
-        '  <ssv:Units>', *bases, '  </ssv:Units>', '</ssv:ParameterSet>', '']), ())  # fmt: skip
+        parameters.append(
+            f'    <ssv:Parameter name={quoteattr(parameter)} description="{deviation}">'
+            f'<ssv:Real value="{float(value)!r}" unit={quoteattr(unit)}/></ssv:Parameter>'
+        )
+    bases = [
+        f'    <ssc:Unit name={quoteattr(unit)}><ssc:BaseUnit'
+        + ''.join(f' {base}="{power}"' for base, power in _base_units(unit).items())
+        + '/></ssc:Unit>'
+        for unit in units
+    ]
+    return Export(
+        '\n'.join(
+            [
+                '<?xml version="1.0" encoding="UTF-8"?>',
+                f'<ssv:ParameterSet version="1.0" xmlns:ssv="{NAMESPACE}SystemStructureParameterValues"',
+                f'    xmlns:ssc="{NAMESPACE}SystemStructureCommon" name={quoteattr(name)}',
+                f'    description={quoteattr(description)}>',
+                '  <ssv:Parameters>',
+                *parameters,
+                '  </ssv:Parameters>',
+                '  <ssv:Units>',
+                *bases,
+                '  </ssv:Units>',
+                '</ssv:ParameterSet>',
+                '',
+            ]
+        ),
+        (),
+    )
 
 
 def _base_units(unit: str) -> dict[str, int]:

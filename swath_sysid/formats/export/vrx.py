@@ -4,6 +4,7 @@ The plugin's forces are ``-xDotU a_x - (xU + xUU |u|) u``. Its acceleration is t
 into body axes: ``a_x = du/dt - v r``, ``a_y = dv/dt + u r``. So its added mass brings Xvr = -Xu_dot and Yur = Yv_dot
 with it. It computes further Coriolis forces but does not apply them.
 """
+
 from swath_sysid.common.advice import Advice
 from swath_sysid.formats.export.expressible import (
     Export,
@@ -18,9 +19,16 @@ from swath_sysid.formats.export.expressible import (
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 
 ELEMENTS = {
-    'Xu_dot': 'xDotU', 'Yv_dot': 'yDotV', 'Nr_dot': 'nDotR',
-    'Xu': 'xU', 'Xuu': 'xUU', 'Yv': 'yV', 'Yvv': 'yVV', 'Nr': 'nR', 'Nrr': 'nRR',
-}  # fmt: skip
+    'Xu_dot': 'xDotU',
+    'Yv_dot': 'yDotV',
+    'Nr_dot': 'nDotR',
+    'Xu': 'xU',
+    'Xuu': 'xUU',
+    'Yv': 'yV',
+    'Yvv': 'yVV',
+    'Nr': 'nR',
+    'Nrr': 'nRR',
+}
 
 
 def vrx(model: ManoeuvringModel) -> Export:
@@ -28,8 +36,13 @@ def vrx(model: ManoeuvringModel) -> Export:
     implied = {'Xvr': -model['Xu_dot'], 'Yur': model['Yv_dot']}
     advice = (*losses(model, ELEMENTS, "VRX's SimpleHydrodynamics", **implied), *added_mass_advice(model))
     if any(model.current):
-        advice += (Advice('current-not-exported', "VRX's SimpleHydrodynamics has no current: that of the model, "
-                          f'{model.current[0]:.3g} m/s east and {model.current[1]:.3g} m/s north, is left out'),)
+        advice += (
+            Advice(
+                'current-not-exported',
+                "VRX's SimpleHydrodynamics has no current: that of the model, "
+                f'{model.current[0]:.3g} m/s east and {model.current[1]:.3g} m/s north, is left out',
+            ),
+        )
     reduced, _ = expressed(model, ELEMENTS, **implied)
     lever = effective_lever(model)
     notes = [
@@ -38,10 +51,13 @@ def vrx(model: ManoeuvringModel) -> Export:
         f'All links together are to have mass {model["m"]:.10g} kg and izz {model["Iz"]:.10g} kg m2 about their common',
         f'centre, and the thrusters to be at y = {lever:.6g} m and {-lever:.6g} m.',
         'Keep zW, kP, kPP, mQ and mQQ of your craft beside these; without them VRX takes its own defaults.',
-        *force_lines(model), *(f'WARNING {a.message}' for a in advice),
-    ]  # fmt: skip
+        *force_lines(model),
+        *(f'WARNING {a.message}' for a in advice),
+    ]
     values = {'link_name': 'wamv/base_link', **{element: -reduced[name] for name, element in ELEMENTS.items()}}
     return Export(
         f'<?xml version="1.0"?>\n{xml_comment(notes)}\n'
         '<plugin filename="libSimpleHydrodynamics.so" name="vrx::SimpleHydrodynamics">\n'
-        f'{elements(values, 2)}\n</plugin>\n', advice)  # fmt: skip
+        f'{elements(values, 2)}\n</plugin>\n',
+        advice,
+    )

@@ -1,4 +1,5 @@
 """A manoeuvring model with what is known of it: uncertainty, validity, provenance."""
+
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -3,6 +3,7 @@
 The recorded heading is psi + B sin(recorded) + C cos(recorded), the classical semicircular deviation; recorded speeds
 are those of the sensor's place over ground, in axes turned by that deviation.
 """
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,4 +1,5 @@
 """A manoeuvring model: which terms, with which values."""
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 

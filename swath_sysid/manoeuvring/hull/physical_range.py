@@ -1,4 +1,5 @@
 """What no twin-thruster craft exceeds: the ranges outside of which a manoeuvring model is a mistake."""
+
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, X_G, YR_DOT, YV_DOT, M
@@ -10,18 +11,34 @@ LIGHTEST = 1e-3
 """kg and kg m^2."""
 
 _RANGES = {
-    'gain': (1e-6, 1e9), 'reverse_ratio': (1e-3, 10.0), 'dead_band': (0.0, 0.95), 'exponent': (0.1, 10.0),
-    'balance': (-0.99, 0.99), 'advance': (0.0, 10.0), 'lag': (0.0, 60.0), 'delay': (0.0, 60.0),
-    'deduction': (-1.0, 0.99), 'lever': (1e-3, 1000.0), 'moment_factor': (-0.99, 10.0), 'full_input': (1e-6, 1e9),
-    'reverse_exponent_ratio': (0.1, 10.0), 'deviation_B': (-1.0, 1.0), 'deviation_C': (-1.0, 1.0),
-    'sensor_x': (-1e3, 1e3), 'sensor_y': (-1e3, 1e3), 'x_G': (-1e3, 1e3),
-}  # fmt: skip
+    'gain': (1e-6, 1e9),
+    'reverse_ratio': (1e-3, 10.0),
+    'dead_band': (0.0, 0.95),
+    'exponent': (0.1, 10.0),
+    'balance': (-0.99, 0.99),
+    'advance': (0.0, 10.0),
+    'lag': (0.0, 60.0),
+    'delay': (0.0, 60.0),
+    'deduction': (-1.0, 0.99),
+    'lever': (1e-3, 1000.0),
+    'moment_factor': (-0.99, 10.0),
+    'full_input': (1e-6, 1e9),
+    'reverse_exponent_ratio': (0.1, 10.0),
+    'deviation_B': (-1.0, 1.0),
+    'deviation_C': (-1.0, 1.0),
+    'sensor_x': (-1e3, 1e3),
+    'sensor_y': (-1e3, 1e3),
+    'x_G': (-1e3, 1e3),
+}
 
 PARAMETER_RANGES = {
-    p.name: _RANGES[p.name] if p.name in _RANGES
-    else (LIGHTEST, LARGEST) if p.name in ('m', 'Iz') else (-LARGEST, LARGEST)
+    p.name: _RANGES[p.name]
+    if p.name in _RANGES
+    else (LIGHTEST, LARGEST)
+    if p.name in ('m', 'Iz')
+    else (-LARGEST, LARGEST)
     for p in PARAMETERS
-}  # fmt: skip
+}
 """Least and largest value of each parameter; wider than what an identification may find."""
 
 
@@ -48,5 +65,6 @@ def check_physical(model: ManoeuvringModel) -> None:
     # symmetric part: what the kinetic energy has
     couplings = p[M] * p[X_G] - p[[YR_DOT, NV_DOT]]
     if not (p[M] - p[YV_DOT]) * (p[IZ] - p[NR_DOT]) > max(couplings.mean() ** 2, couplings.prod()):
-        raise InputError('the masses of sway and yaw, with Yr_dot, Nv_dot and x_G between them, are not positive: '
-                         'reduce these')  # fmt: skip
+        raise InputError(
+            'the masses of sway and yaw, with Yr_dot, Nv_dot and x_G between them, are not positive: reduce these'
+        )

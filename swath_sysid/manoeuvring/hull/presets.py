@@ -1,4 +1,5 @@
 """Ready-made craft: the simulated WAM-V 16 of the public VRX simulator (PAPERS E)."""
+
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 

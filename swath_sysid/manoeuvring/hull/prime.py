@@ -2,6 +2,7 @@
 
 Units: length L, speed U, mass rho L^3 / 2, thus force rho L^2 U^2 / 2 and moment rho L^3 U^2 / 2.
 """
+
 from dataclasses import dataclass
 
 from swath_sysid.common.errors import InputError

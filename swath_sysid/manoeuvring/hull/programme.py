@@ -1,4 +1,5 @@
 """Simulated trials: a programme of runs, and what sensors would have recorded of them."""
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -62,9 +63,21 @@ def trial_programme(model: ManoeuvringModel, step: float = STEP) -> dict[str, Ma
         'zigzag_10': _zigzag(model, step, 0.5, 0.15, np.radians(10.0), 90.0),
         'zigzag_20': _zigzag(model, step, 0.65, 0.3, np.radians(20.0), 90.0),
         'reverse': _steps(model, step, [(0.5, 0.5, 15), (-0.4, -0.4, 20), (0.6, -0.3, 20), (-0.3, 0.6, 20)], full),
-        'mixed': _steps(model, step, [(0.8, 0.4, 15), (0.3, 0.7, 15), (0.9, 0.9, 15), (0.2, 0.6, 15), (0.7, 0.1, 15),
-                                      (0.1, 0.1, 15), (0.5, 0.95, 15)], full),
-    }  # fmt: skip
+        'mixed': _steps(
+            model,
+            step,
+            [
+                (0.8, 0.4, 15),
+                (0.3, 0.7, 15),
+                (0.9, 0.9, 15),
+                (0.2, 0.6, 15),
+                (0.7, 0.1, 15),
+                (0.1, 0.1, 15),
+                (0.5, 0.95, 15),
+            ],
+            full,
+        ),
+    }
 
 
 def with_noise(manoeuvre: Manoeuvre, noise: SensorNoise, seed: int) -> Manoeuvre:
@@ -91,10 +104,13 @@ def with_noise(manoeuvre: Manoeuvre, noise: SensorNoise, seed: int) -> Manoeuvre
 
     return replace(
         manoeuvre,
-        surge=disturbed(manoeuvre.surge, noise.speed), sway=disturbed(manoeuvre.sway, noise.speed),
-        yaw_rate=disturbed(manoeuvre.yaw_rate, noise.yaw_rate), heading=disturbed(manoeuvre.heading, noise.heading),
-        x=disturbed(manoeuvre.x, noise.position), y=disturbed(manoeuvre.y, noise.position),
-    )  # fmt: skip
+        surge=disturbed(manoeuvre.surge, noise.speed),
+        sway=disturbed(manoeuvre.sway, noise.speed),
+        yaw_rate=disturbed(manoeuvre.yaw_rate, noise.yaw_rate),
+        heading=disturbed(manoeuvre.heading, noise.heading),
+        x=disturbed(manoeuvre.x, noise.position),
+        y=disturbed(manoeuvre.y, noise.position),
+    )
 
 
 def _turns(base: float, differences: Sequence[float], duration: float):

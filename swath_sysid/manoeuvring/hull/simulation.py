@@ -1,4 +1,5 @@
 """Simulation of manoeuvres: one craft, or many windows of many candidates at once."""
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,18 +20,30 @@ UNDISTURBED = np.zeros((3, 1))
 
 @accelerated
 def _slopes(
-    u: np.ndarray, v: np.ndarray, r: np.ndarray, left: np.ndarray, right: np.ndarray, push: np.ndarray, p: np.ndarray,
+    u: np.ndarray,
+    v: np.ndarray,
+    r: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    push: np.ndarray,
+    p: np.ndarray,
     active: tuple[bool, ...],
-):  # fmt: skip
+):
     du, dv, dr = _accelerations(u, v, r, left, right, p, active)
     return du + push[0], dv + push[1], dr + push[2]
 
 
 @accelerated
 def runge_kutta_columns(
-    state: np.ndarray, port: np.ndarray, starboard: np.ndarray, push: np.ndarray, p: np.ndarray,
-    active: tuple[bool, ...], step: float, substeps: int,
-) -> np.ndarray:  # fmt: skip
+    state: np.ndarray,
+    port: np.ndarray,
+    starboard: np.ndarray,
+    push: np.ndarray,
+    p: np.ndarray,
+    active: tuple[bool, ...],
+    step: float,
+    substeps: int,
+) -> np.ndarray:
     """Integrate C craft side by side with the classical Runge-Kutta scheme.
 
     Parameters
@@ -109,10 +122,15 @@ class Manoeuvre:
 
 
 def simulate(
-    model: ManoeuvringModel, port: np.ndarray, starboard: np.ndarray, step: float,
-    state: Sequence[float] = (0.0, 0.0, 0.0), heading: float = 0.0, position: Sequence | np.ndarray = (0.0, 0.0),
+    model: ManoeuvringModel,
+    port: np.ndarray,
+    starboard: np.ndarray,
+    step: float,
+    state: Sequence[float] = (0.0, 0.0, 0.0),
+    heading: float = 0.0,
+    position: Sequence | np.ndarray = (0.0, 0.0),
     current: Sequence[float] | None = None,
-) -> Manoeuvre:  # fmt: skip
+) -> Manoeuvre:
     """Simulate a craft under given inputs.
 
     Parameters
@@ -137,9 +155,15 @@ def simulate(
     substeps = substeps_for(model, step, state, thrust)
     with np.errstate(over='ignore', invalid='ignore'):
         states = runge_kutta_columns(
-            np.array(state, dtype=float)[:, None], np.ascontiguousarray(thrust[0][:, None]),
-            np.ascontiguousarray(thrust[1][:, None]), UNDISTURBED, model.values[:, None], model.active, step, substeps,
-        )[:, :, 0]  # fmt: skip
+            np.array(state, dtype=float)[:, None],
+            np.ascontiguousarray(thrust[0][:, None]),
+            np.ascontiguousarray(thrust[1][:, None]),
+            UNDISTURBED,
+            model.values[:, None],
+            model.active,
+            step,
+            substeps,
+        )[:, :, 0]
         u, v, r = states.T
         drift = model.current if current is None else current
         psi, x, y = track(u, v, r, step, heading, position, drift)
@@ -147,15 +171,29 @@ def simulate(
         surge = u + east * np.cos(psi) + north * np.sin(psi)
         sway = v - east * np.sin(psi) + north * np.cos(psi)
     return Manoeuvre(
-        time=step * np.arange(u.size), u=u, v=v, yaw_rate=r, heading=psi, x=x, y=y, surge=surge, sway=sway,
-        port=np.append(port, port[-1:]), starboard=np.append(starboard, starboard[-1:]),
-    )  # fmt: skip
+        time=step * np.arange(u.size),
+        u=u,
+        v=v,
+        yaw_rate=r,
+        heading=psi,
+        x=x,
+        y=y,
+        surge=surge,
+        sway=sway,
+        port=np.append(port, port[-1:]),
+        starboard=np.append(starboard, starboard[-1:]),
+    )
 
 
 def track(
-    u: np.ndarray, v: np.ndarray, r: np.ndarray, step: float, heading: Numbers, position: Sequence | np.ndarray,
+    u: np.ndarray,
+    v: np.ndarray,
+    r: np.ndarray,
+    step: float,
+    heading: Numbers,
+    position: Sequence | np.ndarray,
     current: Sequence | np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Heading and position by the trapezoidal rule, along the first axis of u, v, r.
 
     Returns
@@ -169,9 +207,12 @@ def track(
 
 
 def moved(
-    before: Sequence | np.ndarray, after: Sequence | np.ndarray, heading: Numbers, step: float,
+    before: Sequence | np.ndarray,
+    after: Sequence | np.ndarray,
+    heading: Numbers,
+    step: float,
     current: Sequence | np.ndarray,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """By how much heading and position change over one step, as `track` has it: heading, x, y; shape (3,) or (3, C).
 
     Parameters
@@ -195,9 +236,11 @@ def moved(
 
 
 def substeps_for(
-    model: ManoeuvringModel, step: float, state: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    model: ManoeuvringModel,
+    step: float,
+    state: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     thrust: Sequence | np.ndarray = ((0.0,), (0.0,)),
-) -> int:  # fmt: skip
+) -> int:
     """Runge-Kutta steps that the fastest damping of the craft needs within a step, 1 to 50.
 
     The damping is taken at the state given and at a speed that the largest thrust could drive.

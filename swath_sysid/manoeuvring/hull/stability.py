@@ -1,4 +1,5 @@
 """Whether a craft stays within bounds at the speeds and inputs that it was identified at."""
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,9 +79,11 @@ def check_stability(model: ManoeuvringModel, region: Region) -> StabilityCheck:
     bounded = _largest_excess(model, region) < EXCESS
     decays = growth[worst] < 0.0
     return StabilityCheck(
-        stable=bool(decays and bounded), bounded=bounded, largest_growth=float(growth[worst]),
+        stable=bool(decays and bounded),
+        bounded=bounded,
+        largest_growth=float(growth[worst]),
         unstable_speed=float('nan') if decays else float(speeds[worst]),
-    )  # fmt: skip
+    )
 
 
 def straight_speeds(region: Region) -> np.ndarray:
@@ -128,26 +131,35 @@ def _largest_excess(model: ManoeuvringModel, region: Region):
     port, starboard = np.meshgrid(*2 * [np.linspace(region.least_input, region.most_input, INPUTS)])
     held = np.abs(starboard - port) <= region.largest_difference * (1.0 + 1e-9)
     inputs = np.stack([port[held], starboard[held]])
-    thrust = np.array([
-        [side[-1] for side in acting_thrust(np.full(2, a), np.full(2, b), model.values, STEP)]
-        for a, b in inputs.T
-    ]).T  # fmt: skip
-    starts = np.array([
-        [u, v, r]
-        for u in (region.slowest, region.fastest)
-        for v, r in ((0.0, 0.0), (region.largest_sway, region.largest_yaw_rate),
-                     (region.largest_sway, -region.largest_yaw_rate))
-    ]).T  # fmt: skip
+    thrust = np.array(
+        [[side[-1] for side in acting_thrust(np.full(2, a), np.full(2, b), model.values, STEP)] for a, b in inputs.T]
+    ).T
+    starts = np.array(
+        [
+            [u, v, r]
+            for u in (region.slowest, region.fastest)
+            for v, r in (
+                (0.0, 0.0),
+                (region.largest_sway, region.largest_yaw_rate),
+                (region.largest_sway, -region.largest_yaw_rate),
+            )
+        ]
+    ).T
     state = np.repeat(starts, thrust.shape[1], axis=1)
     columns = np.tile(thrust, starts.shape[1])
     steps = int(DURATION / STEP)
     substeps = substeps_for(model, STEP, (region.fastest, 0.0, region.largest_yaw_rate), thrust)
     with np.errstate(over='ignore', invalid='ignore'):
         states = runge_kutta_columns(
-            state, np.ascontiguousarray(np.broadcast_to(columns[0], (steps, columns.shape[1]))),
+            state,
+            np.ascontiguousarray(np.broadcast_to(columns[0], (steps, columns.shape[1]))),
             np.ascontiguousarray(np.broadcast_to(columns[1], (steps, columns.shape[1]))),
-            UNDISTURBED, np.repeat(model.values[:, None], columns.shape[1], axis=1), model.active, STEP, substeps,
-        )  # fmt: skip
+            UNDISTURBED,
+            np.repeat(model.values[:, None], columns.shape[1], axis=1),
+            model.active,
+            STEP,
+            substeps,
+        )
     limits = _limits(model, region, thrust)
     share = np.max(np.abs(states), axis=(0, 2)) / limits
     return float(np.max(share)) if np.all(np.isfinite(share)) else float('inf')

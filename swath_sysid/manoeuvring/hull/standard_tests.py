@@ -1,4 +1,5 @@
 """The standard manoeuvring tests (ITTC 7.5-04-02-01) of a craft that steers by thrust difference."""
+
 import math
 from dataclasses import dataclass, replace
 
@@ -148,9 +149,13 @@ def speed_test(model: ManoeuvringModel, settings: DriveSettings, steps: int = 8)
         inputs.append(value)
         speeds.append(craft.u)
         times.append(_when(rise[after], 1.0, run.time[after]) - start)
-    numbers = {'largest_input': float(inputs[-1]), 'largest_speed_m_s': float(speeds[-1]),
-               'half_input_speed_m_s': float(np.interp(0.5 * inputs[-1], inputs, speeds)),
-               'first_time_constant_s': float(times[0]), 'last_time_constant_s': float(times[-1])}
+    numbers = {
+        'largest_input': float(inputs[-1]),
+        'largest_speed_m_s': float(speeds[-1]),
+        'half_input_speed_m_s': float(np.interp(0.5 * inputs[-1], inputs, speeds)),
+        'first_time_constant_s': float(times[0]),
+        'last_time_constant_s': float(times[-1]),
+    }
     curve = {'input': np.array(inputs), 'speed_m_s': np.array(speeds), 'time_constant_s': np.array(times)}
     return ManoeuvringTest('speed', craft.manoeuvre(), numbers, curve)
 

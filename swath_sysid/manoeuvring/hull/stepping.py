@@ -1,4 +1,5 @@
 """A craft that is steered while it moves: the simulation, one step at a time."""
+
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
@@ -83,7 +84,15 @@ class SteeredCraft:
         inputs = np.array([*self._inputs, self._inputs[-1]])
         east, north = self.model.current
         return Manoeuvre(
-            time=self.step * np.arange(u.size), u=u, v=v, yaw_rate=r, heading=psi, x=x, y=y,
-            surge=u + east * np.cos(psi) + north * np.sin(psi), sway=v - east * np.sin(psi) + north * np.cos(psi),
-            port=inputs[:, 0], starboard=inputs[:, 1],
-        )  # fmt: skip
+            time=self.step * np.arange(u.size),
+            u=u,
+            v=v,
+            yaw_rate=r,
+            heading=psi,
+            x=x,
+            y=y,
+            surge=u + east * np.cos(psi) + north * np.sin(psi),
+            sway=v - east * np.sin(psi) + north * np.cos(psi),
+            port=inputs[:, 0],
+            starboard=inputs[:, 1],
+        )

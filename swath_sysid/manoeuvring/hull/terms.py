@@ -13,6 +13,7 @@ The equations of motion are those of the MMG kind of PAPERS E, with further term
     X_thrust = (1 - deduction) (1 - advance u) (T_starboard + T_port)
     N_thrust = (1 + moment_factor) lever (1 - advance u) (T_starboard - T_port)
 """
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,14 +122,56 @@ INDEX = {name: i for i, name in enumerate(NAMES)}
 NEUTRAL = np.array([p.neutral for p in PARAMETERS])
 
 (
-    M, IZ, XU_DOT, YV_DOT, YR_DOT, NV_DOT, NR_DOT, X_G,
-    XU, XUU, XUUU, XVR, XVV, XRR,
-    YV, YVV, YVVV, YVR, YR, YUR, YUV,
-    NR, NRR, NRRR, NVR, NUR, NUUR, NV, NVVV, NUV,
-    X0, N0,
-    GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, BALANCE, ADVANCE, LAG, DELAY, DEDUCTION, LEVER, MOMENT_FACTOR,
-    FULL_INPUT, REVERSE_EXPONENT_RATIO, DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y,
-) = range(len(NAMES))  # fmt: skip
+    M,
+    IZ,
+    XU_DOT,
+    YV_DOT,
+    YR_DOT,
+    NV_DOT,
+    NR_DOT,
+    X_G,
+    XU,
+    XUU,
+    XUUU,
+    XVR,
+    XVV,
+    XRR,
+    YV,
+    YVV,
+    YVVV,
+    YVR,
+    YR,
+    YUR,
+    YUV,
+    NR,
+    NRR,
+    NRRR,
+    NVR,
+    NUR,
+    NUUR,
+    NV,
+    NVVV,
+    NUV,
+    X0,
+    N0,
+    GAIN,
+    REVERSE_RATIO,
+    DEAD_BAND,
+    EXPONENT,
+    BALANCE,
+    ADVANCE,
+    LAG,
+    DELAY,
+    DEDUCTION,
+    LEVER,
+    MOMENT_FACTOR,
+    FULL_INPUT,
+    REVERSE_EXPONENT_RATIO,
+    DEVIATION_B,
+    DEVIATION_C,
+    SENSOR_X,
+    SENSOR_Y,
+) = range(len(NAMES))
 
 
 @accelerated

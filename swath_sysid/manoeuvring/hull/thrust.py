@@ -1,4 +1,5 @@
 """From commands to the thrust that acts: curve, transport delay, first-order lag."""
+
 import math
 from collections import deque
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """From runs and settings to a problem: what is known, what is free, where the search begins."""
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -136,12 +137,19 @@ def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...
     for run in runs:
         speed, rate = _largest(run.smooth[0]), _largest(run.smooth[2])
         if speed < AT_ANCHOR_SPEED and rate < AT_ANCHOR_YAW_RATE:
-            advice.append(Advice('at-anchor', (
-                f'{run.source}: never faster than {speed:.2f} m/s and {np.degrees(rate):.1f} deg/s, as if at anchor '
-                f'or drifting: left out; give runs under way')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'at-anchor',
+                    (
+                        f'{run.source}: never faster than {speed:.2f} m/s and {np.degrees(rate):.1f} deg/s, as if at '
+                        f'anchor or drifting: left out; give runs under way'
+                    ),
+                )
+            )
         elif not np.any((run.port != 0.0) | (run.starboard != 0.0)):
-            advice.append(Advice('no-thrust', (
-                f'{run.source}: the thrust is always zero: left out; give runs under way')))  # fmt: skip
+            advice.append(
+                Advice('no-thrust', (f'{run.source}: the thrust is always zero: left out; give runs under way'))
+            )
         else:
             kept.append(run)
     if not kept:
@@ -212,12 +220,30 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     assumed += ties
     values.update({name: values.get(leader, 0.0) for name, leader in ties.items()})
     region = seen_region(runs)
-    noise = np.array([max(0.05 * scale, _white(runs, c)) for c, scale in enumerate(
-        (scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))])  # fmt: skip
+    noise = np.array(
+        [
+            max(0.05 * scale, _white(runs, c))
+            for c, scale in enumerate((scales.speed, max(_largest(sways), 0.3 * scales.speed), scales.yaw_rate))
+        ]
+    )
     return Problem(
-        tuple(runs), thrust_input, parameter_values(values), tuple(free), tuple(tentative), tuple(candidates), scales,
-        length, dict(settings.towards), tuple(assumed), flags, region, noise, drift_spread, tuple(advice), ties,
-    )  # fmt: skip
+        tuple(runs),
+        thrust_input,
+        parameter_values(values),
+        tuple(free),
+        tuple(tentative),
+        tuple(candidates),
+        scales,
+        length,
+        dict(settings.towards),
+        tuple(assumed),
+        flags,
+        region,
+        noise,
+        drift_spread,
+        tuple(advice),
+        ties,
+    )
 
 
 def seen_region(runs: Sequence[Run]) -> Region:
@@ -227,16 +253,23 @@ def seen_region(runs: Sequence[Run]) -> Region:
     difference = np.concatenate([run.starboard - run.port for run in runs])
     return Region(
         slowest=float(np.nanquantile(surge, 0.005)) if np.isfinite(surge).any() else 0.0,
-        fastest=max(_largest(surge), 0.1), largest_sway=max(_largest(sway), 0.05), largest_yaw_rate=_largest(rate),
-        least_input=float(np.quantile(inputs, 0.005)), most_input=float(np.quantile(inputs, 0.995)),
+        fastest=max(_largest(surge), 0.1),
+        largest_sway=max(_largest(sway), 0.05),
+        largest_yaw_rate=_largest(rate),
+        least_input=float(np.quantile(inputs, 0.005)),
+        most_input=float(np.quantile(inputs, 0.995)),
         largest_difference=_largest(difference),
-    )  # fmt: skip
+    )
 
 
 def _excited_rows(
-    runs: Sequence[Run], speeds: np.ndarray, sways: np.ndarray, rates: np.ndarray, advice: list[Advice],
+    runs: Sequence[Run],
+    speeds: np.ndarray,
+    sways: np.ndarray,
+    rates: np.ndarray,
+    advice: list[Advice],
     flags: dict[str, str],
-):  # fmt: skip
+):
     """Equations that the runs excite."""
     rows = []
     total = np.concatenate([run.port + run.starboard for run in runs])
@@ -247,17 +280,33 @@ def _excited_rows(
         moved = _largest(speeds) - float(np.nanquantile(speeds, 0.02))
         if np.std(total) < 0.05 * size:
             separating = 'only its run-up from rest' if moved > 0.3 * _largest(speeds) else 'nothing'
-            advice.append(Advice('constant-thrust', (
-                f'the total thrust is constant, so that {separating} separates inertia and resistance: add thrust '
-                f'steps up and down on a straight course')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'constant-thrust',
+                    (
+                        f'the total thrust is constant, so that {separating} separates inertia and resistance: add '
+                        f'thrust steps up and down on a straight course'
+                    ),
+                )
+            )
             flags.update(dict.fromkeys(('m', 'Xu_dot', 'gain', 'Xu', 'Xuu', 'Xuuu'), 'constant-thrust'))
     else:
-        advice.append(Advice('no-speed', (
-            'no run holds a speed: surge is assumed, not identified; add surge_m_s, or position and heading')))
+        advice.append(
+            Advice(
+                'no-speed',
+                ('no run holds a speed: surge is assumed, not identified; add surge_m_s, or position and heading'),
+            )
+        )
     if np.std(difference) < 0.05 * _largest(difference):
-        advice.append(Advice('constant-difference', (
-            'the difference of the thrusts is constant, so that nothing separates yaw inertia and added masses from '
-            'damping: add zig-zags and turns to both sides')))  # fmt: skip
+        advice.append(
+            Advice(
+                'constant-difference',
+                (
+                    'the difference of the thrusts is constant, so that nothing separates yaw inertia and added '
+                    'masses from damping: add zig-zags and turns to both sides'
+                ),
+            )
+        )
         names = ('Iz', 'Nr_dot', 'Yv_dot', 'Nr', 'Yv', 'lag', 'delay')
         flags.update(dict.fromkeys(names, 'constant-difference'))
     turning = np.isfinite(rates).any() and _largest(rates) > NO_TURN
@@ -266,12 +315,22 @@ def _excited_rows(
         if np.isfinite(sways).any() and _largest(sways) > SWAY_SEEN:
             rows.append('Y')
         else:
-            advice.append(Advice('no-sway', (
-                'no run holds a sway velocity: what it does is assumed; add sway_m_s, or position and heading')))
+            advice.append(
+                Advice(
+                    'no-sway',
+                    ('no run holds a sway velocity: what it does is assumed; add sway_m_s, or position and heading'),
+                )
+            )
     else:
-        advice.append(Advice('no-turn', (
-            f'no run turns (yaw rate within {np.degrees(_largest(rates)):.1f} deg/s) under a difference of the '
-            f'thrusts: yaw and sway are assumed, not identified; add turns and zig-zags')))  # fmt: skip
+        advice.append(
+            Advice(
+                'no-turn',
+                (
+                    f'no run turns (yaw rate within {np.degrees(_largest(rates)):.1f} deg/s) under a difference of the '
+                    f'thrusts: yaw and sway are assumed, not identified; add turns and zig-zags'
+                ),
+            )
+        )
     if not rows:
         raise InputError('nothing can be identified: ' + '; '.join(a.message for a in advice))
     return rows
@@ -284,23 +343,42 @@ def _craft(runs: Sequence[Run], settings: ManoeuvringSettings, advice: list[Advi
     lengths = [run.length for run in runs if run.length is not None]
     length = settings.length or (lengths[0] if lengths else None)
     if lever is None and settings.inertia is not None:
-        raise InputError('with a given yaw inertia the yaw rate depends on the lever, half the distance between the '
-                         'thrusters: give it too', 'lever-assumed')  # fmt: skip
+        raise InputError(
+            'with a given yaw inertia the yaw rate depends on the lever, half the distance between the '
+            'thrusters: give it too',
+            'lever-assumed',
+        )
     if lever is None:
-        advice.append(Advice('lever-assumed', (
-            f'half the distance between the thrusters is taken as that of a WAM-V 16, {DEFAULT_LEVER:.2f} m: give it, '
-            f'all yaw derivatives are proportional to it')))  # fmt: skip
+        advice.append(
+            Advice(
+                'lever-assumed',
+                (
+                    f'half the distance between the thrusters is taken as that of a WAM-V 16, {DEFAULT_LEVER:.2f} m: '
+                    f'give it, all yaw derivatives are proportional to it'
+                ),
+            )
+        )
     if length is None:
-        advice.append(Advice('length-assumed', (
-            f'the length is taken as that of a WAM-V 16, {DEFAULT_LENGTH:.2f} m: give it if the prime system is of '
-            f'use')))  # fmt: skip
+        advice.append(
+            Advice(
+                'length-assumed',
+                (
+                    f'the length is taken as that of a WAM-V 16, {DEFAULT_LENGTH:.2f} m: give it if the prime system '
+                    f'is of use'
+                ),
+            )
+        )
     return lever or DEFAULT_LEVER, length or DEFAULT_LENGTH
 
 
 def _anchors(
-    runs: Sequence[Run], thrust_input: str, settings: ManoeuvringSettings, lever: float, rows: list[str],
+    runs: Sequence[Run],
+    thrust_input: str,
+    settings: ManoeuvringSettings,
+    lever: float,
+    rows: list[str],
     advice: list[Advice],
-):  # fmt: skip
+):
     """Scale of mass and thrust: what is given, what follows, what cannot be separated.
 
     Returns
@@ -320,14 +398,26 @@ def _anchors(
     free, assumed = [], []
     if thrust_input == COMMAND and settings.thrust_per_command is None:
         if settings.mass is None:
-            advice.append(Advice('scale-not-given', (
-                'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass or the '
-                'thrust of one thruster at full command')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'scale-not-given',
+                    (
+                        'free running gives only ratios to mass: all derivatives are per kg of craft; give the mass '
+                        'or the thrust of one thruster at full command'
+                    ),
+                )
+            )
         else:
-            advice.append(Advice('surge-inertia-assumed', (
-                'thrust scale and added mass in surge cannot be told apart with commands: Xu_dot is taken as '
-                f'{settings.fixed.get("Xu_dot", 0.0):g} kg; give the thrust of one thruster at full command to '
-                'identify it')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'surge-inertia-assumed',
+                    (
+                        'thrust scale and added mass in surge cannot be told apart with commands: Xu_dot is taken as '
+                        f'{settings.fixed.get("Xu_dot", 0.0):g} kg; give the thrust of one thruster at full command to '
+                        'identify it'
+                    ),
+                )
+            )
         mass = settings.mass or 1.0
         values.update(m=mass, gain=gain_ratio * mass)
         thrust_scale = values['gain']
@@ -340,8 +430,12 @@ def _anchors(
         if settings.mass is None:
             values['m'] = heavy
             free.append('m')
-            advice.append(Advice('mass-not-given', (
-                'm is mass and added mass in surge together, which free running cannot tell apart: give the mass')))
+            advice.append(
+                Advice(
+                    'mass-not-given',
+                    ('m is mass and added mass in surge together, which free running cannot tell apart: give the mass'),
+                )
+            )
         else:
             values['m'] = settings.mass
             values['Xu_dot'] = float(np.clip(settings.mass - heavy, -2.0 * settings.mass, 0.4 * settings.mass))
@@ -357,9 +451,15 @@ def _anchors(
         values['Iz'] = inertia
         (free if 'N' in rows else assumed).append('Iz')
         if 'N' in rows:
-            advice.append(Advice('inertia-includes-added', (
-                'Iz is yaw inertia and added inertia together, which free running cannot tell apart: give the inertia '
-                'to see Nr_dot')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'inertia-includes-added',
+                    (
+                        'Iz is yaw inertia and added inertia together, which free running cannot tell apart: give the '
+                        'inertia to see Nr_dot'
+                    ),
+                )
+            )
     else:
         values['Iz'] = settings.inertia
         values['Nr_dot'] = float(np.clip(settings.inertia - inertia, -2 * settings.inertia, 0.4 * settings.inertia))
@@ -384,10 +484,16 @@ def _ties(settings: ManoeuvringSettings, free: list[str], advice: list[Advice]):
     """
     if settings.terms is not None or 'Yv_dot' not in free or {'Yur', 'Yv_dot'} & {*settings.fixed, *settings.towards}:
         return {}
-    advice.append(Advice('sway-scale-assumed', (
-        'nothing drives a craft sideways, so that its masses and damping in sway are known to a common factor only, '
-        'which their standard deviations leave out: Yur is taken equal to Xu_dot, as in potential flow; give Yv_dot or '
-        'Yur where it is known')))  # fmt: skip
+    advice.append(
+        Advice(
+            'sway-scale-assumed',
+            (
+                'nothing drives a craft sideways, so that its masses and damping in sway are known to a common factor '
+                'only, which their standard deviations leave out: Yur is taken equal to Xu_dot, as in potential flow; '
+                'give Yv_dot or Yur where it is known'
+            ),
+        )
+    )
     return {'Yur': 'Xu_dot'}
 
 
@@ -427,4 +533,3 @@ def _largest(values: np.ndarray):
 def _white(runs: Sequence[Run], channel: int):
     found = [white_noise(c[np.isfinite(c)]) for c in (run.channels[channel] for run in runs)]
     return max(float(np.median(found)), 1e-6)
-

@@ -1,4 +1,5 @@
 """What a model leaves of the accelerations, and how thrust is held."""
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,4 +1,5 @@
 """How far runs excite each derivative: the share of its motion that no other one explains."""
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -59,9 +60,11 @@ def _equations(runs: Sequence[Run]):
     return (
         (('Xu_dot', 'Xu', 'Xuu', 'Xvr', None), np.stack([changes[0], u, np.abs(u) * u, v * r, starboard + port])),
         (('Yv_dot', 'Yv', 'Yvv', 'Yur'), np.stack([changes[1], v, np.abs(v) * v, u * r])),
-        (('Iz', 'Nr', 'Nrr', 'Nuur', 'Nuv', None),
-         np.stack([changes[2], r, np.abs(r) * r, u * u * r, u * v, starboard - port])),
-    )  # fmt: skip
+        (
+            ('Iz', 'Nr', 'Nrr', 'Nuur', 'Nuv', None),
+            np.stack([changes[2], r, np.abs(r) * r, u * u * r, u * v, starboard - port]),
+        ),
+    )
 
 
 def _known(values: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 The values without a run are those of all runs less the step that the run itself was worth (one Gauss-Newton step on
 the others); under them the run is simulated freely from its measured states.
 """
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -42,8 +43,10 @@ def values_without_each_part(
     units, spread = shooting.unknowns.units, shooting.unknowns.spread
     at_rest = (values - shooting.unknowns.lower < 1e-9 * units) | (shooting.unknowns.upper - values < 1e-9 * units)
     units = np.where(at_rest, 0.0, units)
-    scaled = [(np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), np.nan_to_num(j, posinf=0.0, neginf=0.0) * units)
-              for r, j in parts]  # fmt: skip
+    scaled = [
+        (np.clip(np.nan_to_num(r, nan=1e6), -1e6, 1e6), np.nan_to_num(j, posinf=0.0, neginf=0.0) * units)
+        for r, j in parts
+    ]
     prior = np.where(np.isfinite(spread), (units / spread) ** 2, 0.0)
     stability = shooting.instability_slopes(values) * units
     information = sum(j.T @ j for _, j in scaled) + stability.T @ stability + np.diag(prior + 1e-9)

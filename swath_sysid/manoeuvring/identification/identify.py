@@ -1,4 +1,5 @@
 """Identification of a manoeuvring model from several runs jointly."""
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -126,9 +127,12 @@ class ManoeuvringIdentification:
 
 
 def identify_manoeuvring(
-    runs: Sequence[Run], settings: ManoeuvringSettings | None = None, validation: Sequence[Run] | None = None,
-    progress: Callable[[float], object] | None = None, should_cancel: Callable[[], bool] | None = None,
-) -> ManoeuvringIdentification:  # fmt: skip
+    runs: Sequence[Run],
+    settings: ManoeuvringSettings | None = None,
+    validation: Sequence[Run] | None = None,
+    progress: Callable[[float], object] | None = None,
+    should_cancel: Callable[[], bool] | None = None,
+) -> ManoeuvringIdentification:
     """Identify a craft from its runs.
 
     Linear regression and a genetic search give the start; multiple shooting refines it; terms are
@@ -186,8 +190,7 @@ def identify_manoeuvring(
     dropped = tuple(n for n in now.names if n not in found.names)
     problem = with_drift_spread(with_noise(without(problem, dropped), found), found)
     evaluations = now.evaluations + found.evaluations
-    found = replace(
-        fit(problem, renewed(problem, found, PARTS), found.names, found.values), rejected=found.rejected)
+    found = replace(fit(problem, renewed(problem, found, PARTS), found.names, found.values), rejected=found.rejected)
     if settings.terms is None:
         problem, found = without_bounds(problem, found)
     rejected = found.rejected
@@ -200,8 +203,12 @@ def identify_manoeuvring(
     scores = score(model, runs, settings.window, currents)
     # nothing is fitted to the runs held out, not even their current
     validated = score(model, held_out, settings.window) if held_out else None
-    units = PrimeUnits(problem.length, float(np.clip(np.nanmedian(np.concatenate(
-        [np.abs(run.smooth[0]) for run in runs])), 0.05, None)) if 'Xu' in found.names else 1.0)  # fmt: skip
+    units = PrimeUnits(
+        problem.length,
+        float(np.clip(np.nanmedian(np.concatenate([np.abs(run.smooth[0]) for run in runs])), 0.05, None))
+        if 'Xu' in found.names
+        else 1.0,
+    )
     advice += tuple(a for run in (*runs, *held_out) for a in run.advice) + problem.advice
     derivatives, more = _derivatives(problem, found, units)
     advice += more + stability_advice + _drifts(model, currents) + _exchangeable(model, found, problem.region)
@@ -210,10 +217,25 @@ def identify_manoeuvring(
     fixed.update({n: float(model[n]) for n in (*problem.assumed, *settings.fixed)})
     note(1.0)
     return ManoeuvringIdentification(
-        model, found.names, found.values, found.covariance.matrix, derivatives, fixed, units, problem.noise,
-        scores, validated, tuple(runs), tuple(held_out), stability, rejected, currents,
-        found.covariance.effective_samples, evaluations + found.evaluations, advice,
-    )  # fmt: skip
+        model,
+        found.names,
+        found.values,
+        found.covariance.matrix,
+        derivatives,
+        fixed,
+        units,
+        problem.noise,
+        scores,
+        validated,
+        tuple(runs),
+        tuple(held_out),
+        stability,
+        rejected,
+        currents,
+        found.covariance.effective_samples,
+        evaluations + found.evaluations,
+        advice,
+    )
 
 
 def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
@@ -285,28 +307,50 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
                 other = found.names[j]
                 flags[name].append('not-separable')
                 flags[other].append('not-separable')
-                advice.append(Advice('not-separable', (
-                    f'{other} and {name} cannot be told apart on these runs (correlation {matrix[i, j]:+.3f}): use '
-                    f'them together only, or add {_separating(other, name)}')))  # fmt: skip
+                advice.append(
+                    Advice(
+                        'not-separable',
+                        (
+                            f'{other} and {name} cannot be told apart on these runs (correlation '
+                            f'{matrix[i, j]:+.3f}): use them together only, or add {_separating(other, name)}'
+                        ),
+                    )
+                )
     for k, name in enumerate(found.names):
         value = found.values[k]
         if name not in CURRENT and at_bound(problem, name, value):
             flags[name].append('at-bound')
-            advice.append(Advice('at-bound', (
-                f'{name} ended at the limit of its range ({value:.3g}): the runs do not determine it; leave it out, or '
-                f'add {_separating(name)}')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'at-bound',
+                    (
+                        f'{name} ended at the limit of its range ({value:.3g}): the runs do not determine it; leave '
+                        f'it out, or add {_separating(name)}'
+                    ),
+                )
+            )
         size = max(abs(value), 0.1 * unknowns.units[k])
         if name not in CURRENT and not std[k] < UNCERTAIN * size:
             flags[name].append('uncertain')
-            advice.append(Advice('uncertain', (
-                f'{name} is uncertain by {std[k]:.3g} beside a value of {value:.3g}: add {_separating(name)}')))
+            advice.append(
+                Advice(
+                    'uncertain',
+                    (f'{name} is uncertain by {std[k]:.3g} beside a value of {value:.3g}: add {_separating(name)}'),
+                )
+            )
         if name in problem.flags:
             flags[name].append(problem.flags[name])
         if name == 'Xu_dot' and not -STRANGE_MASS * problem.scales.mass < value < 0.2 * problem.scales.mass:
             flags[name].append('strange-inertia')
-            advice.append(Advice('strange-inertia', (
-                f'the craft answers to thrust as if it weighed {problem.scales.mass - value:.4g} kg, not '
-                f'{problem.scales.mass:.4g} kg: check the mass and the scale of the thrust')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'strange-inertia',
+                    (
+                        f'the craft answers to thrust as if it weighed {problem.scales.mass - value:.4g} kg, not '
+                        f'{problem.scales.mass:.4g} kg: check the mass and the scale of the thrust'
+                    ),
+                )
+            )
     derivatives = {}
     for k, name in enumerate(found.names):
         if name in CURRENT:
@@ -314,7 +358,8 @@ def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
         parameter = PARAMETERS[INDEX[name]]
         prime = float(units.to_prime(name, found.values[k])) if parameter.kind in HULL else None
         derivatives[name] = Derivative(
-            float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name])))
+            float(found.values[k]), float(std[k]), prime, parameter.unit, tuple(dict.fromkeys(flags[name]))
+        )
     return derivatives, tuple(advice)
 
 
@@ -327,10 +372,16 @@ def _exchangeable(model: ManoeuvringModel, found: Fit, region: Region):
     damping = -model.jacobian(0.5 * region.fastest, 0.0, 0.0)[0, 0]
     if 'lag' not in found.names or damping <= 0.0 or not ALIKE < model['lag'] * damping < 1.0 / ALIKE:
         return ()
-    return (Advice('lag-like-surge', (
-        f'lag and mass can be exchanged: the lag of the thrusters ({model["lag"]:.2f} s) is near the time constant of '
-        f'surge ({1.0 / damping:.2f} s), and their standard deviations leave that out; excite with {_separating("lag")}'
-        f', or measure the lag and give it')),)  # fmt: skip
+    return (
+        Advice(
+            'lag-like-surge',
+            (
+                f'lag and mass can be exchanged: the lag of the thrusters ({model["lag"]:.2f} s) is near the time '
+                f'constant of surge ({1.0 / damping:.2f} s), and their standard deviations leave that out; excite '
+                f'with {_separating("lag")}, or measure the lag and give it'
+            ),
+        ),
+    )
 
 
 def _distinct_currents(model: ManoeuvringModel, currents: np.ndarray):
@@ -345,10 +396,16 @@ def _drifts(model: ManoeuvringModel, currents: np.ndarray):
     if np.all(currents == model.current):
         return ()
     strength = np.hypot(*currents.T)
-    return (Advice('current-by-run', (
-        f'the drift of each run ({strength.min():.2f} to {strength.max():.2f} m/s: current, and what wind does like '
-        f'it) was found from its own motion; the model holds the mean, which validation uses; ask for one current for '
-        f'all runs if it was the same')),)  # fmt: skip
+    return (
+        Advice(
+            'current-by-run',
+            (
+                f'the drift of each run ({strength.min():.2f} to {strength.max():.2f} m/s: current, and what wind '
+                'does like it) was found from its own motion; the model holds the mean, which validation uses; ask '
+                f'for one current for all runs if it was the same'
+            ),
+        ),
+    )
 
 
 def _white(runs: Sequence[Run]):
@@ -372,27 +429,53 @@ def _verdicts(
     """Advice on stability and on how well the runs are reproduced."""
     advice = []
     if not (keeps_course or stability.stable) and stability.bounded:
-        advice.append(Advice('course-unstable', (
-            f'the craft does not keep a straight course by itself: at {stability.unstable_speed:.2f} m/s small turns '
-            f'grow {stability.largest_growth:.2g} times a second, until damping ends that; steer it, and trust no '
-            f'forecast of its heading for longer than {3.0 / stability.largest_growth:.0f} s')))  # fmt: skip
+        advice.append(
+            Advice(
+                'course-unstable',
+                (
+                    f'the craft does not keep a straight course by itself: at {stability.unstable_speed:.2f} m/s '
+                    f'small turns grow {stability.largest_growth:.2g} times a second, until damping ends that; steer '
+                    f'it, and trust no forecast of its heading for longer than {3.0 / stability.largest_growth:.0f} s'
+                ),
+            )
+        )
     elif not stability.stable:
         where = '' if np.isnan(stability.unstable_speed) else f' (at {stability.unstable_speed:.2f} m/s)'
-        advice.append(Advice('unstable', (
-            f'the model is unstable at speeds it was identified at{where}: do not use it; add turns at several '
-            f'speeds')))  # fmt: skip
+        advice.append(
+            Advice(
+                'unstable',
+                (
+                    f'the model is unstable at speeds it was identified at{where}: do not use it; add turns at several '
+                    f'speeds'
+                ),
+            )
+        )
     for label, found in (('identification', scores), ('validation', validated)):
         if found is None:
             continue
         if found.diverged:
-            advice.append(Advice('diverged', (
-                f'{found.diverged} of {found.windows} windows of the {label} runs ran away in free simulation: look at '
-                f'their thrust and speed')))  # fmt: skip
-        low = [f'{name} {found.r2[name]:.2f}' for name, good in GOOD_R2.items()
-               if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white[name]]  # fmt: skip
+            advice.append(
+                Advice(
+                    'diverged',
+                    (
+                        f'{found.diverged} of {found.windows} windows of the {label} runs ran away in free '
+                        f'simulation: look at their thrust and speed'
+                    ),
+                )
+            )
+        low = [
+            f'{name} {found.r2[name]:.2f}'
+            for name, good in GOOD_R2.items()
+            if found.r2[name] < good and found.rmse[name] > MORE_THAN_NOISE * white[name]
+        ]
         if low:
-            advice.append(Advice('poor-simulation', (
-                f'free simulation explains little of the {label} runs ({", ".join(low)}; r2): wind, waves, a wrong '
-                f'thrust or a reversed channel; look at the pictures')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'poor-simulation',
+                    (
+                        f'free simulation explains little of the {label} runs ({", ".join(low)}; r2): wind, waves, a '
+                        f'wrong thrust or a reversed channel; look at the pictures'
+                    ),
+                )
+            )
     return tuple(advice)
-

@@ -3,6 +3,7 @@
 scipy's least_squares decomposes the whole Jacobian at every step; here it is condensed to its
 triangular factor first, and scipy's lsq_linear solves the small bounded problem that is left.
 """
+
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -33,9 +34,14 @@ class Minimum:
 
 
 def minimise(
-    residuals: Callable[[np.ndarray], np.ndarray], jacobian: Callable[[np.ndarray], np.ndarray], start: np.ndarray,
-    lower: np.ndarray, upper: np.ndarray, max_evaluations: int = 30, tolerance: float = 1e-5,
-) -> Minimum:  # fmt: skip
+    residuals: Callable[[np.ndarray], np.ndarray],
+    jacobian: Callable[[np.ndarray], np.ndarray],
+    start: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    max_evaluations: int = 30,
+    tolerance: float = 1e-5,
+) -> Minimum:
     """Minimise half the sum of squares of the residuals within bounds.
 
     Parameters

@@ -1,4 +1,5 @@
 """Refitting a manoeuvring model on a window of the craft's own motion: what is fitted, accepted, and the way back."""
+
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -66,9 +67,11 @@ class ManoeuvreRefitOutcome:
 
 
 def refit_manoeuvring(
-    request: ManoeuvreRefitRequest, *, progress: Callable[[float], object] | None = None,
+    request: ManoeuvreRefitRequest,
+    *,
+    progress: Callable[[float], object] | None = None,
     should_cancel: Callable[[], bool] | None = None,
-) -> ManoeuvreRefitOutcome:  # fmt: skip
+) -> ManoeuvreRefitOutcome:
     """Identify on a window, and compare with the current model on the part of it that was held out.
 
     Parameters
@@ -106,15 +109,22 @@ def refit_manoeuvring(
         same_water = replace(held.model, current=found.model.current)
         current_misfit = _misfit(score(same_water, held_out, request.settings.window), found.noise)
         if not misfit < (1.0 - request.least_improvement) * current_misfit:
-            message = (f'not published, the current model explains the motion held out as well (misfit '
-                       f'{current_misfit:.4g}, new {misfit:.4g})')  # fmt: skip
+            message = (
+                f'not published, the current model explains the motion held out as well (misfit '
+                f'{current_misfit:.4g}, new {misfit:.4g})'
+            )
             return ManoeuvreRefitOutcome(None, message, misfit, current_misfit)
     better = '' if held is None else f', misfit {misfit:.4g} instead of {current_misfit:.4g}'
     model = IdentifiedManoeuvringModel(
-        found.model, found.names, found.covariance, found.noise, seen_region(found.identified_on),
-        {'r2': r2, 'held_out': bool(found.validated_on)}, request.provenance,
+        found.model,
+        found.names,
+        found.covariance,
+        found.noise,
+        seen_region(found.identified_on),
+        {'r2': r2, 'held_out': bool(found.validated_on)},
+        request.provenance,
         forecast_noise(found.model, found.identified_on),
-    )  # fmt: skip
+    )
     return ManoeuvreRefitOutcome(model, f'{summary}{better}', misfit, current_misfit)
 
 
@@ -127,8 +137,10 @@ def pieces(run: Run) -> list[Run]:
         It is shorter than `MIN_DURATION`.
     """
     if run.duration < MIN_DURATION:
-        raise InputError(f'{run.duration:.0f} s of motion are too short: drive for {MIN_DURATION:.0f} s or more, '
-                         f'straight, in turns and zig-zags')  # fmt: skip
+        raise InputError(
+            f'{run.duration:.0f} s of motion are too short: drive for {MIN_DURATION:.0f} s or more, '
+            f'straight, in turns and zig-zags'
+        )
     known = np.isfinite(run.channels).any(axis=0)
     places = np.flatnonzero(known)
     breaks = places[1:][np.diff(places) * run.step > GAP]
@@ -144,8 +156,10 @@ def pieces(run: Run) -> list[Run]:
 
 
 def _part(run: Run, span: slice, number: int):
-    cut = {name: getattr(run, name) for name in (
-        'time', 'port', 'starboard', 'driven', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')}  # fmt: skip
+    cut = {
+        name: getattr(run, name)
+        for name in ('time', 'port', 'starboard', 'driven', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
+    }
     cut = {name: values if values is None else values[span] for name, values in cut.items()}
     return replace(run, **cut, smooth=run.smooth[:, span], source=f'{run.source} part {number + 1}')
 

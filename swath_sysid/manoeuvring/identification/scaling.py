@@ -1,4 +1,5 @@
 """Natural units of the parameters, their ranges, and what they are regularised towards."""
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,11 +19,22 @@ MIN_DAMPING = 0.01
 """Least linear damping in its natural unit, so that every motion dies away however small."""
 
 _RANGES = {
-    'reverse_ratio': (0.05, 2.0), 'dead_band': (0.0, 0.6), 'exponent': (0.4, 3.0), 'balance': (-0.5, 0.5),
-    'advance': (0.0, 0.5), 'lag': (0.0, 3.0), 'delay': (0.0, 2.0), 'deduction': (0.0, 0.9),
-    'lever': (0.01, 100.0), 'moment_factor': (-0.9, 3.0), 'reverse_exponent_ratio': (0.5, 2.0),
-    'deviation_B': (-0.5, 0.5), 'deviation_C': (-0.5, 0.5), 'sensor_x': (-20.0, 20.0), 'sensor_y': (-20.0, 20.0),
-}  # fmt: skip
+    'reverse_ratio': (0.05, 2.0),
+    'dead_band': (0.0, 0.6),
+    'exponent': (0.4, 3.0),
+    'balance': (-0.5, 0.5),
+    'advance': (0.0, 0.5),
+    'lag': (0.0, 3.0),
+    'delay': (0.0, 2.0),
+    'deduction': (0.0, 0.9),
+    'lever': (0.01, 100.0),
+    'moment_factor': (-0.9, 3.0),
+    'reverse_exponent_ratio': (0.5, 2.0),
+    'deviation_B': (-0.5, 0.5),
+    'deviation_C': (-0.5, 0.5),
+    'sensor_x': (-20.0, 20.0),
+    'sensor_y': (-20.0, 20.0),
+}
 
 
 _ADDED = {'Xu_dot': (-5.0, 0.6), 'Yv_dot': (-2.0, 0.3), 'Nr_dot': (-3.0, 0.6)}
@@ -101,6 +113,13 @@ class Scales:
         if kind == INERTIA:
             return self.unit(name) if name in _ADDED else 0.2 * self.unit(name)
         if kind in (THRUST, SENSOR):
-            return {'exponent': 0.7, 'balance': 0.3, 'reverse_ratio': 0.7, 'dead_band': 0.3, 'deviation_B': 0.2,
-                    'deviation_C': 0.2, 'reverse_exponent_ratio': 0.3}.get(name, 2.0)  # fmt: skip
+            return {
+                'exponent': 0.7,
+                'balance': 0.3,
+                'reverse_ratio': 0.7,
+                'dead_band': 0.3,
+                'deviation_B': 0.2,
+                'deviation_C': 0.2,
+                'reverse_exponent_ratio': 0.3,
+            }.get(name, 2.0)
         return 10.0 * self.unit(name)

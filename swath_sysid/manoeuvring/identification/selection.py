@@ -1,4 +1,5 @@
 """The simplest adequate set of terms: forward selection by score tests, every step checked for stability."""
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -42,8 +43,17 @@ LAST = {'X0', 'N0'}
 
 USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 USUAL = (
-    *USUAL_HULL, 'Xvr', 'Yur', 'Nuur', 'exponent', 'dead_band', 'deviation_B', 'deviation_C', 'sensor_x', 'sensor_y',
-)  # fmt: skip
+    *USUAL_HULL,
+    'Xvr',
+    'Yur',
+    'Nuur',
+    'exponent',
+    'dead_band',
+    'deviation_B',
+    'deviation_C',
+    'sensor_x',
+    'sensor_y',
+)
 SLOW_SWAY = 0.2
 """Of the first guess of sway damping: the start in the other basin."""
 
@@ -104,24 +114,31 @@ def model_of(problem: Problem, names: Sequence[str], values: np.ndarray, name: s
     found = dict(zip(names, values, strict=True))
     east, north = (float(found.get(c, 0.0)) for c in CURRENT)
     return ManoeuvringModel(
-        problem.unknowns(names).placed_in(problem.base, values), thrust_input=problem.thrust_input, name=name,
-        length=problem.length, largest_input=float(problem.region.most_input),
+        problem.unknowns(names).placed_in(problem.base, values),
+        thrust_input=problem.thrust_input,
+        name=name,
+        length=problem.length,
+        largest_input=float(problem.region.most_input),
         current=(east, north),
-    )  # fmt: skip
+    )
 
 
 def shooting_of(problem: Problem, window: float) -> MultipleShooting:
     """Multiple shooting over the runs of a problem, with its always-free unknowns."""
     return MultipleShooting(
-        cut(problem.runs, window), problem.base, problem.unknowns(problem.free), problem.noise, problem.scales.speed,
-        drift_spread=problem.drift_spread, speeds=straight_speeds(problem.region),
+        cut(problem.runs, window),
+        problem.base,
+        problem.unknowns(problem.free),
+        problem.noise,
+        problem.scales.speed,
+        drift_spread=problem.drift_spread,
+        speeds=straight_speeds(problem.region),
         largest_growth=problem.largest_growth,
-    )  # fmt: skip
+    )
 
 
 def fit(problem: Problem, shooting: MultipleShooting, names: Sequence[str], values: np.ndarray, rounds: int = 2) -> Fit:
-    """Refine some unknowns from a start, with robust weights taken anew in every round.
-    """
+    """Refine some unknowns from a start, with robust weights taken anew in every round."""
     shooting = shooting.with_unknowns(problem.unknowns(names), problem.base)
     evaluations = 0
     for _ in range(rounds):
@@ -144,9 +161,15 @@ def fit_at(problem: Problem, shooting: MultipleShooting, values: np.ndarray, cos
     residuals, jacobians = shooting.by_channel(*linear)
     covariance = sandwich_covariance(residuals, jacobians, MEMORY)
     return Fit(
-        names, values, cost, shooting, replace(covariance, matrix=covariance_over_runs(without, covariance.matrix)),
-        _is_stable(problem, names, values), without, _inflation(np.concatenate(residuals), covariance),
-    )  # fmt: skip
+        names,
+        values,
+        cost,
+        shooting,
+        replace(covariance, matrix=covariance_over_runs(without, covariance.matrix)),
+        _is_stable(problem, names, values),
+        without,
+        _inflation(np.concatenate(residuals), covariance),
+    )
 
 
 def currents_of(problem: Problem, model: ManoeuvringModel, runs: Sequence[Run], window: float) -> np.ndarray:
@@ -166,9 +189,13 @@ def currents_of(problem: Problem, model: ManoeuvringModel, runs: Sequence[Run], 
             # too short for a window: nothing is simulated of it either
             continue
         shooting = MultipleShooting(
-            windows, base, problem.unknowns(CURRENT), problem.noise, problem.scales.speed,
+            windows,
+            base,
+            problem.unknowns(CURRENT),
+            problem.noise,
+            problem.scales.speed,
             drift_spread=problem.drift_spread,
-        )  # fmt: skip
+        )
         shooting.settle(currents[k])
         currents[k] += shooting.drift[:, 0]
     return currents
@@ -281,10 +308,18 @@ def renewed(problem: Problem, found: Fit, parts: int = 1) -> MultipleShooting:
     """A shooting with the noise of the problem and the states of a fit."""
     windows = found.shooting.windows
     shooting = MultipleShooting(
-        windows, problem.base, problem.unknowns(found.names), problem.noise, problem.scales.speed,
-        found.shooting.states, found.shooting.drift, problem.drift_spread, straight_speeds(problem.region),
-        problem.largest_growth, parts,
-    )  # fmt: skip
+        windows,
+        problem.base,
+        problem.unknowns(found.names),
+        problem.noise,
+        problem.scales.speed,
+        found.shooting.states,
+        found.shooting.drift,
+        problem.drift_spread,
+        straight_speeds(problem.region),
+        problem.largest_growth,
+        parts,
+    )
     shooting.weigh(found.values)
     return shooting
 
@@ -339,8 +374,11 @@ def regularised_to_stable(problem: Problem, found: Fit) -> tuple[Fit, tuple[Advi
         std = np.sqrt(np.diag(found.covariance.matrix))
         with np.errstate(invalid='ignore', divide='ignore'):
             certainty = np.nan_to_num(np.abs(found.values) / std)
-        cross = [k for k, n in enumerate(found.names)
-                 if n not in problem.free and n in INDEX and PARAMETERS[INDEX[n]].kind != THRUST]  # fmt: skip
+        cross = [
+            k
+            for k, n in enumerate(found.names)
+            if n not in problem.free and n in INDEX and PARAMETERS[INDEX[n]].kind != THRUST
+        ]
         if not cross:
             break
         weakest = min(cross, key=lambda k: certainty[k])
@@ -350,9 +388,15 @@ def regularised_to_stable(problem: Problem, found: Fit) -> tuple[Fit, tuple[Advi
         found = fit(problem, found.shooting, tuple(found.names[k] for k in keep), found.values[keep], rounds=1)
     advice: tuple[Advice, ...] = ()
     if removed:
-        advice = (Advice('made-stable', (
-            f'with {", ".join(removed)} the model was unstable at speeds it was identified at: taken out; add turns at '
-            f'several speeds to identify them')),)  # fmt: skip
+        advice = (
+            Advice(
+                'made-stable',
+                (
+                    f'with {", ".join(removed)} the model was unstable at speeds it was identified at: taken out; add '
+                    f'turns at several speeds to identify them'
+                ),
+            ),
+        )
     return found, advice
 
 
@@ -370,13 +414,17 @@ def with_refused(problem: Problem, found: Fit) -> Fit:
     """
     groups = (*problem.candidates, *((name,) for name in problem.tentative))
     refused = [group for group in groups if not set(group) & set(found.names)]
-    shifts = [shift / np.sqrt(1.0 + np.exp(-0.5 * np.clip(gain, -200.0, 200.0)))
-              for _, gain, shift in _offers(problem, found, refused)]  # fmt: skip
+    shifts = [
+        shift / np.sqrt(1.0 + np.exp(-0.5 * np.clip(gain, -200.0, 200.0)))
+        for _, gain, shift in _offers(problem, found, refused)
+    ]
     if not shifts:
         return found
     variance = np.diag(found.covariance.matrix) + np.max(np.square(shifts), axis=0)
-    return replace(found, covariance=replace(
-        found.covariance, matrix=with_variances_of_at_least(found.covariance.matrix, variance)))
+    return replace(
+        found,
+        covariance=replace(found.covariance, matrix=with_variances_of_at_least(found.covariance.matrix, variance)),
+    )
 
 
 def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
@@ -478,7 +526,8 @@ def _without_weak(problem: Problem, now: Fit, rejected: dict[str, str]):
         if _is_of_thrust((name,)):
             gain, misfit = _gain(now, tried)
             of_use = _is_no_chance(gain, now, 1) and (
-                _shows_in_thrust((name,), gain, misfit) or helps(now.held_out, tried.held_out))
+                _shows_in_thrust((name,), gain, misfit) or helps(now.held_out, tried.held_out)
+            )
         else:
             of_use = certain > WEAK and helps(now.held_out, tried.held_out)
         if of_use or (now.stable and not tried.stable):
@@ -495,8 +544,11 @@ def without_bounds(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
     """
     anchors = {'m', 'Iz', 'gain', 'Xu_dot', *CURRENT}
     while True:
-        ended = [k for k, (name, value) in enumerate(zip(found.names, found.values, strict=True))
-                 if name not in anchors and at_bound(problem, name, value)]  # fmt: skip
+        ended = [
+            k
+            for k, (name, value) in enumerate(zip(found.names, found.values, strict=True))
+            if name not in anchors and at_bound(problem, name, value)
+        ]
         if not ended:
             return problem, found
         name, value = found.names[ended[0]], found.values[ended[0]]

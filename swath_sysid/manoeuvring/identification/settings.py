@@ -1,4 +1,5 @@
 """What the user may set of an identification."""
+
 from dataclasses import dataclass, field
 
 from swath_sysid.common.errors import InputError

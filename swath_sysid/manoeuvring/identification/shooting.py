@@ -4,6 +4,7 @@ The initial states are eliminated window by window, and the drift of each run ru
 Golub and Pereyra 1973, with Kaufman's Jacobian), so that the least-squares problem is one in the shared parameters
 only.
 """
+
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
@@ -141,10 +142,19 @@ class MultipleShooting:
     """
 
     def __init__(
-        self, windows: Windows, base: np.ndarray, unknowns: Unknowns, noise: np.ndarray, speed: float,
-        states: np.ndarray | None = None, drift: np.ndarray | None = None, drift_spread: float = 0.0,
-        speeds: Sequence[float] | np.ndarray = (), largest_growth: float = -MIN_DECAY, parts: int = 1,
-    ):  # fmt: skip
+        self,
+        windows: Windows,
+        base: np.ndarray,
+        unknowns: Unknowns,
+        noise: np.ndarray,
+        speed: float,
+        states: np.ndarray | None = None,
+        drift: np.ndarray | None = None,
+        drift_spread: float = 0.0,
+        speeds: Sequence[float] | np.ndarray = (),
+        largest_growth: float = -MIN_DECAY,
+        parts: int = 1,
+    ):
         self.windows, self.unknowns = windows, unknowns
         self._base = np.array(base, dtype=float)
         self._noise = np.asarray(noise, dtype=float)
@@ -194,11 +204,18 @@ class MultipleShooting:
         ndarray, shape (S + 1, 3, K, W)
         """
         copies, count = p_columns.shape[1], self.windows.count
-        thrust = [np.stack(side, axis=1).reshape(-1, copies * count) for side in zip(
-            *(self._thrust(p_columns[:, k]) for k in range(copies)), strict=True)]  # fmt: skip
+        thrust = [
+            np.stack(side, axis=1).reshape(-1, copies * count)
+            for side in zip(*(self._thrust(p_columns[:, k]) for k in range(copies)), strict=True)
+        ]
         active = active or active_terms(_union(p_columns))
-        found = self._integrated(states.reshape(3, copies * count), thrust, np.repeat(p_columns, count, axis=1), active,
-                                 self._substeps(p_columns[:, 0]))  # fmt: skip
+        found = self._integrated(
+            states.reshape(3, copies * count),
+            thrust,
+            np.repeat(p_columns, count, axis=1),
+            active,
+            self._substeps(p_columns[:, 0]),
+        )
         return found.reshape(-1, 3, copies, count)
 
     def _integrated(
@@ -208,7 +225,8 @@ class MultipleShooting:
         states, port, starboard = map(np.ascontiguousarray, (states, *thrust))
         with np.errstate(over='ignore', invalid='ignore'):
             found = runge_kutta_columns(
-                states, port, starboard, UNDISTURBED, p, active, self.windows.step / self._parts, substeps)
+                states, port, starboard, UNDISTURBED, p, active, self.windows.step / self._parts, substeps
+            )
         return found[:: self._parts]
 
     def residuals(self, values: np.ndarray) -> np.ndarray:
@@ -225,10 +243,15 @@ class MultipleShooting:
         residual = residual + np.einsum('jcsw,jw->csw', state_slopes, move)
         if self._drift_spread:
             residual = residual + np.einsum('jcsw,jw->csw', self._drift_slopes(), drift_move @ self._member)
-        return np.concatenate([
-            residual.ravel(), self._state_residual().ravel(), self._drift_residual().ravel(), self._prior(values),
-            self._instability(p[:, None])[:, 0],
-        ])  # fmt: skip
+        return np.concatenate(
+            [
+                residual.ravel(),
+                self._state_residual().ravel(),
+                self._drift_residual().ravel(),
+                self._prior(values),
+                self._instability(p[:, None])[:, 0],
+            ]
+        )
 
     def jacobian(self, values: np.ndarray) -> np.ndarray:
         """Derivatives of `residuals` with the initial states and drifts eliminated, shape (rows, n)."""
@@ -252,7 +275,8 @@ class MultipleShooting:
             return np.where(np.isfinite(found), np.clip(found, -1e9, 1e9), 0.0)
 
         found = minimise(
-            scaled_residuals, scaled_jacobian, values / units, lower / units, upper / units, max_evaluations, tolerance)
+            scaled_residuals, scaled_jacobian, values / units, lower / units, upper / units, max_evaluations, tolerance
+        )
         return ShootingFit(found.x * units, found.cost, found.evaluations)
 
     def settle(self, values: np.ndarray) -> None:
@@ -337,8 +361,11 @@ class MultipleShooting:
         start = np.stack([*through_water(surge, sway, rate, windows.heading[0], current, p), rate])
         states = self._integrated(
             np.where(np.isfinite(start), start, self.states),
-            [side[:, np.arange(windows.count), part] for side in thrust], p, active_terms(_union(p)),
-            max(self._substeps(c) for c in columns))
+            [side[:, np.arange(windows.count), part] for side in thrust],
+            p,
+            active_terms(_union(p)),
+            max(self._substeps(c) for c in columns),
+        )
         with np.errstate(over='ignore', invalid='ignore'):
             u, v, r = np.moveaxis(states, 1, 0)
             recorded = np.stack([*recorded_speeds(u, v, r, windows.heading, current, p), r])
@@ -362,10 +389,15 @@ class MultipleShooting:
         if key not in self._thrust_cache:
             if len(self._thrust_cache) > 100:
                 self._thrust_cache.clear()
-            acting = [acting_thrust(np.repeat(run.port, self._parts), np.repeat(run.starboard, self._parts), p,
-                                    run.step / self._parts) for run in self.windows.runs]  # fmt: skip
+            acting = [
+                acting_thrust(
+                    np.repeat(run.port, self._parts), np.repeat(run.starboard, self._parts), p, run.step / self._parts
+                )
+                for run in self.windows.runs
+            ]
             self._thrust_cache[key] = tuple(
-                self.windows.gather([a[side] for a in acting], self._parts) for side in (0, 1))
+                self.windows.gather([a[side] for a in acting], self._parts) for side in (0, 1)
+            )
         return self._thrust_cache[key]
 
     def _substeps(self, p: np.ndarray):
@@ -399,7 +431,8 @@ class MultipleShooting:
         residual = self._weighted(found[:, :, 0], p, current)
         with np.errstate(over='ignore', invalid='ignore'):
             slopes = np.stack(
-                [(self._weighted(found[:, :, j + 1], p, current) - residual) / steps[j] for j in range(3)])
+                [(self._weighted(found[:, :, j + 1], p, current) - residual) / steps[j] for j in range(3)]
+            )
         return residual, slopes
 
     def _state_residual(self):
@@ -524,7 +557,8 @@ class MultipleShooting:
         found = self.simulate(columns, states)
         residual = self._weighted(found[:, :, 0], p, current)
         state_slopes = np.stack(
-            [(self._weighted(found[:, :, j + 1], p, current) - residual) / state_steps[j] for j in range(3)])
+            [(self._weighted(found[:, :, j + 1], p, current) - residual) / state_steps[j] for j in range(3)]
+        )
         slopes = np.zeros((values.size, *residual.shape))
         for place, k in enumerate(searched):
             slopes[k] = (self._weighted(found[:, :, 4 + place], columns[:, 4 + place], current) - residual) / steps[k]

@@ -3,6 +3,7 @@
 Over spans of a second or so the change of each speed is the integral of its acceleration, which is linear
 in the ratios to inertia; bounded least squares (scipy's lsq_linear) keeps damping a damping.
 """
+
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Free simulation over windows, against what was measured."""
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -74,9 +75,12 @@ class Scores:
 
 
 def simulate_windows(
-    model: ManoeuvringModel, runs: Sequence[Run], length: float = 20.0, shortest: float = 5.0,
+    model: ManoeuvringModel,
+    runs: Sequence[Run],
+    length: float = 20.0,
+    shortest: float = 5.0,
     currents: np.ndarray | None = None,
-) -> Simulated:  # fmt: skip
+) -> Simulated:
     """Simulate every window of some runs from its measured initial state.
 
     The initial state is the smoothed measurement at the start of the window; a sway that was not
@@ -107,11 +111,11 @@ def simulate_windows(
     substeps = substeps_for(model, windows.step, np.max(np.abs(state), axis=1), (port, starboard))
     with np.errstate(over='ignore', invalid='ignore'):
         columns = np.repeat(model.values[:, None], windows.count, axis=1)
-        states = runge_kutta_columns(
-            state, port, starboard, UNDISTURBED, columns, model.active, windows.step, substeps)
+        states = runge_kutta_columns(state, port, starboard, UNDISTURBED, columns, model.active, windows.step, substeps)
         u, v, r = np.moveaxis(states, 1, 0)
         psi, x, y = track(
-            u, v, r, windows.step, heading[0] - deviation(heading[0], p), np.zeros((2, windows.count)), current)
+            u, v, r, windows.step, heading[0] - deviation(heading[0], p), np.zeros((2, windows.count)), current
+        )
         compass = recorded_heading(psi, p)
         recorded = np.stack([*recorded_speeds(u, v, r, compass, current, p), r], axis=1)
         place = np.stack(recorded_position(x, y, psi, p))
@@ -125,8 +129,7 @@ def simulate_windows(
 def score(
     model: ManoeuvringModel, runs: Sequence[Run], length: float = 20.0, currents: np.ndarray | None = None
 ) -> Scores:
-    """Scores of a model on some runs; see `simulate_windows`.
-    """
+    """Scores of a model on some runs; see `simulate_windows`."""
     found = simulate_windows(model, runs, length, currents=currents)
     windows = found.windows
     r2, rmse = {}, {}
@@ -207,8 +210,12 @@ def _diverged(found: Simulated):
 
 def _at_start(windows: Windows, name: str):
     series = [getattr(run, name) for run in windows.runs]
-    return np.array([0.0 if series[run] is None else series[run][start]
-                     for run, start in zip(windows.run_index, windows.start, strict=True)])  # fmt: skip
+    return np.array(
+        [
+            0.0 if series[run] is None else series[run][start]
+            for run, start in zip(windows.run_index, windows.start, strict=True)
+        ]
+    )
 
 
 def _lead_in_sway(model: ManoeuvringModel, windows: Windows, acting: Sequence[tuple[np.ndarray, np.ndarray]]):
@@ -224,8 +231,14 @@ def _lead_in_sway(model: ManoeuvringModel, windows: Windows, acting: Sequence[tu
         port, starboard = (np.ascontiguousarray(side[begin:start, None]) for side in acting[index])
         with np.errstate(over='ignore', invalid='ignore'):
             found = runge_kutta_columns(
-                np.where(np.isfinite(state), state, 0.0)[:, None], port, starboard, UNDISTURBED, model.values[:, None],
-                model.active, windows.step, substeps_for(model, windows.step, state * 0.0, (port, starboard)),
-            )[-1, 1, 0]  # fmt: skip
+                np.where(np.isfinite(state), state, 0.0)[:, None],
+                port,
+                starboard,
+                UNDISTURBED,
+                model.values[:, None],
+                model.active,
+                windows.step,
+                substeps_for(model, windows.step, state * 0.0, (port, starboard)),
+            )[-1, 1, 0]
         sway[w] = found if np.isfinite(found) else 0.0
     return sway

@@ -1,4 +1,5 @@
 """Runs cut into windows, each of which is simulated from its own initial state."""
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

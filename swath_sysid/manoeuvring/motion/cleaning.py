@@ -1,4 +1,5 @@
 """A trial without what no craft did: disorder in time, absurd values, spikes, channels that never change."""
+
 from dataclasses import replace
 from typing import Any
 
@@ -34,9 +35,15 @@ def without_constant(trials: list[ManoeuvringTrial], advice: list[list[Advice]])
             continue
         for k in holding:
             trials[k] = _with(trials[k], name, None)
-            advice[k].append(Advice('constant-channel', (
-                f'{trials[k].source}: {name} never changes, as where nothing is measured: it is taken as unknown; '
-                f'check its sender')))  # fmt: skip
+            advice[k].append(
+                Advice(
+                    'constant-channel',
+                    (
+                        f'{trials[k].source}: {name} never changes, as where nothing is measured: it is taken as '
+                        f'unknown; check its sender'
+                    ),
+                )
+            )
     return trials
 
 
@@ -54,9 +61,15 @@ def _in_order(trial: ManoeuvringTrial, advice: list[Advice]):
     if good.sum() < 20:
         raise InputError(f'{trial.source} holds {int(good.sum())} samples in order of time: record 30 s or more')
     if not good.all():
-        advice.append(Advice('time-disorder', (
-            f'{trial.source}: {int((~good).sum())} rows with missing, repeated or backward time left out: check the '
-            f'recorder')))  # fmt: skip
+        advice.append(
+            Advice(
+                'time-disorder',
+                (
+                    f'{trial.source}: {int((~good).sum())} rows with missing, repeated or backward time left out: '
+                    f'check the recorder'
+                ),
+            )
+        )
     for name in ('port', 'starboard', *MEASURED):
         values = getattr(trial, name)
         if values is not None:
@@ -75,15 +88,27 @@ def _without_absurd(trial: ManoeuvringTrial, advice: list[Advice]):
             continue
         wild = bad & np.isfinite(values)
         if wild.any():
-            advice.append(Advice('absurd-values', (
-                f'{trial.source}: {int(wild.sum())} values of {name} beyond {ABSURD[name]:g} left out: check its '
-                f'unit')))  # fmt: skip
+            advice.append(
+                Advice(
+                    'absurd-values',
+                    (
+                        f'{trial.source}: {int(wild.sum())} values of {name} beyond {ABSURD[name]:g} left out: check '
+                        f'its unit'
+                    ),
+                )
+            )
         trial = _with(trial, name, np.where(bad, np.nan, values))
     rows = np.all([~np.isfinite(getattr(trial, n)) for n in names if getattr(trial, n) is not None], axis=0)
     if np.sum(rows):
-        advice.append(Advice('missing-rows', (
-            f'{trial.source}: {int(np.sum(rows))} rows hold no measured value and are bridged by the simulation: check '
-            f'the logger if they are many')))  # fmt: skip
+        advice.append(
+            Advice(
+                'missing-rows',
+                (
+                    f'{trial.source}: {int(np.sum(rows))} rows hold no measured value and are bridged by the '
+                    f'simulation: check the logger if they are many'
+                ),
+            )
+        )
     return trial
 
 
@@ -99,9 +124,15 @@ def _without_spikes(trial: ManoeuvringTrial, advice: list[Advice]):
         spikes = away > np.maximum(SPIKE * usual, least)
         if not spikes.any() or spikes.mean() > MAX_SPIKES:
             continue
-        advice.append(Advice('spikes', (
-            f'{trial.source}: {int(spikes.sum())} values of {name} jump away for a moment and are left out: look at '
-            f'the sensor if they are many')))  # fmt: skip
+        advice.append(
+            Advice(
+                'spikes',
+                (
+                    f'{trial.source}: {int(spikes.sum())} values of {name} jump away for a moment and are left out: '
+                    f'look at the sensor if they are many'
+                ),
+            )
+        )
         cleaned = values.copy()
         cleaned[known[spikes]] = np.nan
         trial = _with(trial, name, cleaned)

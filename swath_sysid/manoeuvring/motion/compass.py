@@ -1,4 +1,5 @@
 """The compass held against the craft's own motion: mounted or calibrated askew, it is turned along the keel."""
+
 import math
 from dataclasses import replace
 from typing import Any
@@ -45,8 +46,9 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
         sway[span], shared[span], currents[span, 2 * k : 2 * k + 2] = values, causes, course
         begin = span.stop
     matrix = np.concatenate([shared, currents], axis=1)
-    prior = np.concatenate([
-        np.zeros(3), np.full(2, USUAL_DEVIATION**-2.0), np.full(currents.shape[1], USUAL_CURRENT**-2.0)])
+    prior = np.concatenate(
+        [np.zeros(3), np.full(2, USUAL_DEVIATION**-2.0), np.full(currents.shape[1], USUAL_CURRENT**-2.0)]
+    )
     variance = max(float(np.var(sway)), 1e-6)
     for _ in range(3):
         information = matrix.T @ matrix / (variance * REMEMBERED) + np.diag(prior)
@@ -57,10 +59,16 @@ def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[
     if not MIN_MISALIGNMENT < abs(offset) < LARGEST_MISALIGNMENT or abs(offset) < SURE * std:
         return trials
     for item, trial in zip(advice, trials, strict=True):
-        item.append(Advice('compass-misaligned', (
-            f'{trial.source}: the craft moves {abs(math.degrees(offset)):.1f} deg to '
-            f'{"port" if offset > 0.0 else "starboard"} of its heading on straight courses: heading and speeds were '
-            f'turned by that much; calibrate the compass')))  # fmt: skip
+        item.append(
+            Advice(
+                'compass-misaligned',
+                (
+                    f'{trial.source}: the craft moves {abs(math.degrees(offset)):.1f} deg to '
+                    f'{"port" if offset > 0.0 else "starboard"} of its heading on straight courses: heading and '
+                    f'speeds were turned by that much; calibrate the compass'
+                ),
+            )
+        )
     return [_turned(trial, offset) for trial in trials]
 
 
@@ -94,8 +102,7 @@ def _sway_by_cause(trial: ManoeuvringTrial):
     keep &= surge > MOVING
     if keep.sum() < 10:
         return None
-    causes = np.stack(
-        [surge, rate, surge * rate, surge * np.sin(heading), surge * np.cos(heading)], axis=1)
+    causes = np.stack([surge, rate, surge * rate, surge * np.sin(heading), surge * np.cos(heading)], axis=1)
     return sway[keep], causes[keep], np.stack([-np.sin(heading), np.cos(heading)], axis=1)[keep]
 
 
@@ -106,6 +113,5 @@ def _turned(trial: ManoeuvringTrial, offset: float):
         changed['heading'] = trial.heading + offset
     if trial.surge is not None and trial.sway is not None:
         cosine, sine = math.cos(offset), math.sin(offset)
-        changed.update(
-            surge=trial.surge * cosine + trial.sway * sine, sway=trial.sway * cosine - trial.surge * sine)
+        changed.update(surge=trial.surge * cosine + trial.sway * sine, sway=trial.sway * cosine - trial.surge * sine)
     return replace(trial, **changed)

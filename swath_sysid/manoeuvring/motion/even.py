@@ -1,4 +1,5 @@
 """Channels of a trial at even times, for diagnoses: gaps bridged, nothing more."""
+
 import math
 
 import numpy as np

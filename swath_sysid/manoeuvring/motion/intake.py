@@ -1,4 +1,5 @@
 """From records to runs ready for identification; what one record does not determine is taken from all of them."""
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -74,22 +75,39 @@ def _run(trial: ManoeuvringTrial, gap_means_zero: bool, step: float, advice: lis
         pose['heading'] = np.unwrap(pose['heading'])
     _derive_channels(measured, pose, step, advice, trial.source)
     if not any(name in measured for name in ('surge', 'yaw_rate')):
-        raise InputError(f'{trial.source} holds neither speed nor yaw rate, nor heading and position to derive them '
-                         f'from: add surge_m_s or yaw_rate_rad_s')
+        raise InputError(
+            f'{trial.source} holds neither speed nor yaw rate, nor heading and position to derive them '
+            f'from: add surge_m_s or yaw_rate_rad_s'
+        )
     nothing = np.full(count, np.nan)
     surge, sway, yaw_rate = (measured.get(name, nothing) for name in CHANNELS)
     smooth = np.stack([smoothed(c, step) for c in (surge, sway, yaw_rate)])
     return Run(
-        step, grid, port, starboard, driven, surge, sway, yaw_rate, **pose, smooth=smooth,
-        thrust_input=trial.thrust_input, source=trial.source, lever=trial.lever, length=trial.length,
+        step,
+        grid,
+        port,
+        starboard,
+        driven,
+        surge,
+        sway,
+        yaw_rate,
+        **pose,
+        smooth=smooth,
+        thrust_input=trial.thrust_input,
+        source=trial.source,
+        lever=trial.lever,
+        length=trial.length,
         advice=tuple(advice),
-    )  # fmt: skip
+    )
 
 
 def _derive_channels(
-    measured: dict[str, np.ndarray], pose: dict[str, np.ndarray | None], step: float, advice: list[Advice],
+    measured: dict[str, np.ndarray],
+    pose: dict[str, np.ndarray | None],
+    step: float,
+    advice: list[Advice],
     source: str,
-):  # fmt: skip
+):
     """Yaw rate from heading, speeds from position and heading, where they were not measured."""
     heading, x, y = (pose[name] for name in POSE)
     if 'yaw_rate' not in measured and heading is not None:
@@ -104,5 +122,6 @@ def _derive_channels(
     }
     missing = [name for name in derived if name not in measured]
     measured.update({name: derived[name] for name in missing})
-    advice.append(Advice('speed-derived', (
-        f'{source}: no {" and no ".join(missing)}: derived from position and heading')))  # fmt: skip
+    advice.append(
+        Advice('speed-derived', (f'{source}: no {" and no ".join(missing)}: derived from position and heading'))
+    )

@@ -4,6 +4,7 @@ A single run may deceive: one that spins in place moves astern or ahead whatever
 pooled over all runs, thrust is judged where the craft is driven ahead or astern, and what the runs do not agree on
 stays.
 """
+
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -116,13 +117,21 @@ def _with_heading_along_course(trials: Sequence[ManoeuvringTrial], advice: list[
     if alike and not mirror:
         return trials
     if mirror:
-        turn, meaning = mirrored_quarters, (
-            f'heading and position are in different frames (one in NED, one in ENU): the heading is taken as '
-            f'{90 * mirrored_quarters} deg minus what was recorded; give both in one frame')  # fmt: skip
+        turn, meaning = (
+            mirrored_quarters,
+            (
+                f'heading and position are in different frames (one in NED, one in ENU): the heading is taken as '
+                f'{90 * mirrored_quarters} deg minus what was recorded; give both in one frame'
+            ),
+        )
     else:
-        turn, meaning = quarters, (
-            f'the heading is off the course by {90 * quarters} deg and was turned by that much: check which axis '
-            f'heading and position are measured from')  # fmt: skip
+        turn, meaning = (
+            quarters,
+            (
+                f'the heading is off the course by {90 * quarters} deg and was turned by that much: check which axis '
+                f'heading and position are measured from'
+            ),
+        )
     found = []
     for trial, item in zip(trials, advice, strict=True):
         if trial.heading is not None:
@@ -156,11 +165,15 @@ def _speed_and_track(name: str, place: int):
 
 _OPPOSITE = '{0} is opposite to the change of position and is reversed: check its sign'
 _CHANNELS = (
-    ('yaw_rate', _heading_and_rate, 'yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
-                                    'reversed; give both in one frame'),
+    (
+        'yaw_rate',
+        _heading_and_rate,
+        'yaw rate and heading turn opposite ways (one in NED, one in ENU): the yaw rate is '
+        'reversed; give both in one frame',
+    ),
     ('surge', _speed_and_track('surge', 0), _OPPOSITE.format('surge')),
     ('sway', _speed_and_track('sway', 1), _OPPOSITE.format('sway')),
-)  # fmt: skip
+)
 
 
 def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
@@ -171,10 +184,20 @@ def _with_thrust_ahead(trials: Sequence[ManoeuvringTrial], advice: list[list[Adv
     # a surge that agrees with the track is not suspected, nor a thrust that turns the craft as it should
     confirmed = any(t.x is not None and t.heading is not None for t in trials)
     if confirmed or _turning_likeness(trials) < -SEEN:
-        return _reversed(trials, advice, ('port', 'starboard'), 'thrust-reversed', (
-            'the craft moves astern under positive thrust: both thrusts are reversed; check their sign'))
-    return _reversed(trials, advice, ('surge',), 'surge-reversed', (
-        'the speed is negative under positive thrust and is reversed: check its sign, or that of both thrusts'))
+        return _reversed(
+            trials,
+            advice,
+            ('port', 'starboard'),
+            'thrust-reversed',
+            ('the craft moves astern under positive thrust: both thrusts are reversed; check their sign'),
+        )
+    return _reversed(
+        trials,
+        advice,
+        ('surge',),
+        'surge-reversed',
+        ('the speed is negative under positive thrust and is reversed: check its sign, or that of both thrusts'),
+    )
 
 
 def _driven(port: np.ndarray, starboard: np.ndarray):
@@ -218,12 +241,24 @@ def _with_sides(trials: Sequence[ManoeuvringTrial], advice: list[list[Advice]]):
             trial = trials[k]
             if stated:
                 found[k] = replace(trial, port=trial.starboard, starboard=trial.port)
-                advice[k].append(Advice('thrusters-swapped', (
-                    f'{trial.source}: more thrust to starboard turns to starboard in the frame stated '
-                    f'({trial.frame}), so port and starboard were exchanged; check the channels, or the frame')))
+                advice[k].append(
+                    Advice(
+                        'thrusters-swapped',
+                        (
+                            f'{trial.source}: more thrust to starboard turns to starboard in the frame stated '
+                            f'({trial.frame}), so port and starboard were exchanged; check the channels, or the frame'
+                        ),
+                    )
+                )
             else:
                 found[k] = mirrored(trial)
-                advice[k].append(Advice('frame-assumed', (
-                    f'{trial.source}: more thrust to starboard turns to negative yaw, so yaw is taken as in NED; state '
-                    f'the frame (ned or enu): if it is ENU, port and starboard are swapped')))  # fmt: skip
+                advice[k].append(
+                    Advice(
+                        'frame-assumed',
+                        (
+                            f'{trial.source}: more thrust to starboard turns to negative yaw, so yaw is taken as in '
+                            f'NED; state the frame (ned or enu): if it is ENU, port and starboard are swapped'
+                        ),
+                    )
+                )
     return found

@@ -1,4 +1,5 @@
 """Manoeuvring trials: what the sensors and thrusters of a twin-thruster craft recorded, as read and made ready."""
+
 from dataclasses import dataclass
 
 import numpy as np

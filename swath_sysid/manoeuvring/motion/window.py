@@ -1,4 +1,5 @@
 """The last manoeuvres of a craft in fixed memory, as its messages come in."""
+
 import math
 
 import numpy as np
@@ -107,8 +108,10 @@ class ManoeuvringWindow:
         if not self._count:
             missing = ' and '.join(side for side in ('port', 'starboard') if side not in self._thrust)
             raise InputError(
-                f'nothing has come from the {missing} thruster: check its topic' if missing else
-                'no odometry has come since the first thruster command: check its topic')  # fmt: skip
+                f'nothing has come from the {missing} thruster: check its topic'
+                if missing
+                else 'no odometry has come since the first thruster command: check its topic'
+            )
         order = np.arange(self._next - self._count, self._next) % len(self._rows)
         rows = self._rows[order]
         rows = rows[rows[:, 0] > rows[-1, 0] - self._duration]

@@ -1,4 +1,5 @@
 """Intervals that hold what they say: measured on forecasts of the runs that a model was identified on."""
+
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -65,8 +66,12 @@ def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
     for run in runs:
         every = max(1, round(total / FORECASTS / run.step))
         steps = np.rint(LEADS / run.step).astype(int)
-        truth = np.array([np.full(run.time.size, np.nan) if getattr(run, name) is None else getattr(run, name)
-                          for name in MEASURABLE])  # fmt: skip
+        truth = np.array(
+            [
+                np.full(run.time.size, np.nan) if getattr(run, name) is None else getattr(run, name)
+                for name in MEASURABLE
+            ]
+        )
         for k, filter_ in filtered(identified, run):
             if k < SETTLING / run.step or k % every:
                 continue
@@ -81,8 +86,11 @@ def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
             variances.append(found[1])
     shape = (-1, len(LEADS), len(MEASURABLE))
     settings = ManoeuvreFilterSettings.of(identified)
-    return (np.reshape(errors, shape), np.reshape(variances, shape),
-            np.array([settings.noise(name) for name in MEASURABLE]))  # fmt: skip
+    return (
+        np.reshape(errors, shape),
+        np.reshape(variances, shape),
+        np.array([settings.noise(name) for name in MEASURABLE]),
+    )
 
 
 def _scale(errors: np.ndarray, variances: np.ndarray, noise: float, held: float):

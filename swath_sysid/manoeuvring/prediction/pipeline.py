@@ -3,6 +3,7 @@
 Odometry drives it: with every usable message the filter steps to its stamp, and, as often as asked, the leads and
 the path ahead are forecast. IMU and thrusters come in between.
 """
+
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -122,9 +123,12 @@ def steady_motion() -> IdentifiedManoeuvringModel:
     """A craft that keeps its speeds and yaw rate whatever its thrusters do: the model before a model."""
     values = parameter_values({'m': 1.0, 'Iz': 1.0, 'Xvr': -1.0, 'Yur': 1.0, 'gain': 0.0})
     return IdentifiedManoeuvringModel(
-        ManoeuvringModel(values, name='steady motion'), (), np.zeros((0, 0)), np.array([0.3, 0.2, 0.1]),
+        ManoeuvringModel(values, name='steady motion'),
+        (),
+        np.zeros((0, 0)),
+        np.array([0.3, 0.2, 0.1]),
         Region(0.0, 1.0, 0.5, 0.5, 0.0, 1.0, 1.0),
-    )  # fmt: skip
+    )
 
 
 class ManoeuvreOutlook:
@@ -252,11 +256,13 @@ class ManoeuvreOutlook:
         steps = np.arange(1, int(s.horizon / s.horizon_step + 1e-9) + 1) * s.horizon_step
         at = np.unique(np.concatenate([steps, s.leads]))
         found = self._filter.forecast(at, self._supplied or None)
-        states = [_state_of(*item) for item in zip(
-            found.stamps, found.recorded, found.recorded_covariances, strict=True)]  # fmt: skip
+        states = [
+            _state_of(*item) for item in zip(found.stamps, found.recorded, found.recorded_covariances, strict=True)
+        ]
         by_lead = dict(zip(at.tolist(), states, strict=True))
-        return OutlookStep(tuple(by_lead[lead] for lead in map(float, s.leads)),
-                           tuple(by_lead[step] for step in steps.tolist()))  # fmt: skip
+        return OutlookStep(
+            tuple(by_lead[lead] for lead in map(float, s.leads)), tuple(by_lead[step] for step in steps.tolist())
+        )
 
     def _note(self, advice: Sequence[Advice]):
         for item in advice:
@@ -267,5 +273,13 @@ def _state_of(stamp: float, recorded: np.ndarray, covariance: np.ndarray):
     surge, sway, yaw_rate, heading, x, y = map(float, recorded)
     pose, twist = [4, 5, 3], [0, 1, 2]
     return ManoeuvreState(
-        float(stamp), x, y, heading, surge, sway, yaw_rate, covariance[np.ix_(pose, pose)],
-        covariance[np.ix_(twist, twist)])  # fmt: skip
+        float(stamp),
+        x,
+        y,
+        heading,
+        surge,
+        sway,
+        yaw_rate,
+        covariance[np.ix_(pose, pose)],
+        covariance[np.ix_(twist, twist)],
+    )

@@ -13,6 +13,7 @@ others are chosen, independently, with mean m and covariance S, what differs fro
 
 What is measured is what the sensors record: see `hull.measurement`.
 """
+
 import math
 from collections.abc import Sequence
 from copy import copy, deepcopy
@@ -35,9 +36,20 @@ from swath_sysid.manoeuvring.hull.simulation import moved, runge_kutta_columns, 
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 
 STATES = (
-    'u', 'v', 'r', 'heading', 'x', 'y', 'current_east', 'current_north', 'surge_disturbance', 'sway_disturbance',
-    'yaw_disturbance', 'port_thrust_to_come', 'starboard_thrust_to_come',
-)  # fmt: skip
+    'u',
+    'v',
+    'r',
+    'heading',
+    'x',
+    'y',
+    'current_east',
+    'current_north',
+    'surge_disturbance',
+    'sway_disturbance',
+    'yaw_disturbance',
+    'port_thrust_to_come',
+    'starboard_thrust_to_come',
+)
 U, V, R, HEADING, X, Y, EAST, NORTH = range(8)
 DISTURBANCES, THRUST_TO_COME = slice(8, 11), slice(11, 13)
 MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
@@ -87,8 +99,14 @@ class ManoeuvreFilterSettings:
 
     def noise(self, name: str) -> float:
         """Standard deviation of a measurable channel."""
-        return {'surge': self.speed_noise, 'sway': self.speed_noise, 'yaw_rate': self.yaw_rate_noise,
-                'heading': self.heading_noise, 'x': self.position_noise, 'y': self.position_noise}[name]  # fmt: skip
+        return {
+            'surge': self.speed_noise,
+            'sway': self.speed_noise,
+            'yaw_rate': self.yaw_rate_noise,
+            'heading': self.heading_noise,
+            'x': self.position_noise,
+            'y': self.position_noise,
+        }[name]
 
 
 @dataclass(frozen=True)
@@ -161,8 +179,10 @@ class ManoeuvreFilter:
         ahead, aside = recorded_position(0.0, 0.0, heading, p)
         place = measured.get('x', ahead) - ahead, measured.get('y', aside) - aside
         self.x = np.array([u, v, r, heading, *place, *current, *np.zeros(5)])
-        spread = [self.settings.noise(n) if n in measured else unknown for n, unknown in
-                  zip(MEASURABLE, (1.0, 0.3, 0.3, 0.01, 0.01, 0.01), strict=True)]  # fmt: skip
+        spread = [
+            self.settings.noise(n) if n in measured else unknown
+            for n, unknown in zip(MEASURABLE, (1.0, 0.3, 0.3, 0.01, 0.01, 0.01), strict=True)
+        ]
         self.P = np.diag(np.square([*spread, 0.1, 0.1, *self._noise.disturbance, 0.0, 0.0]))
         self.stamp = stamp
         self._rejections = dict.fromkeys(MEASURABLE, 0)
@@ -196,12 +216,25 @@ class ManoeuvreFilter:
         push = states[DISTURBANCES] * (time / step * (1.0 - decay))
         port, starboard = (thrust[:, None] + states[THRUST_TO_COME])[:, None]
         motion = runge_kutta_columns(
-            np.ascontiguousarray(states[:3]), port, starboard, push, self._columns, self.model.active, step,
-            self._substeps)
+            np.ascontiguousarray(states[:3]),
+            port,
+            starboard,
+            push,
+            self._columns,
+            self.model.active,
+            step,
+            self._substeps,
+        )
         pose = states[HEADING : Y + 1] + moved(motion[0], motion[1], states[HEADING], step, states[EAST : NORTH + 1])
-        return np.concatenate([motion[-1], pose, states[EAST : NORTH + 1],
-                               states[DISTURBANCES] * decay,
-                               states[THRUST_TO_COME] * math.exp(-0.5 * step / self._noise.thrust_time)])  # fmt: skip
+        return np.concatenate(
+            [
+                motion[-1],
+                pose,
+                states[EAST : NORTH + 1],
+                states[DISTURBANCES] * decay,
+                states[THRUST_TO_COME] * math.exp(-0.5 * step / self._noise.thrust_time),
+            ]
+        )
 
     def correct(self, name: str, value: float, std: float | None = None) -> tuple[Advice, ...]:
         """Update with one measured channel.
@@ -250,8 +283,9 @@ class ManoeuvreFilter:
         u, v, r, heading, x, y, east, north = states[:8]
         p = self.model.values
         compass = recorded_heading(heading, p)
-        return np.stack([*recorded_speeds(u, v, r, compass, (east, north), p), r, compass,
-                         *recorded_position(x, y, heading, p)])  # fmt: skip
+        return np.stack(
+            [*recorded_speeds(u, v, r, compass, (east, north), p), r, compass, *recorded_position(x, y, heading, p)]
+        )
 
     def forecast(
         self, leads: Sequence[float] | np.ndarray, future: Sequence[tuple[float, float, float]] | None = None
@@ -282,7 +316,6 @@ class ManoeuvreFilter:
             rows.append((ahead.x, ahead.P, recorded[:, 0], slopes @ ahead.P @ slopes.T))
         return ManoeuvreForecast(begin + np.asarray(leads, dtype=float), *map(np.array, zip(*rows, strict=True)))
 
-
     def _thrust_to_come(self):
         """White noise that drives what thrust to come differs by, N^2/s, shape (2, 2)."""
         noise = self._noise
@@ -296,8 +329,14 @@ def _usual_noise(identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilt
     own = np.array([settings.speed_noise, settings.speed_noise, settings.yaw_rate_noise])
     # what the sensors' own noise explains of the residuals needs no disturbance
     left = np.sqrt(np.maximum(identified.noise**2 - own**2, (0.2 * identified.noise) ** 2))
-    return ForecastNoise(left * np.maximum(-np.diag(jacobian), 0.05), np.full(3, USUAL_DISTURBANCE_TIME), np.zeros(2),
-                         np.zeros((2, 2)), math.inf, np.zeros(4))  # fmt: skip
+    return ForecastNoise(
+        left * np.maximum(-np.diag(jacobian), 0.05),
+        np.full(3, USUAL_DISTURBANCE_TIME),
+        np.zeros(2),
+        np.zeros((2, 2)),
+        math.inf,
+        np.zeros(4),
+    )
 
 
 def _process_intensity(identified: IdentifiedManoeuvringModel, noise: ForecastNoise):

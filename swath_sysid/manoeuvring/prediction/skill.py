@@ -1,4 +1,5 @@
 """How well manoeuvres are forecast by lead, against simple forecasts and an ARX."""
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -117,10 +118,15 @@ def fit_arx(runs: Sequence[Run], until: float = 1.0) -> Arx | None:
 
 
 def score_forecasts(
-    identified: IdentifiedManoeuvringModel, runs: Sequence[Run], training: Sequence[Run] = (), supplied: bool = False,
-    settings: ManoeuvreFilterSettings | None = None, leads: Sequence[float] = LEADS,
-    truth: Sequence[Run] | None = None, held: bool = False,
-) -> ForecastScores:  # fmt: skip
+    identified: IdentifiedManoeuvringModel,
+    runs: Sequence[Run],
+    training: Sequence[Run] = (),
+    supplied: bool = False,
+    settings: ManoeuvreFilterSettings | None = None,
+    leads: Sequence[float] = LEADS,
+    truth: Sequence[Run] | None = None,
+    held: bool = False,
+) -> ForecastScores:
     """Forecast runs as a live filter would have, once a second, and compare.
 
     Parameters
@@ -148,13 +154,16 @@ def score_forecasts(
         No run is long enough, or thrust is given as the model does not take it.
     """
     errors: dict[str, dict[str, list[list[float]]]] = {
-        method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS}
+        method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS
+    }
     inside: dict[str, list[list[bool]]] = {q: [[] for _ in leads] for q in QUANTITIES[:4]}
     count = 0
     for index, run in enumerate(runs):
         if run.thrust_input != identified.model.thrust_input:
-            raise InputError(f'{run.source} holds thrust as {run.thrust_input}, the model takes '
-                             f'{identified.model.thrust_input}: give runs of the same kind')  # fmt: skip
+            raise InputError(
+                f'{run.source} holds thrust as {run.thrust_input}, the model takes '
+                f'{identified.model.thrust_input}: give runs of the same kind'
+            )
         others = training or [other for k, other in enumerate(runs) if k != index]
         arx = fit_arx(others) if others else fit_arx([run], until=0.5)
         true = run if truth is None else truth[index]
@@ -193,15 +202,26 @@ def filtered(
 
 
 def _score_run(
-    identified: IdentifiedManoeuvringModel, run: Run, true: Run, arx: Arx | None, supplied: bool,
-    settings: ManoeuvreFilterSettings | None, leads: Sequence[float], held: bool,
-    errors: dict[str, dict[str, list[list[float]]]], inside: dict[str, list[list[bool]]],
-):  # fmt: skip
+    identified: IdentifiedManoeuvringModel,
+    run: Run,
+    true: Run,
+    arx: Arx | None,
+    supplied: bool,
+    settings: ManoeuvreFilterSettings | None,
+    leads: Sequence[float],
+    held: bool,
+    errors: dict[str, dict[str, list[list[float]]]],
+    inside: dict[str, list[list[bool]]],
+):
     every, first = max(1, round(EVERY / run.step)), round(SETTLING / run.step)
     motion, inputs, known = _arx_series(run)
     places = [round(lead / run.step) for lead in leads]
-    truth = {'surge_m_s': true.surge, 'sway_m_s': true.sway, 'yaw_rate_rad_s': true.yaw_rate,
-             'heading_rad': true.heading}  # fmt: skip
+    truth = {
+        'surge_m_s': true.surge,
+        'sway_m_s': true.sway,
+        'yaw_rate_rad_s': true.yaw_rate,
+        'heading_rad': true.heading,
+    }
     count = 0
     for k, filter_ in filtered(identified, run, settings):
         if k < first or (k - first) % every or not run.driven[k]:
@@ -212,8 +232,9 @@ def _score_run(
             continue
         count += 1
         steps = [places[i] for i in reach]
-        expected = _expected(filter_, run, k, steps, supplied, arx if known[k - ORDER : k + 1].all() else None, motion,
-                             inputs)  # fmt: skip
+        expected = _expected(
+            filter_, run, k, steps, supplied, arx if known[k - ORDER : k + 1].all() else None, motion, inputs
+        )
         for method, table in expected.items():
             for place, i in enumerate(reach):
                 at = k + steps[place]
@@ -229,9 +250,15 @@ def _score_run(
 
 
 def _expected(
-    filter_: ManoeuvreFilter, run: Run, k: int, steps: list[int], supplied: bool, arx: Arx | None, motion: np.ndarray,
+    filter_: ManoeuvreFilter,
+    run: Run,
+    k: int,
+    steps: list[int],
+    supplied: bool,
+    arx: Arx | None,
+    motion: np.ndarray,
     inputs: np.ndarray,
-):  # fmt: skip
+):
     """Forecasts of every method at some steps ahead."""
     leads = [step * run.step for step in steps]
     future = None
@@ -267,10 +294,13 @@ def _steady(times: Sequence[float], surge: float, sway: float, rate: float, psi:
         along, across = leads, 0.0 * leads
     ahead, aside = surge * along - sway * across, surge * across + sway * along
     return {
-        'surge_m_s': np.full(leads.size, surge), 'sway_m_s': np.full(leads.size, sway),
-        'yaw_rate_rad_s': np.full(leads.size, rate), 'heading_rad': heading,
-        'x': x + ahead * np.cos(psi) - aside * np.sin(psi), 'y': y + ahead * np.sin(psi) + aside * np.cos(psi),
-    }  # fmt: skip
+        'surge_m_s': np.full(leads.size, surge),
+        'sway_m_s': np.full(leads.size, sway),
+        'yaw_rate_rad_s': np.full(leads.size, rate),
+        'heading_rad': heading,
+        'x': x + ahead * np.cos(psi) - aside * np.sin(psi),
+        'y': y + ahead * np.sin(psi) + aside * np.cos(psi),
+    }
 
 
 def _integrated(motion: np.ndarray, steps: list[int], step: float, psi: float, x: float, y: float):
@@ -279,8 +309,14 @@ def _integrated(motion: np.ndarray, steps: list[int], step: float, psi: float, x
     east = x + np.cumsum(surge * np.cos(heading) - sway * np.sin(heading)) * step
     north = y + np.cumsum(surge * np.sin(heading) + sway * np.cos(heading)) * step
     at = np.asarray(steps) - 1
-    return {'surge_m_s': surge[at], 'sway_m_s': sway[at], 'yaw_rate_rad_s': rate[at], 'heading_rad': heading[at],
-            'x': east[at], 'y': north[at]}  # fmt: skip
+    return {
+        'surge_m_s': surge[at],
+        'sway_m_s': sway[at],
+        'yaw_rate_rad_s': rate[at],
+        'heading_rad': heading[at],
+        'x': east[at],
+        'y': north[at],
+    }
 
 
 def _arx_series(run: Run):

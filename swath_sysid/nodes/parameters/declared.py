@@ -1,4 +1,5 @@
 """Declaring a node's parameters from its table, and checking every change."""
+
 from collections.abc import Callable
 from typing import Any
 
@@ -31,8 +32,12 @@ class NodeParameters:
     """
 
     def __init__(
-        self, node: Node, table: Table, settings_of: Callable[[Values], Any],
-        on_change: Callable[[Any], None] | None = None, further: Callable[[Values], Table] = lambda values: (),
+        self,
+        node: Node,
+        table: Table,
+        settings_of: Callable[[Values], Any],
+        on_change: Callable[[Any], None] | None = None,
+        further: Callable[[Values], Table] = lambda values: (),
     ):
         self._settings_of = settings_of
         self._on_change = on_change

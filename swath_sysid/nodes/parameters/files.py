@@ -1,4 +1,5 @@
 """Parameter files: read without ROS, with what earlier versions wrote; and written, as is the documentation."""
+
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
@@ -50,10 +51,12 @@ def _moved_parameters(path: str | Path | None, node_name: str) -> dict[str, Valu
     prefix = MOVED_PREFIX if former == 'identifier' else ''
     found = {
         section.replace(former, node_name): {
-            name.removeprefix(prefix): value for name, value in content.items()
+            name.removeprefix(prefix): value
+            for name, value in content.items()
             if name.startswith(prefix) and name.removeprefix(prefix) in known
         }
-        for section, content in _sections(path).items() if section in _applying(former)[1:]
+        for section, content in _sections(path).items()
+        if section in _applying(former)[1:]
     }
     return {section: content for section, content in found.items() if content}
 

@@ -1,4 +1,5 @@
 """The parameters of identifier."""
+
 from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings
 from swath_sysid.attitude.identification.refit import RefitSettings
 from swath_sysid.attitude.identification.search import ALGORITHMS, SearchSettings
@@ -10,7 +11,8 @@ from swath_sysid.nodes.parameters.parameter import DIAGNOSTICS, WORKER, NodePara
 TABLE = (
     NodeParameter('axes', list(AXES), 'Axes to identify', choices=AXES),
     NodeParameter(
-        'equation', 'odd-cubic',
+        'equation',
+        'odd-cubic',
         'Equation to fit: a name of the catalogue, or damping|restoring terms as in linear,quadratic|linear,cubic',
     ),
     NodeParameter('objective', 'simulation', 'What the fit minimises', choices=OBJECTIVES),
@@ -19,30 +21,53 @@ TABLE = (
     NodeParameter('population', 0, "Candidates a generation; 0: the algorithm's default", '', 0, 100000),
     NodeParameter('seed', 1, 'Seed of the search', '', 0, 2**31 - 1),
     NodeParameter(
-        'least_improvement', 0.001, 'A refit replaces the model if its residuals on the window are smaller by this '
-        'part', '', 0.0, 0.9,
+        'least_improvement',
+        0.001,
+        'A refit replaces the model if its residuals on the window are smaller by this part',
+        '',
+        0.0,
+        0.9,
     ),
     NodeParameter('auto_identify', True, 'Refit whenever a window arrives'),
     NodeParameter(
-        'identify_interval_s', 0.0, 'Identify so often by itself, so that the stability is watched; window_s of '
-        'imu_buffer as long, and at least 300 s; 0: only when asked', 's', 0.0, 86400.0, read_only=True,
+        'identify_interval_s',
+        0.0,
+        'Identify so often by itself, so that the stability is watched; window_s of '
+        'imu_buffer as long, and at least 300 s; 0: only when asked',
+        's',
+        0.0,
+        86400.0,
+        read_only=True,
     ),
     NodeParameter(
-        'stability_limit', 0.0, 'Relative change of the metacentric height that is warned of, as in 0.1; 0: only one '
-        'beyond chance', '', 0.0, 1.0,
+        'stability_limit',
+        0.0,
+        'Relative change of the metacentric height that is warned of, as in 0.1; 0: only one beyond chance',
+        '',
+        0.0,
+        1.0,
     ),
     NodeParameter(
-        'known_gm_m', 0.0, 'Metacentric height at the start, by an inclining test, with which the relative one becomes '
-        'absolute; 0: not known', 'm', 0.0, 1000.0,
+        'known_gm_m',
+        0.0,
+        'Metacentric height at the start, by an inclining test, with which the relative one becomes '
+        'absolute; 0: not known',
+        'm',
+        0.0,
+        1000.0,
     ),
     NodeParameter(
-        'window_service', 'imu_buffer/publish_window', 'Service that makes the buffer publish its window',
+        'window_service',
+        'imu_buffer/publish_window',
+        'Service that makes the buffer publish its window',
         read_only=True,
     ),
     NodeParameter('window_timeout_s', 2.0, 'How long ~/identify waits for the window', 's', 0.1, 60.0),
     NodeParameter(
-        'model_path', '', 'Model file, read at the start if it exists and replaced whenever the model changes; '
-        'empty: none', read_only=True,
+        'model_path',
+        '',
+        'Model file, read at the start if it exists and replaced whenever the model changes; empty: none',
+        read_only=True,
     ),
     *WORKER,
     *DIAGNOSTICS,

@@ -1,4 +1,5 @@
 """The parameters of imu_buffer."""
+
 from math import radians
 
 from swath_sysid.attitude.motion.window import WindowSettings
@@ -16,14 +17,24 @@ TABLE = (
     *SENSOR,
     NodeParameter('window_s', 60.0, 'Length of the motion window', 's', 1.0, 3600.0, read_only=True),
     NodeParameter(
-        'max_rate_hz', 1000.0, 'Memory is reserved for this many samples a second; faster ones shorten the window',
-        'Hz', 1.0, 10000.0, read_only=True,
+        'max_rate_hz',
+        1000.0,
+        'Memory is reserved for this many samples a second; faster ones shorten the window',
+        'Hz',
+        1.0,
+        10000.0,
+        read_only=True,
     ),
     NodeParameter('record_at_start', True, 'Fill the window from the start (else after ~/record)', read_only=True),
     NodeParameter('auto_detect_decay', True, 'Publish the window automatically when a free decay has ended'),
     NodeParameter(
-        'smallest_decay_deg', 1.0, 'A decay of a smaller first amplitude is not published automatically', 'deg',
-        0.05, 45.0, read_only=True,
+        'smallest_decay_deg',
+        1.0,
+        'A decay of a smaller first amplitude is not published automatically',
+        'deg',
+        0.05,
+        45.0,
+        read_only=True,
     ),
     *DIAGNOSTICS,
 )

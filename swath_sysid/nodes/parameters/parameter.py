@@ -1,4 +1,5 @@
 """One parameter of a node, and those that several nodes have."""
+
 from dataclasses import dataclass
 from math import radians
 from typing import Any
@@ -64,25 +65,48 @@ def _number(value: float | None) -> str:
 
 SENSOR = (
     NodeParameter(
-        'frame', 'flu',
+        'frame',
+        'flu',
         'Axes of the sensor: forward-left-up in an ENU world (REP 103), or forward-right-down in a NED world',
-        choices=FRAMES, read_only=True,
+        choices=FRAMES,
+        read_only=True,
     ),
     NodeParameter(
-        'mounting_deg', [0.0, 0.0, 0.0],
-        "Roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's", 'deg', -180.0, 180.0, read_only=True,
+        'mounting_deg',
+        [0.0, 0.0, 0.0],
+        "Roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's",
+        'deg',
+        -180.0,
+        180.0,
+        read_only=True,
     ),
     NodeParameter('frame_id', 'base_link', 'frame_id of what is published: the axes of the craft', read_only=True),
     NodeParameter(
-        'gap_limit_s', 1.0, 'After a longer silence (and five sample intervals) the sensor begins anew', 's',
-        0.05, 60.0, read_only=True,
+        'gap_limit_s',
+        1.0,
+        'After a longer silence (and five sample intervals) the sensor begins anew',
+        's',
+        0.05,
+        60.0,
+        read_only=True,
     ),
     NodeParameter(
-        'backward_jump_s', 1.0, 'A stamp further back is a clock that was set back (a bag that looped); a nearer one '
-        'is late and left out', 's', 0.05, 60.0, read_only=True,
+        'backward_jump_s',
+        1.0,
+        'A stamp further back is a clock that was set back (a bag that looped); a nearer one is late and left out',
+        's',
+        0.05,
+        60.0,
+        read_only=True,
     ),
     NodeParameter(
-        'queue_depth', 1000, 'IMU messages that may wait while the node is busy', 'messages', 1, 100000, read_only=True,
+        'queue_depth',
+        1000,
+        'IMU messages that may wait while the node is busy',
+        'messages',
+        1,
+        100000,
+        read_only=True,
     ),
 )
 """What imu_buffer and predictor must agree on."""
@@ -93,8 +117,14 @@ DIAGNOSTICS = (
 
 WORKER = (
     NodeParameter(
-        'worker_idle_s', 0.0, 'The process that identifies ends after so long without work, and starts with the next: '
-        'saves its memory; 0: it stays ready', 's', 0.0, 86400.0, read_only=True,
+        'worker_idle_s',
+        0.0,
+        'The process that identifies ends after so long without work, and starts with the next: '
+        'saves its memory; 0: it stays ready',
+        's',
+        0.0,
+        86400.0,
+        read_only=True,
     ),
 )
 

@@ -1,4 +1,5 @@
 """The parameters of predictor."""
+
 import re
 from collections.abc import Sequence
 from math import inf, radians
@@ -24,80 +25,159 @@ from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
 TABLE = (
     *SENSOR,
     NodeParameter(
-        'leads_s', list(ForecasterSettings().leads), 'Leads with a topic of their own, increasing', 's', 0.01, 120.0,
+        'leads_s',
+        list(ForecasterSettings().leads),
+        'Leads with a topic of their own, increasing',
+        's',
+        0.01,
+        120.0,
         read_only=True,
     ),
     NodeParameter('horizon_s', 5.0, 'Length of forecast/horizon', 's', 0.1, 120.0, read_only=True),
     NodeParameter('horizon_step_s', 0.1, 'Step of forecast/horizon', 's', 0.005, 10.0, read_only=True),
     NodeParameter(
-        'forecast_rate_hz', 10.0, 'Forecasts at the leads and over the horizon a second (forecast/next comes with '
-        'every sample)', 'Hz', 0.1, 1000.0, read_only=True,
-    ),
-    NodeParameter(
-        'waves_window_s', ForecasterSettings().window, 'The past that the waves are learnt from', 's', 10.0, 3600.0,
+        'forecast_rate_hz',
+        10.0,
+        'Forecasts at the leads and over the horizon a second (forecast/next comes with every sample)',
+        'Hz',
+        0.1,
+        1000.0,
         read_only=True,
     ),
     NodeParameter(
-        'waves_first_fit_s', ForecasterSettings().first_refit, 'The least past that the waves are learnt from (more: '
-        'later, but not from a craft that is handled)', 's', 2.0, 3600.0, read_only=True,
+        'waves_window_s',
+        ForecasterSettings().window,
+        'The past that the waves are learnt from',
+        's',
+        10.0,
+        3600.0,
+        read_only=True,
     ),
     NodeParameter(
-        'waves_refit_interval_s', ForecasterSettings().refit_interval, 'Least time between fits of the waves, which '
-        'run in the background', 's', 1.0, 600.0, read_only=True,
+        'waves_first_fit_s',
+        ForecasterSettings().first_refit,
+        'The least past that the waves are learnt from (more: later, but not from a craft that is handled)',
+        's',
+        2.0,
+        3600.0,
+        read_only=True,
+    ),
+    NodeParameter(
+        'waves_refit_interval_s',
+        ForecasterSettings().refit_interval,
+        'Least time between fits of the waves, which run in the background',
+        's',
+        1.0,
+        600.0,
+        read_only=True,
     ),
     *(
         NodeParameter(
-            f'quiet_{axis}_deg', 3.0, f'Largest {axis} either way of a quiet craft, for the probability on '
-            'forecast/quiescence; 0: does not matter', 'deg', 0.0, 180.0,
-        ) for axis in AXES
+            f'quiet_{axis}_deg',
+            3.0,
+            f'Largest {axis} either way of a quiet craft, for the probability on '
+            'forecast/quiescence; 0: does not matter',
+            'deg',
+            0.0,
+            180.0,
+        )
+        for axis in AXES
     ),
     *(
         NodeParameter(
-            f'quiet_{axis}_rate_deg_s', 0.0, f'Largest {axis} rate either way of a quiet craft; 0: does not matter',
-            'deg/s', 0.0, 1000.0,
-        ) for axis in AXES
+            f'quiet_{axis}_rate_deg_s',
+            0.0,
+            f'Largest {axis} rate either way of a quiet craft; 0: does not matter',
+            'deg/s',
+            0.0,
+            1000.0,
+        )
+        for axis in AXES
     ),
     NodeParameter(
-        'quiet_for_s', 0.0, 'How long from now the craft is to stay quiet, at most horizon_s; 0: horizon_s', 's',
-        0.0, 120.0, read_only=True,
+        'quiet_for_s',
+        0.0,
+        'How long from now the craft is to stay quiet, at most horizon_s; 0: horizon_s',
+        's',
+        0.0,
+        120.0,
+        read_only=True,
     ),
     NodeParameter(
-        'quiet_heave_m', 0.0, 'Largest heave either way, about the mean level, of a quiet craft at each of points; '
-        '0: does not matter', 'm', 0.0, 100.0,
+        'quiet_heave_m',
+        0.0,
+        'Largest heave either way, about the mean level, of a quiet craft at each of points; 0: does not matter',
+        'm',
+        0.0,
+        100.0,
     ),
     NodeParameter(
-        'quiet_vertical_velocity_m_s', 0.0, 'Largest vertical velocity either way of a quiet craft at each of points; '
-        '0: does not matter', 'm/s', 0.0, 100.0,
+        'quiet_vertical_velocity_m_s',
+        0.0,
+        'Largest vertical velocity either way of a quiet craft at each of points; 0: does not matter',
+        'm/s',
+        0.0,
+        100.0,
     ),
     NodeParameter('quiet_about_trim', False, 'The limits of roll and pitch are about the present trim'),
     NodeParameter(
-        'quiet_probability', QuiescenceLimits().probability, 'With which a window of calm on forecast/calm is to hold',
-        '', 0.01, 0.999,
+        'quiet_probability',
+        QuiescenceLimits().probability,
+        'With which a window of calm on forecast/calm is to hold',
+        '',
+        0.01,
+        0.999,
     ),
     NodeParameter(
-        'points', [''], 'Names of points whose vertical motion is forecast, as in [bow, crane_tip]; each has a '
-        'parameter points.NAME, [x, y, z] in m from the sensor, forward, port, up', read_only=True,
+        'points',
+        [''],
+        'Names of points whose vertical motion is forecast, as in [bow, crane_tip]; each has a '
+        'parameter points.NAME, [x, y, z] in m from the sensor, forward, port, up',
+        read_only=True,
     ),
     NodeParameter(
-        'frames_at_s', [0.0], 'Some of leads_s, for which the predicted frame of the craft goes to /tf, as '
-        'base_link_in_1_0s, beside base_link_now; [0.0]: none', 's', 0.0, 120.0, read_only=True,
+        'frames_at_s',
+        [0.0],
+        'Some of leads_s, for which the predicted frame of the craft goes to /tf, as '
+        'base_link_in_1_0s, beside base_link_now; [0.0]: none',
+        's',
+        0.0,
+        120.0,
+        read_only=True,
     ),
     NodeParameter(
-        'in_step', False, 'For records that are replayed faster than they were measured: forecast from every sample '
+        'in_step',
+        False,
+        'For records that are replayed faster than they were measured: forecast from every sample '
         'and wait for each fit of the waves, as play-through does, instead of staying with the newest sample',
         read_only=True,
     ),
     NodeParameter(
-        'loading', 0.0, 'Draft or displacement the craft floats at, in the unit its model is scheduled on; '
-        '0: as published on craft/loading, or not known', '', 0.0, 1e9,
+        'loading',
+        0.0,
+        'Draft or displacement the craft floats at, in the unit its model is scheduled on; '
+        '0: as published on craft/loading, or not known',
+        '',
+        0.0,
+        1e9,
     ),
     NodeParameter(
-        'gate_probability', HullFilterSettings().gate_probability,
-        'A true measurement is taken for an outlier with this probability', '', 1e-30, 0.01, read_only=True,
+        'gate_probability',
+        HullFilterSettings().gate_probability,
+        'A true measurement is taken for an outlier with this probability',
+        '',
+        1e-30,
+        0.01,
+        read_only=True,
     ),
     NodeParameter(
-        'gate_patience', HullFilterSettings().gate_patience,
-        'After this many rejected samples in a row the sensor is accepted again', 'samples', 1, 1000, read_only=True,
+        'gate_patience',
+        HullFilterSettings().gate_patience,
+        'After this many rejected samples in a row the sensor is accepted again',
+        'samples',
+        1,
+        1000,
+        read_only=True,
     ),
     *DIAGNOSTICS,
 )
@@ -114,9 +194,15 @@ def further(values: Values) -> Table:
             )
     return tuple(
         NodeParameter(
-            f'points.{name}', [0.0, 0.0, 0.0], f'Place of {name} from the sensor: forward, port, up', 'm',
-            -1000.0, 1000.0, read_only=True,
-        ) for name in names
+            f'points.{name}',
+            [0.0, 0.0, 0.0],
+            f'Place of {name} from the sensor: forward, port, up',
+            'm',
+            -1000.0,
+            1000.0,
+            read_only=True,
+        )
+        for name in names
     )
 
 
@@ -138,9 +224,7 @@ def pipeline_settings(values: Values) -> PipelineSettings:
         installation=installation(values),
         stamps=stamp_settings(values),
         forecaster=ForecasterSettings(
-            hull=HullFilterSettings(
-                gate_probability=values['gate_probability'], gate_patience=values['gate_patience']
-            ),
+            hull=HullFilterSettings(gate_probability=values['gate_probability'], gate_patience=values['gate_patience']),
             leads=tuple(values['leads_s']),
             horizon=values['horizon_s'],
             horizon_step=values['horizon_step_s'],
@@ -161,10 +245,16 @@ def quiescence_limits(values: Values) -> QuiescenceLimits:
         return radians(values[name]) or inf
 
     return QuiescenceLimits(
-        roll=limit('quiet_roll_deg'), pitch=limit('quiet_pitch_deg'), roll_rate=limit('quiet_roll_rate_deg_s'),
-        pitch_rate=limit('quiet_pitch_rate_deg_s'), duration=values['quiet_for_s'] or values['horizon_s'],
+        roll=limit('quiet_roll_deg'),
+        pitch=limit('quiet_pitch_deg'),
+        roll_rate=limit('quiet_roll_rate_deg_s'),
+        pitch_rate=limit('quiet_pitch_rate_deg_s'),
+        duration=values['quiet_for_s'] or values['horizon_s'],
         points=tuple(
             PointLimits(name, values['quiet_heave_m'] or inf, values['quiet_vertical_velocity_m_s'] or inf)
-            for name in values['points'] if name
-        ), about_trim=values['quiet_about_trim'], probability=values['quiet_probability'],
+            for name in values['points']
+            if name
+        ),
+        about_trim=values['quiet_about_trim'],
+        probability=values['quiet_probability'],
     )
