@@ -35,7 +35,7 @@ myst_enable_extensions = ['dollarmath']
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'signature'
 autodoc_class_signature = 'separated'
-napoleon_google_docstring = False
+napoleon_google_docstring = True
 napoleon_use_rtype = False
 napoleon_use_ivar = True
 

@@ -13,21 +13,15 @@ def share_folder(module_file: str | Path = __file__) -> Path:
     Found from the module's own path rather than through ament's index: the index needs a sourced environment,
     ignores ``pip install -e``, and may name another version's folder.
 
-    Parameters
-    ----------
-    module_file : str or Path
-        A module directly inside the package.
+    Args:
+        module_file: A module directly inside the package.
 
-    Returns
-    -------
-    pathlib.Path
+    Returns:
         The checkout itself where the package is run from one (``pip install -e``, ``colcon build --symlink-install``),
         otherwise ``share/swath_sysid`` below the prefix that holds the package (pip, colcon, a distribution's package).
 
-    Raises
-    ------
-    InputError
-        The package was copied without its share folder.
+    Raises:
+        InputError: The package was copied without its share folder.
     """
     package_folder = Path(module_file).resolve().parent
     checkout = package_folder.parent

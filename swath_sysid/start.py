@@ -9,8 +9,7 @@ import signal
 import sys
 from importlib import import_module
 
-SERVING_VERBS = ('run', 'page', 'replay', 'record')
-"""Those that a signal is the regular end of."""
+SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
 
 EXIT_INTERRUPTED = 130
 

@@ -46,8 +46,7 @@ from swath_sysid.common.noise import weighting_noise
 
 CONFIDENCE = 0.95
 ORDER_TOLERANCE = 1e-9
-TIE = 1e-7
-"""Objective values this close, relatively, are one: the larger equation has made nothing of its terms."""
+TIE = 1e-7  #: Objective values this close, relatively, are one: the larger equation has made nothing of its terms.
 
 
 @dataclass(frozen=True, order=True)
@@ -101,17 +100,6 @@ class FitSummary(_Plain):
     """What is kept of an identification: plain numbers, exact to the last bit when read back.
 
     Ratios with their deviations and covariance are in the order of the terms; angles in rad, rates in rad/s.
-
-    Attributes
-    ----------
-    states : tuple of tuple of float
-        Initial angle from trim, rad, rate, rad/s, and trim, rad, of each record.
-    rmse, rate_rmse : float or None
-        rad and rad/s; None where not measured.
-    amplitude, frequency, frequency_std, damping_ratio, damping_ratio_std : tuple of float
-        Curves with standard deviations; rad and rad/s.
-    advice : tuple of tuple of str
-        Code and message.
     """
 
     equation: str
@@ -125,23 +113,23 @@ class FitSummary(_Plain):
     trim_std: float
     friction_rate: float
     amplitude_range: tuple
-    states: tuple
+    states: tuple  #: Initial angle from trim, rad, rate, rad/s, and trim, rad, of each record.
     objective_value: float
     r2: float
-    rmse: float | None
-    rate_rmse: float | None
+    rmse: float | None  #: rad and rad/s; None where not measured.
+    rate_rmse: float | None  #: rad and rad/s; None where not measured.
     samples: int
     effective_samples: float
-    amplitude: tuple
-    frequency: tuple
-    frequency_std: tuple
-    damping_ratio: tuple
-    damping_ratio_std: tuple
+    amplitude: tuple  #: Curves with standard deviations; rad and rad/s.
+    frequency: tuple  #: Curves with standard deviations; rad and rad/s.
+    frequency_std: tuple  #: Curves with standard deviations; rad and rad/s.
+    damping_ratio: tuple  #: Curves with standard deviations; rad and rad/s.
+    damping_ratio_std: tuple  #: Curves with standard deviations; rad and rad/s.
     generations: int
     evaluations: int
     stop: str
     seed: int
-    advice: tuple
+    advice: tuple  #: Code and message.
 
     @classmethod
     def of(cls, identification: Identification) -> Self:
@@ -314,25 +302,14 @@ def _refit(
 
 @dataclass(frozen=True)
 class Judgement(_Plain):
-    """How well one fit of a record does what a model is for.
-
-    Attributes
-    ----------
-    next_step : float
-        Root mean square error of the rate one sample ahead, rad/s.
-    simulation : float
-        Error of the simulated motion over the standard deviation of the measured one.
-    forecasts : tuple of float
-        The same for forecasts a quarter, a half and one period ahead; NaN on records too short.
-    held_out : float
-        Error of the simulated motion on another repeat, or, without one, on the second half of
-        the record by a model of the first; relative as above.
-    """
+    """How well one fit of a record does what a model is for."""
 
     equation: str
-    next_step: float
-    simulation: float
-    forecasts: tuple
+    next_step: float  #: Root mean square error of the rate one sample ahead, rad/s.
+    simulation: float  #: Error of the simulated motion over the standard deviation of the measured one.
+    forecasts: tuple  #: The same for forecasts a quarter, a half and one period ahead; NaN on records too short.
+    #: Error of the simulated motion on another repeat, or, without one, on the second half of the record by a model of
+    #: the first; relative as above.
     held_out: float
 
 
@@ -408,27 +385,17 @@ def beyond_noise(summaries: Sequence[FitSummary]) -> tuple[bool, ...]:
 
 @dataclass(frozen=True)
 class RankedEquation:
-    """How one equation does in the whole campaign.
-
-    Attributes
-    ----------
-    criterion : float
-        Sum over the drafts of the Bayesian information criterion of the joint fits.
-    r2 : float
-        Smallest of the joint fits' R^2.
-    held_out, forecast : float
-        Root mean square over the records of the error on held-out motion, and of the forecasts one period ahead.
-    best_of : int
-        Records that it fits best; of equations that fit one alike, the smallest counts.
-    """
+    """How one equation does in the whole campaign."""
 
     equation: str
     terms: tuple
-    criterion: float
-    r2: float
+    criterion: float  #: Sum over the drafts of the Bayesian information criterion of the joint fits.
+    r2: float  #: Smallest of the joint fits' R^2.
+    #: Root mean square over the records of the error on held-out motion, and of the forecasts one period ahead.
     held_out: float
+    #: Root mean square over the records of the error on held-out motion, and of the forecasts one period ahead.
     forecast: float
-    best_of: int
+    best_of: int  #: Records that it fits best; of equations that fit one alike, the smallest counts.
 
     @property
     def name(self) -> str:
@@ -443,21 +410,13 @@ class RankedEquation:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Equations over the whole campaign, best criterion first.
-
-    Attributes
-    ----------
-    choice : RankedEquation
-        The simplest adequate one.
-    findings : tuple of Advice
-        What the comparison says of friction, and of equations.
-    """
+    """Equations over the whole campaign, best criterion first."""
 
     axis: str
     ranked: tuple
-    choice: RankedEquation
+    choice: RankedEquation  #: The simplest adequate one.
     reason: str
-    findings: tuple
+    findings: tuple  #: What the comparison says of friction, and of equations.
 
 
 def rank_campaign(
@@ -468,19 +427,14 @@ def rank_campaign(
 ) -> Ranking:
     """Rank the equations of one axis over a whole campaign.
 
-    Parameters
-    ----------
-    axis : str
-        For the error.
-    by_draft, by_record : sequence of sequence of FitSummary
-        For each draft the joint fits of all its records, and those of each record: one an equation, in one order.
-    judgements : sequence of sequence of Judgement
-        Of each record, in the same order.
+    Args:
+        axis: For the error.
+        by_draft, by_record: For each draft the joint fits of all its records, and those of each record: one an
+            equation, in one order.
+        judgements: Of each record, in the same order.
 
-    Raises
-    ------
-    InputError
-        There is no fit.
+    Raises:
+        InputError: There is no fit.
     """
     if not by_draft or not by_draft[0]:
         raise InputError(f'no equation could be fitted to any {axis} record')
@@ -565,23 +519,13 @@ def schedule_of(
 
 @dataclass(frozen=True)
 class Spread:
-    """How repeats of one condition agree on one quantity.
-
-    Attributes
-    ----------
-    quantity : str
-        ``natural_period_s``, ``damping_ratio`` or a ratio's name.
-    mean, spread : float
-        Over the repeats, standard deviation with n - 1.
-    stated : float
-        Standard deviation that the single fits state, root mean square; NaN where they state none.
-    """
+    """How repeats of one condition agree on one quantity."""
 
     condition: Condition
-    quantity: str
-    mean: float
-    spread: float
-    stated: float
+    quantity: str  #: ``natural_period_s``, ``damping_ratio`` or a ratio's name.
+    mean: float  #: Over the repeats, standard deviation with n - 1.
+    spread: float  #: Over the repeats, standard deviation with n - 1.
+    stated: float  #: Standard deviation that the single fits state, root mean square; NaN where they state none.
     repeats: int
 
 

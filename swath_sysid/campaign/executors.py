@@ -14,8 +14,7 @@ try:
 except ImportError:
     distributed = None
 
-RETRIES = 10
-"""How often a task is begun again on another worker when its worker died."""
+RETRIES = 10  #: How often a task is begun again on another worker when its worker died.
 CONNECT_S = 20
 
 
@@ -35,10 +34,8 @@ def connection_losses() -> tuple[type[BaseException], ...]:
 def executor_of(jobs: int, scheduler: str | None = None) -> Iterator[concurrent.futures.Executor]:
     """An executor for independent tasks: processes on this machine, or the Dask scheduler at an address.
 
-    Raises
-    ------
-    InputError
-        ``jobs`` below one; distributed is not installed; the scheduler does not answer.
+    Raises:
+        InputError: ``jobs`` below one; distributed is not installed; the scheduler does not answer.
     """
     if jobs < 1:
         raise InputError('the work needs at least 1 process', 'no-process')

@@ -35,6 +35,7 @@ from swath_sysid.formats.untrusted_yaml import (
 )
 
 NUMBER = r'[-+]?\d+(?:[.,]\d+)?'
+#: Placeholder of a pattern to the field it fills and what it matches.
 PLACEHOLDERS = {
     'angle': ('initial_angle_deg', NUMBER),
     'repeat': ('repeat', r'\d+'),
@@ -44,7 +45,6 @@ PLACEHOLDERS = {
     'speed': ('speed_m_s', NUMBER),
     'axis': ('axis', '|'.join(AXES)),
 }
-"""Placeholder of a pattern to the field it fills and what it matches."""
 
 _MATCHED = {'axis': str, 'repeat': int}
 
@@ -54,15 +54,15 @@ def _decimal(matched: str) -> float:
 
 
 SHOWN_FILES = 3
-LARGEST = 1e9
-"""Of any number but those of the search: kg, s, m, deg."""
+LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
+#: What a loading changes, beside a trial; without it that of the craft holds at the design draft alone.
 OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
-"""What a loading changes, beside a trial; without it that of the craft holds at the design draft alone."""
 
 _NAME = text(1000, as_written=True)
 _NUMBER = number(-LARGEST, LARGEST)
 _POSITIVE = number(above=0.0, highest=LARGEST)
+#: What an entry may say.
 _TRIAL = record(
     {},
     {
@@ -80,36 +80,23 @@ _TRIAL = record(
         'topic': _NAME,
     },
 )
-"""What an entry may say."""
 
 
 @dataclass(frozen=True)
 class Craft:
-    """Particulars of the craft; what is not known is None. Mass and heights are those at the design draft.
-
-    Attributes
-    ----------
-    draft_m : float or None
-        Design draft, to which draft factors refer.
-    kg_m : float or None
-        Height of the centre of gravity above the keel.
-    gm_transverse_m, gm_longitudinal_m : float or None
-        Metacentric heights.
-    gyradius_m, inertia_kg_m2 : float or None
-        About the axis of the trials; the inertia with added inertia.
-    """
+    """Particulars of the craft; what is not known is None. Mass and heights are those at the design draft."""
 
     name: str = 'the craft'
     length_m: float | None = None
     beam_m: float | None = None
     depth_m: float | None = None
-    draft_m: float | None = None
+    draft_m: float | None = None  #: Design draft, to which draft factors refer.
     displacement_kg: float | None = None
-    kg_m: float | None = None
-    gm_transverse_m: float | None = None
-    gm_longitudinal_m: float | None = None
-    gyradius_m: float | None = None
-    inertia_kg_m2: float | None = None
+    kg_m: float | None = None  #: Height of the centre of gravity above the keel.
+    gm_transverse_m: float | None = None  #: Metacentric heights.
+    gm_longitudinal_m: float | None = None  #: Metacentric heights.
+    gyradius_m: float | None = None  #: About the axis of the trials; the inertia with added inertia.
+    inertia_kg_m2: float | None = None  #: About the axis of the trials; the inertia with added inertia.
     water_density_kg_m3: float | None = None
     water_temperature_c: float | None = None
     appendages: str | None = None
@@ -144,24 +131,16 @@ class Fault:
 
 @dataclass(frozen=True)
 class TrialEntry:
-    """One trial of the manifest, by its line; what it does not say is None.
-
-    Attributes
-    ----------
-    loading : tuple of str and float, or None
-        Quantity, one of ``QUANTITIES``, and value.
-    start, end : float or None
-        Bounds of the decay, s.
-    """
+    """One trial of the manifest, by its line; what it does not say is None."""
 
     path: Path
     line: int
     axis: str
-    loading: tuple[str, float] | None = None
+    loading: tuple[str, float] | None = None  #: Quantity, one of ``QUANTITIES``, and value.
     initial_angle_deg: float | None = None
     repeat: int | None = None
-    start: float | None = None
-    end: float | None = None
+    start: float | None = None  #: Bounds of the decay, s.
+    end: float | None = None  #: Bounds of the decay, s.
     frame: str | None = None
     topic: str | None = None
     speed_m_s: float | None = None
@@ -172,27 +151,17 @@ class TrialEntry:
 
 @dataclass(frozen=True)
 class Manifest:
-    """A campaign as it was asked for.
-
-    Attributes
-    ----------
-    equations : tuple of str
-        Names; empty: those of each axis.
-    uncertainty : TypeB
-        Of what a decay itself cannot show.
-    faults : tuple of Fault
-        What was left out, and why.
-    """
+    """A campaign as it was asked for."""
 
     title: str
     craft: Craft
     trials: tuple[TrialEntry, ...]
-    equations: tuple[str, ...] = ()
+    equations: tuple[str, ...] = ()  #: Names; empty: those of each axis.
     objectives: tuple[str, ...] = (OBJECTIVES[0],)
     search: SearchSettings = field(default_factory=SearchSettings)
-    uncertainty: TypeB = field(default_factory=TypeB)
+    uncertainty: TypeB = field(default_factory=TypeB)  #: Of what a decay itself cannot show.
     predictions: tuple[PredictedDamping, ...] = ()
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = ()  #: What was left out, and why.
 
 
 _CRAFT = record(
@@ -223,6 +192,7 @@ def _prediction(value: Any, where: Place) -> PredictedDamping:
 
 
 _SEARCH = record({}, {f.name: anything for f in fields(SearchSettings)})
+#: What a manifest may say beside its trials.
 _CAMPAIGN = record(
     {},
     {
@@ -237,16 +207,13 @@ _CAMPAIGN = record(
         'predictions': one_or_more(_prediction),
     },
 )
-"""What a manifest may say beside its trials."""
 
 
 def read_manifest(path: str | Path) -> Manifest:
     """Read a manifest, with the faults of what was left out; paths are relative to its folder.
 
-    Raises
-    ------
-    InputError
-        It cannot be read, is not YAML, its search or objectives cannot be used, or no trial is left.
+    Raises:
+        InputError: It cannot be read, is not YAML, its search or objectives cannot be used, or no trial is left.
     """
     path = Path(path)
     root = parsed(text_of(path, 'manifest'), str(path))
@@ -403,10 +370,8 @@ def _trial(path: Path, given: dict, matched: dict, default_axis: str | None, lin
 def pattern_expression(pattern: str) -> re.Pattern:
     """Regular expression of a pattern with placeholders and the wildcards ``*`` and ``?``.
 
-    Raises
-    ------
-    InputError
-        An unknown placeholder, or one used twice.
+    Raises:
+        InputError: An unknown placeholder, or one used twice.
     """
     parts, used = [], set()
     for piece in re.split(r'(\{[^{}]*\}|\*|\?)', pattern):
@@ -554,21 +519,14 @@ def new_manifest(
 ) -> str:
     """Text of a commented manifest for the trials in a folder.
 
-    Parameters
-    ----------
-    folder : str or Path
-        Of the trials.
-    axis : str
-        Where the names do not say it.
-    name : str
-        File name of the manifest, for its first line.
-    at : str or Path, optional
-        The folder the manifest is to stand in, to which its paths are relative; by default that of the trials.
+    Args:
+        folder: Of the trials.
+        axis: Where the names do not say it.
+        name: File name of the manifest, for its first line.
+        at: The folder the manifest is to stand in, to which its paths are relative; by default that of the trials.
 
-    Raises
-    ------
-    InputError
-        No folder, or nothing in it that could be a trial.
+    Raises:
+        InputError: No folder, or nothing in it that could be a trial.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -598,10 +556,8 @@ def new_manifest(
 def write_new_manifest(folder: str | Path, path: str | Path, axis: str = 'pitch') -> None:
     """Write `new_manifest` to a file that does not exist yet.
 
-    Raises
-    ------
-    InputError
-        Also where the file exists.
+    Raises:
+        InputError: Also where the file exists.
     """
     path = Path(path)
     if path.exists():

@@ -27,10 +27,8 @@ class ResultStore:
 
     Killed at any moment, it holds every result that was put before, and no half of one.
 
-    Raises
-    ------
-    InputError
-        The folder cannot be made.
+    Raises:
+        InputError: The folder cannot be made.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -44,10 +42,8 @@ class ResultStore:
     def alone(self) -> Iterator[Self]:
         """Hold the store for one process; what a killed one left half-written is cleared away.
 
-        Raises
-        ------
-        InputError
-            Another process holds it.
+        Raises:
+            InputError: Another process holds it.
         """
         with open(self._folder / LOCK, 'w') as lock:
             try:

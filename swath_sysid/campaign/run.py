@@ -42,11 +42,9 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial, source_hash
 
-RESULT_FORMAT = 1
-"""To be raised when results of before can no longer be used."""
+RESULT_FORMAT = 1  #: To be raised when results of before can no longer be used.
 POLL_S = 0.2
-ANGLE_STEP_DEG = 0.5
-"""Initial angles that were not given are taken from the decay, rounded to this."""
+ANGLE_STEP_DEG = 0.5  #: Initial angles that were not given are taken from the decay, rounded to this.
 
 
 @dataclass(frozen=True)
@@ -67,37 +65,19 @@ class TrialOutcome:
 
 @dataclass(frozen=True)
 class AxisOutcome:
-    """What a campaign found about one axis, at one speed.
+    """What a campaign found about one axis, at one speed."""
 
-    Attributes
-    ----------
-    axis : str
-        Name of the series: see `Condition.series`.
-    fits : dict of str to tuple of tuple of FitSummary
-        Objective to record to equation, in the order of the names.
-    judgements : tuple of tuple of Judgement
-        Record to equation, with the simulation objective.
-    best : dict of Condition to int
-        Index of the best repeat.
-    together : dict of Condition to tuple of FitSummary
-        Repeats of a condition jointly.
-    by_draft : dict of float to tuple of FitSummary
-        All records of a draft jointly.
-    schedule, spreads : ScheduledModel and tuple of Spread
-        Of the chosen equation.
-    """
-
-    axis: str
+    axis: str  #: Name of the series: see `Condition.series`.
     records: tuple[Record, ...]
     names: tuple[str, ...]
-    fits: dict
-    judgements: tuple
-    best: dict
-    together: dict
-    by_draft: dict
+    fits: dict  #: Objective to record to equation, in the order of the names.
+    judgements: tuple  #: Record to equation, with the simulation objective.
+    best: dict  #: Index of the best repeat.
+    together: dict  #: Repeats of a condition jointly.
+    by_draft: dict  #: All records of a draft jointly.
     ranking: Ranking
-    schedule: ScheduledModel
-    spreads: tuple[Spread, ...]
+    schedule: ScheduledModel  #: Of the chosen equation.
+    spreads: tuple[Spread, ...]  #: Of the chosen equation.
 
     @property
     def motion(self) -> str:
@@ -117,28 +97,16 @@ class AxisOutcome:
 
 @dataclass(frozen=True)
 class CampaignOutcome:
-    """A campaign carried out.
-
-    Attributes
-    ----------
-    quantity : str
-        The quantity that gives the loading.
-    failures : tuple of str
-        Tasks that failed, with their reason.
-    computed, kept : int
-        Tasks done now, and known from before.
-    cpu_s : float
-        Processor time of all tasks, also of those known from before.
-    """
+    """A campaign carried out."""
 
     manifest: Manifest
-    quantity: str
+    quantity: str  #: The quantity that gives the loading.
     trials: tuple[TrialOutcome, ...]
     axes: tuple[AxisOutcome, ...]
-    failures: tuple[str, ...]
-    computed: int
-    kept: int
-    cpu_s: float
+    failures: tuple[str, ...]  #: Tasks that failed, with their reason.
+    computed: int  #: Tasks done now, and known from before.
+    kept: int  #: Tasks done now, and known from before.
+    cpu_s: float  #: Processor time of all tasks, also of those known from before.
 
 
 @dataclass(frozen=True)
@@ -168,10 +136,8 @@ def run_campaign(
 ) -> CampaignOutcome:
     """Carry a campaign out; results in the store are not computed again.
 
-    Raises
-    ------
-    InputError
-        Nothing could be used, or a worker process was killed.
+    Raises:
+        InputError: Nothing could be used, or a worker process was killed.
     """
     quantity = loading_quantity(manifest)
     trials = _numbered(_without_copies([_prepared(entry, manifest, quantity) for entry in manifest.trials]))
@@ -207,10 +173,8 @@ def loading_quantity(manifest: Manifest) -> str:
 def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> float:
     """Loading of a trial in the campaign's quantity.
 
-    Raises
-    ------
-    InputError
-        It is given in another quantity and the craft's particulars do not suffice to convert it.
+    Raises:
+        InputError: It is given in another quantity and the craft's particulars do not suffice to convert it.
     """
     given = entry.loading
     if given is None and trial.draft is not None and quantity != 'displacement_kg':

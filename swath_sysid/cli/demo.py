@@ -47,15 +47,14 @@ if TYPE_CHECKING:
     from swath_sysid.nodes.demo_monitor import Received
 
 HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
+#: The published polynomials with all their terms, whatever the true hull is.
 EQUATIONS = {'roll': 'swath-roll-1', 'pitch': 'swath-pitch-1'}
-"""The published polynomials with all their terms, whatever the true hull is."""
 
 SEA_RECORD = 'records/morro_buoy.csv'
 SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
 SEA, RELEASE = 'sea', 'release'
 
-ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)
-"""The first from which the hull returns is used."""
+ANGLES_DEG = (6.0, 5.0, 4.0, 3.0, 2.0)  #: The first from which the hull returns is used.
 
 STILL_S = 1.5
 START_TIMEOUT_S = 120.0
@@ -63,8 +62,7 @@ MODEL_TIMEOUT_S = 60.0
 ATTEMPTS = 2
 ANSWER_TIMEOUT_S = 60.0
 BETWEEN_S = 1.0
-EVERY_S = 20.0
-"""Between releases with --keep-running."""
+EVERY_S = 20.0  #: Between releases with --keep-running.
 
 FRAME_S = 0.2
 LINE_S = 2.0

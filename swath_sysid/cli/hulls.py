@@ -31,10 +31,8 @@ def add_hull_arguments(parser: ArgumentParser) -> None:
 def hull_of(arguments: Namespace) -> DecayModel:
     """The decay model that the arguments name.
 
-    Raises
-    ------
-    InputError
-        Unknown names, or ratios that do not suit the equation.
+    Raises:
+        InputError: Unknown names, or ratios that do not suit the equation.
     """
     if arguments.hull is not None:
         _refuse_ratios(arguments)

@@ -15,8 +15,7 @@ from swath_sysid.page.server import LOCAL_NAMES, check_installed, served
 
 PORT = 8484
 
-NICENESS = 10
-"""Where the processor is short the nodes come first."""
+NICENESS = 10  #: Where the processor is short the nodes come first.
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -83,10 +83,8 @@ def beside(command: list[str]) -> Iterator[None]:
 def ros_arguments(arguments: Namespace) -> list[str]:
     """What stands behind ``--ros-args`` for the nodes.
 
-    Raises
-    ------
-    InputError
-        A model is given for a node that reads no file, or the file that is there holds no model.
+    Raises:
+        InputError: A model is given for a node that reads no file, or the file that is there holds no model.
     """
     given = []
     if arguments.params_file:

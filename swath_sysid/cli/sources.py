@@ -22,8 +22,7 @@ from swath_sysid.report.figures import FORMATS, save_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EXIT_POOR_FIT = 1
-"""The result was printed, but explains too little to be written as a model."""
+EXIT_POOR_FIT = 1  #: The result was printed, but explains too little to be written as a model.
 
 
 def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
@@ -79,10 +78,8 @@ def leads(text: str) -> tuple[float, ...]:
 def assignment(text: str, example: str) -> tuple[str, float]:
     """Name and value of ``NAME=VALUE``.
 
-    Raises
-    ------
-    InputError
-        It is not, or the value is not a finite number; the sentence gives the example.
+    Raises:
+        InputError: It is not, or the value is not a finite number; the sentence gives the example.
     """
     name, _, value = text.partition('=')
     try:

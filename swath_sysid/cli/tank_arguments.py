@@ -39,10 +39,8 @@ def add_tank_arguments(parser: ArgumentParser) -> None:
 def particulars_of(arguments: Namespace) -> Particulars:
     """What is known of the craft.
 
-    Raises
-    ------
-    InputError
-        Not positive, or the inertia is given twice or by half.
+    Raises:
+        InputError: Not positive, or the inertia is given twice or by half.
     """
     given = {f.name: getattr(arguments, f.name) for f in fields(Particulars)}
     for name, value in given.items():
@@ -59,10 +57,8 @@ def particulars_of(arguments: Namespace) -> Particulars:
 def type_b_of(arguments: Namespace) -> TypeB:
     """Uncertainties of the command line.
 
-    Raises
-    ------
-    InputError
-        No such source, or no share.
+    Raises:
+        InputError: No such source, or no share.
     """
     given = {}
     for text in arguments.uncertainty:

@@ -8,8 +8,8 @@ from typing import Any, TypeVar, cast
 
 Function = TypeVar('Function', bound=Callable)
 
+#: Whether `accelerated` compiles.
 HAS_NUMBA = find_spec('numba') is not None and os.environ.get('NUMBA_DISABLE_JIT', '0') in ('', '0')
-"""Whether `accelerated` compiles."""
 
 
 def compiler() -> Any:

@@ -9,17 +9,10 @@ class Advice:
 
     The sentence names neither flags nor parameters: the command line and the nodes add theirs by the code
     (`swath_sysid.cli.advice_words`).
-
-    Attributes
-    ----------
-    code : str
-        Stable, machine-readable, kebab-case: ``too-few-cycles``.
-    message : str
-        One sentence that says what was seen and what to do.
     """
 
-    code: str
-    message: str
+    code: str  #: Stable, machine-readable, kebab-case: ``too-few-cycles``.
+    message: str  #: One sentence that says what was seen and what to do.
 
 
 def counted(number: int, noun: str) -> str:

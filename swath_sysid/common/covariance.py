@@ -7,8 +7,7 @@ import numpy as np
 
 from swath_sysid.common.noise import autocovariance, correlated_information
 
-NOT_SEPARABLE = 0.95
-"""Correlation beyond which a record does not separate two terms."""
+NOT_SEPARABLE = 0.95  #: Correlation beyond which a record does not separate two terms.
 
 
 @dataclass(frozen=True)
@@ -31,18 +30,12 @@ def sandwich_covariance(
     autocovariance of the residuals of one record and channel (Newey and West 1987). White
     residuals give the usual s^2 (J^T J)^-1.
 
-    Parameters
-    ----------
-    residuals : sequence of ndarray, shape (N_k,)
-        Of each record and channel.
-    jacobians : sequence of ndarray, shape (N_k, p)
-        Their derivatives by the parameters.
-    shortest_memory : int
-        See `autocovariance`; samples.
+    Args:
+        residuals: sequence of (N_k,); of each record and channel.
+        jacobians: sequence of (N_k, p); their derivatives by the parameters.
+        shortest_memory: See `autocovariance`; samples.
 
-    Returns
-    -------
-    ParameterCovariance
+    Returns:
         Parameters that the residuals do not depend on have NaN rows and columns.
     """
     information = sum(j.T @ j for j in jacobians)

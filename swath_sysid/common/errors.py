@@ -9,11 +9,8 @@ class InputError(ValueError):
     The message is one sentence that names what was wrong and what to do. The command
     line prints it and exits with code 2; a node counts it and reports a diagnostic.
 
-    Parameters
-    ----------
-    message : str
-    code : str
-        Of the `Advice` that it is made of; '': of none.
+    Args:
+        code: Of the `Advice` that it is made of; '': of none.
     """
 
     def __init__(self, message: str = '', code: str = '') -> None:
@@ -24,10 +21,8 @@ class InputError(ValueError):
 def check_choice(name: str, choices: Collection[str], kind: str) -> None:
     """Refuse a name that is not among the choices; the kind, such as ``'hull'``, is what the names name.
 
-    Raises
-    ------
-    InputError
-        The name is none of them; the sentence lists them.
+    Raises:
+        InputError: The name is none of them; the sentence lists them.
     """
     if name not in choices:
         raise InputError(f"there is no {kind} '{name}': choose from {', '.join(choices)}")

@@ -26,19 +26,7 @@ BLEND = 0.6
 
 @dataclass(frozen=True)
 class GeneticSettings:
-    """Parameters of the genetic algorithm, by the papers' names; see the module.
-
-    Attributes
-    ----------
-    final_mutation : float or None
-        Where given, mutation falls geometrically from ``mutation`` to this over the budget.
-    patience : int
-        Generations without improvement before it stops; 0: never.
-    tolerance : float
-        Relative improvement of the objective that counts as one.
-    spread_tolerance : float
-        Spread of the population, as a share of the range, below which it has converged.
-    """
+    """Parameters of the genetic algorithm, by the papers' names; see the module."""
 
     generations: int = 300
     population: int = 80
@@ -46,21 +34,21 @@ class GeneticSettings:
     mutation: float = 0.15
     genetic_factor: float = 0.05
     evolution_weight: float = 0.9
+    #: Where given, mutation falls geometrically from ``mutation`` to this over the budget.
     final_mutation: float | None = None
-    patience: int = 25
-    tolerance: float = 1e-4
-    spread_tolerance: float = 1e-4
+    patience: int = 25  #: Generations without improvement before it stops; 0: never.
+    tolerance: float = 1e-4  #: Relative improvement of the objective that counts as one.
+    spread_tolerance: float = 1e-4  #: Spread of the population, as a share of the range, below which it has converged.
 
 
 class GeneticSearch(AskAndTell):
     """Minimise by genetic algorithm within bounds; see `AskAndTell`.
 
-    Examples
-    --------
-    >>> search = GeneticSearch([-1, -1], [1, 1], GeneticSettings(), seed=1)
-    >>> while not search.should_stop():
-    ...     candidates = search.ask()
-    ...     search.tell((candidates**2).sum(axis=1))
+    Examples:
+        >>> search = GeneticSearch([-1, -1], [1, 1], GeneticSettings(), seed=1)
+        >>> while not search.should_stop():
+        ...     candidates = search.ask()
+        ...     search.tell((candidates**2).sum(axis=1))
     """
 
     def __init__(

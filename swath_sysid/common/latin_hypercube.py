@@ -8,8 +8,6 @@ def latin_hypercube(rng: np.random.Generator, count: int, dimensions: int) -> np
 
     A child of the generator is drawn from, as `scipy.stats.qmc` does.
 
-    Notes
-    -----
     McKay, Beckman and Conover, Technometrics 21 (1979), 239-245.
     """
     (rng,) = rng.spawn(1)

@@ -7,8 +7,7 @@ from scipy import fft
 
 from swath_sysid.common.signals import white_noise
 
-MODEL_FLOOR = 0.005
-"""No model of a hull is trusted closer than this share of the motion's standard deviation."""
+MODEL_FLOOR = 0.005  #: No model of a hull is trusted closer than this share of the motion's standard deviation.
 
 
 def weighting_noise(channels: Sequence[np.ndarray]) -> float:
@@ -28,17 +27,12 @@ def autocovariance(residual: np.ndarray, shortest_memory: int) -> np.ndarray:
     ``shortest_memory`` autocorrelations stay below ``2 sqrt(log10 N / N)``. The triangular taper
     keeps the implied covariance matrix positive.
 
-    Parameters
-    ----------
-    residual : ndarray, shape (N,)
-        At an even rate.
-    shortest_memory : int
-        Lags that must be small; longer than a quarter period, at which an oscillating residual
-        passes through zero.
+    Args:
+        residual: (N,); at an even rate.
+        shortest_memory: Lags that must be small; longer than a quarter period, at which an oscillating residual passes
+            through zero.
 
-    Returns
-    -------
-    ndarray, shape (L,)
+    Returns:
         Lags 0 to L - 1, L at most N / 4.
     """
     count = residual.size

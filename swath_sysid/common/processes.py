@@ -33,14 +33,10 @@ def results_in_order(function: Callable[[Task], Result], tasks: Sequence[Task], 
     This process begins at the front, the others, which take seconds to start, at the end; each is given one task at a
     time, so that none waits while another has more than one left.
 
-    Parameters
-    ----------
-    function : callable
-        Of one argument; importable by another process.
-    tasks : sequence
-        Arguments of the function.
-    count : int
-        Of processes, this one among them.
+    Args:
+        function: Of one argument; importable by another process.
+        tasks: Arguments of the function.
+        count: Of processes, this one among them.
     """
     if count <= 1 or len(tasks) == 1:
         yield from map(function, tasks)

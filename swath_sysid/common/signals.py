@@ -5,14 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import median_filter
 
-NORMAL_MEDIAN = 0.6745
-"""Median absolute value of a standard normal variable."""
-
-SPIKE_NEIGHBOURS = 5
-"""Samples, the one in question among them, whose median a spike differs from."""
-
-SPIKE_THRESHOLD = 10.0
-"""Standard deviations of the noise by which it does."""
+NORMAL_MEDIAN = 0.6745  #: Median absolute value of a standard normal variable.
+SPIKE_NEIGHBOURS = 5  #: Samples, the one in question among them, whose median a spike differs from.
+SPIKE_THRESHOLD = 10.0  #: Standard deviations of the noise by which it does.
 
 
 def white_noise(values: np.ndarray) -> float:
@@ -108,19 +103,13 @@ def _lowest_since_higher(heights: Sequence[float], valleys: Sequence[float]) -> 
 def bin_means(bins: np.ndarray, *columns: np.ndarray) -> tuple[np.ndarray, ...]:
     """Mean of each column over the samples of each bin that holds any.
 
-    Parameters
-    ----------
-    bins : ndarray of int, shape (N,)
-        Number of the bin of each sample, from zero.
-    *columns : ndarray, shape (N,)
-        Values of the samples.
+    Args:
+        bins: ndarray of int, shape (N,); number of the bin of each sample, from zero.
+        *columns: (N,); values of the samples.
 
-    Returns
-    -------
-    held : ndarray of int, shape (B,)
-        The bins that hold any sample, increasing.
-    *means : ndarray, shape (B,)
-        Of each column.
+    Returns:
+        held: ndarray of int, shape (B,); the bins that hold any sample, increasing.
+        *means: (B,); of each column.
     """
     count = np.bincount(bins)
     held = np.flatnonzero(count)

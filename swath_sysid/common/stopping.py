@@ -8,10 +8,8 @@ from numpy.typing import ArrayLike
 
 from swath_sysid.common.latin_hypercube import latin_hypercube
 
-Progress = Callable[[float], None]
-"""Is called with the share done, 0 to 1."""
-ShouldCancel = Callable[[], bool]
-"""Is asked often whether to raise `Cancelled`."""
+Progress = Callable[[float], None]  #: Is called with the share done, 0 to 1.
+ShouldCancel = Callable[[], bool]  #: Is asked often whether to raise `Cancelled`.
 
 
 class SearchBudget(Protocol):
@@ -41,16 +39,11 @@ class SearchBudget(Protocol):
 class AskAndTell:
     """A search within bounds that never calls the objective.
 
-    Parameters
-    ----------
-    lower, upper : array_like, shape (n,)
-        Bounds.
-    budget : SearchBudget
-        What ends it.
-    seed : int
-        Of its random numbers.
-    first : array_like, shape (k, n), optional
-        Candidates to include in the first generation.
+    Args:
+        lower, upper: array_like, shape (n,); bounds.
+        budget: What ends it.
+        seed: Of its random numbers.
+        first: array_like, shape (k, n); candidates to include in the first generation.
     """
 
     def __init__(self, lower: ArrayLike, upper: ArrayLike, budget: SearchBudget, seed: int, first: ArrayLike) -> None:

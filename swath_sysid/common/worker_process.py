@@ -18,11 +18,8 @@ import swath_sysid
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled
 
-NICENESS = 10
-"""The child yields to the processes that forecast."""
-
-CANCEL_PATIENCE = 0.3
-"""s; a child that has not given up by then is killed and started again."""
+NICENESS = 10  #: The child yields to the processes that forecast.
+CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed and started again.
 
 POLL_PERIOD = 0.02
 
@@ -74,26 +71,18 @@ class WorkerProcess:
     ) -> Any:
         """Have a function run, and wait for its end.
 
-        Parameters
-        ----------
-        work : tuple
-            Function, arguments, and whether it takes ``progress=`` and ``should_cancel=``.
-        is_cancelled : callable
-            Asked often.
-        on_progress : callable, optional
-            Called with 0 to 1.
+        Args:
+            work: Function, arguments, and whether it takes ``progress=`` and ``should_cancel=``.
+            is_cancelled: Asked often.
+            on_progress: Called with 0 to 1.
 
-        Returns
-        -------
-        object
+        Returns:
             What the function returned.
 
-        Raises
-        ------
-        InputError, Cancelled, WorkerError
-            What the function ended in; `Cancelled` within half a second of ``is_cancelled()``.
-        EOFError, OSError
-            The process has died.
+        Raises:
+            InputError, Cancelled, WorkerError: What the function ended in; `Cancelled` within half a second of
+                ``is_cancelled()``.
+            EOFError, OSError: The process has died.
         """
         sent, asked_at = False, None
         if self._is_resting:

@@ -15,30 +15,15 @@ from swath_sysid.formats.topics import LATCHED_TOPICS
 
 @dataclass(frozen=True)
 class ReplaySettings:
-    """How a bag is replayed.
+    """How a bag is replayed."""
 
-    Attributes
-    ----------
-    rate : float
-        Times real time.
-    loop : bool
-        Begin again at the end.
-    clock : bool
-        Publish /clock too.
-    wait : float
-        s; the longest wait for subscriptions before the start.
-    listeners : int
-        Subscriptions to the IMU to wait for, or to any topic in a bag without one; 0: those that are found.
-    in_step : bool
-        Stay near the stamp of the newest ``forecast/next``.
-    """
-
-    rate: float = 1.0
-    loop: bool = False
-    clock: bool = False
-    wait: float = 15.0
+    rate: float = 1.0  #: Times real time.
+    loop: bool = False  #: Begin again at the end.
+    clock: bool = False  #: Publish /clock too.
+    wait: float = 15.0  #: s; the longest wait for subscriptions before the start.
+    #: Subscriptions to the IMU to wait for, or to any topic in a bag without one; 0: those that are found.
     listeners: int = 0
-    in_step: bool = False
+    in_step: bool = False  #: Stay near the stamp of the newest ``forecast/next``.
 
     def __post_init__(self) -> None:
         if not self.rate > 0.0:

@@ -36,38 +36,26 @@ from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC
 
 IMU_TYPE = IMU
 METADATA_FILE = 'metadata.yaml'
+#: First bytes of a storage file, and the ending it should have.
 MAGIC = {MCAP_MAGIC: '.mcap', b'SQLite format 3\0': '.db3'}
-"""First bytes of a storage file, and the ending it should have."""
 
+#: As numbers, so many readings stay in the processor's cache until they are taken.
 MESSAGES_AT_ONCE, READINGS_AT_ONCE = 50_000, 500
-"""As numbers, so many readings stay in the processor's cache until they are taken."""
 
 
 @dataclass(frozen=True)
 class ImuRecord:
-    """The messages of one IMU.
+    """The messages of one IMU."""
 
-    Attributes
-    ----------
-    stamps : ndarray of int64, shape (N,)
-        header.stamp, ns.
-    values : ndarray, shape (N, 37)
-        The numbers of each message in the order of the message definition, as `ORIENTATION` and its like place them;
-        a covariance that begins with -1 says that there is no such measurement.
-    received : ndarray of int64, shape (N,), optional
-        When the recorder got them, ns; they are in this order.
-    topic, frame_id : str
-        Empty where the record is not a bag.
-    in_craft_axes : bool
-        Whether frame and mounting of the sensor were taken into account already.
-    """
-
-    stamps: np.ndarray
+    stamps: np.ndarray  #: ndarray of int64, shape (N,); header.stamp, ns.
+    #: (N, 37); The numbers of each message in the order of the message definition, as `ORIENTATION` and its like place
+    #: them; a covariance that begins with -1 says that there is no such measurement.
     values: np.ndarray
+    #: ndarray of int64, shape (N,); When the recorder got them, ns; they are in this order.
     received: np.ndarray | None = None
-    topic: str = ''
-    frame_id: str = ''
-    in_craft_axes: bool = False
+    topic: str = ''  #: Empty where the record is not a bag.
+    frame_id: str = ''  #: Empty where the record is not a bag.
+    in_craft_axes: bool = False  #: Whether frame and mounting of the sensor were taken into account already.
     advice: tuple[Advice, ...] = ()
 
     def __len__(self) -> int:
@@ -136,18 +124,13 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
 
     The whole part of a truncated bag is read, and advice says so.
 
-    Parameters
-    ----------
-    path : str or Path
-        A bag folder, or a single .mcap or .db3 file.
-    topic : str, optional
-        Needed only if the bag holds several of type sensor_msgs/msg/Imu.
+    Args:
+        path: A bag folder, or a single .mcap or .db3 file.
+        topic: Needed only if the bag holds several of type sensor_msgs/msg/Imu.
 
-    Raises
-    ------
-    InputError
-        There is no such bag or topic, the choice of the topic is open, or the bag is damaged
-        beyond reading.
+    Raises:
+        InputError: There is no such bag or topic, the choice of the topic is open, or the bag is damaged beyond
+            reading.
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):
@@ -205,10 +188,8 @@ def write_imu_bag(
 
     The path is ``NAME.mcap`` or ``NAME.db3`` for a single file, else a bag folder (mcap).
 
-    Raises
-    ------
-    InputError
-        Something stands at `path` that may not be replaced, or it cannot be written.
+    Raises:
+        InputError: Something stands at `path` that may not be replaced, or it cannot be written.
     """
     stamps = int(start_stamp_ns) + np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
     sender = ImuMessage(frame_id)
@@ -320,10 +301,8 @@ def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Advice]]]:
     The path is a bag folder, or a single .mcap or .db3 file; of one that was cut off, what is whole can be read.
     Readers have ``connections`` and ``messages(connections)``, as those of rosbags.
 
-    Raises
-    ------
-    InputError
-        There is no such bag, or it is damaged beyond reading.
+    Raises:
+        InputError: There is no such bag, or it is damaged beyond reading.
     """
     with ExitStack() as stack:
         found = existing(path)

@@ -34,12 +34,12 @@ from swath_sysid.formats.tables import (
     write_table,
 )
 
-SAMPLES = 'samples'
-"""The unit of a time column that numbers the samples; a comment line says how many a second."""
+SAMPLES = 'samples'  #: The unit of a time column that numbers the samples; a comment line says how many a second.
 
 ACCELERATION_UNITS = {'m_s2': 1.0, 'g': STANDARD_GRAVITY}
 
 TIME_NAMES = ('time', 't', 'stamp', 'timestamp', 'header_stamp')
+#: Names a column may have before its unit, the reading it holds, and its units with their size in SI.
 QUANTITIES = (
     (('roll', 'roll_angle'), 'roll', ANGLE_UNITS),
     (('pitch', 'pitch_angle'), 'pitch', ANGLE_UNITS),
@@ -56,27 +56,23 @@ QUANTITIES = (
     ),
     *(((f'quaternion_{part}', f'orientation_{part}', f'q{part}'), f'quaternion_{part}', PURE) for part in 'xyzw'),
 )
-"""Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
 
 TIMES = ('time', 'time_sec', 'time_nanosec')
 
+#: rad, with some rounding: beyond these there is no roll or pitch.
 LARGEST_ANGLES = {'roll': 1.01 * np.pi, 'pitch': 0.51 * np.pi}
-"""rad, with some rounding: beyond these there is no roll or pitch."""
 
+#: So many values beyond all limits, or this part of them, may be broken packets.
 BROKEN_PACKETS, BROKEN_SHARE = 3, 0.002
-"""So many values beyond all limits, or this part of them, may be broken packets."""
 
-MIN_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7
-"""Half the range of angles in rad of a craft that moves by 2 to 40 deg."""
+MIN_SWING_RAD, LARGEST_SWING_RAD = 0.03, 0.7  #: Half the range of angles in rad of a craft that moves by 2 to 40 deg.
+MIN_SAMPLES_A_CYCLE = 8  #: Noise of a sensor at rest turns faster.
 
-MIN_SAMPLES_A_CYCLE = 8
-"""Noise of a sensor at rest turns faster."""
-
+#: Two columns of one quantity may differ by this part of its size, or by as much in SI units: rounding.
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3
-"""Two columns of one quantity may differ by this part of its size, or by as much in SI units: rounding."""
 
+#: Readings without any of which there is no roll or pitch.
 MOTION = frozenset(('roll', 'pitch', 'roll_rate', 'pitch_rate', 'gyro_x', 'gyro_y', 'quaternion_x'))
-"""Readings without any of which there is no roll or pitch."""
 
 UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
@@ -166,10 +162,8 @@ def read_csv(
 def write_csv(path: str | Path, trial: Trial) -> None:
     """Write every channel of a trial as a CSV file, whole or not at all, that `read_csv` reads back exactly.
 
-    Raises
-    ------
-    InputError
-        The file cannot be written.
+    Raises:
+        InputError: The file cannot be written.
     """
     remarks = {'frame': 'flu', 'draft_m': trial.draft, 'initial_angle_rad': trial.initial_angle}
     channels = {f'{name}_{WRITTEN_UNITS[name]}': values for name, values in trial.channels.items()}

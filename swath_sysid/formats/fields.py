@@ -18,18 +18,12 @@ from swath_sysid.formats.atomic import write_text
 from swath_sysid.formats.untrusted_yaml import dumped, plain_content, shown, text_of
 
 Built = TypeVar('Built')
-Check = Callable[[Any, Any], Any]
-"""Of a value and the `Place` where it stands."""
+Check = Callable[[Any, Any], Any]  #: Of a value and the `Place` where it stands.
 
 LONGEST_TEXT = 200
-LONGEST_WORD = 40
-"""Characters by which a name is compared with those that there are."""
-
-PSD_ROUNDING = 1e-6
-"""Least eigenvalue of a correlation matrix below zero that is rounding, not a mistake."""
-
-STD_ROUNDING = 1e-6
-"""Relative difference of a standard deviation from the root of its variance that is rounding."""
+LONGEST_WORD = 40  #: Characters by which a name is compared with those that there are.
+PSD_ROUNDING = 1e-6  #: Least eigenvalue of a correlation matrix below zero that is rounding, not a mistake.
+STD_ROUNDING = 1e-6  #: Relative difference of a standard deviation from the root of its variance that is rounding.
 
 
 class Place(str):
@@ -246,35 +240,22 @@ def metrics(value: Any, where: str) -> dict:
 
 @dataclass(frozen=True)
 class ModelFormat:
-    """A format of model files: YAML that says its format, version and frame, and is checked on reading and writing.
+    """A format of model files: YAML that says its format, version and frame, and is checked on reading and writing."""
 
-    Attributes
-    ----------
-    format, frame : str
-        What the fields of these names hold.
-    remedy : str
-        What to do about a file that is none, or of another version.
-    required, optional : dict of str to callable
-        The other fields, by name; see `record`.
-    kind : str
-        What errors call such a file.
-    """
-
-    format: str
-    frame: str
-    remedy: str
-    required: dict
-    optional: dict
+    format: str  #: What the fields of these names hold.
+    frame: str  #: What the fields of these names hold.
+    remedy: str  #: What to do about a file that is none, or of another version.
+    required: dict  #: The other fields, by name; see `record`.
+    optional: dict  #: The other fields, by name; see `record`.
     version: int = 1
-    kind: str = 'model file'
+    kind: str = 'model file'  #: What errors call such a file.
 
     def content(self, text: str, source: str) -> dict:
         """The checked fields of a text, by name.
 
-        Raises
-        ------
-        InputError
-            Not of this format and version, or with unknown, missing or wrong fields; the sentence names the field.
+        Raises:
+            InputError: Not of this format and version, or with unknown, missing or wrong fields; the sentence names the
+                field.
         """
         content = plain_content(text, source)
         if not isinstance(content, dict) or content.get('format') != self.format:

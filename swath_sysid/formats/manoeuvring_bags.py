@@ -29,8 +29,7 @@ from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTria
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState
 
 Table = dict[str, np.ndarray]
-Series = tuple[np.ndarray, np.ndarray]
-"""Times, s, and values."""
+Series = tuple[np.ndarray, np.ndarray]  #: Times, s, and values.
 
 JOINTS = 'sensor_msgs/msg/JointState'
 NUMBERS = ('std_msgs/msg/Float64', 'std_msgs/msg/Float32')
@@ -40,17 +39,10 @@ THRUSTER = re.compile('thrust|thruster|motor|cmd|command|prop|drive', re.I)
 MOTION = ('x', 'y', 'heading', 'surge', 'sway', 'yaw_rate')
 
 LARGEST_COMMAND = 1.0 + 1e-6
-CLOCKS_APART = 1.0
-"""s by which header stamps and times of arrival may wander against each other."""
-
-SAME_TIME = 3
-"""Decimals, s, to which two messages count as simultaneous."""
-
-TWIST_SPAN = 3.0
-"""s over which velocity and change of position are compared."""
-
-LONGEST_HOLD = 1.0
-"""s for which one thruster's last message still counts beside the other's."""
+CLOCKS_APART = 1.0  #: s by which header stamps and times of arrival may wander against each other.
+SAME_TIME = 3  #: Decimals, s, to which two messages count as simultaneous.
+TWIST_SPAN = 3.0  #: s over which velocity and change of position are compared.
+LONGEST_HOLD = 1.0  #: s for which one thruster's last message still counts beside the other's.
 
 
 def read_manoeuvring_bag(
@@ -67,19 +59,13 @@ def read_manoeuvring_bag(
     sensor_msgs/Imu where there is one, thrust from two std_msgs/Float64 (or Float32) topics with left or port, right or
     starboard in their names, or from a sensor_msgs/JointState with two such joints (effort, else velocity).
 
-    Parameters
-    ----------
-    path : str or Path
-        A bag folder, or a single .mcap or .db3 file.
-    odometry, imu, port, starboard : str, optional
-        Topics, where several could be meant.
-    thrust_input : str, optional
-        ``force`` or ``command``; by default commands if all values are within -1 and 1.
+    Args:
+        path: A bag folder, or a single .mcap or .db3 file.
+        odometry, imu, port, starboard: Topics, where several could be meant.
+        thrust_input: ``force`` or ``command``; by default commands if all values are within -1 and 1.
 
-    Raises
-    ------
-    InputError
-        There is no such bag or topic, or the choice is open.
+    Raises:
+        InputError: There is no such bag or topic, or the choice is open.
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):

@@ -31,6 +31,7 @@ SPEED_UNITS = {'m_s': 1.0, 'km_h': 1.0 / 3.6, 'kn': 1852.0 / 3600.0}
 FORCE_UNITS = {'n': 1.0}
 PULSE_UNITS = {'us': 1.0}
 
+#: Names a column may have before its unit, the reading it holds, and its units with their size in SI.
 QUANTITIES = (
     (('time', 't', 'stamp', 'timestamp'), 'time', TIME_UNITS),
     *(
@@ -45,14 +46,10 @@ QUANTITIES = (
     (('heading', 'yaw', 'psi'), 'heading', ANGLE_UNITS),
     *(((name,), name, LENGTH_UNITS) for name in ('x', 'y', 'east', 'north')),
 )
-"""Names a column may have before its unit, the reading it holds, and its units with their size in SI."""
 
 FRAMES = ('enu', 'ned')
-USUAL_NEUTRAL, USUAL_FULL = 1500.0, 1900.0
-"""us of pulses to speed controllers: no thrust, and full thrust ahead."""
-
-LARGEST_COMMAND = 1.5
-"""A command beyond is not normalised."""
+USUAL_NEUTRAL, USUAL_FULL = 1500.0, 1900.0  #: us of pulses to speed controllers: no thrust, and full thrust ahead.
+LARGEST_COMMAND = 1.5  #: A command beyond is not normalised.
 
 
 def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> ManoeuvringTrial:
@@ -65,17 +62,12 @@ def read_manoeuvring_csv(path: str | Path, frame: str | None = None) -> Manoeuvr
     pulses ``# pwm_neutral_us: 1500`` and ``# pwm_full_us: 1900`` (full ahead), which are the usual ones. Empty cells
     are missing values.
 
-    Parameters
-    ----------
-    path : str or Path
-        Of the file.
-    frame : str, optional
-        ``enu`` or ``ned``; by default what the file states, else not stated.
+    Args:
+        path: Of the file.
+        frame: ``enu`` or ``ned``; by default what the file states, else not stated.
 
-    Raises
-    ------
-    InputError
-        The file cannot be read, or lacks time, thrust or motion; the sentence names what was looked for.
+    Raises:
+        InputError: The file cannot be read, or lacks time, thrust or motion; the sentence names what was looked for.
     """
     with reading(path):
         head = read_head(path)

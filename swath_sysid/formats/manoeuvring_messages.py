@@ -9,11 +9,8 @@ from swath_sysid.formats.messages import SECOND_NS, header, make, serialised, st
 from swath_sysid.formats.topics import ODOMETRY, PATH
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState, OdometryReading
 
-PLANAR = (0, 1, 5)
-"""Rows of x, y, yaw (and of their rates) in a covariance of six."""
-
-LARGEST_VARIANCE = 1e4
-"""A larger one in odometry stands for a quantity that is not measured."""
+PLANAR = (0, 1, 5)  #: Rows of x, y, yaw (and of their rates) in a covariance of six.
+LARGEST_VARIANCE = 1e4  #: A larger one in odometry stands for a quantity that is not measured.
 
 
 def odometry_message(state: ManoeuvreState, frame_id: str, child_frame_id: str, stamp: int | None = None) -> bytes:

@@ -62,6 +62,7 @@ def _forecast(value: Any, where: str) -> dict | None:
     return _FORECAST(value, where)
 
 
+#: What a model file holds; null stands for what is not known.
 FORMAT = ModelFormat(
     'swath_sysid manoeuvring model',
     'body x forward, y port, z up; world x east, y north (REP 103)',
@@ -83,7 +84,6 @@ FORMAT = ModelFormat(
     {'forecast': _forecast},
     kind='manoeuvring model',
 )
-"""What a model file holds; null stands for what is not known."""
 
 
 def manoeuvring_to_yaml(identified: IdentifiedManoeuvringModel) -> str:

@@ -27,10 +27,8 @@ def play_manoeuvres(
 
     Without a model there are none.
 
-    Raises
-    ------
-    InputError
-        The trial lacks what an odometry holds, or its thrust is not of the model's kind.
+    Raises:
+        InputError: The trial lacks what an odometry holds, or its thrust is not of the model's kind.
     """
     names = ('x', 'y', 'heading', 'surge', 'sway')
     missing = [name for name in (*names, 'yaw_rate') if getattr(trial, name) is None]
@@ -62,10 +60,8 @@ def play_manoeuvres(
 def write_forecasts(path: str | Path, forecasts: Iterable[tuple[float, OutlookStep]], leads: Sequence[float]) -> int:
     """Write forecasts, of a stamp, s, each, as mcap on the topics of manoeuvring_predictor; returns their number.
 
-    Raises
-    ------
-    InputError
-        The name does not end in .mcap, or the file cannot be written.
+    Raises:
+        InputError: The name does not end in .mcap, or the file cannot be written.
     """
     count = 0
     with writing_output_bag(path) as bag:

@@ -17,8 +17,7 @@ MAGIC = b'\x89MCAP0\r\n'
 FOOTER, CHUNK, DATA_END = 0x02, 0x06, 0x0F
 HEAD = struct.Struct('<BQ')
 FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)
-CHUNK_CHECKSUM_AT = 24
-"""Behind its times and its uncompressed size."""
+CHUNK_CHECKSUM_AT = 24  #: Behind its times and its uncompressed size.
 
 BLOCK_BYTES = 1 << 20
 

@@ -26,11 +26,8 @@ if TYPE_CHECKING:
     from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
 
 SECOND_NS = 1_000_000_000
-FLOAT64 = 8
-"""sensor_msgs/PointField's number for doubles."""
-
-IMU_VALUES = 37
-"""Doubles in an Imu message: orientation 4, 9 of covariance, then rates and acceleration 3 and 9 each."""
+FLOAT64 = 8  #: sensor_msgs/PointField's number for doubles.
+IMU_VALUES = 37  #: Doubles in an Imu message: orientation 4, 9 of covariance, then rates and acceleration 3 and 9 each.
 
 ORIENTATION, RATES, FORCE = slice(0, 4), slice(13, 16), slice(25, 28)
 ORIENTATION_COVARIANCE, RATES_COVARIANCE, FORCE_COVARIANCE = slice(4, 13), slice(16, 25), slice(28, 37)
@@ -216,10 +213,8 @@ def window_message(table: MotionTable, frame_id: str) -> bytes:
 def window_table(message: Any) -> MotionTable:
     """The `MotionTable` of a sensor_msgs/PointCloud2, whatever order its columns have.
 
-    Raises
-    ------
-    InputError
-        A column is missing or of another type, or the data are cut off.
+    Raises:
+        InputError: A column is missing or of another type, or the data are cut off.
     """
     fields = {field.name: field for field in message.fields}
     order = '>' if message.is_bigendian else '<'

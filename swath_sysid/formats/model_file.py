@@ -56,6 +56,7 @@ _SCHEDULE = record(
         'models': list_of(record({'loading': number(above=0.0), 'model': _AXIS})),
     }
 )
+#: What a model file holds; null stands for what is not known.
 FORMAT = ModelFormat(
     'swath_sysid decay model',
     'body x forward, y port, z up; Euler angles yaw-pitch-roll (REP 103)',
@@ -63,7 +64,6 @@ FORMAT = ModelFormat(
     {'axes': table_of(AXES, 'axis', _AXIS)},
     {'schedule': table_of(AXES, 'axis', _SCHEDULE)},
 )
-"""What a model file holds; null stands for what is not known."""
 
 
 def model_to_yaml(models: Mapping[str, IdentifiedModel]) -> str:
@@ -102,11 +102,9 @@ def description_from_yaml(
 
     The schedules are empty where the text holds none.
 
-    Raises
-    ------
-    InputError
-        Not a model file, of another version, with unknown, missing or wrong fields, or of a hull
-        that no craft has; the sentence names the field.
+    Raises:
+        InputError: Not a model file, of another version, with unknown, missing or wrong fields, or of a hull that no
+            craft has; the sentence names the field.
     """
     content = FORMAT.content(text, source)
     axes, schedule = content['axes'], content.get('schedule', {})
@@ -164,10 +162,8 @@ def _model_of(plain: dict, axis: str) -> DecayModel:
 def write_model(path: str | Path, models: Mapping[str, IdentifiedModel]) -> None:
     """Write a model file, whole or not at all; see `model_to_yaml`.
 
-    Raises
-    ------
-    InputError
-        It cannot be written, or would be refused by its readers.
+    Raises:
+        InputError: It cannot be written, or would be refused by its readers.
     """
     FORMAT.write(path, model_to_yaml(models), description_from_yaml)
 
@@ -180,10 +176,8 @@ def write_scheduled(path: str | Path, schedules: Mapping[str, ScheduledModel]) -
 def read_description(path: str | Path) -> tuple[dict[str, IdentifiedModel], dict[str, ScheduledModel]]:
     """Read models and schedules of a model file; see `description_from_yaml`.
 
-    Raises
-    ------
-    InputError
-        Also where the file cannot be read.
+    Raises:
+        InputError: Also where the file cannot be read.
     """
     return FORMAT.read(path, description_from_yaml)
 

@@ -14,23 +14,22 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import reading
 from swath_sysid.formats.tables import listed_names, read_columns, read_head
 
-SAMPLE_TIME_FINE_HZ = 10_000
-"""Ticks a second of the sensor's clock."""
+SAMPLE_TIME_FINE_HZ = 10_000  #: Ticks a second of the sensor's clock.
 
 SAMPLE_TIME_FINE_WRAP = 1 << 32
 PACKET_COUNTER_WRAP = 1 << 16
 
 COUNTERS = ('PacketCounter', 'Counter')
+#: Column to reading: angles in deg, the quaternion with its real part first, rates in rad/s, acceleration in m/s^2.
 READINGS = {
     **dict(zip(('Roll', 'Pitch', 'Yaw'), ('roll', 'pitch', 'yaw'), strict=True)),
     **dict(zip(('Quat_q1', 'Quat_q2', 'Quat_q3', 'Quat_q0'), QUATERNION, strict=True)),
     **dict(zip(('Gyr_X', 'Gyr_Y', 'Gyr_Z'), GYRO, strict=True)),
     **dict(zip(('Acc_X', 'Acc_Y', 'Acc_Z'), ACCEL, strict=True)),
 }
-"""Column to reading: angles in deg, the quaternion with its real part first, rates in rad/s, acceleration in m/s^2."""
 
+#: Mat[row][column] turns sensor vectors into world vectors; its last row is the world's up in sensor axes.
 MATRIX_LAST_ROW = ('Mat[3][1]', 'Mat[3][2]', 'Mat[3][3]')
-"""Mat[row][column] turns sensor vectors into world vectors; its last row is the world's up in sensor axes."""
 
 LOOKED_FOR = 'Roll, Pitch, Quat_q0..3, Mat[3][1..3], Gyr_X, Gyr_Y'
 

@@ -11,33 +11,19 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.atomic import refuse_no_file
 from swath_sysid.formats.tables import read_head
 
+#: A table with a column of which the name begins so is a recording.
 TIME_WORDS = ('time', 'stamp', 'packetcounter', 'sampletimefine')
-"""A table with a column of which the name begins so is a recording."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """One result that a verb writes.
+    """One result that a verb writes."""
 
-    Attributes
-    ----------
-    option : str
-        As the command line names it, for messages.
-    path : str, Path or None
-        None: not asked for.
-    is_folder : bool
-        Whether it is a folder to write into, which may exist already.
-    is_recording : bool
-        Whether it holds motion itself, and so may replace an earlier one of its kind.
-    endings : tuple of str
-        What the name may end in, without the dot; none: anything.
-    """
-
-    option: str
-    path: Any
-    is_folder: bool = False
-    is_recording: bool = False
-    endings: tuple[str, ...] = ()
+    option: str  #: As the command line names it, for messages.
+    path: Any  #: None: not asked for.
+    is_folder: bool = False  #: Whether it is a folder to write into, which may exist already.
+    is_recording: bool = False  #: Whether it holds motion itself, and so may replace an earlier one of its kind.
+    endings: tuple[str, ...] = ()  #: What the name may end in, without the dot; none: anything.
 
 
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None] = ()) -> None:
@@ -45,12 +31,10 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[str | Path | None]
 
     Both are all of one command; inputs that are None are left aside.
 
-    Raises
-    ------
-    InputError
-        A name is empty or cannot be a name; an output is an input, lies in a bag that is an input, is another
-        output, a folder (or, where a folder is wanted, none), a device or a pipe; it would replace a recording by
-        something else; or its folder is missing or may not be written to.
+    Raises:
+        InputError: A name is empty or cannot be a name; an output is an input, lies in a bag that is an input, is
+            another output, a folder (or, where a folder is wanted, none), a device or a pipe; it would replace a
+            recording by something else; or its folder is missing or may not be written to.
     """
     outputs = [output for output in outputs if output.path is not None]
     read = [Path(path) for path in inputs if path is not None and os.path.lexists(_name(path))]

@@ -19,6 +19,7 @@ from swath_sysid.formats.tables import read_head
 if TYPE_CHECKING:
     from swath_sysid.formats.bags import ImuRecord
 
+#: First bytes of files that are none of ours, and what to do with them.
 FOREIGN = {
     b'#ROSBAG V': 'a ROS 1 bag: convert it with rosbags-convert --src OLD.bag --dst NEW',
     b'PK\x03\x04': 'a zip archive or a spreadsheet: unpack it, or save it as CSV',
@@ -27,7 +28,6 @@ FOREIGN = {
     b'\xd0\xcf\x11\xe0': 'an old spreadsheet: save it as CSV',
     b'\xfa\xff': 'a binary MTi log: export it as text in MT Manager',
 }
-"""First bytes of files that are none of ours, and what to do with them."""
 
 HASH_BYTES = 1 << 20
 
@@ -43,23 +43,16 @@ def read_trial(
 
     What it is shows from its content, not from its name.
 
-    Parameters
-    ----------
-    path : str or Path
-        Of a file or a bag folder.
-    topic : str, optional
-        The IMU topic, for bags that hold several.
-    frame : str, optional
-        ``flu`` or ``frd``: the sensor's axes; by default that stated in a CSV file, else ``flu``.
-    mounting : tuple of 3 floats
-        Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
+    Args:
+        path: Of a file or a bag folder.
+        topic: The IMU topic, for bags that hold several.
+        frame: ``flu`` or ``frd``: the sensor's axes; by default that stated in a CSV file, else ``flu``.
+        mounting: Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
 
-    Raises
-    ------
-    InputError
-        There is no such file, it cannot be read or is none of these, the choice of the topic is open, a column lacks
-        its unit or contradicts another, a value is one that its unit cannot have, or there is no time, no roll or
-        pitch motion, or too little of it.
+    Raises:
+        InputError: There is no such file, it cannot be read or is none of these, the choice of the topic is open, a
+            column lacks its unit or contradicts another, a value is one that its unit cannot have, or there is no time,
+            no roll or pitch motion, or too little of it.
     """
     from swath_sysid.formats.bags import MAGIC, is_bag, read_bag
 
@@ -113,10 +106,8 @@ def read_readings(
 def source_hash(path: str | Path) -> str:
     """The SHA-256, hexadecimal, of a file, or of the names and contents of the files in a bag folder.
 
-    Raises
-    ------
-    InputError
-        It cannot be read.
+    Raises:
+        InputError: It cannot be read.
     """
     path = Path(path)
     digest = hashlib.sha256()

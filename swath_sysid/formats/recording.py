@@ -14,10 +14,10 @@ from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.output_bag import offered_qos
 from swath_sysid.formats.topics import PATH_TOPIC, QUIESCENCE_TOPIC, TYPES, type_of
 
+#: Topic, under whatever namespace, to type.
 OURS = {topic.lstrip('/'): kind for topic, kind in TYPES.items() if topic != PATH_TOPIC} | {
     'identifier/progress': TYPES[QUIESCENCE_TOPIC]
 }
-"""Topic, under whatever namespace, to type."""
 
 
 class Recording:
@@ -25,10 +25,8 @@ class Recording:
 
     While it grows it lies in the folder ``NAME.recording``, which stays, readable, if the process is killed.
 
-    Raises
-    ------
-    InputError
-        The name does not end in .mcap, something has it already, or the folder cannot be written to.
+    Raises:
+        InputError: The name does not end in .mcap, something has it already, or the folder cannot be written to.
     """
 
     def __init__(self, path: str | Path) -> None:

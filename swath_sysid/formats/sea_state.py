@@ -13,12 +13,12 @@ from swath_sysid.formats.plain_data import finite_or_none
 from swath_sysid.formats.topics import SEA_TOPIC
 from swath_sysid.formats.untrusted_yaml import plain_content
 
+#: What a sea state from own motion is, and what it is not.
 REMARKS = (
     f'this is the heave at the sensor, between {BAND_HZ[0]:g} and {BAND_HZ[1]:g} Hz',
     'under way the periods are those of encounter, not of the sea',
     'a craft is not a wave buoy: waves shorter than a few of its lengths are underestimated',
 )
-"""What a sea state from own motion is, and what it is not."""
 
 _UNITS = {
     'duration': 's',
@@ -64,10 +64,8 @@ def sea_as_yaml(report: SeaReport, stamp_ns: int) -> str:
 def sea_from_yaml(text: str) -> SeaReport:
     """The `SeaReport` that `sea_as_yaml` wrote; of a spectrum nothing is known.
 
-    Raises
-    ------
-    InputError
-        The text is another one.
+    Raises:
+        InputError: The text is another one.
     """
     data = plain_content(text, SEA_TOPIC)
     try:

@@ -17,70 +17,40 @@ TIME_UNITS = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 ANGLE_UNITS = {'rad': 1.0, 'deg': np.pi / 180}
 RATE_UNITS = {'rad_s': 1.0, 'deg_s': np.pi / 180}
 LENGTH_UNITS = {'m': 1.0}
-PURE = {'': 1.0}
-"""Units as the names of columns end in them, with their size in SI."""
+PURE = {'': 1.0}  #: Units as the names of columns end in them, with their size in SI.
 
+#: A time column that begins beyond this counts from an epoch, and is taken from its first sample instead.
 EPOCH_SECONDS = 1e8
-"""A time column that begins beyond this counts from an epoch, and is taken from its first sample instead."""
 
-COMMENT_MARKS = ('#', '//', '%')
-"""A line that begins with one of these is a comment."""
-
-BLOCK_BYTES = 1 << 22
-"""How much text is parsed at once."""
-
-HEAD_BYTES = 1 << 16
-"""How much text is looked at to find the columns."""
-
-LARGEST_RECODED = 1 << 27
-"""Bytes of a file in UTF-16 that are read; a longer one is to be saved in UTF-8."""
-
-LONGEST_LINE = 1 << 20
-"""Bytes; a longer line is not a row of a table."""
+COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
+BLOCK_BYTES = 1 << 22  #: How much text is parsed at once.
+HEAD_BYTES = 1 << 16  #: How much text is looked at to find the columns.
+LARGEST_RECODED = 1 << 27  #: Bytes of a file in UTF-16 that are read; a longer one is to be saved in UTF-8.
+LONGEST_LINE = 1 << 20  #: Bytes; a longer line is not a row of a table.
 
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
-TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))
-"""Bytes that a text may hold."""
+TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text may hold.
 
 QUOTED = re.compile(r'"([^"\n]*)"')
 
-LINES_AT_ONCE = 100_000
-"""Rows written at once."""
+LINES_AT_ONCE = 100_000  #: Rows written at once.
+EXTRA_ROWS = 20  #: Rows looked at to find whether they hold more cells than there are names.
 
-EXTRA_ROWS = 20
-"""Rows looked at to find whether they hold more cells than there are names."""
-
+#: How a missing value may be written, beside nan.
 MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
-"""How a missing value may be written, beside nan."""
 
 
 @dataclass(frozen=True)
 class TableHead:
-    """What stands above the numbers of a table, and how they are written.
+    """What stands above the numbers of a table, and how they are written."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        The names of the columns, as written.
-    remarks : dict of str to str
-        ``key: value`` of the comment lines, keys in lower case.
-    delimiter : str or None
-        None: any white space.
-    decimal_comma : bool
-        Whether numbers are written 0,5 rather than 0.5.
-    first_line : int
-        The number of the first line of data, from 1.
-    offset : int
-        Where it begins, bytes.
-    """
-
-    names: tuple[str, ...]
-    remarks: dict[str, str]
-    delimiter: str | None
-    decimal_comma: bool
-    first_line: int
-    offset: int
+    names: tuple[str, ...]  #: The names of the columns, as written.
+    remarks: dict[str, str]  #: ``key: value`` of the comment lines, keys in lower case.
+    delimiter: str | None  #: None: any white space.
+    decimal_comma: bool  #: Whether numbers are written 0,5 rather than 0.5.
+    first_line: int  #: The number of the first line of data, from 1.
+    offset: int  #: Where it begins, bytes.
 
 
 def read_head(path: str | Path) -> TableHead:
@@ -89,10 +59,8 @@ def read_head(path: str | Path) -> TableHead:
     The names are on the first line that is not a comment; if that line is numbers already, on the
     last comment line (as numpy.savetxt writes them).
 
-    Raises
-    ------
-    InputError
-        The file is empty, not text, or has no line of names.
+    Raises:
+        InputError: The file is empty, not text, or has no line of names.
     """
     with _opened(path) as file:
         head = file.read(HEAD_BYTES)
@@ -140,10 +108,8 @@ def read_columns(path: str | Path, head: TableHead, indices: Sequence[int]) -> t
     Empty cells and text become NaN, rows that end early are filled with NaN; advice ``text-in-numbers``,
     ``short-rows``.
 
-    Raises
-    ------
-    InputError
-        A line is too long for a table.
+    Raises:
+        InputError: A line is too long for a table.
     """
     parser = _BlockParser(head, tuple(indices))
     with _opened(path) as file:

@@ -20,8 +20,7 @@ DIAGNOSTICS_TOPIC = '/diagnostics'
 PATH_TOPIC = 'manoeuvring/forecast'
 FRAMES_TOPIC = '/tf'
 
-LEADS, MANOEUVRING_LEADS = 'forecast/lead_', 'manoeuvring/lead_'
-"""How the topics of forecasts at one lead begin."""
+LEADS, MANOEUVRING_LEADS = 'forecast/lead_', 'manoeuvring/lead_'  #: How the topics of forecasts at one lead begin.
 
 TYPES = {
     IMU_TOPIC: IMU,
@@ -38,8 +37,8 @@ TYPES = {
     FRAMES_TOPIC: 'tf2_msgs/msg/TFMessage',
 }
 
+#: Transient local: a late subscriber gets the last one.
 LATCHED_TOPICS = (WINDOW_TOPIC, DESCRIPTION_TOPIC, COEFFICIENTS_TOPIC, CALM_TOPIC, SEA_TOPIC)
-"""Transient local: a late subscriber gets the last one."""
 
 
 def lead_topic(lead: float) -> str:

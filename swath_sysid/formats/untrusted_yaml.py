@@ -19,17 +19,10 @@ import yaml
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.plain_data import finite_or_none
 
-LARGEST_TEXT = 256 * 1024
-"""Bytes. A model of both axes scheduled on five drafts has about 32,000."""
-
-DEEPEST = 20
-"""Lists and mappings inside each other; the deepest that is written here has nine."""
-
-MAX_VALUES = 8_000
-"""A model of both axes scheduled on five drafts has about 2,200; that many are read within 25 ms."""
-
-LONGEST_NUMBER = 40
-"""Characters; a float has at most 24, and nothing that is counted here has 39 digits."""
+LARGEST_TEXT = 256 * 1024  #: Bytes. A model of both axes scheduled on five drafts has about 32,000.
+DEEPEST = 20  #: Lists and mappings inside each other; the deepest that is written here has nine.
+MAX_VALUES = 8_000  #: A model of both axes scheduled on five drafts has about 2,200; that many are read within 25 ms.
+LONGEST_NUMBER = 40  #: Characters; a float has at most 24, and nothing that is counted here has 39 digits.
 
 LONGEST_SHOWN = 80
 
@@ -55,10 +48,8 @@ def shown(value: object) -> str:
 def text_of(path: str | Path, what: str = 'model file') -> str:
     """Text of a file, of which the errors say what it should be.
 
-    Raises
-    ------
-    InputError
-        It cannot be read, is not a regular file, is larger than `LARGEST_TEXT`, or is not UTF-8.
+    Raises:
+        InputError: It cannot be read, is not a regular file, is larger than `LARGEST_TEXT`, or is not UTF-8.
     """
     try:
         # before it is opened: a pipe would wait for ever
@@ -85,10 +76,8 @@ def text_of(path: str | Path, what: str = 'model file') -> str:
 def plain_content(text: str, source: str) -> Any:
     """Plain data of any YAML text, whose source the errors name; names are texts, numbers finite.
 
-    Raises
-    ------
-    InputError
-        The text is too large, too deep, no YAML, or uses what is not understood here.
+    Raises:
+        InputError: The text is too large, too deep, no YAML, or uses what is not understood here.
     """
     root = parsed(text, source)
     return None if root is None else located(root, source)
@@ -219,10 +208,8 @@ def _node_of(event: Any) -> yaml.Node:
 def located(node: yaml.Node, source: str, name: str | None = None) -> Any:
     """Plain data of a node of `parsed`, whose mappings and lists carry the lines of what they hold.
 
-    Raises
-    ------
-    LocatedError
-        As `plain_content`, for what concerns names and numbers; it names the source and the field.
+    Raises:
+        LocatedError: As `plain_content`, for what concerns names and numbers; it names the source and the field.
     """
     # recursion is safe here: the depth is limited
     if isinstance(node, yaml.ScalarNode):

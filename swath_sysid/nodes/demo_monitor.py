@@ -22,38 +22,22 @@ from swath_sysid.nodes.qos import LATCHED
 from swath_sysid.pipeline.demonstration import attitude_at
 
 DEPTH = 1000
-RECENT = 6000
-"""Samples that are kept when everything is not needed any more."""
+RECENT = 6000  #: Samples that are kept when everything is not needed any more.
 
 
 @dataclass
 class Received:
-    """What has come so far.
-
-    Attributes
-    ----------
-    angles : sequence of (int, float)
-        Stamp, ns, and measured angle about the axis, rad.
-    forecasts : dict of float to sequence of (int, float, float)
-        Lead to the stamps they are for, ns, angle and standard deviation, rad.
-    nexts : int
-        Forecasts one sample ahead.
-    model_ns : int or None
-        Stamp of the sensor when the first model came.
-    versions : int
-        Models that came.
-    diagnostics : dict of str to (int, str)
-        Name to level and message.
-    """
+    """What has come so far."""
 
     readings: deque = field(default_factory=deque)
-    angles: deque = field(default_factory=deque)
+    angles: deque = field(default_factory=deque)  #: Stamp, ns, and measured angle about the axis, rad.
+    #: Lead to the stamps they are for, ns, angle and standard deviation, rad.
     forecasts: dict = field(default_factory=dict)
-    nexts: int = 0
+    nexts: int = 0  #: Forecasts one sample ahead.
     models: dict = field(default_factory=dict)
-    model_ns: int | None = None
-    versions: int = 0
-    diagnostics: dict = field(default_factory=dict)
+    model_ns: int | None = None  #: Stamp of the sensor when the first model came.
+    versions: int = 0  #: Models that came.
+    diagnostics: dict = field(default_factory=dict)  #: Name to level and message.
 
 
 class Listener(Node):

@@ -13,13 +13,9 @@ from swath_sysid.pipeline.health import OK, WARN, Report
 class DiagnosticsPublisher:
     """Publishes what a node reports, every period, and logs what changes for the worse or the better.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    period : float
-        s.
-    reports : callable
-        Returns the `Report` list of now.
+    Args:
+        period: s.
+        reports: Returns the `Report` list of now.
     """
 
     def __init__(self, node: Node, period: float, reports: Callable[[], list[Report]]):

@@ -15,14 +15,13 @@ from rclpy.signals import SignalHandlerOptions
 from swath_sysid.common.errors import InputError
 from swath_sysid.nodes.parameters.files import with_moved_parameters
 
+#: Makers of executors, each with the makers of the nodes that it runs.
 Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
-"""Makers of executors, each with the makers of the nodes that it runs."""
 
-WAKE_PERIOD = 0.1
-"""s; between checks of the main thread whether a signal has come."""
+WAKE_PERIOD = 0.1  #: s; between checks of the main thread whether a signal has come.
 
+#: s; between those of the other threads, which are woken to stop: ten wakings a second cost 0.6 % of a core.
 WOKEN_PERIOD = 5.0
-"""s; between those of the other threads, which are woken to stop: ten wakings a second cost 0.6 % of a core."""
 
 
 def events_executor(context: rclpy.Context | None = None) -> Executor:
@@ -40,18 +39,12 @@ def events_executor(context: rclpy.Context | None = None) -> Executor:
 def run(plan: Plan, args: list[str] | None = None, node_name: str | None = None) -> int:
     """Start nodes, spin them until a signal comes, and stop them.
 
-    Parameters
-    ----------
-    plan : sequence of (callable, sequence of callable)
-        The first executor spins in the main thread, the others each in a thread of its own.
-    args : list of str, optional
-        As for `rclpy.init`; by default those of the process.
-    node_name : str, optional
-        Of a node whose parameters had other names earlier: those in parameter files are taken too.
+    Args:
+        plan: The first executor spins in the main thread, the others each in a thread of its own.
+        args: As for `rclpy.init`; by default those of the process.
+        node_name: Of a node whose parameters had other names earlier: those in parameter files are taken too.
 
-    Returns
-    -------
-    int
+    Returns:
         Exit code.
     """
     stop, signalled = threading.Event(), threading.Event()

@@ -41,14 +41,8 @@ def frames_message() -> type | None:
 class ForecastPublishers:
     """Publishes what the steps of a pipeline lead to.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    settings : ForecasterSettings
-    frame_id : str
-    health : Reasons
-    frames_at : sequence of float
-        See `ForecastMessages`.
+    Args:
+        frames_at: See `ForecastMessages`.
     """
 
     def __init__(

@@ -22,8 +22,7 @@ from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHe
 BUSY = 'an identification is running: wait for it or call ~/cancel'
 CANCELLED = 'the identification was cancelled'
 
-Answer = tuple[bool, str]
-"""Whether a model was published, and one line about it: what the services answer."""
+Answer = tuple[bool, str]  #: Whether a model was published, and one line about it: what the services answer.
 
 
 class IdentificationNode(Node):
@@ -32,12 +31,8 @@ class IdentificationNode(Node):
     What is identified is up to a derived node, which first makes what the four methods to be overridden need, and
     then calls `serve`.
 
-    Parameters
-    ----------
-    name : str
-    table : tuple of NodeParameter
-    settings_of : callable
-        Of the values of all parameters.
+    Args:
+        settings_of: Of the values of all parameters.
     """
 
     def __init__(self, name: str, table: Table, settings_of: Callable[[Values], Any]):

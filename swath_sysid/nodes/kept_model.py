@@ -8,22 +8,16 @@ from typing import Any
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.health import BAD_MODEL_FILE, NOT_SAVED, IdentifierHealth
 
-PARAMETER = 'model_path'
-"""The parameter of both identifiers that names the file."""
+PARAMETER = 'model_path'  #: The parameter of both identifiers that names the file.
 
 
 class ModelFile:
     """A model on the disk; one that cannot be read is left alone, whatever comes later.
 
-    Parameters
-    ----------
-    path : str
-        Empty: none.
-    read : callable
-        Of a path; the model, or `InputError`.
-    write : callable
-        Of a path and a model.
-    health : IdentifierHealth
+    Args:
+        path: Empty: none.
+        read: Of a path; the model, or `InputError`.
+        write: Of a path and a model.
     """
 
     def __init__(self, path: str | Path, read: Callable, write: Callable, health: IdentifierHealth):
@@ -47,9 +41,7 @@ class ModelFile:
     def keep(self, model: Any) -> str:
         """Replace what is in the file; an empty model takes it away.
 
-        Returns
-        -------
-        str
+        Returns:
             A remark where that was not possible.
         """
         if self._path is None:

@@ -8,11 +8,8 @@ from typing import Any
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.untrusted_yaml import LARGEST_TEXT
 
-MAX_WAITING = 16
-"""Texts; of a flood the oldest are passed over, as they are superseded anyway."""
-
-MAX_ENDINGS = 1000
-"""Refusals and models that wait to be taken: more than are read between two diagnostics."""
+MAX_WAITING = 16  #: Texts; of a flood the oldest are passed over, as they are superseded anyway.
+MAX_ENDINGS = 1000  #: Refusals and models that wait to be taken: more than are read between two diagnostics.
 
 LONGEST_SENTENCE = 300
 
@@ -20,12 +17,9 @@ LONGEST_SENTENCE = 300
 class ModelIntake:
     """Reads texts one after the other and keeps what they hold until it is taken.
 
-    Parameters
-    ----------
-    read : callable
-        Of a text; returns what it holds or raises `InputError`.
-    on_refused : callable
-        Of the sentence about a text that cannot be used; called by `taken`.
+    Args:
+        read: Of a text; returns what it holds or raises `InputError`.
+        on_refused: Of the sentence about a text that cannot be used; called by `taken`.
     """
 
     def __init__(self, read: Callable, on_refused: Callable[[str], None]):

@@ -17,12 +17,8 @@ from swath_sysid.pipeline.health import IdentifierHealth
 class ModelPublisher:
     """Publishes models and keeps their file.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    path : str
-        Of the model file; empty: none.
-    health : IdentifierHealth
+    Args:
+        path: Of the model file; empty: none.
     """
 
     def __init__(self, node: Node, path: str | Path, health: IdentifierHealth):
@@ -37,9 +33,7 @@ class ModelPublisher:
     def publish(self, models: dict[str, IdentifiedModel]) -> str:
         """Publish models by axis and save them.
 
-        Returns
-        -------
-        str
+        Returns:
             A remark where they could not be saved.
         """
         self._description.publish(String(data=model_to_yaml(models) if models else ''))

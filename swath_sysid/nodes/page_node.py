@@ -34,24 +34,21 @@ from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.pipeline.health import Report
 
+#: What this node is too slow for is lost to it alone.
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""What this node is too slow for is lost to it alone."""
 
-NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""No publisher waits for a page."""
+NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #: No publisher waits for a page.
 
 ASK_PERIOD = 0.1
+#: s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew.
 INSTALLATION_PERIOD = 3.0
-"""s between looks at how the predictor's parameters say that the sensor sits: it may have been started anew."""
 
 
 class PageNode(Node):
     """Keeps a `LiveRecord` up to date, and carries out requests in the thread that spins it.
 
-    Parameters
-    ----------
-    report : callable
-        Called with one line for people about each answer.
+    Args:
+        report: Called with one line for people about each answer.
     """
 
     def __init__(self, report: Callable[[str], None]):

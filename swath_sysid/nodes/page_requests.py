@@ -16,14 +16,10 @@ MAX_REQUESTS = 10
 class PageRequests:
     """Calls services and hands on what they answer.
 
-    Parameters
-    ----------
-    node : Node
-        That calls.
-    report : callable
-        Called with one line for people about each answer.
-    on_kept : callable
-        Called with whether the present model is kept, once the identifier has agreed.
+    Args:
+        node: That calls.
+        report: Called with one line for people about each answer.
+        on_kept: Called with whether the present model is kept, once the identifier has agreed.
     """
 
     def __init__(self, node: Node, report: Callable[[str], None], on_kept: Callable[[bool], None]):
@@ -56,14 +52,10 @@ class PageRequests:
     def get_parameters(self, node: str, names: list[str], take: Callable[..., None]) -> None:
         """Hand on the values of parameters, where the node is there.
 
-        Parameters
-        ----------
-        node : str
-            Its name.
-        names : list of str
-            Of the parameters.
-        take : callable
-            Called with the values.
+        Args:
+            node: Its name.
+            names: Of the parameters.
+            take: Called with the values.
         """
         self._call(
             f'{node}/get_parameters',

@@ -27,8 +27,8 @@ from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
 
+#: A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late.
 PASSED_OVER_NS = 100_000_000
-"""A sample that is older than the newest one waiting by more feeds the filters, but its forecasts come too late."""
 
 
 class Predictor(Node):

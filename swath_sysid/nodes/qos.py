@@ -11,17 +11,16 @@ from rclpy.subscription import Subscription
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.pipeline.health import QOS_MISMATCH, Reasons
 
+#: Reliable, transient local, depth 1: a late subscriber gets the last one.
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Reliable, transient local, depth 1: a late subscriber gets the last one."""
 
+#: Reliable, depth 1: a slow subscriber gets the newest forecast only.
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-"""Reliable, depth 1: a slow subscriber gets the newest forecast only."""
 
+#: Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty.
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-"""Of the ten requests that the stock profile keeps, those of fifty callers at once would push out forty."""
 
-SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Connects with any publisher."""
+SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Connects with any publisher.
 
 THRUSTERS = {'port': 'thrusters/left/thrust', 'starboard': 'thrusters/right/thrust'}
 

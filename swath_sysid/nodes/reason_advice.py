@@ -4,6 +4,7 @@ from swath_sysid.attitude.motion import intake, stamps
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.pipeline import health
 
+#: Every reason that is counted in /diagnostics, and what to do about it.
 REASON_ADVICE = {
     stamps.DUPLICATE: 'samples with the stamp of one before were left out: if many, have the driver stamp its messages',
     stamps.OUT_OF_ORDER: 'late samples were left out: check the transport, and look for a second publisher',
@@ -57,9 +58,9 @@ REASON_ADVICE = {
     health.FRAME_CHANGED: 'the frame_id of the messages changed: two sensors may share the topic, or the driver was '
     'reconfigured; give each sensor a topic of its own, and check whether the mounting is still right',
 }
-"""Every reason that is counted in /diagnostics, and what to do about it."""
 
 
+#: What to do about a state that is reported but not counted.
 STREAM_ADVICE = {
     health.NO_MESSAGE_YET: 'check that the sensor publishes there, or remap the topic',
     health.QUEUED: 'they wait in a queue, check the load of the machine, the driver and the network; or a clock was '
@@ -67,7 +68,6 @@ STREAM_ADVICE = {
     health.SHORT_OF_MEMORY: 'samples come faster than max_rate_hz, which makes the window shorter: raise max_rate_hz',
     health.CLOCKS_DIFFER: 'synchronise the clocks, or replay with --clock and set use_sim_time',
 }
-"""What to do about a state that is reported but not counted."""
 
 ADVICE = {**REASON_ADVICE, **STREAM_ADVICE}
 

@@ -13,21 +13,15 @@ from swath_sysid.formats.recording import Recording, is_ours
 from swath_sysid.nodes.bag_topics import bag_qos, message_class
 from swath_sysid.nodes.executor_loop import events_executor, run
 
-LOOK_PERIOD = 0.1
-"""s between searches for new topics."""
-
-SAVE_PERIOD = 1.0
-"""s of messages that a loss of power costs at most."""
+LOOK_PERIOD = 0.1  #: s between searches for new topics.
+SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
 
 
 class Record(Node):
     """Subscribes to every topic of ours as it appears, and hands its messages on as they are.
 
-    Parameters
-    ----------
-    recording : Recording
-    others : sequence of str
-        Further topics, by their full names.
+    Args:
+        others: Further topics, by their full names.
     """
 
     def __init__(self, recording: Recording, others: Sequence[str] = ()):
@@ -68,26 +62,17 @@ class Record(Node):
 def record(path: str | Path, others: Sequence[str] = (), args: list[str] | None = None) -> tuple[int, dict[str, int]]:
     """Record until a signal comes.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``NAME.mcap``.
-    others : sequence of str
-        Further topics.
-    args : list of str, optional
-        As for `rclpy.init`.
+    Args:
+        path: ``NAME.mcap``.
+        others: Further topics.
+        args: As for `rclpy.init`.
 
-    Returns
-    -------
-    code : int
-        Exit code.
-    counts : dict of str to int
-        Messages by topic.
+    Returns:
+        code: Exit code.
+        counts: Messages by topic.
 
-    Raises
-    ------
-    InputError
-        See `Recording`.
+    Raises:
+        InputError: See `Recording`.
     """
     recording = Recording(path)
     try:

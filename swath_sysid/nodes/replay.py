@@ -17,33 +17,20 @@ from swath_sysid.nodes.bag_topics import DEPTH, bag_qos, message_class
 from swath_sysid.nodes.messages import time_message
 from swath_sysid.nodes.step_keeping import StepKeeping
 
-CLOCK_PERIOD = 0.01
-"""s of wall clock between /clock messages."""
-
-SETTLING = 0.5
-"""s from the last connection to the first message: the other side may still be making it."""
-
-DELIVERY = 5.0
-"""s at most for messages that are on their way when the bag ends."""
-
-DISCOVERY = 3.5
-"""s in which a subscription that is there is found: mostly 0.2 s, now and then three."""
+CLOCK_PERIOD = 0.01  #: s of wall clock between /clock messages.
+SETTLING = 0.5  #: s from the last connection to the first message: the other side may still be making it.
+DELIVERY = 5.0  #: s at most for messages that are on their way when the bag ends.
+DISCOVERY = 3.5  #: s in which a subscription that is there is found: mostly 0.2 s, now and then three.
 
 
 class Replay(Node):
     """Publishes the topics of a bag whose types are installed.
 
-    Parameters
-    ----------
-    path : str or Path
-    settings : ReplaySettings
-    should_stop : callable
-        Asked often.
+    Args:
+        should_stop: Asked often.
 
-    Raises
-    ------
-    InputError
-        There is no such bag, or no topic of a known type in it.
+    Raises:
+        InputError: There is no such bag, or no topic of a known type in it.
     """
 
     def __init__(self, path: str | Path, settings: ReplaySettings, should_stop: Callable[[], bool]):
@@ -82,9 +69,7 @@ class Replay(Node):
 
         These are as many as were set; else all that are found, once no more have come for as long as discovery takes.
 
-        Returns
-        -------
-        int
+        Returns:
             How many are, on the IMU topic, or on the one with the most in a bag without an IMU.
         """
         deadline = time.monotonic() + self._replaying.wait

@@ -14,14 +14,9 @@ from swath_sysid.pipeline.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 class SeaFitting:
     """Takes the requests of a pipeline's steps to a worker and its fits to the pipeline.
 
-    Parameters
-    ----------
-    pipeline : ForecastPipeline
-    health : PredictorHealth
-    logger
-        With ``error(sentence)``.
-    waits : bool
-        Wait for a fit that is due, instead of using it when it has ended.
+    Args:
+        logger: With ``error(sentence)``.
+        waits: Wait for a fit that is due, instead of using it when it has ended.
     """
 
     def __init__(self, pipeline: ForecastPipeline, health: PredictorHealth, logger: Any, waits: bool = False):
@@ -42,12 +37,9 @@ class SeaFitting:
     def submit(self, request: Any, stamp_ns: int) -> None:
         """Fit what a step asked for, unless a fit is still under way.
 
-        Parameters
-        ----------
-        request : SeaRequest
-            The past to fit.
-        stamp_ns : int
-            Of the sample that led to it.
+        Args:
+            request: The past to fit.
+            stamp_ns: Of the sample that led to it.
         """
         if self._is_fitting:
             self._health.note(LATE_FIT)

@@ -20,11 +20,10 @@ from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.messages import time_message
 
+#: What a small attitude sensor shows at rest at 100 Hz; the published trials were noisier, up to five times.
 MEMS_NOISE = SensorNoise(angle=0.0005, rate=0.003, acceleration=0.02)
-"""What a small attitude sensor shows at rest at 100 Hz; the published trials were noisier, up to five times."""
 
-LARGEST_LAG = 0.5
-"""s; a machine that pauses for longer loses samples, as a sensor's driver would."""
+LARGEST_LAG = 0.5  #: s; a machine that pauses for longer loses samples, as a sensor's driver would.
 
 
 class SimulatedCraftNode(Node):

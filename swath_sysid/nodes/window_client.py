@@ -19,14 +19,9 @@ from swath_sysid.pipeline.health import BAD_WINDOW, IdentifierHealth
 class WindowClient:
     """Receives windows, and requests one from the buffer.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    service : str
-        Makes the buffer publish its window.
-    health : IdentifierHealth
-    on_window : callable
-        Called with the `MotionTable` of every window that was not asked for by `fetch`.
+    Args:
+        service: Makes the buffer publish its window.
+        on_window: Called with the `MotionTable` of every window that was not asked for by `fetch`.
     """
 
     def __init__(self, node: Node, service: str, health: IdentifierHealth, on_window: Callable[[MotionTable], None]):
@@ -41,9 +36,7 @@ class WindowClient:
     async def fetch(self, timeout: float) -> str:
         """Have the buffer publish its window and wait for it, at most this many seconds.
 
-        Returns
-        -------
-        str
+        Returns:
             What stands in the way; empty: `newest` is fresh, or there is no buffer and it is the last one.
         """
         if not self._client.service_is_ready():

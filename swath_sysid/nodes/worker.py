@@ -27,14 +27,11 @@ class _Job:
 class Worker:
     """Runs one function after the other in a process of its own.
 
-    Parameters
-    ----------
-    warm_up : callable
-        Run in the process when it starts; importable there, as all functions given.
-    on_death : callable, optional
-        Called (from the worker's thread) when the process died and was started again.
-    longest_idle : float
-        s without work after which the process is ended, to be started with the next; 0: it stays ready from now on.
+    Args:
+        warm_up: Run in the process when it starts; importable there, as all functions given.
+        on_death: Called (from the worker's thread) when the process died and was started again.
+        longest_idle: s without work after which the process is ended, to be started with the next; 0: it stays ready
+            from now on.
     """
 
     def __init__(
@@ -59,17 +56,12 @@ class Worker:
     ) -> None:
         """Have ``function(*arguments)`` run; with ``on_progress`` also given ``progress=`` and ``should_cancel=``.
 
-        Parameters
-        ----------
-        function : callable
-            Importable in the worker.
-        arguments : tuple
-            Picklable.
-        on_end : callable
-            Called from the worker's thread with the result and None, or with None and one of
-            `InputError`, `Cancelled`, `WorkerError`.
-        on_progress : callable, optional
-            Called from the worker's thread with 0 to 1.
+        Args:
+            function: Importable in the worker.
+            arguments: Picklable.
+            on_end: Called from the worker's thread with the result and None, or with None and one of `InputError`,
+                `Cancelled`, `WorkerError`.
+            on_progress: Called from the worker's thread with 0 to 1.
         """
         job = _Job((function, arguments, on_progress is not None), on_progress, on_end)
         self._unfinished.append(job)

@@ -28,72 +28,50 @@ CONNECT, SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE, KEPT = STEPS = (
 
 NODES = ('imu_buffer', 'predictor', 'identifier')
 
-LOWEST_RATE = 8.0
-"""Hz; craft roll in 1 s and more, and a period needs some ten samples."""
+LOWEST_RATE = 8.0  #: Hz; craft roll in 1 s and more, and a period needs some ten samples.
 
 REST_S = 6.0
-LONGEST_UNREST = 20.0
-"""s without rest after which the water is named."""
+LONGEST_UNREST = 20.0  #: s without rest after which the water is named.
 
 SETTLED_S = 3.0
-BLOCK_S = 0.5
-"""s; rest is judged by means over so long, in which the noise of a sensor is averaged out."""
-
-STILL = float(np.radians(0.4))
-"""Peak to peak of such means at rest."""
+BLOCK_S = 0.5  #: s; rest is judged by means over so long, in which the noise of a sensor is averaged out.
+STILL = float(np.radians(0.4))  #: Peak to peak of such means at rest.
 
 MOVED = float(np.radians(0.7))
 SWUNG = float(np.radians(0.25))
+#: Motion begins beyond the first, a swing counts beyond the second, and both beyond so many standard deviations of the
+#: noise.
 NOISES = 6.0
-"""Motion begins beyond the first, a swing counts beyond the second, and both beyond so many standard deviations of the
-noise."""
 
-LONGEST_GAP = 1.0
-"""s without a sample, after which cycles cannot be counted."""
+LONGEST_GAP = 1.0  #: s without a sample, after which cycles cannot be counted.
 
+#: The buffer publishes no decay from below 1 deg by itself; the first swing after a push is smaller than the push.
 SMALLEST_PUSH = float(np.radians(1.5))
-"""The buffer publishes no decay from below 1 deg by itself; the first swing after a push is smaller than the push."""
 
-FADED = 0.06
-"""Part of the first amplitude at which a decay has ended."""
+FADED = 0.06  #: Part of the first amplitude at which a decay has ended.
 
 LONGEST_HOLD = 15.0
 LONGEST_DECAY = 40.0
-STEADY = 0.5
-"""Motion of which the last third is larger than this part of the first third is kept up by something."""
+STEADY = 0.5  #: Motion of which the last third is larger than this part of the first third is kept up by something.
 
 MIN_CYCLES = 1.0
-PATIENCE_S = 10.0
-"""s from the end of a decay within which the buffer has noticed it."""
+PATIENCE_S = 10.0  #: s from the end of a decay within which the buffer has noticed it.
 
+#: Relative uncertainty (two standard deviations) of the damping above which another release is advised.
 POOR_DAMPING = 0.1
-"""Relative uncertainty (two standard deviations) of the damping above which another release is advised."""
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known now.
+    """What is known now."""
 
-    Attributes
-    ----------
-    statuses : mapping of str to Report
-        Fresh diagnostics by ``NODE: NAME``; values as texts.
-    silence : float
-        s since the newest sample came; infinite before the first.
-    motions : mapping of str to AxisMotion
-        The last minute, by axis.
-    model : IdentifiedModel or None
-        Of the axis to be identified.
-    is_kept : bool
-        Whether the user has accepted the model.
-    """
-
+    #: Fresh diagnostics by ``NODE: NAME``; values as texts.
     statuses: Mapping[str, Report] = field(default_factory=dict)
-    silence: float = float('inf')
-    motions: Mapping[str, AxisMotion] = field(default_factory=dict)
-    model: IdentifiedModel | None = None
+    silence: float = float('inf')  #: s since the newest sample came; infinite before the first.
+    motions: Mapping[str, AxisMotion] = field(default_factory=dict)  #: The last minute, by axis.
+    model: IdentifiedModel | None = None  #: Of the axis to be identified.
     models_received: int = 0
-    is_kept: bool = False
+    is_kept: bool = False  #: Whether the user has accepted the model.
 
     def value(self, status: str, name: str) -> float:
         """A number of a status; zero where it is not there."""
@@ -106,24 +84,12 @@ class Facts:
 
 @dataclass(frozen=True)
 class Guidance:
-    """Where the bring-up stands.
+    """Where the bring-up stands."""
 
-    Attributes
-    ----------
-    step : str
-        One of `STEPS`.
-    sentence : str
-        What goes on, or what to do.
-    fault : str
-        Code of what is wrong; empty where nothing is.
-    cure : str
-        What to do about it.
-    """
-
-    step: str
-    sentence: str
-    fault: str = ''
-    cure: str = ''
+    step: str  #: One of `STEPS`.
+    sentence: str  #: What goes on, or what to do.
+    fault: str = ''  #: Code of what is wrong; empty where nothing is.
+    cure: str = ''  #: What to do about it.
 
 
 @dataclass(frozen=True)
@@ -144,12 +110,9 @@ class _Motion:
 class BringUp:
     """Guides from the start of the nodes to a model that the user keeps.
 
-    Parameters
-    ----------
-    axis : str
-        To be identified.
-    push : float
-        Angle that is asked for, rad.
+    Args:
+        axis: To be identified.
+        push: Angle that is asked for, rad.
     """
 
     def __init__(self, axis: str, push: float = float(np.radians(5.0))) -> None:

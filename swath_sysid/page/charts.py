@@ -7,8 +7,7 @@ from swath_sysid.page.live_view import INTERVALS, SHOWN_S
 
 MEASURED, FORECAST, CHECKED = '#8a94a0', '#d95f02', '#7570b3'
 BAND_OPACITY = 0.16
-SMALLEST = {'deg': 1.0, 'm': 0.1}
-"""Charts do not show less than that either way, or noise would look like motion."""
+SMALLEST = {'deg': 1.0, 'm': 0.1}  #: Charts do not show less than that either way, or noise would look like motion.
 
 QUIET = {'type': 'line', 'showSymbol': False, 'silent': True, 'animation': False}
 

@@ -27,8 +27,7 @@ from swath_sysid.page.live_view import (
 )
 from swath_sysid.start import verb_command
 
-CAMPAIGN_PERIOD = 5.0
-"""s between looks at the folder of the trials."""
+CAMPAIGN_PERIOD = 5.0  #: s between looks at the folder of the trials.
 
 RECORD_END_S = 10.0
 
@@ -67,17 +66,11 @@ class View:
 class Desk:
     """The state of the page.
 
-    Parameters
-    ----------
-    source : Source
-    folder : Path
-        Where models and bags are saved.
-    axis : str
-        To be identified first.
-    manifest : str, optional
-        Of the campaign.
-    clock : callable
-        That which the source notes arrivals by, s.
+    Args:
+        folder: Where models and bags are saved.
+        axis: To be identified first.
+        manifest: Of the campaign.
+        clock: That which the source notes arrivals by, s.
     """
 
     def __init__(

@@ -14,8 +14,7 @@ try:
 except ImportError:  # `server` says what to install
     ui = None  # type: ignore[assignment]
 
-SCREEN_PERIOD = 0.4
-"""s between pictures."""
+SCREEN_PERIOD = 0.4  #: s between pictures.
 
 COLOURS = {OK: 'positive', WARN: 'warning'}
 CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio'}
@@ -32,8 +31,7 @@ TRIAL_COLUMNS = [
     {'name': name, 'label': name, 'field': name, 'align': 'left'} for name in ('file', 'axis', 'loading', 'angle')
 ]
 
-Update = Callable[[View], None]
-"""What brings one card up to date."""
+Update = Callable[[View], None]  #: What brings one card up to date.
 
 
 def build(desk: Desk) -> None:

@@ -17,14 +17,9 @@ from swath_sysid.page.bring_up import Facts
 from swath_sysid.pipeline.health import Report
 
 WINDOW_S = 60.0
-RATE = 25.0
-"""Hz; more samples than that are left out: a craft rolls in 1 s and more."""
-
-STALE_S = 5.0
-"""s after which a status does not count any more."""
-
-CHECKED_LEAD = 2.0
-"""s; the forecast so far ahead is kept until what it is for has been measured."""
+RATE = 25.0  #: Hz; more samples than that are left out: a craft rolls in 1 s and more.
+STALE_S = 5.0  #: s after which a status does not count any more.
+CHECKED_LEAD = 2.0  #: s; the forecast so far ahead is kept until what it is for has been measured.
 
 KEPT_FORECASTS = 600
 MAX_STATUSES = 100
@@ -32,37 +27,22 @@ MAX_STATUSES = 100
 
 @dataclass(frozen=True)
 class Horizon:
-    """A forecast over the horizon.
+    """A forecast over the horizon."""
 
-    Attributes
-    ----------
-    stamp : float
-        When issued, s.
-    leads : ndarray, shape (L,)
-        s.
-    mean, std : dict of str to ndarray, shape (L,)
-        By quantity: roll and pitch, rad; heave of a point, m.
-    """
-
-    stamp: float
-    leads: np.ndarray
-    mean: dict[str, np.ndarray]
-    std: dict[str, np.ndarray]
+    stamp: float  #: When issued, s.
+    leads: np.ndarray  #: (L,); s.
+    mean: dict[str, np.ndarray]  #: dict of str to (L,); By quantity: roll and pitch, rad; heave of a point, m.
+    std: dict[str, np.ndarray]  #: dict of str to (L,); By quantity: roll and pitch, rad; heave of a point, m.
 
 
 def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], positions: Sequence[float]) -> Horizon:
     """A horizon from the columns of its message.
 
-    Parameters
-    ----------
-    stamp_ns : int
-        When issued.
-    leads_ns : sequence of int
-        Times from then.
-    columns : sequence of str
-        ``roll``, ``roll_std``, ...
-    positions : sequence of float
-        The columns of each lead in turn.
+    Args:
+        stamp_ns: When issued.
+        leads_ns: Times from then.
+        columns: ``roll``, ``roll_std``, ...
+        positions: The columns of each lead in turn.
     """
     table = dict(zip(columns, np.asarray(positions, dtype=float).reshape(len(leads_ns), len(columns)).T, strict=True))
     means = {name: values for name, values in table.items() if not name.endswith('_std')}

@@ -20,8 +20,8 @@ from swath_sysid.report.sea_report import sea_in_words
 
 SHOWN_S = 30.0
 SHOWN_POINTS = 300
+#: Half widths in standard deviations.
 INTERVALS = {f'{100.0 * level:.0f} %': width for level, width in zip(LEVELS, NORMAL_QUANTILES, strict=True)}
-"""Half widths in standard deviations."""
 
 AMPLITUDES = 25
 NOISE_S = 5.0
@@ -57,11 +57,9 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
 def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -> dict[str, list]:
     """Measured motion, the forecast with its intervals and what was forecast before, against the time from now.
 
-    Returns
-    -------
-    dict
-        ``measured``, ``forecast``, ``checked``: lists of (s, deg or m); ``bands``: per interval lists of
-        (s, lower, upper).
+    Returns:
+        ``measured``, ``forecast``, ``checked``: lists of (s, deg or m); ``bands``: per interval lists of (s, lower,
+        upper).
     """
     now = record.stamp
     scale = np.degrees(1.0) if motion is not None or quantity in ('roll', 'pitch') else 1.0
@@ -86,9 +84,7 @@ def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -
 def model_chart(model: IdentifiedModel) -> dict[str, list]:
     """Natural period and equivalent damping against amplitude, with two standard deviations.
 
-    Returns
-    -------
-    dict
+    Returns:
         ``period`` (s) and ``damping``: lists of (deg, value, lower, upper).
     """
     low, high = model.amplitude_range

@@ -23,8 +23,8 @@ except ImportError:  # `check_installed` says what to install
 
 COOKIE = 'swath_sysid_page'
 LOCAL_NAMES = ('localhost', '127.0.0.1', '::1')
+#: That are kept for a browser that comes back: the next picture shows the same, and a stalled one costs no memory.
 FEW_MESSAGES = 10
-"""That are kept for a browser that comes back: the next picture shows the same, and a stalled one costs no memory."""
 
 REFUSAL = b'Open the address that swath-sysid page printed, with its token.'
 
@@ -42,12 +42,9 @@ class Guard:
 
     Pages of other origins, which any browser may have open too, are refused both.
 
-    Parameters
-    ----------
-    application : callable
-        ASGI.
-    token : str
-        Empty: none.
+    Args:
+        application: ASGI.
+        token: Empty: none.
     """
 
     def __init__(self, application: Callable[..., Awaitable[None]], token: str) -> None:
@@ -76,14 +73,10 @@ class Guard:
 def is_allowed(headers: dict[str, str], token: str, given: str = '') -> bool:
     """Whether a request may see the page.
 
-    Parameters
-    ----------
-    headers : dict of str to str
-        Names in small letters.
-    token : str
-        That is asked for; empty: none, but then the host must be this machine by its own name.
-    given : str
-        The token in the address, if there was one.
+    Args:
+        headers: Names in small letters.
+        token: That is asked for; empty: none, but then the host must be this machine by its own name.
+        given: The token in the address, if there was one.
     """
     host, origin = headers.get('host', ''), headers.get('origin')
     if origin is not None and urlsplit(origin).netloc != host:
@@ -111,26 +104,17 @@ async def _refuse(scope: dict[str, Any], send: Any) -> None:
 def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
     """Serve the page while the block runs.
 
-    Parameters
-    ----------
-    desk : Desk
-        What the page shows and does.
-    host : str
-        Address to listen on.
-    port : int
-        0: one that is free.
-    token : str
-        Empty: none.
+    Args:
+        desk: What the page shows and does.
+        host: Address to listen on.
+        port: 0: one that is free.
+        token: Empty: none.
 
-    Yields
-    ------
-    str
+    Yields:
         The address for a browser.
 
-    Raises
-    ------
-    InputError
-        nicegui is not installed, or the port is taken.
+    Raises:
+        InputError: nicegui is not installed, or the port is taken.
     """
     check_installed()
     try:

@@ -9,30 +9,21 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
 
+#: Order of each regression, given enough past; an autoregression reads its own angle, the others every channel.
 REGRESSIONS = {'ar_40': 40, 'var_40': 40, 'var_60': 60}
-"""Order of each regression, given enough past; an autoregression reads its own angle, the others every channel."""
 
 SIMPLE = ('persistence', 'constant_rate', 'mean')
 BASELINES = (*SIMPLE, *REGRESSIONS)
 
 ORDERS = (60, 40, 20, 10, 5, 2, 1)
+#: A shorter past supports a lower order only: with fewer rows than these a regression fits the noise.
 ROWS_A_COEFFICIENT = 8
-"""A shorter past supports a lower order only: with fewer rows than these a regression fits the noise."""
 
-RIDGE = 1e-8
-"""A row, in standard deviations; a hundred times as much costs a clean IMU a tenth at the shortest lead."""
-
-REGRESSION_STEP = 0.1
-"""s between lags, about: forty of them reach a wave period back, whatever the sensor's rate."""
-
-REFIT_INTERVAL = 10.0
-"""s."""
-
-EVEN = 1.5
-"""Samples further apart than so many usual intervals have lost one between them."""
-
-ON_A_SAMPLE = 0.02
-"""Usual intervals: a time as near as this to a sample is the sample's."""
+RIDGE = 1e-8  #: A row, in standard deviations; a hundred times as much costs a clean IMU a tenth at the shortest lead.
+REGRESSION_STEP = 0.1  #: s between lags, about: forty of them reach a wave period back, whatever the sensor's rate.
+REFIT_INTERVAL = 10.0  #: s.
+EVEN = 1.5  #: Samples further apart than so many usual intervals have lost one between them.
+ON_A_SAMPLE = 0.02  #: Usual intervals: a time as near as this to a sample is the sample's.
 
 _MIN_SHARE = 0.5
 _STILL = 1e-12
@@ -40,21 +31,11 @@ _STILL = 1e-12
 
 @dataclass(frozen=True)
 class Record:
-    """A trial read at any time.
+    """A trial read at any time."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (N,)
-        s.
-    values : ndarray, shape (N, M)
-        NaN where missing.
-    names : tuple of str
-        Channels.
-    """
-
-    time: np.ndarray
-    values: np.ndarray
-    names: tuple[str, ...]
+    time: np.ndarray  #: (N,); s.
+    values: np.ndarray  #: (N, M); NaN where missing.
+    names: tuple[str, ...]  #: Channels.
 
     @classmethod
     def of(cls, trial: Trial) -> Self:
@@ -75,16 +56,11 @@ class Record:
     def at(self, wanted: np.ndarray, places: Sequence[int] | None = None) -> np.ndarray:
         """The channels at given times, linear between neighbouring samples.
 
-        Parameters
-        ----------
-        wanted : ndarray, shape (...)
-            s.
-        places : sequence of int, optional
-            Of the channels; all by default.
+        Args:
+            wanted: (...); s.
+            places: Of the channels; all by default.
 
-        Returns
-        -------
-        ndarray, shape (..., M)
+        Returns:
             NaN before the first and after the last sample, and where a neighbour is missing.
         """
         values = self.values if places is None else self.values[:, list(places)]
@@ -118,22 +94,14 @@ def baseline_forecasts(
 ) -> dict[str, dict[str, np.ndarray]]:
     """Forecasts of every baseline, issued at the stamps from the samples up to and with them.
 
-    Parameters
-    ----------
-    record : Record
-        Its channels include the axes; the vector regressions read all of them.
-    axes : sequence of str
-        Those to forecast.
-    stamps : ndarray, shape (N,)
-        s, increasing.
-    leads : ndarray, shape (L,)
-        s; between whole steps of a regression its forecasts are joined linearly.
-    window : float
-        s of past that mean and regressions learn from.
+    Args:
+        record: Its channels include the axes; the vector regressions read all of them.
+        axes: Those to forecast.
+        stamps: (N,); s, increasing.
+        leads: (L,); s; between whole steps of a regression its forecasts are joined linearly.
+        window: s of past that mean and regressions learn from.
 
-    Returns
-    -------
-    dict of str to dict of str to ndarray, shape (N, L)
+    Returns:
         By axis and baseline (those of `BASELINES`), NaN where there is none.
     """
     every = [k for k, name in enumerate(record.names)]
@@ -154,18 +122,13 @@ def simple_forecasts(
 ) -> dict[str, np.ndarray]:
     """Persistence, constant rate and the mean of the past.
 
-    Parameters
-    ----------
-    record : Record
-        Holds the channel.
-    name : str
-        Channel to forecast; its rate is the one of that name with ``_rate``, or that between its newest two values.
-    stamps, leads, window
-        As in `baseline_forecasts`.
+    Args:
+        record: Holds the channel.
+        name: Channel to forecast; its rate is the one of that name with ``_rate``, or that between its newest two
+            values.
+        stamps, leads, window: As in `baseline_forecasts`.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (N, L)
+    Returns:
         By `SIMPLE`.
     """
     measured = np.isfinite(record.column(name))
@@ -202,22 +165,14 @@ def running_regression(
 ) -> np.ndarray:
     """A vector autoregression by ridge least squares, iterated ahead and refitted as time goes on.
 
-    Parameters
-    ----------
-    record : Record
-        Read at even steps, a whole number of its intervals.
-    channels : sequence of int
-        Places of what it reads; those that do not move or are mostly missing are left out.
-    targets : sequence of int
-        Places of what it forecasts, T of them.
-    order : int
-        Lags, as far as the past at each refit supports them.
-    stamps, leads, window
-        As in `baseline_forecasts`.
+    Args:
+        record: Read at even steps, a whole number of its intervals.
+        channels: Places of what it reads; those that do not move or are mostly missing are left out.
+        targets: Places of what it forecasts, T of them.
+        order: Lags, as far as the past at each refit supports them.
+        stamps, leads, window: As in `baseline_forecasts`.
 
-    Returns
-    -------
-    ndarray, shape (N, L, T)
+    Returns:
         NaN before the first fit and where a lag is missing.
     """
     step = record.interval * max(1, round(REGRESSION_STEP / record.interval))

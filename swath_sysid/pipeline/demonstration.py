@@ -12,72 +12,39 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
-UNAWARE = 0.3
-"""s after letting go; no forecast issued earlier can know that the craft is free."""
-
-SCORED_SPAN = 10.0
-"""s of motion after letting go that count."""
-
-LIFTING = 3.0
-"""s; so long at most the craft is lifted and held before it is let go."""
+UNAWARE = 0.3  #: s after letting go; no forecast issued earlier can know that the craft is free.
+SCORED_SPAN = 10.0  #: s of motion after letting go that count.
+LIFTING = 3.0  #: s; so long at most the craft is lifted and held before it is let go.
 
 LARGEST_ERROR = 0.1
+#: What is asked of the forecast one natural period ahead: its NRMSE, and its part of that without a model.
 LARGEST_SHARE = 0.25
-"""What is asked of the forecast one natural period ahead: its NRMSE, and its part of that without a model."""
 
 
 @dataclass(frozen=True)
 class LeadForecasts:
-    """The forecasts at one lead.
+    """The forecasts at one lead."""
 
-    Attributes
-    ----------
-    lead : float
-        s.
-    time : ndarray, shape (N,)
-        The times they are for, s.
-    angle, std : ndarray, shape (N,)
-        rad.
-    """
-
-    lead: float
-    time: np.ndarray
-    angle: np.ndarray
-    std: np.ndarray
+    lead: float  #: s.
+    time: np.ndarray  #: (N,); The times they are for, s.
+    angle: np.ndarray  #: (N,); rad.
+    std: np.ndarray  #: (N,); rad.
 
 
 @dataclass(frozen=True)
 class Demonstration:
-    """A craft released twice, the second time with an identified model. Times in s, from one start.
-
-    Attributes
-    ----------
-    release_angle : float
-        rad, from trim.
-    period : float
-        The hull's natural period, s.
-    time, angle : ndarray, shape (N,)
-        Measured.
-    releases : tuple of 2 floats
-        When the craft was let go.
-    model_time : float
-        When the first model arrived.
-    forecasts : tuple of LeadForecasts
-        As they were published.
-    unaided : tuple of LeadForecasts
-        What would have been published without a model.
-    """
+    """A craft released twice, the second time with an identified model. Times in s, from one start."""
 
     axis: str
     hull: str
-    release_angle: float
-    period: float
-    time: np.ndarray
-    angle: np.ndarray
-    releases: tuple[float, float]
-    model_time: float
-    forecasts: tuple[LeadForecasts, ...]
-    unaided: tuple[LeadForecasts, ...]
+    release_angle: float  #: rad, from trim.
+    period: float  #: The hull's natural period, s.
+    time: np.ndarray  #: (N,); Measured.
+    angle: np.ndarray  #: (N,); Measured.
+    releases: tuple[float, float]  #: When the craft was let go.
+    model_time: float  #: When the first model arrived.
+    forecasts: tuple[LeadForecasts, ...]  #: As they were published.
+    unaided: tuple[LeadForecasts, ...]  #: What would have been published without a model.
 
     @property
     def period_lead(self) -> float:
@@ -110,22 +77,12 @@ class Demonstration:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether the forecasts became what they should.
+    """Whether the forecasts became what they should."""
 
-    Attributes
-    ----------
-    lead : float
-        One natural period, s.
-    before, after : float
-        NRMSE in the first release, without a model, and in the second.
-    unaided : float
-        NRMSE of what would have been published in the second release without a model.
-    """
-
-    lead: float
-    before: float
-    after: float
-    unaided: float
+    lead: float  #: One natural period, s.
+    before: float  #: NRMSE in the first release, without a model, and in the second.
+    after: float  #: NRMSE in the first release, without a model, and in the second.
+    unaided: float  #: NRMSE of what would have been published in the second release without a model.
 
     @property
     def is_good(self) -> bool:
@@ -147,10 +104,8 @@ class Verdict:
 def verdict_of(demonstration: Demonstration) -> Verdict:
     """Judge a demonstration by its forecasts one natural period ahead.
 
-    Parameters
-    ----------
-    demonstration : Demonstration
-        Of both releases.
+    Args:
+        demonstration: Of both releases.
     """
     lead = demonstration.period_lead
     published, unaided = (
@@ -170,18 +125,12 @@ def attitude_at(forecast: Any, axis: str) -> tuple[float, float]:
 def without_model(readings: Iterable[ImuReading], axis: str, settings: PipelineSettings) -> dict[float, list[tuple]]:
     """The forecasts of the same messages if no model were known.
 
-    Parameters
-    ----------
-    readings : iterable of ImuReading
-        The messages, in the order in which they came.
-    axis : str
-        ``roll`` or ``pitch``.
-    settings : PipelineSettings
-        Those that the forecasts were published with.
+    Args:
+        readings: The messages, in the order in which they came.
+        axis: ``roll`` or ``pitch``.
+        settings: Those that the forecasts were published with.
 
-    Returns
-    -------
-    dict of float to list of (int, float, float)
+    Returns:
         Lead to stamps (ns), angles and standard deviations.
     """
     pipeline = ForecastPipeline(settings)

@@ -25,11 +25,8 @@ from swath_sysid.pipeline.health import (
 class PredictorHealth(StreamHealth):
     """How samples become forecasts.
 
-    Parameters
-    ----------
-    advice, topic
-        See `StreamHealth`.
-    pipeline : ForecastPipeline
+    Args:
+        advice, topic: See `StreamHealth`.
     """
 
     def __init__(self, advice: Mapping[str, str], topic: str, pipeline: ForecastPipeline):
@@ -85,10 +82,8 @@ class PredictorHealth(StreamHealth):
 def installation_report(check: InstallationCheck) -> Report:
     """Whether the sensor sits as was given.
 
-    Parameters
-    ----------
-    check : InstallationCheck
-        Of the running sensor; it judges anew where that is due.
+    Args:
+        check: Of the running sensor; it judges anew where that is due.
     """
     contradictions = check.judge()
     level, message = OK, check.described

@@ -11,64 +11,39 @@ from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.prediction.forecast import Forecast
 
+#: rad^2; of a heading, which is not forecast but held, and of an axis that the sensor does not measure.
 UNKNOWN_ANGLE_VARIANCE = math.pi**2
-"""rad^2; of a heading, which is not forecast but held, and of an axis that the sensor does not measure."""
 
-UNKNOWN_RATE_VARIANCE = 100.0
-"""rad^2/s^2."""
+UNKNOWN_RATE_VARIANCE = 100.0  #: rad^2/s^2.
 
+#: The covariance of a quantity that a sensor_msgs/Imu does not give.
 NOT_GIVEN = (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""The covariance of a quantity that a sensor_msgs/Imu does not give."""
 
+#: m^2, m^2/s^2 and m^2/s^4; of the horizontal motion of the sensor, which is not forecast.
 UNKNOWN_PLACE_VARIANCE = 100.0
-"""m^2, m^2/s^2 and m^2/s^4; of the horizontal motion of the sensor, which is not forecast."""
 
 _NOTHING_KNOWN = 0.0, 0.0, UNKNOWN_ANGLE_VARIANCE, 0.0, UNKNOWN_RATE_VARIANCE
 
 
 class AttitudeForecast(NamedTuple):
-    """What a sensor_msgs/Imu of a forecast says, in the axes of the craft (FLU in ENU).
+    """What a sensor_msgs/Imu of a forecast says, in the axes of the craft (FLU in ENU)."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        The time it is for.
-    orientation : tuple of 4 floats
-        Quaternion x, y, z, w.
-    rates : tuple of 3 floats
-        Body rates, rad/s.
-    """
-
-    stamp_ns: int
-    orientation: tuple[float, ...]
+    stamp_ns: int  #: The time it is for.
+    orientation: tuple[float, ...]  #: Quaternion x, y, z, w.
     orientation_covariance: tuple[float, ...]
-    rates: tuple[float, ...]
+    rates: tuple[float, ...]  #: Body rates, rad/s.
     rates_covariance: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class HorizonForecast:
-    """What a trajectory_msgs/JointTrajectory of a forecast says.
+    """What a trajectory_msgs/JointTrajectory of a forecast says."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        When issued.
-    columns : tuple of str
-        ``roll``, ``roll_std``, ... of the axes that the sensor measures.
-    leads_ns : tuple of int
-        From the stamp.
-    positions : ndarray, shape (L, columns)
-        Angle and its standard deviation, rad.
-    velocities : ndarray, shape (L, columns)
-        Euler rate and its standard deviation, rad/s.
-    """
-
-    stamp_ns: int
-    columns: tuple[str, ...]
-    leads_ns: tuple[int, ...]
-    positions: np.ndarray
-    velocities: np.ndarray
+    stamp_ns: int  #: When issued.
+    columns: tuple[str, ...]  #: ``roll``, ``roll_std``, ... of the axes that the sensor measures.
+    leads_ns: tuple[int, ...]  #: From the stamp.
+    positions: np.ndarray  #: (L, columns); Angle and its standard deviation, rad.
+    velocities: np.ndarray  #: (L, columns); Euler rate and its standard deviation, rad/s.
 
 
 def attitude_forecast(
@@ -76,16 +51,11 @@ def attitude_forecast(
 ) -> AttitudeForecast:
     """The forecast at one lead as an attitude with covariance.
 
-    Parameters
-    ----------
-    stamp_ns : int
-        When issued.
-    lead : float
-        s.
-    axes : dict of str to sequence of 5 floats
-        By axis that the sensor measures: angle, rate, angle variance, covariance of both, rate variance.
-    yaw, yaw_rate : float
-        Held heading, rad, and its rate, rad/s.
+    Args:
+        stamp_ns: When issued.
+        lead: s.
+        axes: By axis that the sensor measures: angle, rate, angle variance, covariance of both, rate variance.
+        yaw, yaw_rate: Held heading, rad, and its rate, rad/s.
     """
     roll, roll_rate, roll_variance, _, roll_rate_variance = axes.get('roll', _NOTHING_KNOWN)
     pitch, pitch_rate, pitch_variance, _, pitch_rate_variance = axes.get('pitch', _NOTHING_KNOWN)
@@ -103,18 +73,12 @@ def attitudes_at_leads(
 ) -> tuple[tuple[float, AttitudeForecast], ...]:
     """The forecast at each of its leads as an attitude with covariance.
 
-    Parameters
-    ----------
-    forecast : Forecast
-        At the leads.
-    stamp_ns : int
-        When issued.
-    yaw, yaw_rate : float
-        See `attitude_forecast`.
+    Args:
+        forecast: At the leads.
+        stamp_ns: When issued.
+        yaw, yaw_rate: See `attitude_forecast`.
 
-    Returns
-    -------
-    tuple of (float, AttitudeForecast)
+    Returns:
         Lead, s, and the attitude.
     """
     moments = {
@@ -134,12 +98,9 @@ def attitudes_at_leads(
 def horizon_forecast(forecast: Forecast, stamp_ns: int) -> HorizonForecast:
     """The forecast over the horizon as a table.
 
-    Parameters
-    ----------
-    forecast : Forecast
-        Over the horizon.
-    stamp_ns : int
-        When issued.
+    Args:
+        forecast: Over the horizon.
+        stamp_ns: When issued.
     """
     positions, velocities = np.empty((2, forecast.leads.size, 2 * len(forecast.axes)))
     for place, ahead in enumerate(forecast.axes.values()):
@@ -165,49 +126,28 @@ _HEAVE_AND_ATTITUDE = np.ix_((0, 3, 4), (0, 3, 4))
 
 
 class PointForecast(NamedTuple):
-    """What the messages of a point at one lead say: in a level frame that moves with the craft's mean.
-
-    Attributes
-    ----------
-    lead : float
-        s.
-    stamp_ns : int
-        The time it is for.
-    position : tuple of 3 floats
-        From the sensor's mean place, m: z is about the mean level of the point; x and y by rotation alone.
-    orientation : tuple of 4 floats
-        Quaternion x, y, z, w.
-    pose_covariance : ndarray, shape (6, 6)
-        Of x, y, z and the rotations about them.
-    linear, angular : tuple of 3 floats
-        In the axes of the craft then, m/s and rad/s.
-    twist_covariance : ndarray, shape (6, 6)
-    acceleration : float
-        Upwards, m/s^2.
-    """
+    """What the messages of a point at one lead say: in a level frame that moves with the craft's mean."""
 
     name: str
-    lead: float
-    stamp_ns: int
+    lead: float  #: s.
+    stamp_ns: int  #: The time it is for.
+    #: From the sensor's mean place, m: z is about the mean level of the point; x and y by rotation alone.
     position: tuple[float, ...]
-    orientation: tuple[float, ...]
-    pose_covariance: np.ndarray
-    linear: tuple[float, ...]
-    angular: tuple[float, ...]
-    twist_covariance: np.ndarray
-    acceleration: float
+    orientation: tuple[float, ...]  #: Quaternion x, y, z, w.
+    pose_covariance: np.ndarray  #: (6, 6); Of x, y, z and the rotations about them.
+    linear: tuple[float, ...]  #: In the axes of the craft then, m/s and rad/s.
+    angular: tuple[float, ...]  #: In the axes of the craft then, m/s and rad/s.
+    twist_covariance: np.ndarray  #: (6, 6)
+    acceleration: float  #: Upwards, m/s^2.
     acceleration_variance: float
 
 
 def points_at_leads(forecast: Forecast, stamp_ns: int) -> list[PointForecast]:
     """The forecast of each point at each of its leads.
 
-    Parameters
-    ----------
-    forecast : Forecast
-        At the leads.
-    stamp_ns : int
-        When issued.
+    Args:
+        forecast: At the leads.
+        stamp_ns: When issued.
     """
     if not forecast.points:
         return []

@@ -34,8 +34,7 @@ from swath_sysid.pipeline.forecast_messages import (
     points_at_leads,
 )
 
-PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)
-"""Everything that is counted."""
+PIPELINE_REASONS = (*STAMP_REASONS, *INTAKE_REASONS, *FORECASTER_REASONS)  #: Everything that is counted.
 
 OnNext = Callable[[AttitudeForecast], None]
 
@@ -50,37 +49,20 @@ class PipelineSettings:
 
 
 class PipelineStep(NamedTuple):
-    """What one sample led to.
+    """What one sample led to."""
 
-    Attributes
-    ----------
-    reasons : tuple of str
-        From `PIPELINE_REASONS`: what was counted.
-    used : bool
-        False: the sample was left out, for the reason in ``reasons``.
-    next : AttitudeForecast or None
-        One sample ahead.
-    forecast, horizon : Forecast or None
-        At the leads and over the horizon, when due. Their stamps are s from the first sample.
-    sea_request : SeaRequest or None
-        To be fitted by `fit_sea`, in the background or at once; the result is for `ForecastPipeline.install`.
-    stamp_ns : int
-        Of the sample; 0 where it was left out.
-    heading : tuple of 2 floats
-        Held yaw and yaw rate, rad and rad/s.
-    sea : SeaReport or None
-        Of the sea state, once a minute.
-    """
-
-    reasons: tuple[str, ...] = ()
-    used: bool = False
-    next: AttitudeForecast | None = None
+    reasons: tuple[str, ...] = ()  #: From `PIPELINE_REASONS`: what was counted.
+    used: bool = False  #: False: the sample was left out, for the reason in ``reasons``.
+    next: AttitudeForecast | None = None  #: One sample ahead.
+    #: At the leads and over the horizon, when due. Their stamps are s from the first sample.
     forecast: Forecast | None = None
+    #: At the leads and over the horizon, when due. Their stamps are s from the first sample.
     horizon: Forecast | None = None
+    #: To be fitted by `fit_sea`, in the background or at once; the result is for `ForecastPipeline.install`.
     sea_request: SeaRequest | None = None
-    stamp_ns: int = 0
-    heading: tuple[float, float] = (0.0, 0.0)
-    sea: SeaReport | None = None
+    stamp_ns: int = 0  #: Of the sample; 0 where it was left out.
+    heading: tuple[float, float] = (0.0, 0.0)  #: Held yaw and yaw rate, rad and rad/s.
+    sea: SeaReport | None = None  #: Of the sea state, once a minute.
 
     def attitudes(self) -> tuple[tuple[float, AttitudeForecast], ...]:
         """For the topics of the leads: tuple of (lead, AttitudeForecast); empty unless due."""
@@ -105,11 +87,8 @@ class ForecastPipeline:
 
     Pure and causal: time is the stamps; the same messages, models and fits give the same forecasts.
 
-    Parameters
-    ----------
-    settings : PipelineSettings, optional
-    intake : Intake, optional
-        That of the settings, where another core shares it.
+    Args:
+        intake: That of the settings, where another core shares it.
     """
 
     def __init__(self, settings: PipelineSettings | None = None, intake: Intake | None = None) -> None:
@@ -127,10 +106,8 @@ class ForecastPipeline:
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
         """Swap the hulls under the running filters; one that stays the same is not touched.
 
-        Parameters
-        ----------
-        models : dict of str to IdentifiedModel
-            By axis; an axis without one is forecast without a hull.
+        Args:
+            models: By axis; an axis without one is forecast without a hull.
         """
         for axis in AXES:
             model = models.get(axis)
@@ -145,12 +122,9 @@ class ForecastPipeline:
     def add(self, reading: ImuReading, on_next: OnNext | None = None) -> PipelineStep:
         """Take one IMU message.
 
-        Parameters
-        ----------
-        reading : ImuReading
-            The message.
-        on_next : callable, optional
-            Called with the step's ``next`` as soon as it is known: the leads take longer.
+        Args:
+            reading: The message.
+            on_next: Called with the step's ``next`` as soon as it is known: the leads take longer.
         """
         return self.add_converted(self._intake.take(reading), on_next)
 
@@ -161,12 +135,9 @@ class ForecastPipeline:
     def add_converted(self, taken: Taken, on_next: OnNext | None = None) -> PipelineStep:
         """Take what the intake made of one message or sample.
 
-        Parameters
-        ----------
-        taken : Taken
-            As `Intake.take` or `Intake.place` gave it.
-        on_next : callable, optional
-            See `add`.
+        Args:
+            taken: As `Intake.take` or `Intake.place` gave it.
+            on_next: See `add`.
         """
         sample, reasons = taken
         for reason in reasons:

@@ -17,8 +17,7 @@ from swath_sysid.attitude.motion.window import MotionWindow
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.stability_watch import StabilityWatch
 
-OK, WARN, ERROR = range(3)
-"""Levels of diagnostic_msgs/DiagnosticStatus."""
+OK, WARN, ERROR = range(3)  #: Levels of diagnostic_msgs/DiagnosticStatus.
 
 SEVERAL_PUBLISHERS = 'several-publishers'
 QOS_MISMATCH = 'qos-mismatch'
@@ -37,52 +36,40 @@ NOT_SAVED = 'model-not-saved'
 FRAME_CHANGED = 'frame-id-changed'
 
 NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
+#: States that are reported but not counted; the caller has advice for them too.
 CLOCKS_DIFFER, SHORT_OF_MEMORY = 'clocks-differ', 'short-of-memory'
-"""States that are reported but not counted; the caller has advice for them too."""
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
 LONGEST_SILENCE = 1.0
-STARTING_TIME = 5.0
-"""s; a sensor that has never published is an error after so long: discovery takes up to three."""
+STARTING_TIME = 5.0  #: s; a sensor that has never published is an error after so long: discovery takes up to three.
 
+#: s between the stamp of a message and its arrival; more means that clocks differ, or a replay at another time.
 LARGEST_STAMP_AGE = 1.0
-"""s between the stamp of a message and its arrival; more means that clocks differ, or a replay at another time."""
 
+#: Reports; stamps that are older than the best of these by more than `LARGEST_STAMP_AGE` have waited in a queue.
 REMEMBERED_AGES = 60
-"""Reports; stamps that are older than the best of these by more than `LARGEST_STAMP_AGE` have waited in a queue."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """One status, as diagnostic_msgs/DiagnosticStatus has it.
-
-    Attributes
-    ----------
-    level : int
-        `OK`, `WARN` or `ERROR`.
-    message : str
-        What is wrong and what to do; else what goes on.
-    """
+    """One status, as diagnostic_msgs/DiagnosticStatus has it."""
 
     name: str
-    level: int
-    message: str
+    level: int  #: `OK`, `WARN` or `ERROR`.
+    message: str  #: What is wrong and what to do; else what goes on.
     values: dict[str, object] = field(default_factory=dict)
 
     def status_of(self, node: str) -> tuple[int, str, str, dict[str, str]]:
         """The fields of its diagnostic_msgs/DiagnosticStatus.
 
-        Parameters
-        ----------
-        node : str
-            Its full name without the first slash.
+        Args:
+            node: Its full name without the first slash.
 
-        Returns
-        -------
-        level : int
-        name, message : str
-        values : dict of str to str
+        Returns:
+            level
+            name, message
+            values
         """
         texts = {key: f'{value:.6g}' if isinstance(value, float) else str(value) for key, value in self.values.items()}
         return self.level, f'{node}: {self.name}', self.message, texts
@@ -91,12 +78,9 @@ class Report:
 class Reasons:
     """Counts by reason, and which of them still hold.
 
-    Parameters
-    ----------
-    advice : mapping of str to str
-        Reason to what to do about it.
-    reasons : iterable of str
-        Those that are counted here.
+    Args:
+        advice: Reason to what to do about it.
+        reasons: Those that are counted here.
     """
 
     def __init__(self, advice: Mapping[str, str], reasons: Iterable[str]):
@@ -136,14 +120,10 @@ class Reasons:
 class StreamHealth(Reasons):
     """How the messages of one topic come in.
 
-    Parameters
-    ----------
-    advice : mapping of str to str
-        Reason to what to do about it.
-    topic : str
-        Its name for people.
-    reasons : iterable of str
-        Counted beside those of every stream.
+    Args:
+        advice: Reason to what to do about it.
+        topic: Its name for people.
+        reasons: Counted beside those of every stream.
     """
 
     def __init__(self, advice: Mapping[str, str], topic: str, reasons: Iterable[str] = ()):
@@ -187,18 +167,12 @@ class StreamHealth(Reasons):
     ) -> Report:
         """What to report now, and begin a new period.
 
-        Parameters
-        ----------
-        now : float
-            Of the clock of `note_message`, s.
-        now_ns : int
-            Of the clock that stamps are compared with.
-        core_counts : dict of str to int
-            By the node's core, since its start.
-        used : int
-            Messages the core used.
-        interval : float, optional
-            Usual time between messages, s, once it is known.
+        Args:
+            now: Of the clock of `note_message`, s.
+            now_ns: Of the clock that stamps are compared with.
+            core_counts: By the node's core, since its start.
+            used: Messages the core used.
+            interval: Usual time between messages, s, once it is known.
         """
         if self._begun is None:
             self._begun = now
@@ -251,11 +225,8 @@ class StreamHealth(Reasons):
 class BufferHealth(StreamHealth):
     """How the samples of a motion window come in, and what it holds.
 
-    Parameters
-    ----------
-    advice, topic
-        See `StreamHealth`.
-    window : MotionWindow
+    Args:
+        advice, topic: See `StreamHealth`.
     """
 
     def __init__(self, advice: Mapping[str, str], topic: str, window: MotionWindow):
@@ -285,10 +256,8 @@ class BufferHealth(StreamHealth):
 class IdentifierHealth(Reasons):
     """How identification goes.
 
-    Parameters
-    ----------
-    advice : mapping of str to str
-        Reason to what to do about it.
+    Args:
+        advice: Reason to what to do about it.
     """
 
     def __init__(self, advice: Mapping[str, str]):
@@ -330,10 +299,8 @@ class IdentifierHealth(Reasons):
 def stability_report(watch: StabilityWatch) -> Report:
     """What the natural period of roll says of the stability.
 
-    Parameters
-    ----------
-    watch : StabilityWatch
-        Its newest finding is reported.
+    Args:
+        watch: Its newest finding is reported.
     """
     found = watch.newest
     if found is None:

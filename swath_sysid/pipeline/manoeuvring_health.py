@@ -3,18 +3,14 @@
 from swath_sysid.manoeuvring.prediction.pipeline import REASONS, ManoeuvreOutlook
 from swath_sysid.pipeline.health import ERROR, OK, WARN, Reasons, Report
 
-SILENT_AFTER = 2.0
-"""s without odometry, which usually comes ten times a second and more."""
+SILENT_AFTER = 2.0  #: s without odometry, which usually comes ten times a second and more.
 
 
 class ManoeuvringHealth(Reasons):
     """How odometry becomes forecasts.
 
-    Parameters
-    ----------
-    topic : str
-        Of the odometry, for people.
-    pipeline : ManoeuvreOutlook
+    Args:
+        topic: Of the odometry, for people.
     """
 
     def __init__(self, topic: str, pipeline: ManoeuvreOutlook):

@@ -22,52 +22,27 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 
 @dataclass(frozen=True)
 class PlayThroughSettings:
-    """What the three nodes are set to.
-
-    Attributes
-    ----------
-    auto_identify : bool
-        Refit whenever the buffer publishes a window.
-    refit_delay : float
-        s from a window to the models found in it; at the next sample if it is 0. Live, a refit takes
-        0.1 to 3 s.
-    window_source : dict
-        What names the windows' source in the provenance of models.
-    identify_interval : float
-        s after which the window is identified by itself; 0: never.
-    """
+    """What the three nodes are set to."""
 
     window: WindowSettings = field(default_factory=WindowSettings)
     refit: RefitSettings = field(default_factory=RefitSettings)
     forecasts: PipelineSettings = field(default_factory=PipelineSettings)
-    auto_identify: bool = True
+    auto_identify: bool = True  #: Refit whenever the buffer publishes a window.
+    #: s from a window to the models found in it; at the next sample if it is 0. Live, a refit takes 0.1 to 3 s.
     refit_delay: float = 0.0
-    window_source: dict = field(default_factory=dict)
-    identify_interval: float = 0.0
+    window_source: dict = field(default_factory=dict)  #: What names the windows' source in the provenance of models.
+    identify_interval: float = 0.0  #: s after which the window is identified by itself; 0: never.
 
 
 class Played(NamedTuple):
-    """What one IMU message made the three nodes publish, in the order of publishing.
+    """What one IMU message made the three nodes publish, in the order of publishing."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        Of the IMU message.
-    models : dict of str to IdentifiedModel, or None
-        By axis, where they have changed; in use for this message's forecasts already.
-    window : MotionTable or None
-        Published by itself because a free decay has ended.
-    step : PipelineStep
-        The forecasts.
-    verdict : str or None
-        One line on a refit that ended.
-    """
-
-    stamp_ns: int
+    stamp_ns: int  #: Of the IMU message.
+    #: By axis, where they have changed; in use for this message's forecasts already.
     models: dict[str, IdentifiedModel] | None
-    window: MotionTable | None
-    step: PipelineStep
-    verdict: str | None = None
+    window: MotionTable | None  #: Published by itself because a free decay has ended.
+    step: PipelineStep  #: The forecasts.
+    verdict: str | None = None  #: One line on a refit that ended.
 
 
 class PlayThrough:
@@ -75,15 +50,10 @@ class PlayThrough:
 
     Deterministic: the same messages, settings and models give the same results.
 
-    Parameters
-    ----------
-    settings : PlayThroughSettings, optional
-    models : dict of str to IdentifiedModel, optional
-        Known at the start, by axis.
-    fit : callable, optional
-        Turns a `RefitRequest` into a `RefitOutcome`.
-    fit_sea : callable, optional
-        Turns a `SeaRequest` into a `SeaFit`.
+    Args:
+        models: Known at the start, by axis.
+        fit: Turns a `RefitRequest` into a `RefitOutcome`.
+        fit_sea: Turns a `SeaRequest` into a `SeaFit`.
     """
 
     def __init__(
@@ -118,10 +88,8 @@ class PlayThrough:
     def add(self, reading: ImuReading) -> Played:
         """Take in one IMU message.
 
-        Parameters
-        ----------
-        reading : ImuReading
-            The message.
+        Args:
+            reading: The message.
         """
         stamp_ns = reading.stamp_ns
         models, verdict = self._finish_refit(stamp_ns)

@@ -12,15 +12,10 @@ class PlayedHealth:
 
     Nothing takes time there: processing times are zero.
 
-    Parameters
-    ----------
-    advice : mapping of str to str
-        Reason to what to do about it.
-    pipeline : PlayThrough
-    topic : str
-        Of the sensor, for people.
-    periods : tuple of 3 floats
-        s between the diagnostics of imu_buffer, identifier and predictor.
+    Args:
+        advice: Reason to what to do about it.
+        topic: Of the sensor, for people.
+        periods: s between the diagnostics of imu_buffer, identifier and predictor.
     """
 
     def __init__(self, advice: Mapping[str, str], pipeline: PlayThrough, topic: str, periods: Sequence[float]):
@@ -37,14 +32,10 @@ class PlayedHealth:
     def follow(self, played: Played) -> list[list[tuple]]:
         """Take in one step.
 
-        Parameters
-        ----------
-        played : Played
-            As `PlayThrough.add` gave it.
+        Args:
+            played: As `PlayThrough.add` gave it.
 
-        Returns
-        -------
-        list of list
+        Returns:
             Where diagnostics are due: those of each node, every one as `Report.status_of` gives it.
         """
         due: list[list[tuple]] = []

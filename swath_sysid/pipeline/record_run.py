@@ -18,49 +18,29 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 
 
 class Issued(NamedTuple):
-    """One forecast that was issued.
+    """One forecast that was issued."""
 
-    Attributes
-    ----------
-    stamp : float
-        s, in the record's own time.
-    forecast, horizon : Forecast
-        At the leads and over the horizon.
-    """
-
-    stamp: float
-    forecast: Forecast
-    horizon: Forecast
+    stamp: float  #: s, in the record's own time.
+    forecast: Forecast  #: At the leads and over the horizon.
+    horizon: Forecast  #: At the leads and over the horizon.
 
 
 @dataclass(frozen=True)
 class Run:
-    """A predictor run through a record.
-
-    Attributes
-    ----------
-    step_times, refit_times : tuple of float
-        s.
-    reliability : Reliability or None
-        Of the quiescence that was forecast.
-    quiescence_limits : QuiescenceLimits or None
-        Whose keeping was forecast.
-    """
+    """A predictor run through a record."""
 
     steps: tuple[Issued, ...]
-    step_times: tuple[float, ...] = ()
-    refit_times: tuple[float, ...] = ()
-    reliability: Reliability | None = None
-    quiescence_limits: QuiescenceLimits | None = None
+    step_times: tuple[float, ...] = ()  #: s.
+    refit_times: tuple[float, ...] = ()  #: s.
+    reliability: Reliability | None = None  #: Of the quiescence that was forecast.
+    quiescence_limits: QuiescenceLimits | None = None  #: Whose keeping was forecast.
 
 
 def samples_of(trial: Trial) -> Iterator[CraftSample]:
     """The trial as its sensor would have sent it, sample by sample.
 
-    Parameters
-    ----------
-    trial : Trial
-        The channels that it lacks become NaN.
+    Args:
+        trial: The channels that it lacks become NaN.
     """
     measured, absent = trial.channels, np.full(trial.time.size, math.nan)
     columns = [measured.get(name, absent) for name in (*CHANNELS, *FURTHER_CHANNELS)]
@@ -83,22 +63,14 @@ def run_through(
 ) -> Run:
     """Run the pipeline through a record; every fit is used from its request's stamp plus the refit delay on.
 
-    Parameters
-    ----------
-    trial : Trial
-        The whole record.
-    settings : ForecasterSettings, optional
-        By default those of `PipelineSettings`.
-    models : dict of str to IdentifiedModel, optional
-        By axis.
-    clock : callable, optional
-        Seconds, for the cost.
-    progress : callable, optional
-        Called with the share done.
-    limits_from : (float, QuiescenceLimits), optional
-        Limits of quiescence from a stamp on; their reliability is recorded from there.
-    points_ahead : bool
-        Keep vertical motion over the horizon, which takes 20 kB a point and forecast.
+    Args:
+        trial: The whole record.
+        settings: By default those of `PipelineSettings`.
+        models: By axis.
+        clock: Seconds, for the cost.
+        progress: Called with the share done.
+        limits_from: Limits of quiescence from a stamp on; their reliability is recorded from there.
+        points_ahead: Keep vertical motion over the horizon, which takes 20 kB a point and forecast.
     """
     now = clock or (lambda: math.nan)
     pipeline = ForecastPipeline(PipelineSettings() if settings is None else PipelineSettings(forecaster=settings))

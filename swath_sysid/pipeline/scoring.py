@@ -21,117 +21,69 @@ from swath_sysid.pipeline.vertical_record import vertical_record
 FORECAST = 'forecast'
 METHODS = (FORECAST, *BASELINES)
 
-SENSOR = Point('sensor', (0.0, 0.0, 0.0))
-"""Where vertical motion is scored beside the points asked for."""
-
-AFTER_GAP = 4.0
-"""s after lost samples for which the forecasts have scores of their own."""
-
-CONFIDENCE = 0.95
-"""Of the intervals of the scores."""
-
-_BLOCK = 30.0
-"""s: several wave groups, so that the errors of one block say little about the next."""
+SENSOR = Point('sensor', (0.0, 0.0, 0.0))  #: Where vertical motion is scored beside the points asked for.
+AFTER_GAP = 4.0  #: s after lost samples for which the forecasts have scores of their own.
+CONFIDENCE = 0.95  #: Of the intervals of the scores.
+_BLOCK = 30.0  #: s: several wave groups, so that the errors of one block say little about the next.
 
 _MIN_BLOCKS = 8
 _REPLICATES = 2000
-_SELDOM = 2.0
-"""Standard deviations: so rarely passed that staying below for some seconds is an open question."""
+_SELDOM = 2.0  #: Standard deviations: so rarely passed that staying below for some seconds is an open question.
 _MIN_LIMIT = 1e-4
-_MIN_WARMUP = 30.0
-"""s from which limits of quiescence can be taken."""
+_MIN_WARMUP = 30.0  #: s from which limits of quiescence can be taken.
 
 
 @dataclass(frozen=True)
 class QuantitySkill:
-    """Scores of one quantity; errors are root mean squares over ``deviation``.
+    """Scores of one quantity; errors are root mean squares over ``deviation``."""
 
-    Attributes
-    ----------
-    deviation : float
-        Standard deviation of what came while it was scored: rad, m, m/s or m/s^2.
-    counted, unmeasured : ndarray of int, shape (L,)
-        Forecasts that count, and those that cannot because nothing was measured at their time.
-    nrmse : dict of str to ndarray, shape (L,)
-        By `METHODS`; of vertical motion by those that need no measurement of it.
-    stood_in : dict of str to ndarray, shape (L,)
-        Share of the counted for which the method had no value, so that persistence stood in; of vertical motion the
-        mean of the past, which is all that is known before it is learnt.
-    coverage : ndarray, shape (L, 3)
-        Share of the 50, 90 and 99 % intervals that held what came.
-    interval : ndarray, shape (L, 2)
-        Of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
-    best : tuple of str
-        The baseline with the least error, by lead.
-    ratio : ndarray, shape (L,)
-        Error of the forecast over that of the best baseline.
-    ratio_interval : ndarray, shape (L, 2)
-    gap_share : ndarray, shape (L,)
-        Share of the counted that were issued in a gap or within `AFTER_GAP` after it.
-    gap_nrmse : dict of str to ndarray, shape (L,)
-        Their own error, of ``forecast`` and ``persistence``.
-    """
-
-    deviation: float
+    deviation: float  #: Standard deviation of what came while it was scored: rad, m, m/s or m/s^2.
+    #: ndarray of int, shape (L,); Forecasts that count, and those that cannot because nothing was measured at their
+    #: time.
     counted: np.ndarray
+    #: ndarray of int, shape (L,); Forecasts that count, and those that cannot because nothing was measured at their
+    #: time.
     unmeasured: np.ndarray
+    #: dict of str to (L,); By `METHODS`; of vertical motion by those that need no measurement of it.
     nrmse: dict[str, np.ndarray]
+    #: dict of str to (L,); Share of the counted for which the method had no value, so that persistence stood in; of
+    #: vertical motion the mean of the past, which is all that is known before it is learnt.
     stood_in: dict[str, np.ndarray]
-    coverage: np.ndarray
-    interval: np.ndarray
-    best: tuple[str, ...]
-    ratio: np.ndarray
-    ratio_interval: np.ndarray
-    gap_share: np.ndarray
-    gap_nrmse: dict[str, np.ndarray]
+    coverage: np.ndarray  #: (L, 3); Share of the 50, 90 and 99 % intervals that held what came.
+    interval: np.ndarray  #: (L, 2); Of the forecast's error, by a bootstrap of blocks; NaN where there are too few.
+    best: tuple[str, ...]  #: The baseline with the least error, by lead.
+    ratio: np.ndarray  #: (L,); Error of the forecast over that of the best baseline.
+    ratio_interval: np.ndarray  #: (L, 2)
+    gap_share: np.ndarray  #: (L,); Share of the counted that were issued in a gap or within `AFTER_GAP` after it.
+    gap_nrmse: dict[str, np.ndarray]  #: dict of str to (L,); Their own error, of ``forecast`` and ``persistence``.
 
 
 @dataclass(frozen=True)
 class Skill:
-    """Scores of a record.
+    """Scores of a record."""
 
-    Attributes
-    ----------
-    leads : ndarray, shape (L,)
-        s.
-    warmup, until : float
-        s from the record's start; forecasts issued between them were scored.
-    window : float
-        s of past that the baselines learnt from.
-    step_time, refit_time : dict of str to float
-        Seconds ('median', 'most') of the run; NaN where not measured.
-    points : dict of str to dict of str to QuantitySkill
-        By point and `POINT_MOTION`.
-    """
-
-    leads: np.ndarray
+    leads: np.ndarray  #: (L,); s.
     axes: dict[str, QuantitySkill]
-    warmup: float
-    until: float
-    window: float
-    step_time: dict[str, float]
-    refit_time: dict[str, float]
+    warmup: float  #: s from the record's start; forecasts issued between them were scored.
+    until: float  #: s from the record's start; forecasts issued between them were scored.
+    window: float  #: s of past that the baselines learnt from.
+    step_time: dict[str, float]  #: Seconds ('median', 'most') of the run; NaN where not measured.
+    refit_time: dict[str, float]  #: Seconds ('median', 'most') of the run; NaN where not measured.
     quiescence: Reliability | None = None
     quiescence_limits: QuiescenceLimits | None = None
     advice: tuple[Advice, ...] = ()
-    points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)
+    points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)  #: By point and `POINT_MOTION`.
 
 
 def usual_limits(trial: Trial, limits: QuiescenceLimits, warmup: float) -> QuiescenceLimits | None:
     """Limits of quiescence to score: those given, else the angles that the craft seldom passed in the warm-up.
 
-    Parameters
-    ----------
-    trial : Trial
-        The whole record.
-    limits : QuiescenceLimits
-        Those given; where none of them is of attitude, roll and pitch are added to them.
-    warmup : float
-        s.
+    Args:
+        trial: The whole record.
+        limits: Those given; where none of them is of attitude, roll and pitch are added to them.
+        warmup: s.
 
-    Returns
-    -------
-    QuiescenceLimits or None
+    Returns:
         None where none are given and the warm-up is too short to suggest any.
     """
     if np.isfinite(limits.bounds(ATTITUDE)).any():
@@ -161,30 +113,20 @@ def score(
     Every forecast issued between `warmup` and `until` counts, unless nothing was measured at the time that it is
     for; where a method has no value the last angle measured, persistence, stands in for it.
 
-    Parameters
-    ----------
-    trial : Trial
-        The whole record.
-    run : Run
-        Through that record.
-    leads : sequence of float
-        s, of those that the forecasts are for.
-    warmup : float
-        s from the record's start that are not scored.
-    window : float
-        s of past that the baselines learn from.
-    until : float, optional
-        s from the record's start; by default to its end.
-    seed : int
-        Of the bootstrap.
-    points : sequence of Point
-        Of those whose vertical motion was forecast; it is scored by that of the whole record (`vertical_record`).
+    Args:
+        trial: The whole record.
+        run: Through that record.
+        leads: s, of those that the forecasts are for.
+        warmup: s from the record's start that are not scored.
+        window: s of past that the baselines learn from.
+        until: s from the record's start; by default to its end.
+        seed: Of the bootstrap.
+        points: Of those whose vertical motion was forecast; it is scored by that of the whole record
+            (`vertical_record`).
 
-    Raises
-    ------
-    InputError
-        The record has no angle, or no forecast was issued in time for one of the leads; with points, it does not
-        show its vertical motion.
+    Raises:
+        InputError: The record has no angle, or no forecast was issued in time for one of the leads; with points, it
+            does not show its vertical motion.
     """
     leads = np.array(sorted({float(lead) for lead in leads}))
     axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
@@ -252,24 +194,15 @@ def score_forecasts(
 ) -> QuantitySkill:
     """Score anyone's forecasts of one channel, as `score` does those of a run.
 
-    Parameters
-    ----------
-    record : Record
-        Holds the channel as measured.
-    name : str
-        The channel.
-    stamps : ndarray, shape (N,)
-        s, increasing, when they were issued.
-    leads : ndarray, shape (L,)
-        s.
-    forecasts, stand_in : ndarray, shape (N, L)
-        NaN where there is no forecast, and the other counts in its place: ``persistence``.
-    seed : int
-        Of the bootstrap.
+    Args:
+        record: Holds the channel as measured.
+        name: The channel.
+        stamps: (N,); s, increasing, when they were issued.
+        leads: (L,); s.
+        forecasts, stand_in: (N, L); naN where there is no forecast, and the other counts in its place: ``persistence``.
+        seed: Of the bootstrap.
 
-    Returns
-    -------
-    QuantitySkill
+    Returns:
         Of these forecasts alone, beside ``persistence``.
     """
     span = float(stamps[0]), float(stamps[-1] + leads[-1])
@@ -368,16 +301,11 @@ def _score(
 def block_sums(stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Sums over blocks of time.
 
-    Parameters
-    ----------
-    stamps : ndarray, shape (N,)
-        s, increasing.
-    values : ndarray, shape (K, N, L)
-        K quantities at each stamp and lead.
+    Args:
+        stamps: (N,); s, increasing.
+        values: (K, N, L); K quantities at each stamp and lead.
 
-    Returns
-    -------
-    ndarray, shape (K, B, L)
+    Returns:
         Over the B blocks in which there is a stamp.
     """
     blocks = ((stamps - stamps[0]) // _BLOCK).astype(int)
@@ -387,16 +315,11 @@ def block_sums(stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
 def resampled(sums: np.ndarray, seed: int) -> np.ndarray:
     """Totals of blocks drawn with replacement, again and again (Kuensch 1989, with blocks that do not overlap).
 
-    Parameters
-    ----------
-    sums : ndarray, shape (K, B, L)
-        As `block_sums` gives them.
-    seed : int
-        Of the draws.
+    Args:
+        sums: (K, B, L); as `block_sums` gives them.
+        seed: Of the draws.
 
-    Returns
-    -------
-    ndarray, shape (K, R, L)
+    Returns:
         NaN where there are too few blocks.
     """
     count = sums.shape[1]

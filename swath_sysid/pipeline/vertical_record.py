@@ -19,8 +19,7 @@ from swath_sysid.attitude.prediction.quiescence import quantity_at
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.baselines import Record
 
-_BRIDGED = 1.0
-"""s; so short a gap is joined linearly, a longer one ends a stretch."""
+_BRIDGED = 1.0  #: s; so short a gap is joined linearly, a longer one ends a stretch.
 
 _WITH_RATES = ('heave', 'heave_rate', 'vertical_velocity', 'vertical_velocity_rate', 'vertical_acceleration')
 
@@ -28,20 +27,11 @@ WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
 
 
 class Stretch(NamedTuple):
-    """A part of a record without long gaps, at even steps of the sensor's interval.
+    """A part of a record without long gaps, at even steps of the sensor's interval."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (N,)
-        s.
-    step : float
-        s.
-    channels : dict of str to ndarray, shape (N,)
-    """
-
-    time: np.ndarray
-    step: float
-    channels: dict[str, np.ndarray]
+    time: np.ndarray  #: (N,); s.
+    step: float  #: s.
+    channels: dict[str, np.ndarray]  #: dict of str to (N,)
 
     @property
     def acceleration(self) -> np.ndarray:
@@ -53,17 +43,12 @@ class Stretch(NamedTuple):
 def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretch]:
     """The stretches of a record in which all of some channels were measured.
 
-    Parameters
-    ----------
-    trial : Trial
-        The whole record.
-    names : sequence of str
-        Among them those of `WITHOUT_RATES`.
+    Args:
+        trial: The whole record.
+        names: Among them those of `WITHOUT_RATES`.
 
-    Raises
-    ------
-    InputError
-        A channel was not measured.
+    Raises:
+        InputError: A channel was not measured.
     """
     name = trial.source or 'the record'
     absent = [channel for channel in names if channel not in trial.channels]
@@ -91,23 +76,16 @@ def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretc
 def vertical_record(trial: Trial, points: Sequence[Point]) -> Record:
     """Heave, vertical velocity and acceleration at points, by integrals without phase error and the lever arm.
 
-    Parameters
-    ----------
-    trial : Trial
-        The whole record, with all of `CHANNELS`.
-    points : sequence of Point
-        Where the motion is wanted.
+    Args:
+        trial: The whole record, with all of `CHANNELS`.
+        points: Where the motion is wanted.
 
-    Returns
-    -------
-    Record
+    Returns:
         Its channels are named by `quantity_at`, those of the derivatives with ``_rate`` after it. Only where the
         integrals are right: not within `EDGE` of the ends of a stretch.
 
-    Raises
-    ------
-    InputError
-        A channel was not measured, or no stretch is long enough.
+    Raises:
+        InputError: A channel was not measured, or no stretch is long enough.
     """
     parts = [_at_points(part, points) for part in even_stretches(trial) if part.time[-1] - part.time[0] > 2.0 * EDGE]
     if not parts:

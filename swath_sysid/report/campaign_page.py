@@ -62,6 +62,7 @@ h2,h3{break-after:avoid}
 }
 """
 MANY_COLUMNS, FEW_COLUMNS = 9, 3
+#: Below a width, every row of a table becomes a card; a table of few columns is narrow enough.
 CARDS = """
 @media screen and (max-width:%dpx){
 %s,%s tbody,%s tr,%s td{display:block;width:100%%}
@@ -72,7 +73,6 @@ white-space:normal}
 %s td::before{content:attr(data-name);color:var(--faint);text-align:left;font-weight:400;flex:0 1 55%%}
 }
 """
-"""Below a width, every row of a table becomes a card; a table of few columns is narrow enough."""
 NARROW, NARROW_WIDE = 820, 1330
 
 

@@ -43,8 +43,7 @@ if TYPE_CHECKING:
 
 PAGE, MODEL = 'report.html', 'model.yaml'
 TABLES, FIGURES = 'tables', 'figures'
-REPORTED = (PAGE, MODEL, TABLES, FIGURES)
-"""What a report writes into its folder."""
+REPORTED = (PAGE, MODEL, TABLES, FIGURES)  #: What a report writes into its folder.
 
 
 def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) -> Path:

@@ -59,10 +59,8 @@ def measured_channel(motion: 'AxisMotion') -> tuple[Any, str]:
 def save_figure(figure: 'Figure', path: str | Path) -> None:
     """Write a figure in the format of the name's ending.
 
-    Raises
-    ------
-    InputError
-        The ending is none of png, svg, pdf, or the file cannot be written.
+    Raises:
+        InputError: The ending is none of png, svg, pdf, or the file cannot be written.
     """
     ending = Path(path).suffix.lower().lstrip('.')
     if ending not in FORMATS:

@@ -29,8 +29,7 @@ LABELS = {
 }
 
 _MIN_COUNT = 10
-_STRETCH = 40.0
-"""s of the record that show forecasts as issued, in the middle of what was scored."""
+_STRETCH = 40.0  #: s of the record that show forecasts as issued, in the middle of what was scored.
 
 
 def forecast_figure(trial: Trial, run: Run, skill: Skill) -> Figure:

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
     from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 
-MAX_ALIKE = 2
-"""So many warnings of one kind are shown before the others are only counted."""
+MAX_ALIKE = 2  #: So many warnings of one kind are shown before the others are only counted.
 
 
 def condensed(advice: Iterable[Advice]) -> tuple[Advice, ...]:

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
     from swath_sysid.campaign.papers.publication import PrintedTable
 
-STEADY = 0.2
-"""A curve that changes by less than this share of its largest value hardly changes."""
+STEADY = 0.2  #: A curve that changes by less than this share of its largest value hardly changes.
 
 GENETIC, OURS, HULL = 'genetic', 'ours', 'hull'
 BY = {GENETIC: "the study's method", OURS: 'the simulated motion'}

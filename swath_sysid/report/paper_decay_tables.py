@@ -30,12 +30,9 @@ if TYPE_CHECKING:
     from swath_sysid.campaign.papers.decay_study import DecayStudy, StudiedRecord
 
 NEAR_ZERO = 'near zero'
-ZERO_SHARE = 0.01
-"""Of the range of a coefficient; what is less is near zero."""
-MUCH = 3.0
-"""By this factor a coefficient is much larger than another."""
-ROUNDING = 1e-9
-"""Ratios to inertia below this are zero, to the rounding of a search."""
+ZERO_SHARE = 0.01  #: Of the range of a coefficient; what is less is near zero.
+MUCH = 3.0  #: By this factor a coefficient is much larger than another.
+ROUNDING = 1e-9  #: Ratios to inertia below this are zero, to the rounding of a search.
 
 NAMES = PARTICULARS | {
     'speed_kn': 'speed [kn]',

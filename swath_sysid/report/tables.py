@@ -18,24 +18,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table.
+    """A table."""
 
-    Attributes
-    ----------
-    name : str
-        File name without ending.
-    rows : tuple of tuple
-        Raw values, as the CSV file holds them.
-    marks : dict of (int, int) to str
-        Row and column to ``best`` or ``beyond``.
-    """
-
-    name: str
+    name: str  #: File name without ending.
     title: str
     note: str
     columns: tuple[Column, ...]
-    rows: tuple[tuple, ...]
-    marks: dict = field(default_factory=dict)
+    rows: tuple[tuple, ...]  #: Raw values, as the CSV file holds them.
+    marks: dict = field(default_factory=dict)  #: Row and column to ``best`` or ``beyond``.
 
     @classmethod
     def of(cls, name: str, title: str, note: str, items: Iterable[Any], *columns: tuple) -> Self:

@@ -9,8 +9,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-CHART_SPAN = 12.0
-"""s of the past; the forecasts reach beyond it."""
+CHART_SPAN = 12.0  #: s of the past; the forecasts reach beyond it.
 
 CHART_ROWS = 13
 CHART_COLUMNS = 76
@@ -19,38 +18,21 @@ LEVELS = (('ok', 'green'), ('warning', 'yellow'), ('error', 'red'), ('stale', 'r
 
 @dataclass(frozen=True)
 class ViewState:
-    """What is shown. Times in s, angles in rad.
-
-    Attributes
-    ----------
-    now : float
-        Stamp of the newest sample.
-    time, angle : ndarray
-        Recently measured.
-    forecast_time, forecast_angle : ndarray
-        Recent forecasts at the lead that is drawn.
-    leads : tuple of (float, float, float)
-        Lead, newest forecast, and root mean square of the errors that came due lately (NaN: none).
-    model : tuple of str
-        Lines.
-    diagnostics : tuple of (int, str, str)
-        Level, name, message.
-    scale : float
-        Largest angle of the chart.
-    """
+    """What is shown. Times in s, angles in rad."""
 
     title: str
     stage: str
-    now: float
-    time: np.ndarray
-    angle: np.ndarray
-    forecast_time: np.ndarray
-    forecast_angle: np.ndarray
+    now: float  #: Stamp of the newest sample.
+    time: np.ndarray  #: Recently measured.
+    angle: np.ndarray  #: Recently measured.
+    forecast_time: np.ndarray  #: Recent forecasts at the lead that is drawn.
+    forecast_angle: np.ndarray  #: Recent forecasts at the lead that is drawn.
     drawn_lead: float
+    #: Lead, newest forecast, and root mean square of the errors that came due lately (NaN: none).
     leads: tuple[tuple[float, float, float], ...]
-    model: tuple[str, ...] = ()
-    diagnostics: tuple[tuple[int, str, str], ...] = field(default=())
-    scale: float = 0.1
+    model: tuple[str, ...] = ()  #: Lines.
+    diagnostics: tuple[tuple[int, str, str], ...] = field(default=())  #: Level, name, message.
+    scale: float = 0.1  #: Largest angle of the chart.
 
 
 def render(state: ViewState) -> Group:

@@ -18,42 +18,28 @@ import numpy as np
 from swath_sysid.attitude.hull.terms import damping_moment, restoring_energy, restoring_moment
 
 QUADRATURE_NODES = 96
-NEWTON_STEPS = 12
-"""They converge quadratically from the trim: six suffice for the published hulls."""
+NEWTON_STEPS = 12  #: They converge quadratically from the trim: six suffice for the published hulls.
 
 _ALL_TERMS = (True,) * 9
 
 
 @dataclass(frozen=True)
 class AmplitudeCurves:
-    """What a hull's oscillation looks like at each amplitude.
+    """What a hull's oscillation looks like at each amplitude."""
 
-    Attributes
-    ----------
-    amplitude : ndarray, shape (A,)
-        Half the peak-to-peak motion, rad.
-    frequency : ndarray, shape (A,)
-        Undamped natural frequency, rad/s; NaN where no closed orbit of that amplitude exists.
-    damping_ratio : ndarray, shape (A,)
-        Equivalent linear damping over critical damping.
-    """
-
-    amplitude: np.ndarray
+    amplitude: np.ndarray  #: (A,); Half the peak-to-peak motion, rad.
+    #: (A,); Undamped natural frequency, rad/s; NaN where no closed orbit of that amplitude exists.
     frequency: np.ndarray
-    damping_ratio: np.ndarray
+    damping_ratio: np.ndarray  #: (A,); Equivalent linear damping over critical damping.
 
 
 def amplitude_curves(ratios: np.ndarray, amplitude: np.ndarray, friction_rate: float) -> AmplitudeCurves:
     """Natural frequency and equivalent damping at given amplitudes.
 
-    Parameters
-    ----------
-    ratios : ndarray, shape (9,)
-        Ratios to inertia.
-    amplitude : ndarray, shape (A,)
-        rad, greater than zero.
-    friction_rate : float
-        rad/s.
+    Args:
+        ratios: (9,); ratios to inertia.
+        amplitude: (A,); rad, greater than zero.
+        friction_rate: rad/s.
     """
     ratios = np.asarray(ratios, dtype=float)
     amplitude = np.asarray(amplitude, dtype=float)

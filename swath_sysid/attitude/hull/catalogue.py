@@ -72,10 +72,8 @@ def equation_named(name: str) -> Equation:
     ``+friction`` after a name adds dry friction; a composition is written as
     ``b1,b2|r1,r3`` or, in words, ``linear,quadratic|linear,cubic`` (damping | restoring).
 
-    Raises
-    ------
-    InputError
-        The name is neither in the catalogue nor a composition of known terms.
+    Raises:
+        InputError: The name is neither in the catalogue nor a composition of known terms.
     """
     if name in EQUATIONS:
         return EQUATIONS[name]
@@ -106,24 +104,15 @@ def equations_of_axis(axis: str) -> tuple[Equation, ...]:
 
 @dataclass(frozen=True)
 class PublishedHull:
-    """A hull whose coefficients were published.
-
-    Attributes
-    ----------
-    model : DecayModel
-        The ratios, trim zero.
-    form : PublishedForm or None
-        The coefficients as printed, where they were printed in that form.
-    objective_value : float
-        As printed for the record and the equation that these coefficients are of: the error of the rate one step
-        ahead, root mean square, rad/s.
-    """
+    """A hull whose coefficients were published."""
 
     name: str
     axis: str
     description: str
-    model: DecayModel
-    form: PublishedForm | None
+    model: DecayModel  #: The ratios, trim zero.
+    form: PublishedForm | None  #: The coefficients as printed, where they were printed in that form.
+    #: As printed for the record and the equation that these coefficients are of: the error of the rate one step ahead,
+    #: root mean square, rad/s.
     objective_value: float
 
     @property
@@ -219,10 +208,8 @@ PUBLISHED_HULLS = {
 def hull_named(name: str) -> PublishedHull:
     """The published hull of that name.
 
-    Raises
-    ------
-    InputError
-        No such hull.
+    Raises:
+        InputError: No such hull.
     """
     check_choice(name, PUBLISHED_HULLS, 'hull')
     return PUBLISHED_HULLS[name]
@@ -231,9 +218,7 @@ def hull_named(name: str) -> PublishedHull:
 def hull_of_family(equation_name: str) -> PublishedHull | None:
     """The published hull of the study that an equation's name belongs to, or None.
 
-    Parameters
-    ----------
-    equation_name : str
-        ``swath-roll-3`` and ``swath-roll-3+friction`` belong to the study of ``swath-roll``.
+    Args:
+        equation_name: ``swath-roll-3`` and ``swath-roll-3+friction`` belong to the study of ``swath-roll``.
     """
     return PUBLISHED_HULLS.get(equation_name.removesuffix('+friction').rpartition('-')[0])

@@ -8,24 +8,18 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.trial import AXES
 
-COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')
-"""The ratios to inertia, and the trim, rad."""
+COEFFICIENT_NAMES = (*TERM_NAMES, 'offset')  #: The ratios to inertia, and the trim, rad.
 
 
 def coefficients(models: Mapping[str, IdentifiedModel]) -> tuple[tuple[str, ...], np.ndarray]:
     """The ratios and the trim of models, a row an axis.
 
-    Parameters
-    ----------
-    models : dict of str to IdentifiedModel
-        By axis.
+    Args:
+        models: By axis.
 
-    Returns
-    -------
-    axes : tuple of str
-        Of the rows.
-    values : ndarray, shape (axes, 10)
-        Columns as `COEFFICIENT_NAMES`.
+    Returns:
+        axes: Of the rows.
+        values: (axes, 10); columns as `COEFFICIENT_NAMES`.
     """
     axes = tuple(axis for axis in AXES if axis in models)
     rows = [[*models[axis].model.ratios.tolist(), models[axis].model.trim] for axis in axes]

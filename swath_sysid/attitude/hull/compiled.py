@@ -21,27 +21,17 @@ def step_of_arrays(
 ) -> tuple[Value, Value, Value]:
     """One classical Runge-Kutta step of a hull under a held moment.
 
-    Parameters
-    ----------
-    x, rate : float or ndarray
-        Angle from trim, rad, and its rate, rad/s.
-    moment : float
-        Over inertia, rad/s^2.
-    step : float
-        s.
-    ratios : sequence of 9 floats or ndarrays
-        Coefficients over inertia, in the order of `terms.TERM_NAMES`.
-    active : tuple of 9 bools
-        The terms in use.
-    friction_rate : float
-        rad/s.
+    Args:
+        x, rate: Angle from trim, rad, and its rate, rad/s.
+        moment: Over inertia, rad/s^2.
+        step: s.
+        ratios: Coefficients over inertia, in the order of `terms.TERM_NAMES`.
+        active: The terms in use.
+        friction_rate: rad/s.
 
-    Returns
-    -------
-    acceleration : float or ndarray
-        Before the step, rad/s^2.
-    x, rate : float or ndarray
-        After it.
+    Returns:
+        acceleration: Before the step, rad/s^2.
+        x, rate: After it.
     """
     half, sixth = 0.5 * step, step / 6.0
     a1 = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
@@ -54,5 +44,5 @@ def step_of_arrays(
     return a1, x + sixth * (rate + 2.0 * (w2 + w3) + w4), rate + sixth * (a1 + 2.0 * (a2 + a3) + a4)
 
 
+#: `step_of_arrays` for floats, compiled where numba is; also for the loops that are compiled themselves.
 motion_step = accelerated(step_of_arrays)
-"""`step_of_arrays` for floats, compiled where numba is; also for the loops that are compiled themselves."""

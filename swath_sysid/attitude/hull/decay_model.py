@@ -19,18 +19,15 @@ from swath_sysid.attitude.hull.terms import (
 from swath_sysid.attitude.motion.attitude import Value
 from swath_sysid.common.errors import InputError, check_choice
 
-DEFAULT_FRICTION_RATE = 0.01
-"""rad/s; about 0.6 deg/s, small against the rates of a decay worth fitting."""
+DEFAULT_FRICTION_RATE = 0.01  #: rad/s; about 0.6 deg/s, small against the rates of a decay worth fitting.
 
 
 @dataclass(frozen=True)
 class Equation:
     """A choice of terms, by the names of ``TERM_NAMES``.
 
-    Raises
-    ------
-    InputError
-        An unknown term, no restoring term, or no damping term.
+    Raises:
+        InputError: An unknown term, no restoring term, or no damping term.
     """
 
     name: str
@@ -65,27 +62,13 @@ class Equation:
 
 @dataclass(frozen=True)
 class DecayModel:
-    """An equation with its ratios: the motion of a hull about one axis.
+    """An equation with its ratios: the motion of a hull about one axis."""
 
-    Attributes
-    ----------
-    equation : Equation
-        The terms in use.
-    ratios : ndarray, shape (9,)
-        Ratios to inertia in the order of ``TERM_NAMES``; zero where a term is not in use.
-    trim : float
-        The angle of rest, rad.
-    friction_rate : float
-        Rate over which the sign of dry friction is smoothed, rad/s.
-    axis : str
-        ``roll`` or ``pitch``.
-    """
-
-    equation: Equation
-    ratios: np.ndarray
-    trim: float = 0.0
-    friction_rate: float = DEFAULT_FRICTION_RATE
-    axis: str = 'pitch'
+    equation: Equation  #: The terms in use.
+    ratios: np.ndarray  #: (9,); Ratios to inertia in the order of ``TERM_NAMES``; zero where a term is not in use.
+    trim: float = 0.0  #: The angle of rest, rad.
+    friction_rate: float = DEFAULT_FRICTION_RATE  #: Rate over which the sign of dry friction is smoothed, rad/s.
+    axis: str = 'pitch'  #: ``roll`` or ``pitch``.
     _row: tuple[float, ...] = field(init=False, repr=False, compare=False)
     _active: tuple[bool, ...] = field(init=False, repr=False, compare=False)
 
@@ -117,10 +100,8 @@ class DecayModel:
     def from_terms(cls, equation: Equation, values: Mapping[str, float], **fields: Any) -> 'DecayModel':
         """Build from the ratios of the equation's own terms, by name; other fields as they are.
 
-        Raises
-        ------
-        InputError
-            A name is not a term, or the model refuses a value.
+        Raises:
+            InputError: A name is not a term, or the model refuses a value.
         """
         ratios = np.zeros(len(TERM_NAMES))
         for name, value in values.items():
@@ -140,12 +121,9 @@ class DecayModel:
     def acceleration(self, angle: Value, rate: Value, excitation: Value = 0.0) -> Value:
         """Angular acceleration, rad/s^2.
 
-        Parameters
-        ----------
-        angle, rate : float or ndarray
-            rad and rad/s.
-        excitation : float or ndarray
-            Exciting moment over inertia, rad/s^2; zero in still water.
+        Args:
+            angle, rate: rad and rad/s.
+            excitation: Exciting moment over inertia, rad/s^2; zero in still water.
         """
         damping = damping_moment(rate, self._row, self._active, self.friction_rate)
         return excitation - damping - restoring_moment(angle - self.trim, self._row, self._active)

@@ -19,29 +19,26 @@ from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
+#: Power of the time unit in each ratio.
 TIME_POWERS = {'b0': -2, 'b1': -1, 'b2': 0, 'b3': 1, 'r1': -2, 'r2': -2, 'r3': -2, 's1': -2, 's2': -2}
-"""Power of the time unit in each ratio."""
 
+#: Power of the length ratio in each loading; displacement in water of the same density.
 LOADING_POWERS = {'draft_factor': 0, 'draft_m': 1, 'displacement_kg': 3}
-"""Power of the length ratio in each loading; displacement in water of the same density."""
 
 RATE_METRICS = ('rate_rmse_rad_s',)
 
+#: Length ratios reach to this and to its inverse: from a bath tub to the largest ship it is 1,000.
 LARGEST_RATIO = 10_000
-"""Length ratios reach to this and to its inverse: from a bath tub to the largest ship it is 1,000."""
 
 LONGEST_SHOWN = 40
-LONGEST_RATIO = 200
-"""Characters; the product of several scalings is kept as an exact fraction."""
+LONGEST_RATIO = 200  #: Characters; the product of several scalings is kept as an exact fraction.
 
 
 def length_ratio(text: str) -> Fraction:
     """An exact length ratio from text such as ``25``, ``0.04`` or ``1/25``.
 
-    Raises
-    ------
-    InputError
-        Not a positive number, or larger than `LARGEST_RATIO`, or smaller than its inverse.
+    Raises:
+        InputError: Not a positive number, or larger than `LARGEST_RATIO`, or smaller than its inverse.
     """
     shown = text if len(text) <= LONGEST_SHOWN else f'{text[:LONGEST_SHOWN]}...'
     try:
@@ -67,12 +64,9 @@ def length_ratio(text: str) -> Fraction:
 def scaled_model(model: DecayModel, ratio: float | Fraction) -> DecayModel:
     """A decay model at another scale.
 
-    Parameters
-    ----------
-    model : DecayModel
-        Of the craft as it was tested.
-    ratio : float or Fraction
-        Length of the result over length of the model given.
+    Args:
+        model: Of the craft as it was tested.
+        ratio: Length of the result over length of the model given.
     """
     factors = _factors(ratio)
     return replace(model, ratios=model.ratios * factors, friction_rate=model.friction_rate / math.sqrt(ratio))
@@ -84,12 +78,9 @@ def scaled(identified: IdentifiedModel, ratio: Fraction) -> IdentifiedModel:
     What it was at the scale of the trials is kept in the provenance, and scaling always starts
     from there: the way back gives the very numbers of the start.
 
-    Parameters
-    ----------
-    identified : IdentifiedModel
-        Of the craft as it was tested.
-    ratio : Fraction
-        Of `length_ratio`.
+    Args:
+        identified: Of the craft as it was tested.
+        ratio: Of `length_ratio`.
     """
     origin, before = _at_scale_of_trials(identified)
     total = _ratio_in_all(before, ratio)
@@ -125,12 +116,9 @@ def scaled_schedule(schedule: ScheduledModel, ratio: Fraction) -> ScheduledModel
 def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
     """What Froude scaling leaves out.
 
-    Parameters
-    ----------
-    model : DecayModel
-        Of the craft as it was tested.
-    ratio : Fraction
-        Length of the result over that of the model given.
+    Args:
+        model: Of the craft as it was tested.
+        ratio: Length of the result over that of the model given.
     """
     damping = [name for name in DAMPING_NAMES if name in model.equation.terms and name != 'b0']
     side = 'smaller' if ratio > 1 else 'larger'

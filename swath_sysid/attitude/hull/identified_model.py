@@ -10,27 +10,14 @@ from swath_sysid.common.errors import InputError
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """An identified model, its uncertainty, where it is valid and where it came from.
-
-    Attributes
-    ----------
-    covariance : ndarray, shape (n, n)
-        Of the ratios of ``model.equation.terms``, in their order.
-    trim_std : float
-        rad; NaN where the trim is not known from the record.
-    amplitude_range : tuple of float
-        Smallest and largest amplitude seen, rad.
-    metrics : dict of str to float
-        How well it fits, by name with unit.
-    provenance : dict
-        Sources and their hashes, segments, software version, seed, settings.
-    """
+    """An identified model, its uncertainty, where it is valid and where it came from."""
 
     model: DecayModel
-    covariance: np.ndarray
-    trim_std: float = float('nan')
-    amplitude_range: tuple[float, float] = (0.0, float('inf'))
-    metrics: dict = field(default_factory=dict)
+    covariance: np.ndarray  #: (n, n); Of the ratios of ``model.equation.terms``, in their order.
+    trim_std: float = float('nan')  #: rad; NaN where the trim is not known from the record.
+    amplitude_range: tuple[float, float] = (0.0, float('inf'))  #: Smallest and largest amplitude seen, rad.
+    metrics: dict = field(default_factory=dict)  #: How well it fits, by name with unit.
+    #: Sources and their hashes, segments, software version, seed, settings.
     provenance: dict = field(default_factory=dict)
 
     def __post_init__(self) -> None:

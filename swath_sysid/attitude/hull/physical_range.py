@@ -6,18 +6,15 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.common.errors import InputError
 
 SHORTEST_PERIOD = 0.05
+#: s; models of a few centimetres roll in tenths of a second, the largest ships in less than a minute.
 LONGEST_PERIOD = 1000.0
-"""s; models of a few centimetres roll in tenths of a second, the largest ships in less than a minute."""
 
 _SMALLEST_AMPLITUDE = math.radians(0.05)
 _FASTEST = 2.0 * math.pi / SHORTEST_PERIOD
 _SLOWEST = 2.0 * math.pi / LONGEST_PERIOD
 
-LARGEST_DAMPING = 4.0 * _FASTEST
-"""1/s at rest, friction included: twice critical at the shortest period."""
-
-FRICTION_RATES = (1e-6, 100.0)
-"""rad/s; of the smoothing of dry friction."""
+LARGEST_DAMPING = 4.0 * _FASTEST  #: 1/s at rest, friction included: twice critical at the shortest period.
+FRICTION_RATES = (1e-6, 100.0)  #: rad/s; of the smoothing of dry friction.
 
 
 def _either_way(size: float) -> tuple[float, float]:
@@ -26,6 +23,7 @@ def _either_way(size: float) -> tuple[float, float]:
 
 # the moment of each term at some amplitude and rate of the range, against the linear restoring moment there: a
 # nonlinear term of 12 times it is more than any hull has (those of the search are the same)
+#: Least and largest ratio of each term; b0 and b1 are not negative: damping takes energy.
 RATIO_RANGES = {
     'b0': (0.0, 0.5 * math.pi * _FASTEST**2),
     'b1': (0.0, LARGEST_DAMPING),
@@ -37,22 +35,17 @@ RATIO_RANGES = {
     's1': _either_way(5.0 * _FASTEST**2),
     's2': _either_way(3.0 * _FASTEST**2 / _SMALLEST_AMPLITUDE),
 }
-"""Least and largest ratio of each term; b0 and b1 are not negative: damping takes energy."""
 
 
 def check_physical(model: DecayModel) -> None:
     """Refuse a decay model that no floating craft can have.
 
-    Parameters
-    ----------
-    model : DecayModel
-        As it was fitted.
+    Args:
+        model: As it was fitted.
 
-    Raises
-    ------
-    InputError
-        A ratio, the trim, the smoothing of friction, the damping at rest or the natural period (where there is one)
-        lies outside its range.
+    Raises:
+        InputError: A ratio, the trim, the smoothing of friction, the damping at rest or the natural period (where there
+            is one) lies outside its range.
     """
     for name, ratio in model.terms.items():
         _check(f'the ratio {name}', ratio, *RATIO_RANGES[name])

@@ -16,31 +16,22 @@ from swath_sysid.common.errors import InputError
 
 @dataclass(frozen=True)
 class PublishedForm:
-    """Coefficients as printed: I', N, W, x, C1, C2, C3.
+    """Coefficients as printed: I', N, W, x, C1, C2, C3."""
 
-    Attributes
-    ----------
-    inertia : float
-        I', with added inertia, kg m^2 (the papers non-dimensionalise; any unit shared by all).
-    linear_damping : float
-        N; the linear damping moment is 2 N w.
-    quadratic_damping, cubic_damping : float
-        W and x.
-    c1, c2, c3 : float
-        Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h).
-        Sine forms: C1 sine-squared, C2 sine (also printed D H).
-    friction : float
-        Dry friction moment, ours; not in any paper.
-    """
-
-    inertia: float
-    linear_damping: float = 0.0
-    quadratic_damping: float = 0.0
-    cubic_damping: float = 0.0
+    inertia: float  #: I', with added inertia, kg m^2 (the papers non-dimensionalise; any unit shared by all).
+    linear_damping: float = 0.0  #: N; the linear damping moment is 2 N w.
+    quadratic_damping: float = 0.0  #: W and x.
+    cubic_damping: float = 0.0  #: W and x.
+    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
+    #: C2 sine (also printed D H).
     c1: float = 0.0
+    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
+    #: C2 sine (also printed D H).
     c2: float = 0.0
+    #: Restoring. Polynomial forms: C1 cubic, C2 quadratic, C3 linear (also printed D h). Sine forms: C1 sine-squared,
+    #: C2 sine (also printed D H).
     c3: float = 0.0
-    friction: float = 0.0
+    friction: float = 0.0  #: Dry friction moment, ours; not in any paper.
 
     def __post_init__(self) -> None:
         if not self.inertia > 0.0:
@@ -61,16 +52,11 @@ def _is_sine_form(equation: Equation) -> bool:
 def from_published(equation: Equation, form: PublishedForm, axis: str, trim: float = 0.0) -> DecayModel:
     """Decay model of coefficients in the published form.
 
-    Parameters
-    ----------
-    equation : Equation
-        Its terms say which coefficients are read.
-    form : PublishedForm
-        Coefficients by the names that the publication gives them.
-    axis : str
-        ``roll`` or ``pitch``.
-    trim : float
-        rad.
+    Args:
+        equation: Its terms say which coefficients are read.
+        form: Coefficients by the names that the publication gives them.
+        axis: ``roll`` or ``pitch``.
+        trim: rad.
     """
     moments = {
         'b0': form.friction,
@@ -89,10 +75,8 @@ def from_published(equation: Equation, form: PublishedForm, axis: str, trim: flo
 def to_published(model: DecayModel, inertia: float) -> PublishedForm:
     """Coefficients in the published form of a decay model, for a given inertia.
 
-    Raises
-    ------
-    InputError
-        The restoring mixes polynomial and sine terms, or the inertia is not positive.
+    Raises:
+        InputError: The restoring mixes polynomial and sine terms, or the inertia is not positive.
     """
     sine_form = _is_sine_form(model.equation)
     if not inertia > 0.0:
@@ -113,14 +97,10 @@ def to_published(model: DecayModel, inertia: float) -> PublishedForm:
 def inertia_from_metacentric_height(model: DecayModel, mass: float, metacentric_height: float) -> float:
     """Inertia with added inertia from hydrostatics, kg m^2: I' = m g GM / (r1 + s1).
 
-    Parameters
-    ----------
-    model : DecayModel
-        Its linear restoring ratio r1 (and s1, the slope of the sine at upright) is used.
-    mass : float
-        kg.
-    metacentric_height : float
-        GM, transverse for roll, longitudinal for pitch, m.
+    Args:
+        model: Its linear restoring ratio r1 (and s1, the slope of the sine at upright) is used.
+        mass: kg.
+        metacentric_height: GM, transverse for roll, longitudinal for pitch, m.
     """
     stiffness = model.ratios[R1] + model.ratios[S1]
     if not (mass > 0.0 and metacentric_height > 0.0 and stiffness > 0.0):

@@ -14,27 +14,16 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 QUANTITIES = ('draft_factor', 'draft_m', 'displacement_kg')
-SAME = 1e-9
-"""Relative difference below which two loadings are one."""
+SAME = 1e-9  #: Relative difference below which two loadings are one.
 
 
 @dataclass(frozen=True)
 class ScheduledModel:
-    """Models identified at several loadings, with what lies between them.
+    """Models identified at several loadings, with what lies between them."""
 
-    Attributes
-    ----------
-    quantity : str
-        What the loading is given as: ``draft_factor``, ``draft_m`` or ``displacement_kg``.
-    loadings : tuple of float
-        Increasing.
-    models : tuple of IdentifiedModel
-        One a loading; of one axis and with the same terms.
-    """
-
-    quantity: str
-    loadings: tuple[float, ...]
-    models: tuple[IdentifiedModel, ...]
+    quantity: str  #: What the loading is given as: ``draft_factor``, ``draft_m`` or ``displacement_kg``.
+    loadings: tuple[float, ...]  #: Increasing.
+    models: tuple[IdentifiedModel, ...]  #: One a loading; of one axis and with the same terms.
 
     def __post_init__(self) -> None:
         if self.quantity not in QUANTITIES:
@@ -77,22 +66,15 @@ class ScheduledModel:
         f[a, b, c] (t - a)(t - b), taken as one standard deviation. Beyond the identified loadings
         the nearest is used as it is.
 
-        Parameters
-        ----------
-        loading : float
-            In the unit of `quantity`.
+        Args:
+            loading: In the unit of `quantity`.
 
-        Returns
-        -------
-        IdentifiedModel
-        advice : tuple of Advice
-            ``loading-outside`` beyond the identified loadings; ``loading-curvature-unknown``
-            between two that are the only ones.
+        Returns:
+            advice: ``loading-outside`` beyond the identified loadings; ``loading-curvature-unknown`` between two that
+                are the only ones.
 
-        Raises
-        ------
-        InputError
-            Not a positive number.
+        Raises:
+            InputError: Not a positive number.
         """
         loading = float(loading)
         if not (np.isfinite(loading) and loading > 0.0):
@@ -155,15 +137,11 @@ class ScheduledModel:
     def curve(self, loadings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ratios and their standard deviations at several loadings.
 
-        Parameters
-        ----------
-        loadings : ndarray, shape (K,)
-            Where the curve is wanted.
+        Args:
+            loadings: (K,); where the curve is wanted.
 
-        Returns
-        -------
-        ratios, std : ndarray, shape (K, n)
-            Of the equation's terms.
+        Returns:
+            ratios, std: (K, n); of the equation's terms.
         """
         found = [self._mixed(min(max(v, self.loadings[0]), self.loadings[-1])) for v in loadings]
         ratios = np.array([m.model.ratios[self.equation.indices] for m in found])
@@ -193,24 +171,17 @@ def models_at(
 ) -> tuple[dict[str, IdentifiedModel], tuple[Advice, ...]]:
     """The models to use at a loading: scheduled where there is a schedule, else as they are.
 
-    Parameters
-    ----------
-    models : mapping of str to IdentifiedModel
-        By axis.
-    schedules : mapping of str to ScheduledModel
-        By axis; may be empty.
-    loading : float or None
-        In the unit of the schedules; None: not known, the models are used as they are.
+    Args:
+        models: By axis.
+        schedules: By axis; may be empty.
+        loading: In the unit of the schedules; None: not known, the models are used as they are.
 
-    Returns
-    -------
-    models : dict of str to IdentifiedModel
-    advice : tuple of Advice
+    Returns:
+        models
+        advice
 
-    Raises
-    ------
-    InputError
-        The loading is not a positive number.
+    Raises:
+        InputError: The loading is not a positive number.
     """
     if loading is None:
         return dict(models), ()

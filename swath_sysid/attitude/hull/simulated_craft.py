@@ -9,32 +9,19 @@ from swath_sysid.attitude.hull.simulated_trial import SensorNoise, gravity_readi
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.common.errors import InputError
 
-FREE_SPAN = 60.0
-"""s of free motion that are simulated at once."""
-
-RETURN_SPAN = 30.0
-"""s after which a craft that returns has returned."""
+FREE_SPAN = 60.0  #: s of free motion that are simulated at once.
+RETURN_SPAN = 30.0  #: s after which a craft that returns has returned.
 
 
 @dataclass(frozen=True)
 class CraftSettings:
-    """The hull, the sensor, and how the craft is released.
-
-    Attributes
-    ----------
-    angle : float
-        To which the craft is lifted, from trim, rad.
-    rate_hz : float
-        Samples a second.
-    lift, hold : float
-        s.
-    """
+    """The hull, the sensor, and how the craft is released."""
 
     model: DecayModel
-    angle: float
-    rate_hz: float = 100.0
-    lift: float = 1.5
-    hold: float = 1.0
+    angle: float  #: To which the craft is lifted, from trim, rad.
+    rate_hz: float = 100.0  #: Samples a second.
+    lift: float = 1.5  #: s.
+    hold: float = 1.0  #: s.
     noise: SensorNoise = field(default_factory=SensorNoise)
     seed: int = 1
 
@@ -50,31 +37,19 @@ class CraftSettings:
 
 @dataclass(frozen=True)
 class CraftReading:
-    """What the sensor measures at one sample, in the craft's axes.
+    """What the sensor measures at one sample, in the craft's axes."""
 
-    Attributes
-    ----------
-    roll, pitch, roll_rate, pitch_rate : float
-        Euler angles and rates, rad and rad/s.
-    force : tuple of 3 floats
-        Specific force, m/s^2.
-    """
-
-    roll: float
-    pitch: float
-    roll_rate: float
-    pitch_rate: float
-    force: tuple[float, float, float]
+    roll: float  #: Euler angles and rates, rad and rad/s.
+    pitch: float  #: Euler angles and rates, rad and rad/s.
+    roll_rate: float  #: Euler angles and rates, rad and rad/s.
+    pitch_rate: float  #: Euler angles and rates, rad and rad/s.
+    force: tuple[float, float, float]  #: Specific force, m/s^2.
 
 
 class SimulatedCraft:
     """The readings of a craft's sensor, one after the other at even times.
 
     Deterministic: the same settings and releases give the same readings.
-
-    Parameters
-    ----------
-    settings : CraftSettings
     """
 
     def __init__(self, settings: CraftSettings) -> None:
@@ -87,9 +62,7 @@ class SimulatedCraft:
     def release(self) -> float:
         """Lift the craft from where it is, hold it, and let it go.
 
-        Returns
-        -------
-        float
+        Returns:
             s from the next reading to the moment of letting go.
         """
         s = self.settings
@@ -137,12 +110,9 @@ class SimulatedCraft:
 def returns(model: DecayModel, angle: float) -> bool:
     """Whether a craft let go at rest comes back to trim.
 
-    Parameters
-    ----------
-    model : DecayModel
-        Of the hull.
-    angle : float
-        From trim, rad.
+    Args:
+        model: Of the hull.
+        angle: From trim, rad.
     """
     angles, _ = simulate(model, model.trim + angle, 0.0, np.linspace(0.0, RETURN_SPAN, 301))
     moved = angles - model.trim

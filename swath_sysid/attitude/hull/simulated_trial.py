@@ -16,21 +16,12 @@ MAX_SAMPLES = 20_000_000
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """White noise of an inertial sensor, standard deviations.
+    """White noise of an inertial sensor, standard deviations."""
 
-    Attributes
-    ----------
-    angle : float
-        rad.
-    rate : float
-        rad/s; by default about that of the SWATH pitch trials; `PublishedHull.rate_noise` is that of each study.
-    acceleration : float
-        m/s^2.
-    """
-
-    angle: float = 0.001
+    angle: float = 0.001  #: rad.
+    #: rad/s; by default about that of the SWATH pitch trials; `PublishedHull.rate_noise` is that of each study.
     rate: float = 0.0165
-    acceleration: float = 0.02
+    acceleration: float = 0.02  #: m/s^2.
 
     def __post_init__(self) -> None:
         if not (self.angle >= 0 and self.rate >= 0 and self.acceleration >= 0):
@@ -48,32 +39,20 @@ def simulated_trial(
 ) -> Trial:
     """A free decay, released at rest from an initial angle, at even samples.
 
-    Parameters
-    ----------
-    model : DecayModel
-        Of the hull.
-    initial_angle : float
-        From trim, rad.
-    duration : float
-        From release, s.
-    rate_hz : float
-        Samples a second.
-    noise : SensorNoise
-        Of the sensor.
-    seed : int
-        Of the noise.
-    hold : float
-        Seconds for which the craft is held at the initial angle first.
+    Args:
+        model: Of the hull.
+        initial_angle: From trim, rad.
+        duration: From release, s.
+        rate_hz: Samples a second.
+        noise: Of the sensor.
+        seed: Of the noise.
+        hold: Seconds for which the craft is held at the initial angle first.
 
-    Returns
-    -------
-    Trial
+    Returns:
         Angles, Euler rates and the gravity part of the specific force; the other axis at rest.
 
-    Raises
-    ------
-    InputError
-        Too few or too many samples, or the motion runs away from that angle.
+    Raises:
+        InputError: Too few or too many samples, or the motion runs away from that angle.
     """
     if not (duration > 0.0 and rate_hz > 0.0 and hold >= 0.0):
         raise InputError('duration and rate must be greater than zero, hold not negative')

@@ -8,8 +8,7 @@ from swath_sysid.attitude.hull.compiled import motion_step, step_of_arrays
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 
-STEPS_PER_PERIOD = 60
-"""Runge-Kutta steps a natural period: phase error below 1e-7 rad a step."""
+STEPS_PER_PERIOD = 60  #: Runge-Kutta steps a natural period: phase error below 1e-7 rad a step.
 
 _SWING = np.linspace(-1.0, 1.0, 33)
 
@@ -74,25 +73,16 @@ def runge_kutta_population(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integrate P free decays side by side with the classical Runge-Kutta scheme.
 
-    Parameters
-    ----------
-    x, rate : ndarray, shape (P,)
-        Initial angles from trim, rad, and rates, rad/s.
-    ratios : ndarray, shape (9, P)
-        Ratios to inertia, a column a decay.
-    active : tuple of 9 bools
-        The terms in use.
-    friction_rate : float
-        rad/s.
-    step : float
-        s.
-    steps : int
-        How many.
+    Args:
+        x, rate: (P,); initial angles from trim, rad, and rates, rad/s.
+        ratios: (9, P); ratios to inertia, a column a decay.
+        active: The terms in use.
+        friction_rate: rad/s.
+        step: s.
+        steps: How many.
 
-    Returns
-    -------
-    angles, rates, accelerations : ndarray, shape (steps + 1, P)
-        Not finite from where a candidate has run away.
+    Returns:
+        angles, rates, accelerations: (steps + 1, P); not finite from where a candidate has run away.
     """
     angles, rates, accelerations = (np.empty((steps + 1, x.size)) for _ in range(3))
     # one step, two loops: compiled code is fast in registers, numpy on whole rows
@@ -104,16 +94,11 @@ def runge_kutta_population(
 def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
     """Weights of cubic Hermite interpolation between two neighbouring steps.
 
-    Parameters
-    ----------
-    fraction : ndarray, shape (N,)
-        Place within the step, 0 to 1.
-    step : float
-        s.
+    Args:
+        fraction: (N,); place within the step, 0 to 1.
+        step: s.
 
-    Returns
-    -------
-    ndarray, shape (4, N)
+    Returns:
         For the value before, the slope before, the value after and the slope after.
     """
     t = fraction
@@ -130,18 +115,13 @@ def hermite_weights(fraction: np.ndarray, step: float) -> np.ndarray:
 def interpolate(values: np.ndarray, slopes: np.ndarray, before: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Cubic Hermite interpolation of columns at given places.
 
-    Parameters
-    ----------
-    values, slopes : ndarray, shape (K, P)
-        At the steps: of the columns, and of their derivatives.
-    before : ndarray of int, shape (N,)
-        The step before each place.
-    weights : ndarray, shape (4, N)
-        Of `hermite_weights`.
+    Args:
+        values, slopes: (K, P); at the steps: of the columns, and of their derivatives.
+        before: ndarray of int, shape (N,); the step before each place.
+        weights: (4, N); of `hermite_weights`.
 
-    Returns
-    -------
-    ndarray, shape (N, P)
+    Returns:
+        ndarray, shape (N, P)
     """
     w = weights[:, :, None]
     return w[0] * values[before] + w[1] * slopes[before] + w[2] * values[before + 1] + w[3] * slopes[before + 1]
@@ -176,19 +156,13 @@ def longest_step(model: DecayModel, amplitude: float = 0.0, steps_per_period: fl
 def simulate(model: DecayModel, angle: float, rate: float, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Free decay of one hull.
 
-    Parameters
-    ----------
-    model : DecayModel
-        Of the hull.
-    angle, rate : float
-        Initial state at ``time[0]``, rad and rad/s.
-    time : ndarray, shape (N,)
-        s, increasing, not necessarily even.
+    Args:
+        model: Of the hull.
+        angle, rate: Initial state at ``time[0]``, rad and rad/s.
+        time: (N,); s, increasing, not necessarily even.
 
-    Returns
-    -------
-    angles, rates : ndarray, shape (N,)
-        rad and rad/s; not finite from where the motion has run away.
+    Returns:
+        angles, rates: (N,); rad and rad/s; not finite from where the motion has run away.
     """
     elapsed = np.asarray(time, dtype=float) - time[0]
     step = longest_step(model, abs(angle - model.trim))

@@ -43,16 +43,11 @@ B0, B1, B2, B3, R1, R2, R3, S1, S2 = range(9)
 def damping_moment(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
     """Damping moment over inertia, rad/s^2, of the sign of the rate.
 
-    Parameters
-    ----------
-    rate : float or ndarray, shape (P,)
-        rad/s.
-    ratios : sequence of 9 floats, or ndarray, shape (9, P)
-        In the order of ``TERM_NAMES``.
-    active : sequence of 9 bools
-        The terms in use; the others are not read, except b1.
-    friction_rate : float
-        Rate over which the sign of the dry friction is smoothed, rad/s.
+    Args:
+        rate: float or (P,); rad/s.
+        ratios: sequence of 9 floats, or (9, P); in the order of ``TERM_NAMES``.
+        active: The terms in use; the others are not read, except b1.
+        friction_rate: Rate over which the sign of the dry friction is smoothed, rad/s.
     """
     slope = ratios[B1]
     if active[B2]:
@@ -125,16 +120,11 @@ def restoring_energy(x: Value, ratios: Value) -> Value:
 def term_moments(x: np.ndarray | float, rate: np.ndarray | float, friction_rate: float) -> np.ndarray:
     """Moment over inertia of each term with its ratio set to one.
 
-    Parameters
-    ----------
-    x, rate : ndarray, shape (N,)
-        Angle from trim, rad, and rate, rad/s.
-    friction_rate : float
-        rad/s.
+    Args:
+        x, rate: (N,); angle from trim, rad, and rate, rad/s.
+        friction_rate: rad/s.
 
-    Returns
-    -------
-    ndarray, shape (9, N)
+    Returns:
         The model is linear in its ratios: ``acceleration = -ratios @ term_moments``.
     """
     sine = np.sin(x)

@@ -21,61 +21,40 @@ from swath_sysid.common.covariance import sandwich_covariance
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.identify import Identification
 
-SIGNIFICANT = 3.5
-"""Standard deviations from zero that chance does not make of four terms tried at once."""
-CHANCE = 0.003
-"""Share of complete equations that the likelihood ratio may call incomplete."""
-LIKELY_CHANCE = 0.05
-"""Share of them that it may call open."""
+SIGNIFICANT = 3.5  #: Standard deviations from zero that chance does not make of four terms tried at once.
+CHANCE = 0.003  #: Share of complete equations that the likelihood ratio may call incomplete.
+LIKELY_CHANCE = 0.05  #: Share of them that it may call open.
 TERMS = (*DAMPING_NAMES, 'r2', 'r3')
 SMOOTH_TERMS = tuple(name for name in TERMS if name != 'b0')
 
 
 @dataclass(frozen=True)
 class AbsentTerm:
-    """A term that an equation lacks.
-
-    Attributes
-    ----------
-    name : str
-    significance : float
-        Standard deviations from zero: of what one step from the least-squares optimum makes of its ratio, or of one
-        parameter with the likelihood ratio of all that the equation lacks.
-    """
+    """A term that an equation lacks."""
 
     name: str
+    #: Standard deviations from zero: of what one step from the least-squares optimum makes of its ratio, or of one
+    #: parameter with the likelihood ratio of all that the equation lacks.
     significance: float
 
 
 @dataclass(frozen=True)
 class Rival:
-    """An equation that explains the same records about as well.
-
-    Attributes
-    ----------
-    name : str
-    natural_period : float
-        s.
-    widening : float
-        Standard deviation of the linear stiffness with the equation open, over that of the equation chosen.
-    """
+    """An equation that explains the same records about as well."""
 
     name: str
-    natural_period: float
+    natural_period: float  #: s.
+    #: Standard deviation of the linear stiffness with the equation open, over that of the equation chosen.
     widening: float
 
 
 def absent_term(found: 'Identification') -> AbsentTerm | None:
     """The term whose absence the residuals of least squares show most.
 
-    Parameters
-    ----------
-    found : Identification
-        Of the simulation objective.
+    Args:
+        found: Of the simulation objective.
 
-    Returns
-    -------
-    AbsentTerm or None
+    Returns:
         None where no term is significant.
     """
     equation = found.model.equation
@@ -94,25 +73,16 @@ def fit_and_test(
 ) -> tuple[BasinFit | None, AbsentTerm | None, Rival | None]:
     """The likelihood's optimum, and the term whose absence it shows.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of `prepare`.
-    equation : Equation
-        Without dry friction.
-    ratios : ndarray, shape (9,)
-        Ratios to inertia to start from.
-    states : sequence of InitialState
-        Where to start.
+    Args:
+        problem: Of `prepare`.
+        equation: Without dry friction.
+        ratios: (9,); ratios to inertia to start from.
+        states: Where to start.
 
-    Returns
-    -------
-    basin : BasinFit or None
-        None where the motion runs away.
-    absent : AbsentTerm or None
-        None where a likelihood ratio as large is to be expected by chance.
-    rival : Rival or None
-        The equation with every smooth term, where chance may, but hardly, make a likelihood ratio as large.
+    Returns:
+        basin: None where the motion runs away.
+        absent: None where a likelihood ratio as large is to be expected by chance.
+        rival: The equation with every smooth term, where chance may, but hardly, make a likelihood ratio as large.
     """
     likelihood = _likelihood(problem, equation)
     optima = likelihood.minimise(likelihood.starts(ratios, states))

@@ -49,12 +49,10 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 
-AT_SEA = 'motion in waves'
-"""Marks a model identified at sea, as ``provenance['identified_from']``."""
+AT_SEA = 'motion in waves'  #: Marks a model identified at sea, as ``provenance['identified_from']``.
+MIN_WAVES = 50  #: Peak periods that a record must hold.
 
-MIN_WAVES = 50
-"""Peak periods that a record must hold."""
-
+#: Of hull and level; those of the sea's shape follow.
 PARAMETERS = (
     'log frequency',
     'log damping',
@@ -63,142 +61,83 @@ PARAMETERS = (
     'cubic restoring',
     'log level',
 )
-"""Of hull and level; those of the sea's shape follow."""
 _FREQUENCY, _DAMPING, _QUADRATIC, _EVEN, _CUBIC, _LEVEL = range(6)
 _PRIOR_STD = (1.0, 1.2, 0.5, 0.3, 0.1, np.inf)
 
+#: Of the seas that JONSWAP measured. With less, a hull near resonance takes part of the sea's peak for its own.
 MEAN_PEAKEDNESS = 3.3
-"""Of the seas that JONSWAP measured. With less, a hull near resonance takes part of the sea's peak for its own."""
 
 _FLOOR_PRIOR = (-7.0, 2.0)
 _FREQUENCY_STARTS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6)
 _PEAK_STARTS = (0.7, 1.0, 1.4)
 
+#: Where the excitation falls by such a factor between neighbouring bands so wide, it ends: no sea falls so fast above
+#: its peak, but a wave maker does, and a sum of waves. What lies above is not fitted.
 CLIFF, CLIFF_WIDTH = 12.0, 1.12
-"""Where the excitation falls by such a factor between neighbouring bands so wide, it ends: no sea falls so fast above
-its peak, but a wave maker does, and a sum of waves. What lies above is not fitted."""
 
+#: The sea that the accelerometers show is used unless its misfit is so many times that of JONSWAP.
 HEAVE_PREFERRED = 1.5
-"""The sea that the accelerometers show is used unless its misfit is so many times that of JONSWAP."""
 
 _FIRST_DAMPING = 0.15
-_REFINED = 8
-"""So many of the starts, the best, are refined."""
+_REFINED = 8  #: So many of the starts, the best, are refined.
+_MODE_DEPTH = 8.0  #: Other optima count for the uncertainty unless their log-likelihood is so much worse.
+MIN_FADING = 6.0  #: Within the record a free decay of the hull must fade by exp of so much; what does not is a tone.
 
-_MODE_DEPTH = 8.0
-"""Other optima count for the uncertainty unless their log-likelihood is so much worse."""
-
-MIN_FADING = 6.0
-"""Within the record a free decay of the hull must fade by exp of so much; what does not is a tone."""
-
+#: Of the logarithm of the natural frequency, above the highest band: what lies there cannot be seen.
 EDGE_SOFTNESS = 0.1
-"""Of the logarithm of the natural frequency, above the highest band: what lies there cannot be seen."""
 
-MISSING_TOGETHER = 12
-"""Neighbouring bands whose misfits may be one and the same."""
+MISSING_TOGETHER = 12  #: Neighbouring bands whose misfits may be one and the same.
 
 _DECREMENT_PERIODS = 3.0
+#: Relative standard deviations above which the sea is said to hide the hull.
 PERIOD_WANTED, DAMPING_WANTED = 0.03, 0.25
-"""Relative standard deviations above which the sea is said to hide the hull."""
-PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50
-"""... and above which the result is of no use."""
+PERIOD_USABLE, DAMPING_USABLE = 0.10, 0.50  #: ... and above which the result is of no use.
 POOR_FIT = 2.0
 
 
 @dataclass(frozen=True)
 class FittedSpectra:
-    """Measured and fitted spectra, one-sided, per rad/s.
+    """Measured and fitted spectra, one-sided, per rad/s."""
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (B,)
-        rad/s.
-    measured, fitted : ndarray, shape (B,)
-        Of the angle, rad^2 s; in the fitted one the nonlinear part is the measured one.
-    excitation, fitted_excitation : ndarray, shape (B,)
-        Of the exciting moment over inertia that the hull needs, and of the fitted sea, (rad/s^2)^2 s.
-    response : ndarray, shape (B,)
-        Angle for a moment over inertia that would hold the craft at angle one, dimensionless.
-    """
-
-    frequency: np.ndarray
-    measured: np.ndarray
-    fitted: np.ndarray
+    frequency: np.ndarray  #: (B,); rad/s.
+    measured: np.ndarray  #: (B,); Of the angle, rad^2 s; in the fitted one the nonlinear part is the measured one.
+    fitted: np.ndarray  #: (B,); Of the angle, rad^2 s; in the fitted one the nonlinear part is the measured one.
+    #: (B,); Of the exciting moment over inertia that the hull needs, and of the fitted sea, (rad/s^2)^2 s.
     excitation: np.ndarray
+    #: (B,); Of the exciting moment over inertia that the hull needs, and of the fitted sea, (rad/s^2)^2 s.
     fitted_excitation: np.ndarray
+    #: (B,); Angle for a moment over inertia that would hold the craft at angle one, dimensionless.
     response: np.ndarray
 
 
 @dataclass(frozen=True)
 class Decrement:
-    """The random decrement signature beside what the fit says of it.
+    """The random decrement signature beside what the fit says of it."""
 
-    Attributes
-    ----------
-    lag : ndarray, shape (L,)
-        s.
-    measured : ndarray, shape (L,)
-        rad.
-    fitted : ndarray, shape (L,)
-        Autocorrelation of the fitted spectrum, to the same level.
-    free_decay : ndarray, shape (L,)
-        Of the identified hull in still water, from the same level.
-    """
-
-    lag: np.ndarray
-    measured: np.ndarray
-    fitted: np.ndarray
-    free_decay: np.ndarray
+    lag: np.ndarray  #: (L,); s.
+    measured: np.ndarray  #: (L,); rad.
+    fitted: np.ndarray  #: (L,); Autocorrelation of the fitted spectrum, to the same level.
+    free_decay: np.ndarray  #: (L,); Of the identified hull in still water, from the same level.
 
 
 @dataclass(frozen=True)
 class AtSeaIdentification:
-    """A hull as identified from a record in waves.
+    """A hull as identified from a record in waves."""
 
-    Attributes
-    ----------
-    model : DecayModel
-        Linear; its trim is the mean angle.
-    natural_period, natural_period_std : float
-        s, at ``amplitude``.
-    damping_ratio, damping_ratio_std : float
-        Equivalent linear damping over critical damping, at ``amplitude``.
-    amplitude, amplitude_std : float
-        rad; sqrt(2) standard deviations of the angle.
-    trim_std : float
-        rad; NaN where no angle was measured.
-    estimate_covariance : ndarray, shape (2, 2)
-        Of natural period (s) and damping ratio.
-    covariance : ndarray, shape (2, 2)
-        Of the ratios b1 and r1.
-    misfit : float
-        Deviance a degree of freedom of the fitted spectrum; 1 where hull and sea explain it.
-    sea : str
-        ``heave`` or ``jonswap``: how the sea's spectrum was known.
-    peak_period : float
-        Of the fitted excitation, s.
-    duration : float
-        Of the stretch used, s.
-    spectra : FittedSpectra
-    decrement : Decrement
-    motion : AxisMotion
-    advice : tuple of Advice
-    """
-
-    model: DecayModel
-    natural_period: float
-    natural_period_std: float
-    damping_ratio: float
-    damping_ratio_std: float
-    amplitude: float
-    amplitude_std: float
-    trim_std: float
-    estimate_covariance: np.ndarray
-    covariance: np.ndarray
-    misfit: float
-    sea: str
-    peak_period: float
-    duration: float
+    model: DecayModel  #: Linear; its trim is the mean angle.
+    natural_period: float  #: s, at ``amplitude``.
+    natural_period_std: float  #: s, at ``amplitude``.
+    damping_ratio: float  #: Equivalent linear damping over critical damping, at ``amplitude``.
+    damping_ratio_std: float  #: Equivalent linear damping over critical damping, at ``amplitude``.
+    amplitude: float  #: rad; sqrt(2) standard deviations of the angle.
+    amplitude_std: float  #: rad; sqrt(2) standard deviations of the angle.
+    trim_std: float  #: rad; NaN where no angle was measured.
+    estimate_covariance: np.ndarray  #: (2, 2); Of natural period (s) and damping ratio.
+    covariance: np.ndarray  #: (2, 2); Of the ratios b1 and r1.
+    misfit: float  #: Deviance a degree of freedom of the fitted spectrum; 1 where hull and sea explain it.
+    sea: str  #: ``heave`` or ``jonswap``: how the sea's spectrum was known.
+    peak_period: float  #: Of the fitted excitation, s.
+    duration: float  #: Of the stretch used, s.
     spectra: FittedSpectra
     decrement: Decrement
     motion: AxisMotion
@@ -222,10 +161,8 @@ class AtSeaIdentification:
     def identified_model(self, provenance: dict) -> IdentifiedModel:
         """The content of a model file; its provenance says that it was identified at sea.
 
-        Parameters
-        ----------
-        provenance : dict
-            The caller's record of the sources.
+        Args:
+            provenance: The caller's record of the sources.
         """
         metrics = {
             'natural_period_s': self.natural_period,
@@ -266,30 +203,17 @@ def identify_at_sea(
 ) -> AtSeaIdentification:
     """Natural period and equivalent linear damping from a record in waves.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        Of a record in waves.
-    heave : Heave, optional
-        Of the same record: shows the sea.
-    start, end : float, optional
-        Bounds of the stretch to use, in the record's time, s.
-    searched : bool
-        Whether the record is known to hold no free decay.
-    progress : callable, optional
-        Called with 0 to 1.
-    should_cancel : callable, optional
-        Asked often; True raises `Cancelled`.
+    Args:
+        motion: Of a record in waves.
+        heave: Of the same record: shows the sea.
+        start, end: Bounds of the stretch to use, in the record's time, s.
+        searched: Whether the record is known to hold no free decay.
+        progress: Called with 0 to 1.
+        should_cancel: Asked often; True raises `Cancelled`.
 
-    Returns
-    -------
-    AtSeaIdentification
-
-    Raises
-    ------
-    InputError
-        The record is too short or cannot be used; the sentence says how long it must be.
-    Cancelled
+    Raises:
+        InputError: The record is too short or cannot be used; the sentence says how long it must be.
+        Cancelled:
     """
     motion = motion.between(start, end)
     fit, modes = _best_fit(motion, heave, progress, should_cancel)
@@ -301,22 +225,15 @@ def gain_over(
 ) -> float:
     """By how much the log-likelihood of a record rises when the hull is fitted to it instead of given.
 
-    Parameters
-    ----------
-    model : DecayModel
-        Linear.
-    motion : AxisMotion
-        Of a record in waves.
-    heave : Heave, optional
-        Of the same record: shows the sea.
-    should_cancel : callable, optional
-        Asked often; True raises `Cancelled`.
+    Args:
+        model: Linear.
+        motion: Of a record in waves.
+        heave: Of the same record: shows the sea.
+        should_cancel: Asked often; True raises `Cancelled`.
 
-    Returns
-    -------
-    float
-        Twice that is a chi-squared variable of two degrees of freedom if the model is true (Wilks 1938); where
-        the sea does not fit, its excess counts less.
+    Returns:
+        Twice that is a chi-squared variable of two degrees of freedom if the model is true (Wilks 1938); where the sea
+        does not fit, its excess counts less.
     """
     fit, modes = _best_fit(motion, heave, None, should_cancel)
     free = modes[0]
@@ -331,20 +248,14 @@ def excitation_spectrum(frequency: np.ndarray, peak: float, peakedness: float, t
     JONSWAP (Hasselmann et al. 1973) with another tail: frequency^-5 where the moment follows the height
     of the waves, frequency^-1 where it follows their slope in deep water.
 
-    Parameters
-    ----------
-    frequency : ndarray, shape (B,)
-        rad/s.
-    peak : float
-        Peak frequency of the waves, rad/s.
-    peakedness : float
-        gamma.
-    tail : float
-        Far above its peak the spectrum goes as frequency^-tail; held between -20 and 20.
+    Args:
+        frequency: (B,); rad/s.
+        peak: Peak frequency of the waves, rad/s.
+        peakedness: gamma.
+        tail: Far above its peak the spectrum goes as frequency^-tail; held between -20 and 20.
 
-    Returns
-    -------
-    ndarray, shape (B,)
+    Returns:
+        ndarray, shape (B,)
     """
     u = frequency / peak
     width = np.where(u <= 1.0, 0.07, 0.09)

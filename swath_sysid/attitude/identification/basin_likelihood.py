@@ -24,13 +24,13 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.noise import MODEL_FLOOR, white_noise
 
 STEPS_PER_PERIOD = 24
+#: Standard deviation, dimensionless, of what a ratio may be before the record is seen: beyond any craft's.
 RATIO_PRIOR = 4.0
-"""Standard deviation, dimensionless, of what a ratio may be before the record is seen: beyond any craft's."""
-BIAS_PRIOR = float(np.radians(2.0))
-"""rad/s: an uncalibrated gyro's."""
+BIAS_PRIOR = float(np.radians(2.0))  #: rad/s: an uncalibrated gyro's.
+#: Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
+#: equation, so that likelihoods can be compared.
 STATE_PRIOR = 1.0
-"""Initial state and trim, as parts of the first amplitude, about the first estimates: these are the same for every
-equation, so that likelihoods can be compared."""
+#: Name, mean and standard deviation of the logarithm of each of the basin's and the sensors' parameters.
 BASIN_PRIORS = (
     ('level', np.log(3e-4), 3.0),  # of the restoring moment at the first amplitude: most basins are quiet
     ('frequency', 0.0, 0.4),  # of the hull's
@@ -44,57 +44,37 @@ BASIN_PRIORS = (
     ('rate_memory', np.log(0.1), 1.0),
     ('drift', np.log(5e-4), 1.0),  # of the first amplitude, in the square root of a period
 )
-"""Name, mean and standard deviation of the logarithm of each of the basin's and the sensors' parameters."""
+#: Of the disturbance, as its prior: the first two from the first estimate, the last two from a linear hull as well.
 STARTING_LEVELS = 0.003, 0.05, 0.3
-"""Of the disturbance, as its prior: the first two from the first estimate, the last two from a linear hull as well."""
-UNLIKELY = 4.0
-"""Negative log posterior above the least from which another optimum is left out;"""
-SAME_MODE = 0.5
-"""standard deviations of each ratio within which two are one;"""
-SAME_COST = 1.0
-"""negative log posterior above an optimum from which a search that passes it may still go elsewhere."""
+UNLIKELY = 4.0  #: Negative log posterior above the least from which another optimum is left out;
+SAME_MODE = 0.5  #: standard deviations of each ratio within which two are one;
+SAME_COST = 1.0  #: negative log posterior above an optimum from which a search that passes it may still go elsewhere.
 LOG_LIMITS = 7.0
-LARGEST_SHAPE = 0.9
-"""Damping and spread of the disturbance stay below this."""
-MIN_NOISE = 1e-4
-"""Of the amplitude: white noise where third differences show none."""
+LARGEST_SHAPE = 0.9  #: Damping and spread of the disturbance stay below this.
+MIN_NOISE = 1e-4  #: Of the amplitude: white noise where third differences show none.
 PERTURBATION = 1e-5
 MAX_ITERATIONS = 30
-CONVERGED = 0.003
-"""Decrease of the negative log likelihood that a further step promises."""
-NEAR = 10.0
-"""Decrease that a step promises from which the curvature is learned."""
+CONVERGED = 0.003  #: Decrease of the negative log likelihood that a further step promises.
+NEAR = 10.0  #: Decrease that a step promises from which the curvature is learned.
+#: Of the expected information along any direction, taken for the curvature of a step where less was learned.
 LEAST_SHARE = 0.1
-"""Of the expected information along any direction, taken for the curvature of a step where less was learned."""
-HESSIAN_STEP = 0.05
-"""Standard deviations of a parameter over which the gradient's change is taken."""
+HESSIAN_STEP = 0.05  #: Standard deviations of a parameter over which the gradient's change is taken.
+#: Of the posterior along any mixture of the basin's parameters, over that of the prior: where the likelihood bends away
+#: from its maximum it says no less than this about them.
 LEAST_CURVATURE = 0.5
-"""Of the posterior along any mixture of the basin's parameters, over that of the prior: where the likelihood bends
-away from its maximum it says no less than this about them."""
 INTERVAL = 0.95
 NORMAL = float(ndtri(0.5 * (1.0 + INTERVAL)))
 
 
 @dataclass(frozen=True)
 class BlockedRecord:
-    """A record in means over blocks of one step.
+    """A record in means over blocks of one step."""
 
-    Attributes
-    ----------
-    step : float
-        s.
-    bend : float
-        See `innovations`, s^2.
-    angle, rate : ndarray, shape (N,)
-        rad and rad/s; zero where not measured.
-    counts : ndarray, shape (N, 2)
-    """
-
-    step: float
-    bend: float
-    angle: np.ndarray
-    rate: np.ndarray
-    counts: np.ndarray
+    step: float  #: s.
+    bend: float  #: See `innovations`, s^2.
+    angle: np.ndarray  #: (N,); rad and rad/s; zero where not measured.
+    rate: np.ndarray  #: (N,); rad and rad/s; zero where not measured.
+    counts: np.ndarray  #: (N, 2)
 
     @classmethod
     def of(cls, motion: AxisMotion, frequency: float) -> 'BlockedRecord':
@@ -120,20 +100,13 @@ class BlockedRecord:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The negative log posterior at some parameters.
+    """The negative log posterior at some parameters."""
 
-    Attributes
-    ----------
-    z : ndarray, shape (p,)
-    cost : float
-        Infinite where the motion runs away.
-    gradient, information : ndarray, shape (p,) and (p, p)
-        First derivatives and expected second ones; not finite where the motion runs away.
-    """
-
-    z: np.ndarray
-    cost: float
+    z: np.ndarray  #: (p,)
+    cost: float  #: Infinite where the motion runs away.
+    #: (p,) and (p, p); First derivatives and expected second ones; not finite where the motion runs away.
     gradient: np.ndarray
+    #: (p,) and (p, p); First derivatives and expected second ones; not finite where the motion runs away.
     information: np.ndarray
 
     @property
@@ -144,53 +117,27 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class BasinFit:
-    """The optimum of the likelihood.
+    """The optimum of the likelihood."""
 
-    Attributes
-    ----------
-    optimum : ndarray, shape (n + 11 + 3 M,)
-        Parameters of `BasinLikelihood` where it is largest, dimensionless.
-    ratios : ndarray, shape (9,)
-    covariance : ndarray, shape (n, n)
-        Of the ratios in use, about the optimum.
-    intervals : ndarray, shape (n, 2)
-        95 % of each ratio; one-sided where it ended at its limit.
-    basin : ndarray, shape (11,)
-        See `innovations`.
-    states : ndarray, shape (M, 3)
-        Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each first block.
-    trim_std : float
-        rad; root mean square over the records.
-    log_likelihood : float
-        Less the prior's cost.
-    normalised : tuple of ndarray, shape (N, 2)
-        Innovations over their standard deviations, of each record; NaN where nothing was read.
-    """
-
-    optimum: np.ndarray
-    ratios: np.ndarray
-    covariance: np.ndarray
-    intervals: np.ndarray
-    basin: np.ndarray
-    states: np.ndarray
-    trim_std: float
-    log_likelihood: float
+    optimum: np.ndarray  #: (n + 11 + 3 M,); Parameters of `BasinLikelihood` where it is largest, dimensionless.
+    ratios: np.ndarray  #: (9,)
+    covariance: np.ndarray  #: (n, n); Of the ratios in use, about the optimum.
+    intervals: np.ndarray  #: (n, 2); 95 % of each ratio; one-sided where it ended at its limit.
+    basin: np.ndarray  #: (11,); See `innovations`.
+    states: np.ndarray  #: (M, 3); Angle from trim, rad, rate, rad/s, and trim, rad, in the middle of each first block.
+    trim_std: float  #: rad; root mean square over the records.
+    log_likelihood: float  #: Less the prior's cost.
+    #: tuple of (N, 2); Innovations over their standard deviations, of each record; NaN where nothing was read.
     normalised: tuple
 
 
 class BasinLikelihood:
     """Negative log posterior of an equation's dimensionless ratios and the basin's parameters on some records.
 
-    Parameters
-    ----------
-    motions : sequence of AxisMotion
-        From the release on.
-    states : sequence of InitialState
-        First estimates at the first sample of each, the same for every equation that is compared.
-    equation : Equation
-    scales : Scales
-    friction_rate : float
-        rad/s.
+    Args:
+        motions: From the release on.
+        states: First estimates at the first sample of each, the same for every equation that is compared.
+        friction_rate: rad/s.
     """
 
     def __init__(
@@ -315,14 +262,8 @@ class BasinLikelihood:
     def evaluate(self, points: Sequence[np.ndarray] | np.ndarray) -> list[Evaluation]:
         """The posterior and its derivatives at some points, all in one pass of the filter.
 
-        Parameters
-        ----------
-        points : sequence of ndarray, shape (p,)
-            Parameters, dimensionless, as `start` gives them.
-
-        Returns
-        -------
-        list of Evaluation
+        Args:
+            points: sequence of (p,); parameters, dimensionless, as `start` gives them.
         """
         weight = self._prior_std**-2
         costs = [0.5 * float(weight @ (z - self._prior_mean) ** 2) for z in points]
@@ -352,18 +293,13 @@ class BasinLikelihood:
 
         A search ends where it comes to an optimum that another has found.
 
-        Parameters
-        ----------
-        starts : sequence of ndarray, shape (p,)
-            Dimensionless.
-        held : sequence of int
-            Places of parameters that stay as they start.
+        Args:
+            starts: sequence of (p,); dimensionless.
+            held: Places of parameters that stay as they start.
 
-        Returns
-        -------
-        list of Evaluation
-            Empty where the motion runs away from each start. Without those whose upright position is unstable, if
-            there are others: a craft at rest some way from a position that throws it off swings about as likely.
+        Returns:
+            Empty where the motion runs away from each start. Without those whose upright position is unstable, if there
+            are others: a craft at rest some way from a position that throws it off swings about as likely.
         """
         n = self.term_count
         low, high = np.full(self._prior_mean.size, -np.inf), np.full(self._prior_mean.size, np.inf)
@@ -416,10 +352,8 @@ class BasinLikelihood:
     def described(self, optima: Sequence[Evaluation]) -> BasinFit:
         """The first of some optima, a `BasinFit`: the others widen its intervals where they are about as likely.
 
-        Parameters
-        ----------
-        optima : sequence of Evaluation
-            At least one, the most likely first.
+        Args:
+            optima: At least one, the most likely first.
         """
         n, units = self.term_count, self._ratio_units
         z, covariance = self._posterior(optima)
@@ -513,14 +447,10 @@ def scoring(z: np.ndarray, low: np.ndarray, high: np.ndarray) -> Generator[np.nd
     Near the optimum it learns from the gradients what of the curvature is not expected of the model but of this record
     (Dennis, Gay and Welsch 1981): without that its steps overshoot there, and it ends slowly.
 
-    Parameters
-    ----------
-    z, low, high : ndarray, shape (p,)
-        Where it begins, and the bounds.
+    Args:
+        z, low, high: (p,); where it begins, and the bounds.
 
-    Returns
-    -------
-    Evaluation
+    Returns:
         The best.
     """
     best = yield z
@@ -597,16 +527,12 @@ def clipped_step(
 def interval(value: float, std: float, bounded: bool) -> np.ndarray:
     """95 % of a Gaussian, or, where that reaches below a bound at zero, of what of it lies above: from zero up.
 
-    Parameters
-    ----------
-    value, std : float
-        Estimate and its standard deviation, of one unit.
-    bounded : bool
-        Whether values below zero are impossible.
+    Args:
+        value, std: Estimate and its standard deviation, of one unit.
+        bounded: Whether values below zero are impossible.
 
-    Returns
-    -------
-    ndarray, shape (2,)
+    Returns:
+        ndarray, shape (2,)
     """
     low, high = value + std * NORMAL * np.array([-1.0, 1.0])
     if bounded and low < 0.0:

@@ -25,18 +25,13 @@ from swath_sysid.attitude.motion.turning_points import TurningPoints, find_turni
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 
+#: Periods to each side of a turning point through which a parabola is laid: it averages the noise, and lowers every
+#: amplitude alike by 0.05 %.
 PEAK_WINDOW = 0.1
-"""Periods to each side of a turning point through which a parabola is laid: it averages the noise, and lowers every
-amplitude alike by 0.05 %."""
 
-MIN_ROWS = (1, 4, 6)
-"""Decrements that a curve of one, two, three terms needs: one to spare for each."""
-
-RESIDUAL_MEMORY = 4
-"""Half cycles over which disturbances of a basin hold together, at least."""
-
-COVERAGE_FACTOR = 2.0
-"""k of the expanded uncertainty: 95 %."""
+MIN_ROWS = (1, 4, 6)  #: Decrements that a curve of one, two, three terms needs: one to spare for each.
+RESIDUAL_MEMORY = 4  #: Half cycles over which disturbances of a basin hold together, at least.
+COVERAGE_FACTOR = 2.0  #: k of the expanded uncertainty: 95 %.
 
 
 @dataclass(frozen=True)
@@ -86,16 +81,9 @@ class Peaks:
 def measured_peaks(motion: AxisMotion, period: float) -> Peaks:
     """Turning points of a decay, each from a parabola through the samples around it.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        Cut to the decay; where no angle was measured it is the integral of the rate.
-    period : float
-        s.
-
-    Returns
-    -------
-    Peaks
+    Args:
+        motion: Cut to the decay; where no angle was measured it is the integral of the rate.
+        period: s.
     """
     angle, _ = with_angle_and_rate(motion)
     rough = find_turning_points(motion, period)
@@ -121,27 +109,15 @@ def _vertex(time: np.ndarray, angle: np.ndarray, at: float, reach: float):
 
 @dataclass(frozen=True)
 class Extinction:
-    """The extinction curve of one or several decays of the same condition.
-
-    Attributes
-    ----------
-    peaks : tuple of Peaks
-    coefficients : ndarray, shape (3,)
-        p1, p2 (1/rad), p3 (1/rad^2); terms that so few half cycles cannot determine are zero.
-    covariance : ndarray, shape (3, 3)
-        From the scatter of the decrements about the curve (type A).
-    bertin, bertin_std : float
-        N of the curve of the quadratic term alone, 1/rad.
-    period : float
-        Mean of the cycles, weighted by their amplitudes, s.
-    """
+    """The extinction curve of one or several decays of the same condition."""
 
     peaks: tuple[Peaks, ...]
+    #: (3,); p1, p2 (1/rad), p3 (1/rad^2); terms that so few half cycles cannot determine are zero.
     coefficients: np.ndarray
-    covariance: np.ndarray
-    bertin: float
-    bertin_std: float
-    period: float
+    covariance: np.ndarray  #: (3, 3); From the scatter of the decrements about the curve (type A).
+    bertin: float  #: N of the curve of the quadratic term alone, 1/rad.
+    bertin_std: float  #: N of the curve of the quadratic term alone, 1/rad.
+    period: float  #: Mean of the cycles, weighted by their amplitudes, s.
 
     @property
     def std(self) -> np.ndarray:
@@ -170,19 +146,11 @@ class Extinction:
 def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
     """The extinction curve through the decrements of some decays, by generalised least squares.
 
-    Parameters
-    ----------
-    peaks : sequence of Peaks
-        Of one condition; those with fewer than three turning points are ignored.
+    Args:
+        peaks: Of one condition; those with fewer than three turning points are ignored.
 
-    Returns
-    -------
-    Extinction
-
-    Raises
-    ------
-    InputError
-        No record turns three times.
+    Raises:
+        InputError: No record turns three times.
     """
     peaks = tuple(p for p in peaks if p.time.size >= 3 and (p.amplitude > 0.0).all())
     if not peaks:
@@ -223,25 +191,13 @@ def _fitted(peaks: Sequence[Peaks], powers: Sequence[int]):
 
 @dataclass(frozen=True)
 class Particulars:
-    """What turns ratios into moments; what is not known is None.
+    """What turns ratios into moments; what is not known is None."""
 
-    Attributes
-    ----------
-    mass : float or None
-        Displacement, kg.
-    metacentric_height : float or None
-        GM, transverse for roll, longitudinal for pitch, m.
-    inertia : float or None
-        With added inertia, kg m^2; wins over mass and metacentric height.
-    length, breadth : float or None
-        m.
-    """
-
-    mass: float | None = None
-    metacentric_height: float | None = None
-    inertia: float | None = None
-    length: float | None = None
-    breadth: float | None = None
+    mass: float | None = None  #: Displacement, kg.
+    metacentric_height: float | None = None  #: GM, transverse for roll, longitudinal for pitch, m.
+    inertia: float | None = None  #: With added inertia, kg m^2; wins over mass and metacentric height.
+    length: float | None = None  #: m.
+    breadth: float | None = None  #: m.
 
     def inertia_of(self, model: DecayModel) -> float | None:
         """I' as given, else from hydrostatics and a decay model's stiffness, else None."""
@@ -283,24 +239,14 @@ class TypeB:
 
 @dataclass(frozen=True)
 class TankQuantity:
-    """A result with its uncertainty budget, all in its unit.
-
-    Attributes
-    ----------
-    name, unit : str
-    value : float
-    fit, repeats : float
-        Type A: standard uncertainty of the fit, and of the mean of repeats (NaN without any).
-    type_b : dict of str to float
-        Standard uncertainty from each source of `TypeB`.
-    """
+    """A result with its uncertainty budget, all in its unit."""
 
     name: str
     unit: str
     value: float
-    fit: float
-    repeats: float
-    type_b: dict
+    fit: float  #: Type A: standard uncertainty of the fit, and of the mean of repeats (NaN without any).
+    repeats: float  #: Type A: standard uncertainty of the fit, and of the mean of repeats (NaN without any).
+    type_b: dict  #: Standard uncertainty from each source of `TypeB`.
 
     @property
     def combined(self) -> float:
@@ -346,26 +292,16 @@ def tank_quantities(
 ) -> tuple[TankQuantity, ...]:
     """Natural period, damping ratio and equivalent damping at one amplitude, each with its budget.
 
-    Parameters
-    ----------
-    axis : str
-        ``roll`` or ``pitch``.
-    bands : AmplitudeBands
-        Of the fit.
-    amplitude : float
-        rad.
-    inertia : float or None
-        I' by the particulars, kg m^2.
-    particulars : Particulars
-        Of the craft as tested.
-    type_b : TypeB
-        Relative standard uncertainties of what the decays do not show.
-    repeats : sequence of AmplitudeBands
-        Of single repeats, of which the scatter is taken.
+    Args:
+        axis: ``roll`` or ``pitch``.
+        bands: Of the fit.
+        amplitude: rad.
+        inertia: I' by the particulars, kg m^2.
+        particulars: Of the craft as tested.
+        type_b: Relative standard uncertainties of what the decays do not show.
+        repeats: Of single repeats, of which the scatter is taken.
 
-    Returns
-    -------
-    tuple of TankQuantity
+    Returns:
         The damping in N m s only where the inertia is known, without dimension only where mass and size are too.
     """
     unit = particulars.damping_unit(axis)

@@ -17,33 +17,30 @@ if TYPE_CHECKING:
 
 ADEQUATE, DOUBTFUL, REFUSED = 'adequate', 'doubtful', 'refused'
 
+#: Below this share of the variance of the angle (or of the rate, where no angle was measured) a model is of no use,
 MIN_R2 = 0.9
-"""Below this share of the variance of the angle (or of the rate, where no angle was measured) a model is of no use,"""
-MIN_R2_IN_WAVES = 0.5
-"""or below this one where the likelihood shows that the rest is the basin's motion."""
+MIN_R2_IN_WAVES = 0.5  #: or below this one where the likelihood shows that the rest is the basin's motion.
 DOUBTFUL_R2 = 0.97
 
+#: Residuals, of angle or rate, that swing as the motion does are not noise; those of measured decays are within 1 %.
 MIN_R2_OF_COHERENT_RESIDUALS = 0.95
-"""Residuals, of angle or rate, that swing as the motion does are not noise; those of measured decays are within 1 %."""
 
+#: Autocorrelation of the residuals a tenth of a period on: of white noise 0, of the motion 0.8, of an offset 1.
 COHERENT = 0.5
-"""Autocorrelation of the residuals a tenth of a period on: of white noise 0, of the motion 0.8, of an offset 1."""
 
+#: s; roll and pitch of craft that this package is for are several times as fast, so the time column is in doubt.
 LONGEST_PERIOD = 60.0
-"""s; roll and pitch of craft that this package is for are several times as fast, so the time column is in doubt."""
 
+#: What the rate and the angle's slope differ by, over the rate, root mean squares: a wrong unit, sign or delay.
 MAX_RATE_MISMATCH = 0.35
-"""What the rate and the angle's slope differ by, over the rate, root mean squares: a wrong unit, sign or delay."""
+#: Relative standard deviation of the natural period: the linear stiffness is then within two of its own of none.
 MAX_PERIOD_STD = 0.25
-"""Relative standard deviation of the natural period: the linear stiffness is then within two of its own of none."""
-MAX_DISTURBANCE = 0.1
-"""Standard deviation of the moment found on the craft, over the largest restoring moment."""
+MAX_DISTURBANCE = 0.1  #: Standard deviation of the moment found on the craft, over the largest restoring moment.
+#: Of the natural frequency's standard deviation by the choice of the equation: beyond, that choice decides it.
 MAX_WIDENING = 1.5
-"""Of the natural frequency's standard deviation by the choice of the equation: beyond, that choice decides it."""
-VANISHED = 1e-6
-"""Dimensionless damping that is none."""
+VANISHED = 1e-6  #: Dimensionless damping that is none.
+#: Standard deviations of the innovations' correlation from sample to sample that chance does not make.
 MAX_CORRELATION = 5.0
-"""Standard deviations of the innovations' correlation from sample to sample that chance does not make."""
 
 CHECK_COLUMNS = (
     'check units, signs and times of the columns, choose the decay by its start and end, or compare other equations'
@@ -52,21 +49,11 @@ CHECK_COLUMNS = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """A judgement of a fit.
+    """A judgement of a fit."""
 
-    Attributes
-    ----------
-    level : str
-        ``adequate``, ``doubtful`` or ``refused``.
-    code : str
-        The cause, kebab-case.
-    sentence : str
-        Cause and cure.
-    """
-
-    level: str
-    code: str
-    sentence: str
+    level: str  #: ``adequate``, ``doubtful`` or ``refused``.
+    code: str  #: The cause, kebab-case.
+    sentence: str  #: Cause and cure.
 
     def __str__(self):
         return f'{self.level}: {self.sentence}'
@@ -80,14 +67,8 @@ class Verdict:
 def judge(found: 'Identification') -> Verdict:
     """Judge a fit, the gravest cause first.
 
-    Parameters
-    ----------
-    found : Identification
-        The fit.
-
-    Returns
-    -------
-    Verdict
+    Args:
+        found: The fit.
     """
     for level, causes in ((REFUSED, _refusals(found)), (DOUBTFUL, _doubts(found))):
         for code, sentence in causes:
@@ -204,14 +185,8 @@ def _doubts(found: 'Identification'):
 def explained_share(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     """R2 of (measured, simulated) pairs, each record about its own mean.
 
-    Parameters
-    ----------
-    pairs : sequence of tuple of two ndarrays, shape (N,)
-        One a record, all of one unit.
-
-    Returns
-    -------
-    float
+    Args:
+        pairs: sequence of tuple of two ndarrays, shape (N,); one a record, all of one unit.
     """
     error = sum(float(np.sum((measured - simulated) ** 2)) for measured, simulated in pairs)
     spread = sum(float(np.sum((measured - measured.mean()) ** 2)) for measured, _ in pairs)

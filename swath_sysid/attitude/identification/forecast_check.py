@@ -11,26 +11,18 @@ from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.one_step import with_angle_and_rate
 from swath_sysid.attitude.motion.trial import AxisMotion
 
-LEADS = (0.25, 0.5, 1.0)
-"""Natural periods ahead."""
+LEADS = (0.25, 0.5, 1.0)  #: Natural periods ahead.
 MAX_STARTS = 200
-STATE_PERIODS = 0.12
-"""The state a forecast starts from is a parabola through this much of the past."""
+STATE_PERIODS = 0.12  #: The state a forecast starts from is a parabola through this much of the past.
 
 
 @dataclass(frozen=True)
 class NextStep:
-    """The papers' check: the rate one sample ahead, from the measured state.
+    """The papers' check: the rate one sample ahead, from the measured state."""
 
-    Attributes
-    ----------
-    time, measured, predicted : ndarray, shape (N - 1,)
-        s, rad/s, rad/s.
-    """
-
-    time: np.ndarray
-    measured: np.ndarray
-    predicted: np.ndarray
+    time: np.ndarray  #: (N - 1,); s, rad/s, rad/s.
+    measured: np.ndarray  #: (N - 1,); s, rad/s, rad/s.
+    predicted: np.ndarray  #: (N - 1,); s, rad/s, rad/s.
 
     @property
     def error(self) -> np.ndarray:
@@ -41,16 +33,9 @@ class NextStep:
 def next_step(model: DecayModel, motion: AxisMotion) -> NextStep:
     """One Euler step ahead along a record: w'[k+1] = w[k] + dt f(psi[k], w[k]).
 
-    Parameters
-    ----------
-    model : DecayModel
-        At the trim of the record.
-    motion : AxisMotion
-        With an angle, a rate or both.
-
-    Returns
-    -------
-    NextStep
+    Args:
+        model: At the trim of the record.
+        motion: With an angle, a rate or both.
     """
     angle, rate = with_angle_and_rate(motion)
     predicted = rate[:-1] + np.diff(motion.time) * model.acceleration(angle[:-1], rate[:-1])
@@ -60,18 +45,12 @@ def next_step(model: DecayModel, motion: AxisMotion) -> NextStep:
 def simulation_error(model: DecayModel, state: InitialState, motion: AxisMotion) -> float:
     """Error of the simulated motion over the standard deviation of the measured one.
 
-    Parameters
-    ----------
-    model : DecayModel
-        At the trim of the record.
-    state : InitialState
-        At the first sample; its trim is not read.
-    motion : AxisMotion
-        With an angle, a rate or both.
+    Args:
+        model: At the trim of the record.
+        state: At the first sample; its trim is not read.
+        motion: With an angle, a rate or both.
 
-    Returns
-    -------
-    float
+    Returns:
         Infinite where the motion runs away. Of the angle, or of the rate where no angle was measured.
     """
     angle, rate = simulate(model, state.x + model.trim, state.rate, motion.time)
@@ -83,22 +62,14 @@ def forecast_errors(
 ) -> tuple[float, ...]:
     """Errors of forecasts started all along a record, over the standard deviation of the motion.
 
-    Parameters
-    ----------
-    model : DecayModel
-        At the trim of the record.
-    motion : AxisMotion
-        Evenly sampled, but for jitter.
-    period : float
-        Natural period, s.
-    leads : sequence of float
-        In periods.
+    Args:
+        model: At the trim of the record.
+        motion: Evenly sampled, but for jitter.
+        period: Natural period, s.
+        leads: In periods.
 
-    Returns
-    -------
-    tuple of float
-        One a lead; NaN where the record is too short for ten starts, infinite where the model runs
-        away.
+    Returns:
+        One a lead; NaN where the record is too short for ten starts, infinite where the model runs away.
     """
     angle, rate, first = measured_states(motion, period)
     step = period / STEPS_PER_PERIOD
@@ -129,18 +100,13 @@ def forecast_errors(
 def measured_states(motion: AxisMotion, period: float) -> tuple[np.ndarray, np.ndarray, int]:
     """Angle and rate at each sample from the past alone: a parabola through a part of a period.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        Evenly sampled, but for jitter.
-    period : float
-        s.
+    Args:
+        motion: Evenly sampled, but for jitter.
+        period: s.
 
-    Returns
-    -------
-    angle, rate : ndarray, shape (N,)
-    first : int
-        The first sample with enough past.
+    Returns:
+        angle, rate: (N,)
+        first: The first sample with enough past.
     """
     interval = motion.sample_interval
     window = int(STATE_PERIODS * period / interval)

@@ -45,40 +45,29 @@ from swath_sysid.common.stopping import Cancelled, Progress, ShouldCancel
 OBJECTIVES = ('simulation', 'one-step')
 DEFAULT_EQUATION = 'odd-cubic'
 
+#: The search looks at this many periods: its basin of attraction in frequency narrows with every cycle, and refinement
+#: then follows the rest of the record outwards from there.
 SEARCH_PERIODS = 6.0
-"""The search looks at this many periods: its basin of attraction in frequency narrows with every
-cycle, and refinement then follows the rest of the record outwards from there."""
 HORIZON_GROWTH = 2.5
-BLOCKS_PER_PERIOD = 24
-"""As informative for a search as every sample, and short."""
+BLOCKS_PER_PERIOD = 24  #: As informative for a search as every sample, and short.
 CURVE_POINTS = 40
+#: Of the natural period: by more the basin's motion does not bend it, but a term that is lacking does.
 MAX_PERIOD_CHANGE = 0.25
-"""Of the natural period: by more the basin's motion does not bend it, but a term that is lacking does."""
+#: Standard deviations from zero from which least squares knows the stiffness that the likelihood is held against.
 CERTAIN_STDS = 2.0
-"""Standard deviations from zero from which least squares knows the stiffness that the likelihood is held against."""
 SEARCH_SHARE = 0.7
 
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """What to fit and how.
+    """What to fit and how."""
 
-    Attributes
-    ----------
-    equation : str or None
-        A name that `equation_named` takes; None: ``DEFAULT_EQUATION``, `choose` in `selection` takes the best.
-    objective : str
-        ``simulation`` or ``one-step``.
-    search : SearchSettings
-    start, end : float or None
-        Bounds of the decay in the record's time, s.
-    """
-
+    #: A name that `equation_named` takes; None: ``DEFAULT_EQUATION``, `choose` in `selection` takes the best.
     equation: str | None = None
-    objective: str = 'simulation'
+    objective: str = 'simulation'  #: ``simulation`` or ``one-step``.
     search: SearchSettings = field(default_factory=SearchSettings)
-    start: float | None = None
-    end: float | None = None
+    start: float | None = None  #: Bounds of the decay in the record's time, s.
+    end: float | None = None  #: Bounds of the decay in the record's time, s.
 
     def __post_init__(self):
         if self.objective not in OBJECTIVES:
@@ -94,23 +83,13 @@ class IdentificationSettings:
 
 @dataclass(frozen=True)
 class RecordFit:
-    """Measured and simulated motion of one record.
+    """Measured and simulated motion of one record."""
 
-    Attributes
-    ----------
-    motion : AxisMotion
-        The free decay.
-    segment : DecaySegment
-    state : InitialState
-    angle, rate : ndarray, shape (N,)
-        Simulated, rad and rad/s.
-    """
-
-    motion: AxisMotion
+    motion: AxisMotion  #: The free decay.
     segment: DecaySegment
     state: InitialState
-    angle: np.ndarray
-    rate: np.ndarray
+    angle: np.ndarray  #: (N,); Simulated, rad and rad/s.
+    rate: np.ndarray  #: (N,); Simulated, rad and rad/s.
 
     @property
     def residual(self) -> np.ndarray:
@@ -120,69 +99,33 @@ class RecordFit:
 
 @dataclass(frozen=True)
 class Identification:
-    """An identified model and what must be known to use it.
-
-    Attributes
-    ----------
-    model : DecayModel
-    covariance : ndarray, shape (n, n)
-        Of the ratios of the model's terms, in their order.
-    intervals : dict of str to tuple of float
-        95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up.
-    trim_std : float
-        rad; NaN where no angle was measured.
-    objective : str
-    objective_value : float
-        Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
-    r2 : float
-        Share of the variance of the measured motion that the simulated one explains.
-    rmse, rate_rmse : float or None
-        rad and rad/s; None where not measured.
-    samples : int
-        Measured values, angles and rates.
-    effective_samples : float
-        Independent samples that would leave the same uncertainty.
-    bands : AmplitudeBands
-        Over the amplitudes seen.
-    records : tuple of RecordFit
-    search : SearchResult
-    problem : Problem
-    settings : IdentificationSettings
-    basin : BasinFit or None
-        None where the ratios are those of least squares: see `refined_in_basin`.
-    advice : tuple of Advice
-    log_likelihood : float or None
-        At its optimum; None where it does not suit, see `suits_likelihood`.
-    absent_term : AbsentTerm or None
-        That the equation lacks and the motion shows most.
-    choice : str
-        Why this equation, in one sentence; empty where it was given.
-    rival : Rival or None
-        That leaves the period most open: of the others where the equation was chosen by its likelihood, else the
-        equation with every smooth term, where that is likely to be needed.
-    """
+    """An identified model and what must be known to use it."""
 
     model: DecayModel
-    covariance: np.ndarray
+    covariance: np.ndarray  #: (n, n); Of the ratios of the model's terms, in their order.
+    #: 95 % of each ratio in use; of a damping ratio that the record does not tell from zero, from zero up.
     intervals: dict
-    trim_std: float
+    trim_std: float  #: rad; NaN where no angle was measured.
     objective: str
+    #: Root mean square of the weighted residuals (simulation), or F in rad/s (one-step), at its own optimum.
     objective_value: float
-    r2: float
-    rmse: float | None
-    rate_rmse: float | None
-    samples: int
-    effective_samples: float
-    bands: AmplitudeBands
+    r2: float  #: Share of the variance of the measured motion that the simulated one explains.
+    rmse: float | None  #: rad and rad/s; None where not measured.
+    rate_rmse: float | None  #: rad and rad/s; None where not measured.
+    samples: int  #: Measured values, angles and rates.
+    effective_samples: float  #: Independent samples that would leave the same uncertainty.
+    bands: AmplitudeBands  #: Over the amplitudes seen.
     records: tuple[RecordFit, ...]
     search: SearchResult
     problem: Problem
     settings: IdentificationSettings
-    basin: BasinFit | None
+    basin: BasinFit | None  #: None where the ratios are those of least squares: see `refined_in_basin`.
     advice: tuple[Advice, ...]
-    log_likelihood: float | None = None
-    absent_term: AbsentTerm | None = None
-    choice: str = ''
+    log_likelihood: float | None = None  #: At its optimum; None where it does not suit, see `suits_likelihood`.
+    absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
+    choice: str = ''  #: Why this equation, in one sentence; empty where it was given.
+    #: That leaves the period most open: of the others where the equation was chosen by its likelihood, else the
+    #: equation with every smooth term, where that is likely to be needed.
     rival: Rival | None = None
 
     @property
@@ -219,10 +162,8 @@ class Identification:
     def identified_model(self, provenance: dict) -> IdentifiedModel:
         """The content of a model file.
 
-        Parameters
-        ----------
-        provenance : dict
-            The caller's record of the sources: files, hashes, software version.
+        Args:
+            provenance: The caller's record of the sources: files, hashes, software version.
         """
         search = self.settings.search
         how = {
@@ -244,14 +185,8 @@ class Identification:
 def fit_metrics(fit: Any) -> dict[str, float | str | None]:
     """How well a fit explains the motion, as model files hold it.
 
-    Parameters
-    ----------
-    fit : Identification
-        Or what has its attributes.
-
-    Returns
-    -------
-    dict of str to float or str
+    Args:
+        fit: Or what has its attributes.
     """
     return {
         'r2': fit.r2,
@@ -273,26 +208,15 @@ def identify(
 ) -> Identification:
     """Identify the decay model of one axis from one or several records.
 
-    Parameters
-    ----------
-    motions : sequence of AxisMotion
-        Whole records: the free decay in each is found, unless the settings give its bounds.
-    settings : IdentificationSettings
-        What to fit and how.
-    progress : callable, optional
-        Called with 0 to 1.
-    should_cancel : callable, optional
-        Asked often; True raises `Cancelled`.
+    Args:
+        motions: Whole records: the free decay in each is found, unless the settings give its bounds.
+        settings: What to fit and how.
+        progress: Called with 0 to 1.
+        should_cancel: Asked often; True raises `Cancelled`.
 
-    Returns
-    -------
-    Identification
-
-    Raises
-    ------
-    InputError
-        The records cannot be used; the sentence says why.
-    Cancelled
+    Raises:
+        InputError: The records cannot be used; the sentence says why.
+        Cancelled:
     """
     problem = prepare(motions, settings.start, settings.end)
     return identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)

@@ -26,13 +26,15 @@ from swath_sysid.common.accelerator import HAS_NUMBA, accelerated
 
 Pair = tuple[Value, Value]
 STATES = 12
+#: Places in the state; the last six are the disturbance, its slope, and the same of what drives it and that.
 X, RATE, TRIM, BIAS, ANGLE_NOISE, RATE_NOISE, MOMENT = range(7)
-"""Places in the state; the last six are the disturbance, its slope, and the same of what drives it and that."""
+#: Of the disturbance's exponential: to rounding at a radian a step, and stable at a hundred.
 HALVINGS, TAYLOR_ORDER = 10, 6
-"""Of the disturbance's exponential: to rounding at a radian a step, and stable at a hundred."""
-SUBSTEPS = 2
-"""Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign."""
+SUBSTEPS = 2  #: Runge-Kutta steps in a block: quadratic damping bends where the rate changes its sign.
 
+#: Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency, rad/s,
+#: damping ratio and spread; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the coloured
+#: noise of either; drift of the trim, rad in the square root of a second.
 (
     LEVEL,
     FREQUENCY,
@@ -46,9 +48,6 @@ SUBSTEPS = 2
     RATE_MEMORY,
     DRIFT,
 ) = range(11)
-"""Places of the basin's and the sensor's parameters: the disturbance's standard deviation, rad/s^2, frequency,
-rad/s, damping ratio and spread; white noise of a reading, rad and rad/s; standard deviation and memory, s, of the
-coloured noise of either; drift of the trim, rad in the square root of a second."""
 
 
 def disturbance(
@@ -59,20 +58,14 @@ def disturbance(
     Of d, its slope, and the same of what drives it: in units of d, so that frequency^2 times it drives d. The
     exponential is its Taylor series, halved and squared; the covariance solves Lyapunov's equation.
 
-    Parameters
-    ----------
-    frequency : ndarray, shape (B,)
-        rad/s.
-    damping : ndarray, shape (B,)
-        Of critical.
-    spread : ndarray, shape (B,)
-        Of the resonators' frequencies: their logarithms differ by so much.
-    step : float
-        s.
+    Args:
+        frequency: (B,); rad/s.
+        damping: (B,); of critical.
+        spread: (B,); of the resonators' frequencies: their logarithms differ by so much.
+        step: s.
 
-    Returns
-    -------
-    transition, covariance : ndarray, shape (B, 6, 6)
+    Returns:
+        transition, covariance: (B, 6, 6)
     """
     drift = np.zeros((frequency.size, 6, 6))
     for first, power in zip((0, 2, 4), (-1.0, 0.0, 1.0), strict=True):
@@ -166,18 +159,13 @@ def read_one(
 ) -> None:
     """Take in readings of the angle and the rate, one after the other.
 
-    Parameters
-    ----------
-    m, c : ndarray, shape (12,) and (12, 12)
-        Mean and covariance of the state; overwritten.
-    by_x, by_w : tuple of 2 floats
-        What x and w add to each reading; trim and the angle's noise, bias and the rate's, they hold as they are.
-    e : tuple of 2 floats
-        Readings less what is expected before either.
-    noise : ndarray, shape (2,)
-        Variances; infinite where nothing was read.
-    innovation, variance : ndarray, shape (2,)
-        Where the rate's are those after the angle; overwritten.
+    Args:
+        m, c: (12,) and (12, 12); mean and covariance of the state; overwritten.
+        by_x, by_w: What x and w add to each reading; trim and the angle's noise, bias and the rate's, they hold as they
+            are.
+        e: Readings less what is expected before either.
+        noise: (2,); variances; infinite where nothing was read.
+        innovation, variance: (2,); where the rate's are those after the angle; overwritten.
     """
     with_angle, with_rate = np.empty(STATES), np.empty(STATES)
     for i in range(STATES):
@@ -250,31 +238,20 @@ def run_filter(
 ) -> None:
     """Innovations and their variances, written into the last two arguments; of one filter or, the last axis, of B.
 
-    Parameters
-    ----------
-    ratios : tuple of 9 floats or ndarrays (B,)
-        Ratios to inertia, in the order of ``TERM_NAMES``.
-    active : tuple of 9 bools
-        The terms in use.
-    friction_rate : float
-        rad/s.
-    m, c : ndarray, shape (12,) and (12, 12), or (12, B) and (12, 12, B)
-        Mean and covariance of the state at the first reading; overwritten.
-    q : ndarray, shape as ``c``
-        Covariance that a step adds.
-    transition : ndarray, shape as ``c``
-        Of a step; what of it depends on the motion is overwritten.
-    noise : ndarray, shape (N, 2) or (N, 2, B)
-        Variance of the noise of each reading; infinite where nothing was read.
-    step : float
-        s.
-    bend : float
-        Second moment of a block's samples about its middle over two, s^2: the mean of an angle over a block differs
-        from the angle in its middle by so many times its second derivative.
-    angle, rate : ndarray, shape (N,)
-        Means over blocks of one step, rad and rad/s; any number where nothing was read.
-    innovation, variance : ndarray, shape (N, 2) or (N, 2, B)
-        Of no meaning where nothing was read.
+    Args:
+        ratios: Ratios to inertia, in the order of ``TERM_NAMES``.
+        active: The terms in use.
+        friction_rate: rad/s.
+        m, c: (12,) and (12, 12), or (12, B) and (12, 12, B); mean and covariance of the state at the first reading;
+            overwritten.
+        q: as ``c``; covariance that a step adds.
+        transition: as ``c``; of a step; what of it depends on the motion is overwritten.
+        noise: (N, 2) or (N, 2, B); variance of the noise of each reading; infinite where nothing was read.
+        step: s.
+        bend: Second moment of a block's samples about its middle over two, s^2: the mean of an angle over a block
+            differs from the angle in its middle by so many times its second derivative.
+        angle, rate: (N,); means over blocks of one step, rad and rad/s; any number where nothing was read.
+        innovation, variance: (N, 2) or (N, 2, B); of no meaning where nothing was read.
     """
     sub = step / SUBSTEPS
     for k in range(angle.size):
@@ -359,28 +336,17 @@ def innovations(
 
     One after the other where the filter is compiled, all at once where it is not: numpy takes as long for 20 as for 2.
 
-    Parameters
-    ----------
-    ratios : ndarray, shape (9, B)
-        Ratios to inertia, a column a set.
-    active, friction_rate, step, bend, angle, rate
-        See `run_filter`.
-    basin : ndarray, shape (11, B)
-        In the order of ``LEVEL`` to ``DRIFT``.
-    initial : ndarray, shape (3, B)
-        Angle from trim, rad, rate, rad/s, and trim, rad, at the first reading.
-    bias_std : float
-        Of the gyro's bias before anything was read, rad/s.
-    floor : ndarray, shape (2,)
-        Standard deviation of what no model explains of a block's mean, rad and rad/s.
-    counts : ndarray of float, shape (N, 2)
-        Samples in each mean of the angle and of the rate.
-    compiled : bool
-        Whether one after the other.
+    Args:
+        ratios: (9, B); ratios to inertia, a column a set.
+        active, friction_rate, step, bend, angle, rate: See `run_filter`.
+        basin: (11, B); in the order of ``LEVEL`` to ``DRIFT``.
+        initial: (3, B); angle from trim, rad, rate, rad/s, and trim, rad, at the first reading.
+        bias_std: Of the gyro's bias before anything was read, rad/s.
+        floor: (2,); standard deviation of what no model explains of a block's mean, rad and rad/s.
+        counts: ndarray of float, shape (N, 2); samples in each mean of the angle and of the rate.
+        compiled: Whether one after the other.
 
-    Returns
-    -------
-    ndarray, shape (2, N, 2, B)
+    Returns:
         Zero and one where nothing was read.
     """
     count = ratios.shape[1]

@@ -43,16 +43,9 @@ class InitialState:
 class MotionFit:
     """Residuals, Jacobian and least-squares refinement of an equation on records.
 
-    Parameters
-    ----------
-    motions : sequence of AxisMotion
-    equation : Equation
-    scales : Scales
-    noise : Noise
-    friction_rate : float
-        rad/s.
-    steps_per_period : int
-        Runge-Kutta steps a period of ``scales.frequency``.
+    Args:
+        friction_rate: rad/s.
+        steps_per_period: Runge-Kutta steps a period of ``scales.frequency``.
     """
 
     def __init__(
@@ -96,16 +89,11 @@ class MotionFit:
     def objective_of_population(self, candidates: np.ndarray, states: Sequence[InitialState]) -> np.ndarray:
         """Objective of each candidate from given initial states.
 
-        Parameters
-        ----------
-        candidates : ndarray, shape (P, n)
-            Dimensionless ratios.
-        states : sequence of InitialState
-            At the first sample of each record.
+        Args:
+            candidates: (P, n); dimensionless ratios.
+            states: At the first sample of each record.
 
-        Returns
-        -------
-        ndarray, shape (P,)
+        Returns:
             Root mean square of the weighted residuals; infinite where the motion runs away.
         """
         population, records = len(candidates), len(self._motions)
@@ -127,16 +115,12 @@ class MotionFit:
     def residuals_and_jacobian(self, parameters: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Weighted residuals and their derivatives, by forward differences in one simulation.
 
-        Parameters
-        ----------
-        parameters : ndarray, shape (n + 3 M,)
-            Dimensionless, as `pack` gives them.
+        Args:
+            parameters: (n + 3 M,); dimensionless, as `pack` gives them.
 
-        Returns
-        -------
-        residuals : list of ndarray, shape (N_k,)
-            One per record and channel, angle before rate.
-        jacobians : list of ndarray, shape (N_k, n + 3 M)
+        Returns:
+            residuals: list of (N_k,); one per record and channel, angle before rate.
+            jacobians: list of (N_k, n + 3 M)
         """
         n, records = self.term_count, len(self._motions)
         copies = n + 3
@@ -173,19 +157,14 @@ class MotionFit:
     def refine(self, parameters: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, float, int]:
         """Least-squares refinement within bounds.
 
-        Parameters
-        ----------
-        parameters : ndarray, shape (n + 3 M,)
-            Start.
-        lower, upper : ndarray, shape (n,)
-            Bounds of the dimensionless ratios; states are free.
+        Args:
+            parameters: (n + 3 M,); start.
+            lower, upper: (n,); bounds of the dimensionless ratios; states are free.
 
-        Returns
-        -------
-        parameters : ndarray, shape (n + 3 M,)
-        objective : float
-            Root mean square of the weighted residuals.
-        evaluations : int
+        Returns:
+            parameters: (n + 3 M,)
+            objective: Root mean square of the weighted residuals.
+            evaluations
         """
         free = np.full(parameters.size - self.term_count, np.inf)
         bounds = (np.concatenate([lower, -free]), np.concatenate([upper, free]))

@@ -21,42 +21,28 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.errors import InputError
 
-LONGEST_STEP = 3.0
-"""Intervals longer than this many median intervals are gaps, over which no Euler step is taken."""
+LONGEST_STEP = 3.0  #: Intervals longer than this many median intervals are gaps, over which no Euler step is taken.
 
 
 @dataclass(frozen=True)
 class OneStepObjective:
-    """F as a function of the ratios.
+    """F as a function of the ratios."""
 
-    Attributes
-    ----------
-    triangle : ndarray, shape (10, 10)
-        Triangular factor of the Gram matrix of the nine terms' steps and the measured step.
-    samples : int
-        Number of steps.
-    """
-
+    #: (10, 10); Triangular factor of the Gram matrix of the nine terms' steps and the measured step.
     triangle: np.ndarray
-    samples: int
+    samples: int  #: Number of steps.
 
     @classmethod
     def of(cls, motions: Sequence[AxisMotion], trims: Sequence[float], friction_rate: float) -> 'OneStepObjective':
         """Form the objective of one or several records.
 
-        Parameters
-        ----------
-        motions : sequence of AxisMotion
-            With an angle, a rate or both.
-        trims : sequence of float
-            Angle of rest of each, rad.
-        friction_rate : float
-            rad/s.
+        Args:
+            motions: With an angle, a rate or both.
+            trims: Angle of rest of each, rad.
+            friction_rate: rad/s.
 
-        Raises
-        ------
-        InputError
-            No two neighbouring samples.
+        Raises:
+            InputError: No two neighbouring samples.
         """
         steps = [_steps(motion, trim, friction_rate) for motion, trim in zip(motions, trims, strict=True)]
         samples = sum(len(s) for s in steps)
@@ -68,14 +54,11 @@ class OneStepObjective:
     def __call__(self, ratios: np.ndarray):
         """F of each candidate, rad/s.
 
-        Parameters
-        ----------
-        ratios : ndarray, shape (P, 9)
-            Ratios to inertia, a row a candidate.
+        Args:
+            ratios: (P, 9); ratios to inertia, a row a candidate.
 
-        Returns
-        -------
-        ndarray, shape (P,)
+        Returns:
+            ndarray, shape (P,)
         """
         errors = ratios @ self.triangle[:, :-1].T + self.triangle[:, -1]
         return np.sqrt(np.einsum('pk,pk->p', errors, errors) / self.samples)
@@ -83,16 +66,12 @@ class OneStepObjective:
     def minimum(self, equation: Equation, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """The exact optimum within bounds.
 
-        Parameters
-        ----------
-        equation : Equation
-            Its terms are fitted; the other ratios are zero.
-        lower, upper : ndarray, shape (9,)
-            Bounds of the ratios; lower below upper for the terms in use.
+        Args:
+            equation: Its terms are fitted; the other ratios are zero.
+            lower, upper: (9,); bounds of the ratios; lower below upper for the terms in use.
 
-        Returns
-        -------
-        ndarray, shape (9,)
+        Returns:
+            ndarray, shape (9,)
         """
         from scipy.optimize import lsq_linear
 
@@ -128,9 +107,8 @@ def with_angle_and_rate(motion: AxisMotion) -> tuple[np.ndarray, np.ndarray]:
     A missing rate is the centred difference of the angle; a missing angle the integral of the
     rate about its own mean.
 
-    Returns
-    -------
-    angle, rate : ndarray, shape (N,)
+    Returns:
+        angle, rate: (N,)
     """
     if motion.rate is None:
         return motion.primary, np.gradient(motion.primary, motion.time)

@@ -15,62 +15,43 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.noise import weighting_noise
 from swath_sysid.common.signals import bin_means
 
+#: Dry friction is smoothed over this share of the greatest rate: small against the rates that carry information, and
+#: wide enough to be integrated at the usual step.
 FRICTION_RATE_SHARE = 0.02
-"""Dry friction is smoothed over this share of the greatest rate: small against the rates that
-carry information, and wide enough to be integrated at the usual step."""
 
 DENSEST = 1000
+#: Samples a period: records denser than the first are averaged to the second, which costs the motion less than 1e-5 of
+#: its amplitude.
 AVERAGED = 400
-"""Samples a period: records denser than the first are averaged to the second, which costs the
-motion less than 1e-5 of its amplitude."""
 
-LONGEST_AFTERMATH = 10.0
-"""Periods after a decay that are looked at,"""
+LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are looked at,
+#: as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again.
 LOUDEST_AFTERMATH = 0.5
-"""as long as the craft stays within this part of the first amplitude: beyond, a hand is at work again."""
+#: A hand that stops the craft, too, disturbs a decay; waves that do so keep it moving, from peak to peak, by more than
+#: this part of the decay's last amplitude.
 STOPPED = 0.5
-"""A hand that stops the craft, too, disturbs a decay; waves that do so keep it moving, from peak to peak, by more than
-this part of the decay's last amplitude."""
 
-FIRST_LOOK_PERIODS = 0.12
-"""The initial state is estimated from this part of a period."""
+FIRST_LOOK_PERIODS = 0.12  #: The initial state is estimated from this part of a period.
 
+#: Where a decay has fewer cycles its beginning tells the natural frequency: twice as long as it takes to fall to this
+#: part of the angle. By a greater factor than the last it is not trusted to.
 FEW_CYCLES, FALLEN, LARGEST_CORRECTION = 3.0, 0.2, 8.0
-"""Where a decay has fewer cycles its beginning tells the natural frequency: twice as long as it takes to fall to this
-part of the angle. By a greater factor than the last it is not trusted to."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Free decays ready to be fitted; the same for every equation.
-
-    Attributes
-    ----------
-    axis : str
-    motions : tuple of AxisMotion
-        Cut to their free decays.
-    segments : tuple of DecaySegment
-    observed : tuple of AxisMotion
-        From the release on as far as the craft was left alone: what follows a decay shows how still the basin is.
-    states : tuple of InitialState
-        First estimates.
-    scales : Scales
-    noise : Noise
-    friction_rate : float
-        rad/s.
-    advice : tuple of Advice
-        What the quality gates found.
-    """
+    """Free decays ready to be fitted; the same for every equation."""
 
     axis: str
-    motions: tuple[AxisMotion, ...]
+    motions: tuple[AxisMotion, ...]  #: Cut to their free decays.
     segments: tuple[DecaySegment, ...]
+    #: From the release on as far as the craft was left alone: what follows a decay shows how still the basin is.
     observed: tuple[AxisMotion, ...]
-    states: tuple[InitialState, ...]
+    states: tuple[InitialState, ...]  #: First estimates.
     scales: Scales
     noise: Noise
-    friction_rate: float
-    advice: tuple[Advice, ...]
+    friction_rate: float  #: rad/s.
+    advice: tuple[Advice, ...]  #: What the quality gates found.
 
     @property
     def shortest_memory(self) -> int:
@@ -86,21 +67,12 @@ class Problem:
 def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None) -> Problem:
     """Find the free decays and take first estimates from them.
 
-    Parameters
-    ----------
-    motions : sequence of AxisMotion
-        Whole records, all of one axis.
-    start, end : float, optional
-        Bounds of the decay in each record's own time, s; what is not given is found.
+    Args:
+        motions: Whole records, all of one axis.
+        start, end: Bounds of the decay in each record's own time, s; what is not given is found.
 
-    Returns
-    -------
-    Problem
-
-    Raises
-    ------
-    InputError
-        No record, different axes, or no free decay in a record.
+    Raises:
+        InputError: No record, different axes, or no free decay in a record.
     """
     return _problem(motions, tuple(find_decay(m, start, end) for m in motions))
 
@@ -175,14 +147,10 @@ def block_means(motion: AxisMotion, period: float, blocks: int) -> AxisMotion:
 
     The first sample stays as it is, because the initial state belongs to it.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        From its initial state on.
-    period : float
-        s.
-    blocks : int
-        Blocks a period.
+    Args:
+        motion: From its initial state on.
+        period: s.
+        blocks: Blocks a period.
     """
     if motion.sample_interval * blocks > 0.5 * period:
         return motion

@@ -38,27 +38,17 @@ from swath_sysid.common.stopping import Progress, ShouldCancel
 
 LONGEST_HISTORY = 20
 
-BY_CHANCE = 0.01
-"""Probability of taking the luck of a new fit on its own window for an improvement."""
+BY_CHANCE = 0.01  #: Probability of taking the luck of a new fit on its own window for an improvement.
 
 
 @dataclass(frozen=True)
 class RefitSettings:
-    """What a refit fits, and when it is accepted.
+    """What a refit fits, and when it is accepted."""
 
-    Attributes
-    ----------
-    axes : tuple of str
-        Those to identify.
-    identification : IdentificationSettings
-    least_improvement : float
-        Part by which the new model's residuals must be smaller than the current model's, or more
-        where chance alone does as much.
-    stability : StabilitySettings
-    """
-
-    axes: tuple[str, ...] = AXES
+    axes: tuple[str, ...] = AXES  #: Those to identify.
     identification: IdentificationSettings = field(default_factory=IdentificationSettings)
+    #: Part by which the new model's residuals must be smaller than the current model's, or more where chance alone does
+    #: as much.
     least_improvement: float = 0.001
     stability: StabilitySettings = field(default_factory=StabilitySettings)
 
@@ -72,58 +62,34 @@ class RefitSettings:
 
 @dataclass(frozen=True)
 class RefitRequest:
-    """All that a refit needs, wherever it runs.
-
-    Attributes
-    ----------
-    table : MotionTable
-    current : dict of str to IdentifiedModel
-    settings : RefitSettings
-    provenance : dict
-        The caller's record of the source.
-    """
+    """All that a refit needs, wherever it runs."""
 
     table: MotionTable
     current: dict[str, IdentifiedModel]
     settings: RefitSettings
-    provenance: dict = field(default_factory=dict)
+    provenance: dict = field(default_factory=dict)  #: The caller's record of the source.
 
 
 @dataclass(frozen=True)
 class AxisVerdict:
-    """What a refit found about one axis.
-
-    Attributes
-    ----------
-    axis : str
-    model : IdentifiedModel or None
-        To be published; None: the current one stays.
-    message : str
-        One clause that says what was found.
-    misfit, current_misfit : float
-        Root mean square of the weighted residuals of the new and of the current model on this
-        window, each from its own best initial state; NaN where there is none. At sea the deviance
-        a degree of freedom of the new one.
-    estimate : PeriodEstimate or None
-        Of the natural period, whether or not the model is to be published; None where it is not known.
-    """
+    """What a refit found about one axis."""
 
     axis: str
-    model: IdentifiedModel | None
-    message: str
+    model: IdentifiedModel | None  #: To be published; None: the current one stays.
+    message: str  #: One clause that says what was found.
+    #: Root mean square of the weighted residuals of the new and of the current model on this window, each from its own
+    #: best initial state; NaN where there is none. At sea the deviance a degree of freedom of the new one.
     misfit: float = float('nan')
+    #: Root mean square of the weighted residuals of the new and of the current model on this window, each from its own
+    #: best initial state; NaN where there is none. At sea the deviance a degree of freedom of the new one.
     current_misfit: float = float('nan')
+    #: Of the natural period, whether or not the model is to be published; None where it is not known.
     estimate: PeriodEstimate | None = None
 
 
 @dataclass(frozen=True)
 class RefitOutcome:
-    """What a refit found.
-
-    Attributes
-    ----------
-    verdicts : tuple of AxisVerdict
-    """
+    """What a refit found."""
 
     verdicts: tuple[AxisVerdict, ...]
 
@@ -149,26 +115,17 @@ def refit(
 ) -> RefitOutcome:
     """Identify each axis on a window and compare with the current model on that window.
 
-    Parameters
-    ----------
-    request : RefitRequest
-        The window, the settings and the models held.
-    progress : callable, optional
-        Called with 0 to 1.
-    should_cancel : callable, optional
-        Asked often.
+    Args:
+        request: The window, the settings and the models held.
+        progress: Called with 0 to 1.
+        should_cancel: Asked often.
 
-    Returns
-    -------
-    RefitOutcome
+    Returns:
         What cannot be fitted is reported in its verdict.
 
-    Raises
-    ------
-    InputError
-        The window is empty.
-    Cancelled
-        ``should_cancel`` said so.
+    Raises:
+        InputError: The window is empty.
+        Cancelled: ``should_cancel`` said so.
     """
     trial = request.table.trial()
     # a hull is fitted to angles and rates, wherever gravity is
@@ -204,18 +161,13 @@ def refit(
 def misfit(problem: Problem, model: DecayModel) -> float:
     """How badly a model explains decays, from the initial state that suits it best.
 
-    Parameters
-    ----------
-    problem : Problem
-        The decays.
-    model : DecayModel
-        Its ratios are kept; its trim is not read.
+    Args:
+        problem: The decays.
+        model: Its ratios are kept; its trim is not read.
 
-    Returns
-    -------
-    float
-        Root mean square of the residuals of angle and rate, weighted by their noise; infinite
-        where the simulated motion runs away.
+    Returns:
+        Root mean square of the residuals of angle and rate, weighted by their noise; infinite where the simulated
+        motion runs away.
     """
     fit = MotionFit(problem.motions, model.equation, problem.scales, problem.noise, model.friction_rate)
     try:
@@ -320,18 +272,10 @@ def _told_there(held: IdentifiedModel, amplitude: float):
 def window_provenance(table: MotionTable, source: dict, software: str) -> dict:
     """Where a window came from.
 
-    Parameters
-    ----------
-    table : MotionTable
-        The window.
-    source : dict
-        What names its source: on a bus ``{'topic': ...}``.
-    software : str
-        Name and version.
-
-    Returns
-    -------
-    dict
+    Args:
+        table: The window.
+        source: What names its source: on a bus ``{'topic': ...}``.
+        software: Name and version.
     """
     return {
         'software': software,
@@ -372,11 +316,8 @@ def _chance_ratio(found: Identification):
 class Refitter:
     """The models of a craft as refits change them, with the way back.
 
-    Parameters
-    ----------
-    settings : RefitSettings
-    models : dict of str to IdentifiedModel, optional
-        Known at the start, by axis.
+    Args:
+        models: Known at the start, by axis.
     """
 
     def __init__(self, settings: RefitSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None):
@@ -389,30 +330,19 @@ class Refitter:
     def request(self, table: MotionTable, provenance: dict | None = None) -> RefitRequest:
         """What is to be fitted on a window, by `refit`.
 
-        Parameters
-        ----------
-        table : MotionTable
-            The window.
-        provenance : dict, optional
-            The caller's record of the source.
-
-        Returns
-        -------
-        RefitRequest
+        Args:
+            table: The window.
+            provenance: The caller's record of the source.
         """
         return RefitRequest(table, dict(self.models), self.settings, provenance or {})
 
     def take(self, outcome: RefitOutcome) -> bool:
         """Believe what a refit found to be better, and watch the stability by what it found of the period.
 
-        Parameters
-        ----------
-        outcome : RefitOutcome
-            Of `refit`.
+        Args:
+            outcome: Of `refit`.
 
-        Returns
-        -------
-        bool
+        Returns:
             Whether the models have changed and are to be published.
         """
         self.stability.settings = self.settings.stability
@@ -429,9 +359,7 @@ class Refitter:
     def rollback(self) -> bool:
         """Return to the models before the last refit that was accepted.
 
-        Returns
-        -------
-        bool
+        Returns:
             Whether there was one; if so the models are to be published.
         """
         if not self._history:

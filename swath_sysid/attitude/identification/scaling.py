@@ -23,24 +23,16 @@ _RANGES = {
     's2': (-3.0, 3.0),
 }
 LOWER = np.array([_RANGES[name][0] for name in TERM_NAMES])
+#: Damping is not negative. No upper limit is meant to bind.
 UPPER = np.array([_RANGES[name][1] for name in TERM_NAMES])
-"""Damping is not negative. No upper limit is meant to bind."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Amplitude and frequency of the records under identification.
+    """Amplitude and frequency of the records under identification."""
 
-    Attributes
-    ----------
-    amplitude : float
-        rad.
-    frequency : float
-        rad/s.
-    """
-
-    amplitude: float
-    frequency: float
+    amplitude: float  #: rad.
+    frequency: float  #: rad/s.
 
     @property
     def rate(self) -> float:

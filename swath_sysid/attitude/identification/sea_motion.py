@@ -15,79 +15,52 @@ from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.common.errors import InputError
 
 TAPERS = 5
-BAND_RATIO = 1.03
-"""Frequencies of neighbouring bands, over which spectra are averaged."""
+BAND_RATIO = 1.03  #: Frequencies of neighbouring bands, over which spectra are averaged.
+ABOVE_NOISE = 4.0  #: A band is used while its spectrum stands so many times above the noise,
+DYNAMIC_RANGE = 1e-5  #: ... and above this part of the peak.
+LOWEST_BAND, HIGHEST_BAND = 0.25, 8.0  #: ... between these multiples of the peak frequency.
+MIN_REACH = 1.3  #: Multiple of the peak frequency up to which the motion must be known.
+FASTEST = 0.8  #: ... and below this part of the Nyquist frequency.
+LOW_PASS = 2.0  #: Corner over the highest band: there the motion passes whole.
 
-ABOVE_NOISE = 4.0
-"""A band is used while its spectrum stands so many times above the noise,"""
-DYNAMIC_RANGE = 1e-5
-"""... and above this part of the peak."""
-LOWEST_BAND, HIGHEST_BAND = 0.25, 8.0
-"""... between these multiples of the peak frequency."""
-
-MIN_REACH = 1.3
-"""Multiple of the peak frequency up to which the motion must be known."""
-
-FASTEST = 0.8
-"""... and below this part of the Nyquist frequency."""
-
-LOW_PASS = 2.0
-"""Corner over the highest band: there the motion passes whole."""
-
+#: Nyquist frequency over the highest band: products of three factors fold back only above the bands.
 OVERSAMPLING = 4.0
-"""Nyquist frequency over the highest band: products of three factors fold back only above the bands."""
 
-EDGE_PERIODS = 1.0
-"""Left out at both ends, where the derivatives know one side only."""
+EDGE_PERIODS = 1.0  #: Left out at both ends, where the derivatives know one side only.
 
 HEAVE_ABOVE_NOISE = 10.0
+#: Heave shows the sea where it stands so far above its noise wherever the spectrum of the angle is above this part of
+#: its peak.
 HEAVE_WANTED = 0.01
-"""Heave shows the sea where it stands so far above its noise wherever the spectrum of the angle is above
-this part of its peak."""
 
+#: ... and where its standard deviation is so many g times that of the angle. Below, it is what is left of gravity.
 HEAVE_LEAST = 0.05
-"""... and where its standard deviation is so many g times that of the angle. Below, it is what is left of gravity."""
 
-HEAVE_SMOOTHING = 0.06
-"""Relative bandwidth over which the spectrum of the heave is averaged."""
+HEAVE_SMOOTHING = 0.06  #: Relative bandwidth over which the spectrum of the heave is averaged.
 
 TERMS = ('acceleration', 'rate', 'angle', 'quadratic damping', 'quadratic restoring', 'cubic restoring')
 
+#: Statistical linearisation of |w| w for a Gaussian rate of unit standard deviation.
 GAUSSIAN_RATE = float(np.sqrt(8.0 / np.pi))
-"""Statistical linearisation of |w| w for a Gaussian rate of unit standard deviation."""
 
 
 @dataclass(frozen=True)
 class SeaMotion:
-    """A motion in waves on an even grid, its noise and the bands in which it is known.
+    """A motion in waves on an even grid, its noise and the bands in which it is known."""
 
-    Attributes
-    ----------
-    start, interval : float
-        Time of the first sample and between samples, s.
-    angle, rate, acceleration : ndarray, shape (N,)
-        About the mean angle; rad, rad/s, rad/s^2.
-    mean : float
-        Mean angle, rad; NaN where no angle was measured.
-    angle_noise, rate_noise : float
-        One-sided spectral density of the white noise, rad^2 s and (rad/s)^2 s; infinite where not measured.
-    peak : float
-        Frequency at which the angle's spectrum is largest, rad/s.
-    lowest, highest : float
-        Bounds of the bands, rad/s.
-    """
-
-    start: float
-    interval: float
-    angle: np.ndarray
-    rate: np.ndarray
-    acceleration: np.ndarray
-    mean: float
+    start: float  #: Time of the first sample and between samples, s.
+    interval: float  #: Time of the first sample and between samples, s.
+    angle: np.ndarray  #: (N,); About the mean angle; rad, rad/s, rad/s^2.
+    rate: np.ndarray  #: (N,); About the mean angle; rad, rad/s, rad/s^2.
+    acceleration: np.ndarray  #: (N,); About the mean angle; rad, rad/s, rad/s^2.
+    mean: float  #: Mean angle, rad; NaN where no angle was measured.
+    #: One-sided spectral density of the white noise, rad^2 s and (rad/s)^2 s; infinite where not measured.
     angle_noise: float
+    #: One-sided spectral density of the white noise, rad^2 s and (rad/s)^2 s; infinite where not measured.
     rate_noise: float
-    peak: float
-    lowest: float
-    highest: float
+    peak: float  #: Frequency at which the angle's spectrum is largest, rad/s.
+    lowest: float  #: Bounds of the bands, rad/s.
+    highest: float  #: Bounds of the bands, rad/s.
 
     @property
     def duration(self) -> float:
@@ -115,20 +88,11 @@ class TermSpectra:
 
     The shapes of the nonlinear terms are free of their linear part in a Gaussian motion (x and w of
     standard deviations s and q): |w| w / q - sqrt(8 / pi) w,  x^2 / s,  x^3 / s^2 - 3 x.
-
-    Attributes
-    ----------
-    frequency : ndarray, shape (B,)
-        rad/s.
-    matrices : ndarray, shape (B, 6, 6)
-        Real parts, one-sided, per rad/s.
-    counts : ndarray, shape (B,)
-        Independent complex values in each band.
     """
 
-    frequency: np.ndarray
-    matrices: np.ndarray
-    counts: np.ndarray
+    frequency: np.ndarray  #: (B,); rad/s.
+    matrices: np.ndarray  #: (B, 6, 6); Real parts, one-sided, per rad/s.
+    counts: np.ndarray  #: (B,); Independent complex values in each band.
 
     @property
     def angle(self) -> np.ndarray:
@@ -143,31 +107,19 @@ class TermSpectra:
 
 @dataclass(frozen=True)
 class Heave:
-    """Vertical acceleration of a craft in waves.
+    """Vertical acceleration of a craft in waves."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (N,)
-        s.
-    acceleration : ndarray, shape (N,)
-        m/s^2; up, with gravity or without.
-    """
-
-    time: np.ndarray
-    acceleration: np.ndarray
+    time: np.ndarray  #: (N,); s.
+    acceleration: np.ndarray  #: (N,); m/s^2; up, with gravity or without.
 
 
 def heave_of(trial: Trial) -> Heave | None:
     """Vertical acceleration by the accelerometers and the attitude of a trial.
 
-    Parameters
-    ----------
-    trial : Trial
-        Its roll, pitch and accelerations are used.
+    Args:
+        trial: Its roll, pitch and accelerations are used.
 
-    Returns
-    -------
-    Heave or None
+    Returns:
         None where one of them was not measured.
     """
     channels = (trial.roll, trial.pitch, trial.accel_x, trial.accel_y, trial.accel_z)
@@ -185,19 +137,11 @@ def heave_of(trial: Trial) -> Heave | None:
 def sea_motion(motion: AxisMotion) -> SeaMotion:
     """Angle, rate and acceleration from what was measured.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        The longest stretch without a pause is used.
+    Args:
+        motion: The longest stretch without a pause is used.
 
-    Returns
-    -------
-    SeaMotion
-
-    Raises
-    ------
-    InputError
-        The axis does not move, or is sampled too slowly for its motion.
+    Raises:
+        InputError: The axis does not move, or is sampled too slowly for its motion.
     """
     piece = max(split_at_pauses(motion), key=lambda part: part.duration)
     if piece.size < 64:
@@ -319,19 +263,13 @@ def _tapers(size: int):
 def tapered_spectrum(values: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
     """One-sided multitaper spectrum.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        Evenly sampled, of any unit; their mean is taken off.
-    interval : float
-        s.
+    Args:
+        values: (N,); evenly sampled, of any unit; their mean is taken off.
+        interval: s.
 
-    Returns
-    -------
-    frequency : ndarray, shape (F,)
-        rad/s.
-    spectrum : ndarray, shape (F,)
-        Unit of ``values`` squared, per rad/s.
+    Returns:
+        frequency: (F,); rad/s.
+        spectrum: (F,); unit of ``values`` squared, per rad/s.
     """
     transformed = np.fft.rfft(_tapers(values.size) * (values - values.mean()))
     frequency = 2.0 * np.pi * np.fft.rfftfreq(values.size, interval)
@@ -341,14 +279,8 @@ def tapered_spectrum(values: np.ndarray, interval: float) -> tuple[np.ndarray, n
 def term_spectra(sea: SeaMotion) -> TermSpectra:
     """Cross spectra of the terms of a hull's equation.
 
-    Parameters
-    ----------
-    sea : SeaMotion
-        Of `sea_motion`.
-
-    Returns
-    -------
-    TermSpectra
+    Args:
+        sea: Of `sea_motion`.
     """
     x, w, s, q = sea.angle, sea.rate, sea.angle_std, sea.rate_std
     columns = np.stack(
@@ -385,18 +317,12 @@ def heave_spectrum(heave: Heave | None, sea: SeaMotion, spectra: TermSpectra) ->
 
     In deep water it is that of the wave slope times g^2, for a craft that follows the waves.
 
-    Parameters
-    ----------
-    heave : Heave or None
-        Of the same record.
-    sea : SeaMotion
-        Of `sea_motion`.
-    spectra : TermSpectra
-        Of `term_spectra`, whose bands are used.
+    Args:
+        heave: Of the same record.
+        sea: Of `sea_motion`.
+        spectra: Of `term_spectra`, whose bands are used.
 
-    Returns
-    -------
-    ndarray or None
+    Returns:
         None where the heave does not stand out of its noise wherever the axis moves.
     """
     if heave is None:
@@ -429,19 +355,13 @@ def random_decrement(sea: SeaMotion, span: float) -> tuple[np.ndarray, np.ndarra
     CR-2205 (1973). For a Gaussian motion it is the autocorrelation times the level: the free decay of
     the hull where the excitation is white, and of hull and sea together where it is not.
 
-    Parameters
-    ----------
-    sea : SeaMotion
-        Of `sea_motion`.
-    span : float
-        s.
+    Args:
+        sea: Of `sea_motion`.
+        span: s.
 
-    Returns
-    -------
-    lag : ndarray, shape (L,)
-        s.
-    signature : ndarray, shape (L,)
-        rad; NaN where nothing crosses.
+    Returns:
+        lag: (L,); s.
+        signature: (L,); rad; NaN where nothing crosses.
     """
     level, value = np.sqrt(2.0) * sea.angle_std, sea.angle
     count = max(2, int(span / sea.interval))

@@ -22,21 +22,13 @@ Budget = TypeVar('Budget', GeneticSettings, SwarmSettings)
 
 @dataclass(frozen=True)
 class Preset:
-    """Search settings of one of the papers, its ranges in the published variables.
-
-    Attributes
-    ----------
-    name : str
-    genetic : GeneticSettings
-    inertia, damping, restoring : float
-        Upper ends of the ranges of I', of N and W, and of x and C1 to C3; the lower ends are 0.
-    """
+    """Search settings of one of the papers, its ranges in the published variables."""
 
     name: str
     genetic: GeneticSettings
-    inertia: float = 0.1
-    damping: float = 1.0
-    restoring: float = 10.0
+    inertia: float = 0.1  #: Upper ends of the ranges of I', of N and W, and of x and C1 to C3; the lower ends are 0.
+    damping: float = 1.0  #: Upper ends of the ranges of I', of N and W, and of x and C1 to C3; the lower ends are 0.
+    restoring: float = 10.0  #: Upper ends of the ranges of I', of N and W, and of x and C1 to C3; the lower ends are 0.
 
 
 _PUBLISHED_BUDGET = GeneticSettings(generations=2000, population=200, patience=0, spread_tolerance=0.0)
@@ -53,25 +45,14 @@ PRESETS = {
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """Box of search variables and their map to dimensionless ratios.
+    """Box of search variables and their map to dimensionless ratios."""
 
-    Attributes
-    ----------
-    lower, upper : ndarray, shape (n,)
-    to_ratios : callable
-        Candidates (P, n) to dimensionless ratios (P, terms).
-    ratio_lower, ratio_upper : ndarray, shape (terms,)
-        Bounds that the refinement keeps, dimensionless.
-    from_ratios : callable
-        Dimensionless ratios (terms,) to a candidate, for a first guess.
-    """
-
-    lower: np.ndarray
-    upper: np.ndarray
-    to_ratios: Callable
-    from_ratios: Callable
-    ratio_lower: np.ndarray
-    ratio_upper: np.ndarray
+    lower: np.ndarray  #: (n,)
+    upper: np.ndarray  #: (n,)
+    to_ratios: Callable  #: Candidates (P, n) to dimensionless ratios (P, terms).
+    from_ratios: Callable  #: Dimensionless ratios (terms,) to a candidate, for a first guess.
+    ratio_lower: np.ndarray  #: (terms,); Bounds that the refinement keeps, dimensionless.
+    ratio_upper: np.ndarray  #: (terms,); Bounds that the refinement keeps, dimensionless.
 
 
 def dimensionless_space(equation: Equation) -> SearchSpace:
@@ -85,10 +66,8 @@ def published_space(equation: Equation, preset: Preset, scales: Scales) -> Searc
 
     The inertia is searched although only ratios to it matter, as the papers did.
 
-    Raises
-    ------
-    InputError
-        The equation has friction, which no paper has.
+    Raises:
+        InputError: The equation has friction, which no paper has.
     """
     if 'b0' in equation.terms:
         raise InputError(
@@ -117,31 +96,19 @@ def published_space(equation: Equation, preset: Preset, scales: Scales) -> Searc
     )
 
 
+#: Least and largest of what a search is given.
 WHOLE_NUMBERS = {'generations': (1, 100_000), 'population': (8, 100_000), 'seed': (0, 2**31 - 1)}
-"""Least and largest of what a search is given."""
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """Which algorithm with which budget.
+    """Which algorithm with which budget."""
 
-    Attributes
-    ----------
-    algorithm : str
-        ``ga``, ``pso`` or ``de``.
-    preset : str or None
-        A name in ``PRESETS``: its parameters, and the published variables and ranges.
-    generations, population : int or None
-        Override the budget of the preset or of the algorithm's default.
-    seed : int
-        Ranges are in `WHOLE_NUMBERS`.
-    """
-
-    algorithm: str = 'ga'
-    preset: str | None = None
-    generations: int | None = None
-    population: int | None = None
-    seed: int = 1
+    algorithm: str = 'ga'  #: ``ga``, ``pso`` or ``de``.
+    preset: str | None = None  #: A name in ``PRESETS``: its parameters, and the published variables and ranges.
+    generations: int | None = None  #: Override the budget of the preset or of the algorithm's default.
+    population: int | None = None  #: Override the budget of the preset or of the algorithm's default.
+    seed: int = 1  #: Ranges are in `WHOLE_NUMBERS`.
 
     def __post_init__(self):
         if self.algorithm not in ALGORITHMS:
@@ -166,23 +133,13 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The best candidate of a search.
+    """The best candidate of a search."""
 
-    Attributes
-    ----------
-    best : ndarray, shape (n,)
-        In the variables of the search space.
-    value : float
-    generations, evaluations : int
-    stop : str
-        Name of the rule that ended it.
-    """
-
-    best: np.ndarray
+    best: np.ndarray  #: (n,); In the variables of the search space.
     value: float
     generations: int
     evaluations: int
-    stop: str
+    stop: str  #: Name of the rule that ended it.
 
 
 def run_search(
@@ -195,25 +152,16 @@ def run_search(
 ) -> SearchResult:
     """Search the minimum of an objective over a space.
 
-    Parameters
-    ----------
-    objective : callable
-        Dimensionless ratios (P, terms) to values (P,).
-    space : SearchSpace
-        Bounds of the candidates, and their map to ratios.
-    settings : SearchSettings
-        Algorithm, budget and seed.
-    first : array_like, shape (k, n)
-        Candidates to start with.
-    progress : callable, optional
-        Called with the share of the budget spent, 0 to 1, after each generation.
-    should_cancel : callable, optional
-        Asked after each generation.
+    Args:
+        objective: Dimensionless ratios (P, terms) to values (P,).
+        space: Bounds of the candidates, and their map to ratios.
+        settings: Algorithm, budget and seed.
+        first: array_like, shape (k, n); candidates to start with.
+        progress: Called with the share of the budget spent, 0 to 1, after each generation.
+        should_cancel: Asked after each generation.
 
-    Raises
-    ------
-    Cancelled
-        ``should_cancel`` said so.
+    Raises:
+        Cancelled: ``should_cancel`` said so.
     """
 
     def note(generation: int, budget: int):

@@ -24,37 +24,26 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
 from swath_sysid.common.stopping import Progress
 
-FIRST_PART = 0.5
-"""Share of each record, in time, on which a model is identified that the rest then judges."""
-CRITERION_MARGIN = 10.0
-"""A difference of the information criterion that Kass and Raftery (1995) call very strong."""
+FIRST_PART = 0.5  #: Share of each record, in time, on which a model is identified that the rest then judges.
+CRITERION_MARGIN = 10.0  #: A difference of the information criterion that Kass and Raftery (1995) call very strong.
 HELD_OUT_MARGIN = 1.1
+#: Tried where no equation is given: each published hull has the terms of one of them, or a part of those.
 CANDIDATES = 'odd-cubic', 'swath-pitch-2', 'hydrofoil-pitch-3', 'swath-pitch-1', 'swath-roll-3'
-"""Tried where no equation is given: each published hull has the terms of one of them, or a part of those."""
 Fit = TypeVar('Fit', bound=Any)
-Ranked = TypeVar('Ranked', bound=Any)
-"""A campaign ranks its own summaries of fits."""
-ROUNDING = 1e-12
-"""Relative difference of two objective values that is none."""
+Ranked = TypeVar('Ranked', bound=Any)  #: A campaign ranks its own summaries of fits.
+ROUNDING = 1e-12  #: Relative difference of two objective values that is none.
 
 
 @dataclass(frozen=True)
 class RankedFit:
-    """One equation's fit and how it stands among the others.
-
-    Attributes
-    ----------
-    identification : Identification
-    criterion : float
-        Akaike's information criterion where each fit has a likelihood, else the Bayesian one with the effective
-        sample size; smaller is better.
-    held_out : float
-        Error of the motion simulated beyond the part it was identified on, over the standard
-        deviation of the measured motion there; infinite where the simulation ran away.
-    """
+    """One equation's fit and how it stands among the others."""
 
     identification: Identification
+    #: Akaike's information criterion where each fit has a likelihood, else the Bayesian one with the effective sample
+    #: size; smaller is better.
     criterion: float
+    #: Error of the motion simulated beyond the part it was identified on, over the standard deviation of the measured
+    #: motion there; infinite where the simulation ran away.
     held_out: float
 
     @property
@@ -70,20 +59,11 @@ class RankedFit:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Equations ranked, best criterion first, and the choice.
-
-    Attributes
-    ----------
-    ranked : tuple of RankedFit
-    choice : RankedFit
-        The simplest adequate one.
-    reason : str
-        One sentence.
-    """
+    """Equations ranked, best criterion first, and the choice."""
 
     ranked: tuple[RankedFit, ...]
-    choice: RankedFit
-    reason: str
+    choice: RankedFit  #: The simplest adequate one.
+    reason: str  #: One sentence.
 
 
 def compare(
@@ -99,27 +79,15 @@ def compare(
     A model that contains another never ends with a worse objective: where its search did, it is
     refined again from the smaller model's optimum.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of `prepare`.
-    equations : sequence of Equation
-        At least one, none twice.
-    settings : IdentificationSettings
-        Objective and search; its equation is ignored.
-    jobs : int
-        Processes.
-    progress : callable, optional
-        Called with the number of equations done and the name of the last.
+    Args:
+        problem: Of `prepare`.
+        equations: At least one, none twice.
+        settings: Objective and search; its equation is ignored.
+        jobs: Processes.
+        progress: Called with the number of equations done and the name of the last.
 
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    InputError
-        No equation, or an equation twice.
+    Raises:
+        InputError: No equation, or an equation twice.
     """
     names = [e.name for e in equations]
     if not names or len(set(names)) < len(names):
@@ -142,18 +110,12 @@ def compare(
 def choose(problem: Problem, settings: IdentificationSettings, *, progress: Progress | None = None) -> Identification:
     """Identify with a few equations and take the simplest adequate one, as `compare` does.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of `prepare`.
-    settings : IdentificationSettings
-        Its equation is ignored.
-    progress : callable, optional
-        Called with 0 to 1.
+    Args:
+        problem: Of `prepare`.
+        settings: Its equation is ignored.
+        progress: Called with 0 to 1.
 
-    Returns
-    -------
-    Identification
+    Returns:
         Its ``choice`` says why.
     """
     equations = [equation_named(name) for name in CANDIDATES]
@@ -181,16 +143,9 @@ def rank(fits: Sequence[Identification], held_out: Sequence[float]) -> Compariso
     Where each has a likelihood, that decides, less one for each term (Akaike 1974): leaving out a term that is there
     spoils the intervals of the others, keeping one that is not widens them.
 
-    Parameters
-    ----------
-    fits : sequence of Identification
-        One an equation.
-    held_out : sequence of float
-        Error on held-out motion of each, see `RankedFit`; NaN where it was not computed.
-
-    Returns
-    -------
-    Comparison
+    Args:
+        fits: One an equation.
+        held_out: Error on held-out motion of each, see `RankedFit`; NaN where it was not computed.
     """
     samples = min(fits, key=lambda f: f.objective_value).effective_samples
     by_likelihood = all(f.log_likelihood is not None for f in fits)
@@ -219,14 +174,11 @@ def spread_parts(criteria: np.ndarray, values: np.ndarray, stds: np.ndarray) -> 
     With Akaike's weights w the unconditional standard deviation is the sum of w sqrt(std^2 + (value - first)^2)
     (Burnham and Anderson 2002, eq. 4.9, about the first value instead of the mean).
 
-    Parameters
-    ----------
-    criteria, values, stds : ndarray, shape (K,)
-        Akaike's criterion, the value and its standard deviation in each model.
+    Args:
+        criteria, values, stds: (K,); akaike's criterion, the value and its standard deviation in each model.
 
-    Returns
-    -------
-    ndarray, shape (K,)
+    Returns:
+        ndarray, shape (K,)
     """
     weight = np.exp(0.5 * (criteria.min() - criteria))
     return weight / weight.sum() * np.hypot(stds, values - values[0])
@@ -235,14 +187,8 @@ def spread_parts(criteria: np.ndarray, values: np.ndarray, stds: np.ndarray) -> 
 def widened_by_rivals(ranked: Sequence[RankedFit]) -> Identification:
     """The best fit, its linear stiffness only as certain as the choice of the equation leaves it.
 
-    Parameters
-    ----------
-    ranked : sequence of RankedFit
-        At least two, best first, by Akaike's criterion.
-
-    Returns
-    -------
-    Identification
+    Args:
+        ranked: At least two, best first, by Akaike's criterion.
     """
     fits = [r.identification for r in ranked]
     best = fits[0]
@@ -267,18 +213,13 @@ def widened_by_rivals(ranked: Sequence[RankedFit]) -> Identification:
 def simplest_adequate(ranked: Sequence[Ranked], criterion: str = 'criterion') -> tuple[Ranked, str]:
     """The equation with the fewest terms among those that criterion and held-out motion do not exclude.
 
-    Parameters
-    ----------
-    ranked : sequence
-        Best first, each with ``name``, ``term_count``, ``criterion`` and ``held_out``; see `RankedFit`.
-    criterion : str
-        What the reason calls it.
+    Args:
+        ranked: Best first, each with ``name``, ``term_count``, ``criterion`` and ``held_out``; see `RankedFit`.
+        criterion: What the reason calls it.
 
-    Returns
-    -------
-    choice : item of `ranked`
-    reason : str
-        One sentence.
+    Returns:
+        choice
+        reason: One sentence.
     """
     likely = [r for r in ranked if r.criterion <= ranked[0].criterion + CRITERION_MARGIN]
     smallest = min(r.held_out for r in ranked)
@@ -322,16 +263,11 @@ def _fit_and_hold_out(task: tuple[Problem, IdentificationSettings]):
 def held_out_error(problem: Problem, settings: IdentificationSettings) -> float:
     """Identify on the first part of each record and score the simulated motion on the rest.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of `prepare`.
-    settings : IdentificationSettings
-        Equation, objective and search.
+    Args:
+        problem: Of `prepare`.
+        settings: Equation, objective and search.
 
-    Returns
-    -------
-    float
+    Returns:
         See `RankedFit`.
     """
     first = first_part(problem)
@@ -357,16 +293,11 @@ def first_part(problem: Problem) -> Problem:
 def enforce_nesting(fits: Sequence[Fit], refit: Callable[[Fit, Fit], Fit]) -> list[Fit]:
     """Refine again, from the smaller model's optimum, any fit that a model it contains beats.
 
-    Parameters
-    ----------
-    fits : sequence
-        Of the same records, each with ``model`` and ``objective_value``.
-    refit : callable
-        Of a fit and the better one of a model that it contains: the fit, refined from there.
+    Args:
+        fits: Of the same records, each with ``model`` and ``objective_value``.
+        refit: Of a fit and the better one of a model that it contains: the fit, refined from there.
 
-    Returns
-    -------
-    list
+    Returns:
         In the same order.
     """
     fits = list(fits)

@@ -16,16 +16,9 @@ RELATIVE_STEP = 1e-4
 def inseparable_terms(terms: Sequence[str], covariance: np.ndarray) -> tuple[Advice, ...]:
     """Advice for each pair of terms that the records cannot separate.
 
-    Parameters
-    ----------
-    terms : sequence of str
-        Names.
-    covariance : ndarray, shape (n, n)
-        Of their ratios, of any unit.
-
-    Returns
-    -------
-    tuple of Advice
+    Args:
+        terms: Names.
+        covariance: (n, n); of their ratios, of any unit.
     """
     found = correlation(covariance)
     pairs = [(i, j) for i in range(len(terms)) for j in range(i) if abs(found[i, j]) > NOT_SEPARABLE]
@@ -41,34 +34,20 @@ def inseparable_terms(terms: Sequence[str], covariance: np.ndarray) -> tuple[Adv
 
 @dataclass(frozen=True)
 class AmplitudeBands:
-    """Natural frequency and equivalent damping over the amplitudes seen, with standard deviations.
-
-    Attributes
-    ----------
-    curves : AmplitudeCurves
-    frequency_std, damping_ratio_std : ndarray, shape (A,)
-    """
+    """Natural frequency and equivalent damping over the amplitudes seen, with standard deviations."""
 
     curves: AmplitudeCurves
-    frequency_std: np.ndarray
-    damping_ratio_std: np.ndarray
+    frequency_std: np.ndarray  #: (A,)
+    damping_ratio_std: np.ndarray  #: (A,)
 
 
 def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.ndarray) -> AmplitudeBands:
     """Curves against amplitude with the standard deviations that the ratios' covariance implies.
 
-    Parameters
-    ----------
-    model : DecayModel
-        Whose curves they are.
-    covariance : ndarray, shape (n, n)
-        Of the ratios of the model's terms.
-    amplitude : ndarray, shape (A,)
-        rad.
-
-    Returns
-    -------
-    AmplitudeBands
+    Args:
+        model: Whose curves they are.
+        covariance: (n, n); of the ratios of the model's terms.
+        amplitude: (A,); rad.
     """
     curves = amplitude_curves(model.ratios, amplitude, model.friction_rate)
     std = np.sqrt(np.diag(covariance))

@@ -17,11 +17,10 @@ GYRO = ('gyro_x', 'gyro_y', 'gyro_z')
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
 EULER_RATES = ('roll_rate', 'pitch_rate', 'yaw_rate')
 
+#: Median intervals: two samples further apart are across a loss, two nearer are stamped by chance.
 EVEN_INTERVALS = 0.5, 1.5
-"""Median intervals: two samples further apart are across a loss, two nearer are stamped by chance."""
 
-STILL_YAW_RATE = 1e-9
-"""rad/s: a heading that never turns faster was not measured but filled in."""
+STILL_YAW_RATE = 1e-9  #: rad/s: a heading that never turns faster was not measured but filled in.
 
 Readings = dict[str, np.ndarray]
 
@@ -38,29 +37,19 @@ def assemble_trial(
 ) -> Trial:
     """A trial from the readings of a sensor: cleaned, in the craft's axes, with Euler rates.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Seconds.
-    readings : dict of str to ndarray, shape (N,)
-        Any of ``roll``, ``pitch``, ``yaw`` (rad), or the quaternion ``quaternion_x`` ... ``_w``;
-        ``heading``, clockwise from north in either frame; ``roll_rate``, ``pitch_rate``,
-        ``yaw_rate`` (Euler rates), ``gyro_x`` ... ``_z`` (body rates), rad/s; ``accel_x`` ... ``_z``
-        (specific force), m/s^2; ``heave`` along the vertical axis of the frame, m.
-    installation : Installation, optional
-        By default the sensor's axes are those of the craft, FLU.
-    source : str
-        Where the readings came from.
-    draft, initial_angle : float, optional
-        m, rad.
-    advice : sequence of Advice
-        Of the reader.
+    Args:
+        time: (N,); seconds.
+        readings: dict of str to (N,); any of ``roll``, ``pitch``, ``yaw`` (rad), or the quaternion ``quaternion_x`` ...
+            ``_w``; ``heading``, clockwise from north in either frame; ``roll_rate``, ``pitch_rate``, ``yaw_rate``
+            (Euler rates), ``gyro_x`` ... ``_z`` (body rates), rad/s; ``accel_x`` ... ``_z`` (specific force), m/s^2;
+            ``heave`` along the vertical axis of the frame, m.
+        installation: By default the sensor's axes are those of the craft, FLU.
+        source: Where the readings came from.
+        draft, initial_angle: m, rad.
+        advice: Of the reader.
 
-    Raises
-    ------
-    InputError
-        Nothing usable is left after cleaning, or a mounting is given for readings that cannot
-        be turned.
+    Raises:
+        InputError: Nothing usable is left after cleaning, or a mounting is given for readings that cannot be turned.
     """
     installation = installation or Installation()
     name = source or 'the record'
@@ -84,18 +73,13 @@ def assemble_trial(
 def turn_rate(time: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """The rate at which a yaw angle or a heading turned from each sample to the next, by the past alone.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        s, increasing.
-    yaw : ndarray, shape (N,)
-        rad, however wrapped.
+    Args:
+        time: (N,); s, increasing.
+        yaw: (N,); rad, however wrapped.
 
-    Returns
-    -------
-    ndarray, shape (N,)
-        rad/s; entry k is the difference of samples k and k - 1, the shorter way round, over their
-        interval. NaN at first, and where the interval is not about the usual one.
+    Returns:
+        rad/s; entry k is the difference of samples k and k - 1, the shorter way round, over their interval. NaN at
+        first, and where the interval is not about the usual one.
     """
     rate = np.full(time.size, np.nan)
     interval = np.diff(time)

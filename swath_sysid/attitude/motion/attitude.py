@@ -20,20 +20,13 @@ from typing import Any
 
 import numpy as np
 
-UNIT_TOLERANCE = 0.1
-"""How far the squared norm of a measured quaternion may be from one."""
+UNIT_TOLERANCE = 0.1  #: How far the squared norm of a measured quaternion may be from one.
+VERTICAL_COSINE = 1e-9  #: Below this cosine of pitch, roll and yaw cannot be separated.
+STANDARD_GRAVITY = 9.80665  #: m/s^2, ISO 80000-3.
 
-VERTICAL_COSINE = 1e-9
-"""Below this cosine of pitch, roll and yaw cannot be separated."""
+Value = Any  #: A float, or an ndarray that broadcasts with the others.
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2, ISO 80000-3."""
-
-Value = Any
-"""A float, or an ndarray that broadcasts with the others."""
-
-Quaternion = tuple[Value, Value, Value, Value]
-"""x, y, z, w."""
+Quaternion = tuple[Value, Value, Value, Value]  #: x, y, z, w.
 
 
 class _Arrays:
@@ -84,8 +77,6 @@ def euler_angles(x: Value, y: Value, z: Value, w: Value) -> tuple[Value, Value, 
 
     Roll and yaw lie in [-pi, pi], pitch in [-pi/2, pi/2].
 
-    Notes
-    -----
     [1]_, section 2.2.2 (Euler angles from a unit quaternion), but with pitch by arctangent,
     which stays accurate near the vertical, and with a rotation matrix that grows with the
     squared norm of the quaternion, which the arctangents do not see.
@@ -181,8 +172,6 @@ def swap_body_axes(x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
 def swap_frames(x: Value, y: Value, z: Value, w: Value) -> Quaternion:
     """An orientation from FRD in NED to FLU in ENU, or back.
 
-    Notes
-    -----
     The product ``n q f`` with ``n = (1, 1, 0, 0) / sqrt(2)``, which exchanges the world axes
     NED and ENU (REP-103), and ``f = (1, 0, 0, 0)``, half a turn about the body's x axis; both
     are their own inverses up to sign. In Euler angles: roll stays, pitch changes its sign, yaw

@@ -7,18 +7,16 @@ import numpy as np
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.errors import InputError
 
-MIN_ROWS = 8
-"""Fewer rows than this hold no motion to identify."""
+MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 
+#: Beyond these (rad, rad, rad/s, m/s^2, m) a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g, and no
+#: wave lifts a craft by 50 m.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
-"""Beyond these (rad, rad, rad/s, m/s^2, m) a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g, and no
-wave lifts a craft by 50 m."""
 
-GAP_INTERVALS = 3.0
-"""An interval longer than this many median intervals is a gap."""
+GAP_INTERVALS = 3.0  #: An interval longer than this many median intervals is a gap.
 
+#: The 90 % band of the intervals, relative to their median, from which a time base counts as uneven.
 UNEVEN_SPREAD = 0.1
-"""The 90 % band of the intervals, relative to their median, from which a time base counts as uneven."""
 
 
 Channels = dict[str, np.ndarray]
@@ -34,31 +32,21 @@ def clean(
     values become NaN. Channels without a finite value are left out. Gaps and an uneven time base
     are only reported.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Seconds.
-    channels : dict of str to ndarray, shape (N,)
-        SI units. What a value may be follows from the name: ``roll`` and ``pitch`` are angles,
-        ``yaw`` and ``heading`` headings, ``*_rate`` and ``gyro_*`` rates, ``accel_*`` accelerations,
-        ``heave`` itself; others are only looked at for NaN.
-    source : str
-        What to call the record in messages.
+    Args:
+        time: (N,); seconds.
+        channels: dict of str to (N,); SI units. What a value may be follows from the name: ``roll`` and ``pitch`` are
+            angles, ``yaw`` and ``heading`` headings, ``*_rate`` and ``gyro_*`` rates, ``accel_*`` accelerations,
+            ``heave`` itself; others are only looked at for NaN.
+        source: What to call the record in messages.
 
-    Returns
-    -------
-    time : ndarray, shape (M,)
-        Strictly increasing and finite.
-    channels : dict of str to ndarray, shape (M,)
-        NaN marks a missing value.
-    advice : tuple of Advice
-        Codes ``missing-stamps``, ``repeated-stamps``, ``out-of-order-stamps``, ``absurd-values``,
-        ``missing-values``, ``empty-channel``, ``gaps``, ``uneven-time-base``.
+    Returns:
+        time: (M,); strictly increasing and finite.
+        channels: dict of str to (M,); naN marks a missing value.
+        advice: Codes ``missing-stamps``, ``repeated-stamps``, ``out-of-order-stamps``, ``absurd-values``,
+            ``missing-values``, ``empty-channel``, ``gaps``, ``uneven-time-base``.
 
-    Raises
-    ------
-    InputError
-        Fewer than `MIN_ROWS` rows have a stamp of their own, or hold a usable value.
+    Raises:
+        InputError: Fewer than `MIN_ROWS` rows have a stamp of their own, or hold a usable value.
     """
     time = np.asarray(time, dtype=float)
     rows, advice = _usable_rows(time)

@@ -8,14 +8,14 @@ from swath_sysid.common.errors import InputError
 
 FROZEN_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
 
+#: Found at rest also.
 GRAVITY_CODES = frozenset(
     {'axes-of-sensor', 'accelerations-in-g', 'accelerations-scaled', 'gravity-missing', 'sensor-turned'}
 )
-"""Found at rest also."""
 
-OFFSET_CODES = frozenset({'rate-offset'})
-"""The same, where there are angles and rates."""
+OFFSET_CODES = frozenset({'rate-offset'})  #: The same, where there are angles and rates.
 
+#: Found only while the craft moves.
 RATE_CODES = frozenset(
     {
         'rates-turned',
@@ -28,10 +28,9 @@ RATE_CODES = frozenset(
         'rate-unrelated',
     }
 )
-"""Found only while the craft moves."""
 
+#: The rest of the data is as good without what these are about.
 DOUBTFUL_CODES = FROZEN_CODES | {'accelerations-scaled', 'gravity-missing'}
-"""The rest of the data is as good without what these are about."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +50,8 @@ def refuse_contradictions(trial: Trial, axis: str | None = None) -> None:
 
     Contradictions that concern only another axis than the one given are ignored.
 
-    Raises
-    ------
-    InputError
-        What contradicts itself, and what mends it.
+    Raises:
+        InputError: What contradicts itself, and what mends it.
     """
     for advice in trial.advice:
         if isinstance(advice, Contradiction) and advice.is_plain and (axis is None or advice.axis in (None, axis)):

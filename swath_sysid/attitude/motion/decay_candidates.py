@@ -26,94 +26,51 @@ from swath_sysid.attitude.motion.turning_points import (
     weighted_median,
 )
 
-FAINTEST_SWING = 0.015
-"""Part of the first swing below which a fall has ended: 1.5 % carries no information."""
+FAINTEST_SWING = 0.015  #: Part of the first swing below which a fall has ended: 1.5 % carries no information.
+GROWTH = 0.02  #: Part by which a swing may exceed the one before: light damping loses 1 % a half cycle.
 
-GROWTH = 0.02
-"""Part by which a swing may exceed the one before: light damping loses 1 % a half cycle."""
-
+#: How many times the recent loss a swing may lose. Friction keeps the loss, linear damping lowers it with the swings,
+#: braking multiplies it.
 LOSS_GROWTH = 1.5
-"""How many times the recent loss a swing may lose. Friction keeps the loss, linear damping lowers it with the swings,
-braking multiplies it."""
 
+#: Least part of the loss to be expected from quadratic damping, which lowers it with the square of the swings. Waves
+#: that feed the motion leave less.
 LOSS_DROP = 0.5
-"""Least part of the loss to be expected from quadratic damping, which lowers it with the square of the swings. Waves
-that feed the motion leave less."""
 
-RECENT = 5
-"""This many losses or periods are recent."""
+RECENT = 5  #: This many losses or periods are recent.
+PERIOD_CHANGE = 1.25  #: Ratio by which a period may differ from the recent ones: restoring bends it slowly.
+ASYMMETRY = 2.2  #: Largest ratio of two successive half cycles: an asymmetric restoring makes them differ.
+BACKGROUND = 0.06  #: What breaks a fall below this part of its first swing is the background it fades into.
+BRIDGED_GAP = 0.15  #: Part of a half cycle that a gap must cover to hide a turning point.
+RELEASE_BAND = 0.05  #: The motion has left a turning point once it is this part of the swing away from it.
 
-PERIOD_CHANGE = 1.25
-"""Ratio by which a period may differ from the recent ones: restoring bends it slowly."""
-
-ASYMMETRY = 2.2
-"""Largest ratio of two successive half cycles: an asymmetric restoring makes them differ."""
-
-BACKGROUND = 0.06
-"""What breaks a fall below this part of its first swing is the background it fades into."""
-
-BRIDGED_GAP = 0.15
-"""Part of a half cycle that a gap must cover to hide a turning point."""
-
-RELEASE_BAND = 0.05
-"""The motion has left a turning point once it is this part of the swing away from it."""
-
+#: Part of a half cycle that a cosine takes to do so.
 RELEASE_PHASE = float(np.arccos(1.0 - 2.0 * RELEASE_BAND) / np.pi)
-"""Part of a half cycle that a cosine takes to do so."""
 
+#: Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping, 0.55 with 0.77 of it.
 CREEP_PERIODS = 0.6
-"""Natural periods from 5 to 95 % of the way to rest: 0.70 with critical damping, 0.55 with 0.77 of it."""
 
-MAX_CREEP = 1.3
-"""A swing that turns this much later than a cosine that arrives with it has crept to rest."""
-
-ODD_PERIOD = 0.25
-"""A period that differs by this part from the median spans a gap."""
-
-DWELL_BAND = 0.15
-"""A craft held at a level stays within this part of the following swing."""
-
-FAR_BAND = 0.35
-"""A jump comes from further away than this part: rest lies at half a swing or more."""
-
-REST_BAND = 0.07
-"""Rest means within this part of the first swing about a level."""
-
-SMOOTHED_SAMPLES = 3.0
-"""How far the smoothing of a grid reaches, samples."""
-
-LONGEST_REST = 8.0
-"""Rest is looked for over this many periods: more proves nothing further."""
-
-ACTIVE_PART = 0.25
-"""Motion that reaches, within a period, this part of the first swing is motion like it."""
+MAX_CREEP = 1.3  #: A swing that turns this much later than a cosine that arrives with it has crept to rest.
+ODD_PERIOD = 0.25  #: A period that differs by this part from the median spans a gap.
+DWELL_BAND = 0.15  #: A craft held at a level stays within this part of the following swing.
+FAR_BAND = 0.35  #: A jump comes from further away than this part: rest lies at half a swing or more.
+REST_BAND = 0.07  #: Rest means within this part of the first swing about a level.
+SMOOTHED_SAMPLES = 3.0  #: How far the smoothing of a grid reaches, samples.
+LONGEST_REST = 8.0  #: Rest is looked for over this many periods: more proves nothing further.
+ACTIVE_PART = 0.25  #: Motion that reaches, within a period, this part of the first swing is motion like it.
 
 
 @dataclass(frozen=True)
 class Fall:
-    """A fall on one grid.
+    """A fall on one grid."""
 
-    Attributes
-    ----------
-    signal : EvenSignal
-        The grid it was found on, which suits its period.
-    time, value : ndarray, shape (M,)
-        All turning points of that grid, with the record's first and last sample added.
-    first, last : int
-        Indices of its first and last turning point.
-    broken : bool
-        Whether something other than the noise or the record's end ended it.
-    bridged : ndarray of bool, shape (M - 1,)
-        The swings that touch a gap, which say little.
-    """
-
-    signal: EvenSignal
-    time: np.ndarray
-    value: np.ndarray
-    first: int
-    last: int
-    broken: bool
-    bridged: np.ndarray
+    signal: EvenSignal  #: The grid it was found on, which suits its period.
+    time: np.ndarray  #: (M,); All turning points of that grid, with the record's first and last sample added.
+    value: np.ndarray  #: (M,); All turning points of that grid, with the record's first and last sample added.
+    first: int  #: Indices of its first and last turning point.
+    last: int  #: Indices of its first and last turning point.
+    broken: bool  #: Whether something other than the noise or the record's end ended it.
+    bridged: np.ndarray  #: ndarray of bool, shape (M - 1,); The swings that touch a gap, which say little.
 
     @cached_property
     def swings(self) -> np.ndarray:
@@ -370,21 +327,14 @@ def split_into_falls(
 ) -> Iterator[tuple[int, int, bool]]:
     """Split turning points into maximal falls.
 
-    Parameters
-    ----------
-    time, value : ndarray, shape (M,)
-        Turning points.
-    least : float
-        Smallest swing that is not noise.
-    bridged : ndarray of bool, shape (M - 1,)
-        Swings that are not judged.
+    Args:
+        time, value: (M,); turning points.
+        least: Smallest swing that is not noise.
+        bridged: ndarray of bool, shape (M - 1,); swings that are not judged.
 
-    Yields
-    ------
-    first, last : int
-        Indices of the first and the last turning point.
-    broken : bool
-        Whether something other than the noise or the record's end ended it.
+    Yields:
+        first, last: Indices of the first and the last turning point.
+        broken: Whether something other than the noise or the record's end ended it.
     """
     swings, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
     skipped = bridged.tolist()
@@ -401,12 +351,9 @@ def split_into_falls(
 def bridged_swings(time: np.ndarray, signal: EvenSignal) -> np.ndarray:
     """Mask of the swings that touch a gap long enough to hide a turning point, shape (M - 1,).
 
-    Parameters
-    ----------
-    time : ndarray, shape (M,)
-        Turning points, s.
-    signal : EvenSignal
-        Its smoothing carries the straight line across a gap a few samples beyond it.
+    Args:
+        time: (M,); turning points, s.
+        signal: Its smoothing carries the straight line across a gap a few samples beyond it.
     """
     bridged = np.zeros(time.size - 1, dtype=bool)
     reach = SMOOTHED_SAMPLES * signal.interval

@@ -16,26 +16,20 @@ from swath_sysid.attitude.motion.turned_axes import (
     turn_and_cure,
 )
 
+#: Of gravity by which a mean specific force may differ; consumer accelerometers are within a few percent.
 GRAVITY_TOLERANCE = 0.2
-"""Of gravity by which a mean specific force may differ; consumer accelerometers are within a few percent."""
 
-NO_GRAVITY = 0.3
-"""Of gravity below which a mean specific force holds none."""
+NO_GRAVITY = 0.3  #: Of gravity below which a mean specific force holds none.
+MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at which a craft floats.
+MIN_LENGTH = 0.5  #: Of the mean of unit vectors, below which they have no direction in common.
 
-MIN_UPRIGHT = np.cos(np.radians(45.0))
-"""Cosine of the largest mean list at which a craft floats."""
-
-MIN_LENGTH = 0.5
-"""Of the mean of unit vectors, below which they have no direction in common."""
-
+#: Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees.
 CONTRADICTED = np.cos(np.radians(30.0))
-"""Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees."""
 
+#: Cosine between gravity and attitude from which an arrangement of the axes explains both.
 AGREEMENT = np.cos(np.radians(20.0))
-"""Cosine between gravity and attitude from which an arrangement of the axes explains both."""
 
-MIN_FOLLOWING = 0.5
-"""Correlation of the horizontal accelerations with the tilt from which they follow it."""
+MIN_FOLLOWING = 0.5  #: Correlation of the horizontal accelerations with the tilt from which they follow it.
 
 FRAMES_ALIKE = {'flu': 'forward-left-up', 'frd': 'forward-right-down'}
 OPPOSITE_FRAME = {'flu': 'frd', 'frd': 'flu'}
@@ -122,22 +116,16 @@ def direction_of_gravity(
 ) -> tuple[np.ndarray | None, list[Contradiction]]:
     """Compare the direction of gravity with the attitude.
 
-    Parameters
-    ----------
-    direction : ndarray, shape (3,)
-        Of the mean specific force; a unit vector.
-    up : ndarray, shape (3,), or None
-        That of the attitude; None: there is no attitude.
-    comparison : RateComparison or None
-        Of the rates with the angles, to choose among turns; None: there is none.
-    installation : Installation
-        What frame and mounting were taken to be.
+    Args:
+        direction: (3,); of the mean specific force; a unit vector.
+        up: (3,), or None; that of the attitude; None: there is no attitude.
+        comparison: Of the rates with the angles, to choose among turns; None: there is none.
+        installation: What frame and mounting were taken to be.
 
-    Returns
-    -------
-    turn : ndarray, shape (3, 3), or None
-        By which rates and accelerations are turned against the attitude; None: not at all, or by the frame alone.
-    contradictions : list of Contradiction
+    Returns:
+        turn: (3, 3), or None; by which rates and accelerations are turned against the attitude; None: not at all, or by
+            the frame alone.
+        contradictions
     """
     if up is None:
         return None, _direction_alone(direction, installation)

@@ -29,25 +29,17 @@ from swath_sysid.attitude.motion.rate_check import rates_against_angles
 from swath_sysid.attitude.motion.rate_comparison import MIN_RATE, RateComparison, compare_rates
 from swath_sysid.attitude.motion.sensor_mount import Installation
 
-WINDOW = 30.0
-"""s over which the accelerations of waves average out."""
+WINDOW = 30.0  #: s over which the accelerations of waves average out.
 
+#: s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more.
 BIN = 0.05
-"""s; samples are averaged to so coarse a time base, unless their own is coarser: craft roll in 1 s and more."""
 
 MIN_BINS = 40
 
-WINDOW_BINS = 300
-"""Bins of a window of a sensor so slow that `WINDOW` holds fewer."""
-
-FROZEN = 5.0
-"""s of fresh stamps with the same values; the noise of a sensor does not repeat."""
-
-MIN_FROZEN = 20
-"""Bins of the same, at least."""
-
-MAX_STRETCHES = 20
-"""Of a long record, over which they are spread; up to twice as many are judged."""
+WINDOW_BINS = 300  #: Bins of a window of a sensor so slow that `WINDOW` holds fewer.
+FROZEN = 5.0  #: s of fresh stamps with the same values; the noise of a sensor does not repeat.
+MIN_FROZEN = 20  #: Bins of the same, at least.
+MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
 
 ANGLES, RATES = ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate')
 PARTS = ANGLES, RATES, ('accel_x', 'accel_y', 'accel_z')
@@ -72,15 +64,11 @@ def judge(
 ) -> Judgement:
     """Judge one stretch of data.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        s, increasing.
-    angles, rates, force : ndarray, shape (N, 3)
-        Roll, pitch, yaw, rad; their rates, rad/s; specific force in the axes of the craft, m/s^2. All as the
-        installation makes them; NaN where not known.
-    installation, interval : Installation and float
-        What frame and mounting were taken to be; s between the samples of the sensor.
+    Args:
+        time: (N,); s, increasing.
+        angles, rates, force: (N, 3); roll, pitch, yaw, rad; their rates, rad/s; specific force in the axes of the
+            craft, m/s^2. All as the installation makes them; NaN where not known.
+        installation, interval: What frame and mounting were taken to be; s between the samples of the sensor.
     """
     if time.size < MIN_BINS:
         return Judgement()
@@ -160,14 +148,11 @@ def contradictions_in(
 
     The record is judged in stretches. A contradiction must show in most that can show it; a frozen sensor, in any.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        s, increasing.
-    channels : dict of str to ndarray, shape (N,)
-        Any of roll, pitch and yaw, their rates, and the accelerations, as the installation makes them.
-    installation : Installation
-        What frame and mounting were taken to be.
+    Args:
+        time: (N,); s, increasing.
+        channels: dict of str to (N,); any of roll, pitch and yaw, their rates, and the accelerations, as the
+            installation makes them.
+        installation: What frame and mounting were taken to be.
     """
     if time.size < MIN_BINS:
         return ()
@@ -199,19 +184,14 @@ def samples_a_bin(interval: float) -> int:
 def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tuple[np.ndarray, ...]:
     """Samples averaged over bins of `BIN` s; a value that is missing leaves its bin unknown.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        s.
-    parts : sequence of 3 ndarrays, shape (N, 3)
-        Angles, rates and specific force.
-    interval : float
-        s between samples.
+    Args:
+        time: (N,); s.
+        parts: sequence of 3 ndarrays, shape (N, 3); angles, rates and specific force.
+        interval: s between samples.
 
-    Returns
-    -------
-    time : ndarray, shape (M,)
-    angles, rates, force : ndarray, shape (M, 3)
+    Returns:
+        time: (M,)
+        angles, rates, force: (M, 3)
     """
     count = samples_a_bin(interval)
     if count == 1 or time.size < 2 * count:

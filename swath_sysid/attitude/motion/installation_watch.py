@@ -18,20 +18,11 @@ from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.common.row_buffer import RowBuffer
 
-INTERVAL = 5.0
-"""s between judgements of a running sensor."""
-
-MIN_DURATION = 9.0
-"""s below which a mean acceleration is not taken for gravity while a sensor runs."""
-
-CONFIRMATIONS = 2
-"""Judgements in a row that must agree on a contradiction, or on its end."""
-
-MAX_SAMPLES = 30_000
-"""Of a window: half a minute at 1 kHz."""
-
-GAP_NS = 3_000_000_000
-"""ns; a longer silence begins a window anew."""
+INTERVAL = 5.0  #: s between judgements of a running sensor.
+MIN_DURATION = 9.0  #: s below which a mean acceleration is not taken for gravity while a sensor runs.
+CONFIRMATIONS = 2  #: Judgements in a row that must agree on a contradiction, or on its end.
+MAX_SAMPLES = 30_000  #: Of a window: half a minute at 1 kHz.
+GAP_NS = 3_000_000_000  #: ns; a longer silence begins a window anew.
 
 _values_of = itemgetter(*[CraftSample._fields.index(name) for names in PARTS for name in names])
 

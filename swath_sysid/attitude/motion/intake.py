@@ -19,6 +19,7 @@ UNKNOWN_COVARIANCE = 'unknown-covariance'
 ABSURD_COVARIANCE = 'absurd-covariance'
 NEAR_VERTICAL = 'near-vertical'
 EMPTY = 'nothing-usable'
+#: Everything that is counted; only the last two leave the whole sample out.
 INTAKE_REASONS = (
     NOT_FINITE,
     ABSURD,
@@ -29,80 +30,51 @@ INTAKE_REASONS = (
     NEAR_VERTICAL,
     EMPTY,
 )
-"""Everything that is counted; only the last two leave the whole sample out."""
 
-NOT_MEASURED = -1.0
-"""First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu)."""
+NOT_MEASURED = -1.0  #: First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu).
 
 _UNKNOWN = (nan, nan)
 _NOT_MEASURED = (nan, nan, nan)
 _LARGEST_RATE, _LARGEST_ACCELERATION = LARGEST_VALUES['rate'], LARGEST_VALUES['acceleration']
 
+#: A sensor with a larger variance measures nothing, or its covariance is not in rad^2 and rad^2/s^2.
 LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE = LARGEST_VALUES['angle'] ** 2, LARGEST_VALUES['rate'] ** 2
-"""A sensor with a larger variance measures nothing, or its covariance is not in rad^2 and rad^2/s^2."""
 
+#: Beyond it roll and yaw can hardly be separated, and every rate error is more than five times as large in theirs.
 LARGEST_PITCH = radians(80.0)
-"""Beyond it roll and yaw can hardly be separated, and every rate error is more than five times as large in theirs."""
 
 
 class ImuReading(NamedTuple):
-    """An IMU message as plain numbers, in the axes of the sensor.
+    """An IMU message as plain numbers, in the axes of the sensor."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        header.stamp.
-    orientation : sequence of 4 floats
-        Quaternion x, y, z, w.
-    orientation_covariance : sequence of 9 floats
-        rad^2, by rows; -1 in the first place: no orientation; all zero: unknown.
-    rates : sequence of 3 floats
-        rad/s.
-    force : sequence of 3 floats
-        Specific force, m/s^2.
-    """
-
-    stamp_ns: int
-    orientation: Sequence[float]
+    stamp_ns: int  #: header.stamp.
+    orientation: Sequence[float]  #: Quaternion x, y, z, w.
+    #: rad^2, by rows; -1 in the first place: no orientation; all zero: unknown.
     orientation_covariance: Sequence[float]
-    rates: Sequence[float]
+    rates: Sequence[float]  #: rad/s.
     rates_covariance: Sequence[float]
-    force: Sequence[float]
+    force: Sequence[float]  #: Specific force, m/s^2.
     force_covariance: Sequence[float]
 
 
 class CraftSample(NamedTuple):
-    """The motion of the craft at one stamp. NaN marks what is not measured or not known.
-
-    Attributes
-    ----------
-    roll, pitch, roll_rate, pitch_rate : float
-        Euler angles and rates, rad and rad/s.
-    accel_x, accel_y, accel_z : float
-        Specific force in the craft's axes, m/s^2.
-    roll_variance, pitch_variance, roll_rate_variance, pitch_rate_variance : float
-        rad^2 and rad^2/s^2.
-    yaw, yaw_rate : float
-        rad and rad/s.
-    heave : float
-        m, upwards; known from records only.
-    """
+    """The motion of the craft at one stamp. NaN marks what is not measured or not known."""
 
     stamp_ns: int
-    roll: float
-    pitch: float
-    roll_rate: float
-    pitch_rate: float
-    accel_x: float
-    accel_y: float
-    accel_z: float
-    roll_variance: float
-    pitch_variance: float
-    roll_rate_variance: float
-    pitch_rate_variance: float
-    yaw: float = nan
-    yaw_rate: float = nan
-    heave: float = nan
+    roll: float  #: Euler angles and rates, rad and rad/s.
+    pitch: float  #: Euler angles and rates, rad and rad/s.
+    roll_rate: float  #: Euler angles and rates, rad and rad/s.
+    pitch_rate: float  #: Euler angles and rates, rad and rad/s.
+    accel_x: float  #: Specific force in the craft's axes, m/s^2.
+    accel_y: float  #: Specific force in the craft's axes, m/s^2.
+    accel_z: float  #: Specific force in the craft's axes, m/s^2.
+    roll_variance: float  #: rad^2 and rad^2/s^2.
+    pitch_variance: float  #: rad^2 and rad^2/s^2.
+    roll_rate_variance: float  #: rad^2 and rad^2/s^2.
+    pitch_rate_variance: float  #: rad^2 and rad^2/s^2.
+    yaw: float = nan  #: rad and rad/s.
+    yaw_rate: float = nan  #: rad and rad/s.
+    heave: float = nan  #: m, upwards; known from records only.
 
     @property
     def stamp(self) -> float:
@@ -116,18 +88,10 @@ class CraftSample(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """What one message gave.
+    """What one message gave."""
 
-    Attributes
-    ----------
-    sample : CraftSample or None
-        None: nothing in it can be used.
-    reasons : tuple of str
-        From `INTAKE_REASONS`: what is to be counted.
-    """
-
-    sample: CraftSample | None
-    reasons: tuple[str, ...]
+    sample: CraftSample | None  #: None: nothing in it can be used.
+    reasons: tuple[str, ...]  #: From `INTAKE_REASONS`: what is to be counted.
 
 
 def take_in(reading: ImuReading, installation: Installation) -> Taken:
@@ -136,12 +100,9 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
     Without an orientation the body rates stand for the Euler rates, which is good for small
     angles.
 
-    Parameters
-    ----------
-    reading : ImuReading
-        The message.
-    installation : Installation
-        Of the sensor.
+    Args:
+        reading: The message.
+        installation: Of the sensor.
     """
     stamp_ns, orientation, angle_covariance, body_rates, rate_covariance, specific_force, force_covariance = reading
     reasons: list[str] = []
@@ -239,11 +200,8 @@ class Intake:
 
     Buffer and predictor each have one, or share one where they run over the same messages.
 
-    Parameters
-    ----------
-    installation : Installation
-        Of the sensor.
-    stamps : StampSettings
+    Args:
+        installation: Of the sensor.
     """
 
     def __init__(self, installation: Installation, stamps: StampSettings) -> None:

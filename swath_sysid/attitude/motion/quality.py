@@ -11,39 +11,31 @@ from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, f
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.signals import SPIKE_NEIGHBOURS, quantum, spikes
 
+#: Four swings, less the part of the first that is left out at the release: one loss for each of linear, quadratic and
+#: cubic damping.
 MIN_CYCLES = 1.75
-"""Four swings, less the part of the first that is left out at the release: one loss for each of linear, quadratic and
-cubic damping."""
 
+#: rad, rad/s. Of the first swing: published tests begin at 1 deg, and below half of that friction and the basin's own
+#: motion dominate the damping.
 MIN_AMPLITUDE = {'angle': np.radians(0.5), 'rate': np.radians(1.0)}
-"""rad, rad/s. Of the first swing: published tests begin at 1 deg, and below half of that friction and the basin's own
-motion dominate the damping."""
 
+#: First amplitude over the standard deviation of the noise; at 5 the noise of one sample hides the fourth swing of a
+#: hull with a tenth of critical damping.
 MIN_OVER_NOISE = 5.0
-"""First amplitude over the standard deviation of the noise; at 5 the noise of one sample hides the fourth swing of a
-hull with a tenth of critical damping."""
 
-MIN_SAMPLES = 20.0
-"""A period: the straight line between two of 20 errs by 1 % of the amplitude."""
+MIN_SAMPLES = 20.0  #: A period: the straight line between two of 20 errs by 1 % of the amplitude.
+MAX_GAP = 0.25  #: Periods; a longer gap hides a turning point.
 
-MAX_GAP = 0.25
-"""Periods; a longer gap hides a turning point."""
-
+#: Sample intervals between two samples from which a record has a gap: single losses harm nothing.
 MISSING_SAMPLES = 5.0
-"""Sample intervals between two samples from which a record has a gap: single losses harm nothing."""
 
-MIN_STEPS = 50.0
-"""Resolution steps in the first amplitude. At 50 rounding alone is noise of 0.6 %."""
+MIN_STEPS = 50.0  #: Resolution steps in the first amplitude. At 50 rounding alone is noise of 0.6 %.
+SHORTEST_CLIP = 4  #: Equal samples at an extreme; noise and rounding make two, rarely three.
+MIN_SPIKE = 0.05  #: Part of the largest swing that a spike must reach to bend a fit.
 
-SHORTEST_CLIP = 4
-"""Equal samples at an extreme; noise and rounding make two, rarely three."""
-
-MIN_SPIKE = 0.05
-"""Part of the largest swing that a spike must reach to bend a fit."""
-
+#: Periods by which given bounds may reach beyond the decay that is found in them: what is left out after a push, and
+#: before a disturbance.
 BOUNDS_TOLERANCE = 1.6
-"""Periods by which given bounds may reach beyond the decay that is found in them: what is left out after a push, and
-before a disturbance."""
 
 UNITS = {'angle': 'deg', 'rate': 'deg/s'}
 
@@ -164,12 +156,9 @@ def clipped_extremes(value: np.ndarray, longest: float) -> tuple[int, float]:
     them was still moving fast: by more than three steps of the resolution, which the top of a
     rounded swing does not.
 
-    Parameters
-    ----------
-    value : ndarray, shape (N,)
-        Angle or rate.
-    longest : float
-        Samples: more at the extreme than these were held there.
+    Args:
+        value: (N,); angle or rate.
+        longest: Samples: more at the extreme than these were held there.
     """
     count, level = 0, 0.0
     fast = 3.0 * quantum(value)

@@ -8,41 +8,28 @@ from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.turned_axes import turn_and_cure
 
-FOLLOWS = 0.7
-"""Correlation with the derivative of its angle from which a rate is that of the angle."""
+FOLLOWS = 0.7  #: Correlation with the derivative of its angle from which a rate is that of the angle.
+EXPLAINS = 0.9  #: Mean correlation from which a delay, or another arrangement of the axes, explains the rates.
 
-EXPLAINS = 0.9
-"""Mean correlation from which a delay, or another arrangement of the axes, explains the rates."""
-
+#: What is wrong where the rate is this many times the derivative of the angle.
 UNITS = {
     57.29578: 'the rate is in deg/s where rad/s is expected',
     1.0 / 57.29578: 'the angle is in degrees where rad is expected',
     1e3: 'the time is in ms where s is expected',
     1e6: 'the time is in us where s is expected',
 }
-"""What is wrong where the rate is this many times the derivative of the angle."""
 
+#: Factor by which the rates may differ from the derivatives of the angles, and from a unit of `UNITS`.
 UNIT_TOLERANCE = 1.3
-"""Factor by which the rates may differ from the derivatives of the angles, and from a unit of `UNITS`."""
 
-LAG_INTERVALS, MIN_LAG = 2.5, 0.05
-"""A delay is reported beyond this many sample intervals and this many seconds."""
+LAG_INTERVALS, MIN_LAG = 2.5, 0.05  #: A delay is reported beyond this many sample intervals and this many seconds.
+UNRELATED = 0.6  #: Correlation with the derivative of its angle at every delay below which a rate does not follow it.
+MIN_SHARE = 0.3  #: Of the derivative's standard deviation that a rate must have to hold it.
+MIN_FREEDOM = 6.0  #: Degrees of freedom below which a poor correlation proves nothing: one noisy swing.
+SIGNIFICANT = 4.0  #: Standard deviations beyond which a delay or a gain is not chance.
+MAX_OFFSET = np.radians(2.0)  #: rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets.
 
-UNRELATED = 0.6
-"""Correlation with the derivative of its angle at every delay below which a rate does not follow it."""
-
-MIN_SHARE = 0.3
-"""Of the derivative's standard deviation that a rate must have to hold it."""
-
-MIN_FREEDOM = 6.0
-"""Degrees of freedom below which a poor correlation proves nothing: one noisy swing."""
-
-SIGNIFICANT = 4.0
-"""Standard deviations beyond which a delay or a gain is not chance."""
-
-MAX_OFFSET = np.radians(2.0)
-"""rad/s; uncalibrated gyroscopes at rest stay within 1 deg/s by their data sheets."""
-
+#: Which derivative each rate holds, where gravity agrees with the attitude.
 ARRANGEMENTS = {
     'reversed': -np.eye(3),
     'roll reversed': np.diag([-1.0, 1.0, 1.0]),
@@ -52,7 +39,6 @@ ARRANGEMENTS = {
     'exchanged': np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     'exchanged and reversed': np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
 }
-"""Which derivative each rate holds, where gravity agrees with the attitude."""
 
 
 def rates_against_angles(
@@ -60,14 +46,10 @@ def rates_against_angles(
 ) -> list[Contradiction]:
     """What contradicts itself between rates and angles.
 
-    Parameters
-    ----------
-    comparison, interval : RateComparison and float
-        Of the rates with the derivatives of the angles; s between the samples of the sensor.
-    accelerations : int
-        Sign with which the accelerations follow the tilt; 0: not known.
-    installation : Installation
-        What frame and mounting were taken to be.
+    Args:
+        comparison, interval: Of the rates with the derivatives of the angles; s between the samples of the sensor.
+        accelerations: Sign with which the accelerations follow the tilt; 0: not known.
+        installation: What frame and mounting were taken to be.
     """
     evidenced = comparison.evidenced
     if any(not comparison.at_once[j, j] >= FOLLOWS for j in evidenced):

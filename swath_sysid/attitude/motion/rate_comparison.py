@@ -5,38 +5,29 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-MIN_ANGLE = np.radians(0.25)
-"""rad, standard deviation; a craft that moves less shows nothing."""
+MIN_ANGLE = np.radians(0.25)  #: rad, standard deviation; a craft that moves less shows nothing.
 
+#: rad/s, standard deviation of the derivative; slower angles may be the wander of an attitude filter.
 MIN_RATE = np.radians(0.5)
-"""rad/s, standard deviation of the derivative; slower angles may be the wander of an attitude filter."""
 
+#: Correlation from which a rate shows that the angle moves, though it does so slowly by stamps in a wrong unit.
 SURE = 0.95
-"""Correlation from which a rate shows that the angle moves, though it does so slowly by stamps in a wrong unit."""
 
+#: Share of an angle's power below the highest frequency that is looked at; what is above is mostly noise.
 BAND_POWER = 0.98
-"""Share of an angle's power below the highest frequency that is looked at; what is above is mostly noise."""
 
+#: Of the Nyquist frequency. An angle that fills more of it is too coarsely sampled, or too noisy, to be differentiated:
+#: up to half of it, noise was taken for motion in 20 of 960 simulated decays of 1 to 3 deg, up to this in none.
 WIDEST_BAND = 0.3
-"""Of the Nyquist frequency. An angle that fills more of it is too coarsely sampled, or too noisy, to be differentiated:
-up to half of it, noise was taken for motion in 20 of 960 simulated decays of 1 to 3 deg, up to this in none."""
 
-LIVELY = 0.9
-"""Share of the energy of the angles' derivatives within the part of a stretch that is looked at."""
-
-SMOOTHING = 0.25
-"""s over which derivatives are averaged to find that part."""
+LIVELY = 0.9  #: Share of the energy of the angles' derivatives within the part of a stretch that is looked at.
+SMOOTHING = 0.25  #: s over which derivatives are averaged to find that part.
 
 MIN_ROWS = 40
 
-MIN_SWINGS = 1.0
-"""Periods of the highest frequency in a window, below which the window shows no swing."""
-
-LONGEST_LAG = 1.0
-"""s either way."""
-
-LAG_OF_PERIOD = 0.45
-"""Longest lag as a share of the mean period: beyond half of it a delay looks like a reversal."""
+MIN_SWINGS = 1.0  #: Periods of the highest frequency in a window, below which the window shows no swing.
+LONGEST_LAG = 1.0  #: s either way.
+LAG_OF_PERIOD = 0.45  #: Longest lag as a share of the mean period: beyond half of it a delay looks like a reversal.
 
 OVERSAMPLING = 4
 
@@ -46,40 +37,25 @@ class RateComparison:
     """What the rates have in common with the derivatives of roll and pitch.
 
     Yaw is left out on the side of the angles: compasses are too slow and too rough to be differentiated.
-
-    Attributes
-    ----------
-    moves : ndarray of bool, shape (2,)
-        Angles that move enough, and smoothly enough, to be differentiated.
-    has_rate : ndarray of bool, shape (3,)
-        Rates of roll, pitch and yaw that are known.
-    at_once : ndarray, shape (3, 2)
-        Correlation of rate i with the derivative of angle j at the same time; NaN where angle j does not move
-        or there is no rate i.
-    lagged : ndarray, shape (2,)
-        Highest correlation of each rate with its own derivative over the lags.
-    lag, lag_std : ndarray, shape (2,)
-        s at which it is reached, positive where the rate comes late, and the standard deviation of that.
-    gain, gain_std : ndarray, shape (2,)
-        Rate over its own derivative at that lag by least squares, and its standard deviation.
-    freedom : ndarray, shape (2,)
-        Degrees of freedom that these standard deviations rest on.
-    share : ndarray, shape (2,)
-        Standard deviation of each rate over that of its own derivative, in the band.
-    offset : ndarray, shape (2,)
-        Mean rate less the change of the angle over the time it took, rad/s; NaN where either is unknown.
     """
 
+    #: ndarray of bool, shape (2,); Angles that move enough, and smoothly enough, to be differentiated.
     moves: np.ndarray
-    has_rate: np.ndarray
+    has_rate: np.ndarray  #: ndarray of bool, shape (3,); Rates of roll, pitch and yaw that are known.
+    #: (3, 2); Correlation of rate i with the derivative of angle j at the same time; NaN where angle j does not move or
+    #: there is no rate i.
     at_once: np.ndarray
-    lagged: np.ndarray
+    lagged: np.ndarray  #: (2,); Highest correlation of each rate with its own derivative over the lags.
+    #: (2,); s at which it is reached, positive where the rate comes late, and the standard deviation of that.
     lag: np.ndarray
+    #: (2,); s at which it is reached, positive where the rate comes late, and the standard deviation of that.
     lag_std: np.ndarray
-    gain: np.ndarray
+    gain: np.ndarray  #: (2,); Rate over its own derivative at that lag by least squares, and its standard deviation.
+    #: (2,); Rate over its own derivative at that lag by least squares, and its standard deviation.
     gain_std: np.ndarray
-    freedom: np.ndarray
-    share: np.ndarray
+    freedom: np.ndarray  #: (2,); Degrees of freedom that these standard deviations rest on.
+    share: np.ndarray  #: (2,); Standard deviation of each rate over that of its own derivative, in the band.
+    #: (2,); Mean rate less the change of the angle over the time it took, rad/s; NaN where either is unknown.
     offset: np.ndarray
 
     @property
@@ -90,10 +66,8 @@ class RateComparison:
     def agreement(self, arrangement: np.ndarray) -> float:
         """Mean correlation of the rates with the derivatives of the angles when rearranged; 0 where nothing moves.
 
-        Parameters
-        ----------
-        arrangement : ndarray, shape (3, 3)
-            Row i has +1 or -1 in the column of the angle whose derivative rate i holds.
+        Args:
+            arrangement: (3, 3); row i has +1 or -1 in the column of the angle whose derivative rate i holds.
         """
         rows = np.argmax(np.abs(arrangement), axis=0)
         correlations = [
@@ -108,17 +82,11 @@ def compare_rates(step: float, angles: np.ndarray, rates: np.ndarray) -> RateCom
     Angle differences are compared with the mean rate between the same two samples, both tapered and limited to
     the band in which the angle has its power, so that the noise of neither is amplified.
 
-    Parameters
-    ----------
-    step : float
-        s between rows, even.
-    angles : ndarray, shape (N, 2)
-        Roll and pitch without jumps, rad; a column of NaN is not known.
-    rates : ndarray, shape (N, 3)
-        Rates of roll, pitch and yaw as measured, rad/s.
+    Args:
+        step: s between rows, even.
+        angles: (N, 2); roll and pitch without jumps, rad; a column of NaN is not known.
+        rates: (N, 3); rates of roll, pitch and yaw as measured, rad/s.
 
-    Notes
-    -----
     Correlations, gain and delay are those of the cross-spectrum: J. S. Bendat, A. G. Piersol, Random Data, 4th
     edition, Wiley, 2010, chapters 5 and 6. The standard deviation of the delay is its equation for the phase of a
     coherent pair over the mean circular frequency, with twice band times duration degrees of freedom.

@@ -12,47 +12,29 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import EvenSignal, even_signal
 from swath_sysid.common.signals import noise_level
 
-HOLD_BAND = 0.6
-"""Part of a hold's angle above which the craft counts as held: a hand wobbles by less than the rest."""
-MIN_HOLD = 0.5
-"""Natural periods: a free swing stays above the band for 0.3 of one."""
+HOLD_BAND = 0.6  #: Part of a hold's angle above which the craft counts as held: a hand wobbles by less than the rest.
+MIN_HOLD = 0.5  #: Natural periods: a free swing stays above the band for 0.3 of one.
+#: Parts of the angle between which the first fall is timed: a wobble makes the first pair late, damping the second.
 FALLS = (0.9, 0.5), (0.7, 0.3)
-"""Parts of the angle between which the first fall is timed: a wobble makes the first pair late, damping the second."""
-BEFORE, AFTER = 0.15, 0.2
-"""Natural periods on either side of a release that show its kink."""
-EARLIEST, LATEST = 0.25, 0.05
-"""Natural periods about the beginning of that fall between which the release is sought."""
-PLAIN_JUMP = 20.0
-"""Standard deviations from which half of those show it better: the polynomials bend less."""
-MIN_FALL = 0.5
-"""Of the acceleration of a free swing of that angle and period."""
-PLAIN_SHARE = 0.35
-"""Of the largest jump: the last one that reaches it is the release, those before are the hand's."""
-MIN_JUMP = 4.0
-"""Standard deviations by which the acceleration jumps."""
-NARROWEST = 8
-"""Candidate times in the part after a release below which it is not halved again."""
-FINEST_STEPS = 80
-"""Candidate times across a search."""
+BEFORE, AFTER = 0.15, 0.2  #: Natural periods on either side of a release that show its kink.
+EARLIEST, LATEST = 0.25, 0.05  #: Natural periods about the beginning of that fall between which the release is sought.
+PLAIN_JUMP = 20.0  #: Standard deviations from which half of those show it better: the polynomials bend less.
+MIN_FALL = 0.5  #: Of the acceleration of a free swing of that angle and period.
+PLAIN_SHARE = 0.35  #: Of the largest jump: the last one that reaches it is the release, those before are the hand's.
+MIN_JUMP = 4.0  #: Standard deviations by which the acceleration jumps.
+NARROWEST = 8  #: Candidate times in the part after a release below which it is not halved again.
+FINEST_STEPS = 80  #: Candidate times across a search.
 
 
 @dataclass(frozen=True)
 class Release:
-    """A release: when (record time, s), and since when the craft was held.
-
-    Attributes
-    ----------
-    angle, trim : float
-        Where it was held and about what it then moved, rad.
-    period : float
-        Natural period guessed from the first fall, s.
-    """
+    """A release: when (record time, s), and since when the craft was held."""
 
     time: float
     hold_start: float
-    angle: float
-    trim: float
-    period: float
+    angle: float  #: Where it was held and about what it then moved, rad.
+    trim: float  #: Where it was held and about what it then moved, rad.
+    period: float  #: Natural period guessed from the first fall, s.
 
 
 def find_releases(motion: AxisMotion, smallest: float) -> tuple[Release, ...]:
@@ -126,14 +108,10 @@ def kink_time(
     A parabola before and a quartic after, of one angle and rate where they meet, are fitted to angle and rate: first
     where the jump stands out most, then, ever closer, where the residual is least.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        With an angle, a rate or both.
-    earliest, latest, period : float
-        Record time between which it is sought, and natural period, s.
-    towards, level : float
-        Sign of the jump, and angle from trim before it, rad.
+    Args:
+        motion: With an angle, a rate or both.
+        earliest, latest, period: Record time between which it is sought, and natural period, s.
+        towards, level: Sign of the jump, and angle from trim before it, rad.
     """
     channels = [
         (values, max(noise_level(values), 1e-9), order)

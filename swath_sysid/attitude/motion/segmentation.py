@@ -27,132 +27,99 @@ from swath_sysid.common.errors import InputError
 # The figures on waves come from 100 simulated seas of 10 minutes (JONSWAP spectra, hulls of every damping) and two
 # measured ones; those on decays from the records of two tank models. Of 300 further seas one still passes for a decay:
 # a high group before a lull of 8 periods.
+#: rad and rad/s, peak to peak: below, an axis only shivers with the other's motion.
 SMALLEST_SWING = {'angle': float(np.radians(0.4)), 'rate': float(np.radians(1.0))}
-"""rad and rad/s, peak to peak: below, an axis only shivers with the other's motion."""
 
+#: A record without a decay that reaches no further than so many times that (1 deg) is too small, whatever moved it.
 SMALLEST_REACH = 2.5
-"""A record without a decay that reaches no further than so many times that (1 deg) is too small, whatever moved it."""
 
-MIN_SWINGS = 3
-"""Three swings show two losses and one rhythm; fewer are taken only where nothing else moves."""
+MIN_SWINGS = 3  #: Three swings show two losses and one rhythm; fewer are taken only where nothing else moves.
 
+#: A fall of so many swings, so smooth and so regular needs no rest around it. Tank decays reach 0.002 and 0.003; no
+#: fall in the seas came below 0.009 and 0.01 together.
 SMOOTH_SWINGS, SMOOTH_ROUGHNESS, SMOOTH_SCATTER = 8, 0.005, 0.02
-"""A fall of so many swings, so smooth and so regular needs no rest around it. Tank decays reach 0.002 and 0.003; no
-fall in the seas came below 0.009 and 0.01 together."""
 
+#: Nor does one of so many swings that is smooth and regular as far as noise lets it. In the seas 20 swings reached
+#: 0.023 and 0.006.
 MANY_SWINGS, MANY_ROUGHNESS, MANY_SCATTER = 16, 0.015, 0.03
-"""Nor does one of so many swings that is smooth and regular as far as noise lets it. In the seas 20 swings reached
-0.023 and 0.006."""
 
+#: In both cases other motion may last so many times longer: in hours of waves anything comes by once.
 MAX_SEARCHED = 30.0
-"""In both cases other motion may last so many times longer: in hours of waves anything comes by once."""
 
-WHOLE_SWINGS, WHOLE_PART = 6, 0.8
-"""Nor one of so many swings that fills this part of the record: seas reached 0.75."""
+WHOLE_SWINGS, WHOLE_PART = 6, 0.8  #: Nor one of so many swings that fills this part of the record: seas reached 0.75.
 
+#: Periods of rest, before and after together, that settle the matter (those seas reached 4.8), and how many times
+#: longer other motion may last in that case.
 REST_WANTED, MAX_SEARCHED_WITH_REST = 5.0, 100.0
-"""Periods of rest, before and after together, that settle the matter (those seas reached 4.8), and how many times
-longer other motion may last in that case."""
 
+#: Periods of rest that settle it where little else in the record moves: for each period of rest, no more than the
+#: duration of the decay. Windows of ten and more periods cut from the seas had 1.6 times the duration with 0.8 periods
+#: of rest.
 REST_NEEDED = 1.0
-"""Periods of rest that settle it where little else in the record moves: for each period of rest, no more than the
-duration of the decay. Windows of ten and more periods cut from the seas had 1.6 times the duration with 0.8 periods of
-rest."""
 
-MAX_UNEXPLAINED = 2.0
-"""In no case may other motion last longer than so many times the decay."""
+MAX_UNEXPLAINED = 2.0  #: In no case may other motion last longer than so many times the decay.
+SHORT_SCATTER = 0.045  #: Scatter of the periods, where it shows three, that such a decay may have.
+REST_IN_JUMP = 1.0  #: Periods of rest that a jump to the first turning point stands for.
 
-SHORT_SCATTER = 0.045
-"""Scatter of the periods, where it shows three, that such a decay may have."""
-
-REST_IN_JUMP = 1.0
-"""Periods of rest that a jump to the first turning point stands for."""
-
+#: Mean logarithmic decrement a half cycle (pi times the damping ratio) below which the motion is kept up by something.
+#: The lightest decay known here has 0.012.
 MIN_DECREMENT = 0.004
-"""Mean logarithmic decrement a half cycle (pi times the damping ratio) below which the motion is kept up by something.
-The lightest decay known here has 0.012."""
 
-MAX_ACTIVITY_AFTER = 0.5
-"""Moving part of the ten periods after a decay that has no rest after it."""
+MAX_ACTIVITY_AFTER = 0.5  #: Moving part of the ten periods after a decay that has no rest after it.
+HELD_PERIODS = 0.4  #: Dwelling at the first turning point that no swinging craft does: it was held there.
+JUMP_PERIODS = 0.05  #: A rise to it faster than the craft swings: it was dropped, or the record was cut.
 
-HELD_PERIODS = 0.4
-"""Dwelling at the first turning point that no swinging craft does: it was held there."""
-
-JUMP_PERIODS = 0.05
-"""A rise to it faster than the craft swings: it was dropped, or the record was cut."""
-
+#: A rest that ended so many periods before the first turning point ended with a push; one that began so many after the
+#: last began with a stop.
 PUSH_PERIODS, STOP_PERIODS = 1.25, 1.0
-"""A rest that ended so many periods before the first turning point ended with a push; one that began so many after the
-last began with a stop."""
 
+#: Half cycles left out after a push (the hand, and the water it set in motion), as long as they cost no more than this
+#: part of the first swing.
 PUSH_MEMORY_SWINGS, PUSH_MEMORY_COST = 2, 0.25
-"""Half cycles left out after a push (the hand, and the water it set in motion), as long as they cost no more than this
-part of the first swing."""
 
+#: With so many swings the tail below this part of the first is left out: it is as much the basin's motion. An eighth
+#: holds 1/64 of the energy.
 PLENTY_OF_SWINGS, PLENTIFUL_TAIL = 20, 0.125
-"""With so many swings the tail below this part of the first is left out: it is as much the basin's motion. An eighth
-holds 1/64 of the energy."""
 
-SMALLEST_OF_SEVERAL = 0.3
-"""Part of the largest first swing below which a further fall is not a decay of its own."""
+SMALLEST_OF_SEVERAL = 0.3  #: Part of the largest first swing below which a further fall is not a decay of its own.
+FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched counts as over.
 
-FINISHED = 0.1
-"""Part of its first amplitude at which a decay that is watched counts as over."""
-
+#: A motion swings from beginning to end where so many swings reach this part of its largest, and no longer part of the
+#: record holds none of them.
 SWINGING_PART, MIN_SWINGING, LONGEST_LULL = 0.2, 10, 0.25
-"""A motion swings from beginning to end where so many swings reach this part of its largest, and no longer part of the
-record holds none of them."""
 
 FORCED_MOTION = 'forced-motion'
 
+#: Natural periods after a release within which the decay that it began is recognised: the first half swing.
 RELEASED_PART = 0.6
-"""Natural periods after a release within which the decay that it began is recognised: the first half swing."""
 
-QUIET_PERIODS = 2.5
-"""A release alone shows a decay where so much of the record follows it."""
+QUIET_PERIODS = 2.5  #: A release alone shows a decay where so much of the record follows it.
 
+#: Largest and root mean square motion from a period after such a release on, over the angle released from.
 LOUDEST_REST, MEAN_REST = 0.7, 0.3
-"""Largest and root mean square motion from a period after such a release on, over the angle released from."""
 
 
 @dataclass(frozen=True)
 class DecaySegment:
-    """A stretch of free decay.
+    """A stretch of free decay."""
 
-    Attributes
-    ----------
-    start, end : float
-        Record time, s.
-    period : float
-        Mean period of its swings, s.
-    cycles : float
-        Length in periods, as far as the swings stand out of the noise.
-    initial_amplitude, final_amplitude : float
-        First (within given bounds the largest) and last amplitude about the trim; rad, or
-        rad/s where ``quantity`` is ``rate``.
-    trim : float
-        What it swings about, same unit.
-    quantity : str
-        ``angle`` or ``rate``: what the swings were found in.
-    beginning : str
-        ``released`` (held or dropped), ``record-start``, ``pushed``, ``under-way`` or ``given``.
-    ending : str
-        ``record-end``, ``noise-floor``, ``faded`` (its faint tail left out), ``disturbed`` or ``given``.
-    advice : tuple of Advice
-        What was left out or had to be chosen.
-    """
-
-    start: float
-    end: float
-    period: float
-    cycles: float
+    start: float  #: Record time, s.
+    end: float  #: Record time, s.
+    period: float  #: Mean period of its swings, s.
+    cycles: float  #: Length in periods, as far as the swings stand out of the noise.
+    #: First (within given bounds the largest) and last amplitude about the trim; rad, or rad/s where ``quantity`` is
+    #: ``rate``.
     initial_amplitude: float
+    #: First (within given bounds the largest) and last amplitude about the trim; rad, or rad/s where ``quantity`` is
+    #: ``rate``.
     final_amplitude: float
-    trim: float
-    quantity: str = 'angle'
+    trim: float  #: What it swings about, same unit.
+    quantity: str = 'angle'  #: ``angle`` or ``rate``: what the swings were found in.
+    #: ``released`` (held or dropped), ``record-start``, ``pushed``, ``under-way`` or ``given``.
     beginning: str = 'given'
+    #: ``record-end``, ``noise-floor``, ``faded`` (its faint tail left out), ``disturbed`` or ``given``.
     ending: str = 'given'
-    advice: tuple[Advice, ...] = ()
+    advice: tuple[Advice, ...] = ()  #: What was left out or had to be chosen.
 
     @property
     def duration(self) -> float:
@@ -177,19 +144,14 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
 def find_decay(motion: AxisMotion, start: float | None = None, end: float | None = None) -> DecaySegment:
     """Find the best free decay of a record, or measure the one that was given.
 
-    Parameters
-    ----------
-    motion : AxisMotion
-        The record.
-    start, end : float, optional
-        Record time, s. What is given is taken as it is; what is not is found: the end of
-        the first decay after ``start``, the start of the last before ``end``.
+    Args:
+        motion: The record.
+        start, end: Record time, s. What is given is taken as it is; what is not is found: the end of the first decay
+            after ``start``, the start of the last before ``end``.
 
-    Raises
-    ------
-    InputError
-        The bounds hold no motion, or nothing decays freely; the sentence says what was
-        seen instead and what to do.
+    Raises:
+        InputError: The bounds hold no motion, or nothing decays freely; the sentence says what was seen instead and
+            what to do.
     """
     found = decay_or_absence(motion, start, end)
     if isinstance(found, Advice):

@@ -8,8 +8,7 @@ from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Quaternion, Value
 from swath_sysid.common.errors import InputError, check_choice
 
-FRAMES = ('flu', 'frd')
-"""Sensor axes forward-left-up in an ENU world, or forward-right-down in a NED world."""
+FRAMES = ('flu', 'frd')  #: Sensor axes forward-left-up in an ENU world, or forward-right-down in a NED world.
 
 
 @dataclass(frozen=True)
@@ -18,20 +17,12 @@ class Installation:
 
     Its readings are first brought from its frame to FLU in ENU, then turned by the mounting.
 
-    Attributes
-    ----------
-    frame : str
-        One of `FRAMES`: what the sensor's axes and angles mean.
-    mounting : tuple of 3 floats
-        rad: roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's.
-
-    Raises
-    ------
-    InputError
-        There is no such frame, or the mounting is not three finite angles.
+    Raises:
+        InputError: There is no such frame, or the mounting is not three finite angles.
     """
 
-    frame: str = 'flu'
+    frame: str = 'flu'  #: One of `FRAMES`: what the sensor's axes and angles mean.
+    #: rad: roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's.
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:

@@ -12,36 +12,28 @@ JUMPED_BACK = 'clock-jumped-back'
 GAP = 'gap'
 LONG_GAP = 'gap-too-long'
 RATE_CHANGED = 'rate-changed'
+#: Everything that is counted; the first three leave the sample out.
 STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, GAP, LONG_GAP, RATE_CHANGED)
-"""Everything that is counted; the first three leave the sample out."""
 
 NANOSECOND = 1e-9
 GAP_INTERVALS = 2.5
 LONG_GAP_INTERVALS = 5.0
+#: Largest relative step of the tracked interval a sample, settled or not; it stays near the median of jitter.
 FOLLOWING = {True: 0.02, False: 0.1}
-"""Largest relative step of the tracked interval a sample, settled or not; it stays near the median of jitter."""
 
 SETTLING_SAMPLES = 50
-SETTLED = 1.15
-"""The interval is settled when it has moved by less than this factor over this many samples."""
+SETTLED = 1.15  #: The interval is settled when it has moved by less than this factor over this many samples.
 
 RATE_CHANGE = 1.4
 
 
 @dataclass(frozen=True)
 class StampSettings:
-    """What counts as late, and what as a gap.
+    """What counts as late, and what as a gap."""
 
-    Attributes
-    ----------
-    backward_jump : float
-        s; a stamp less far back is late, those further back are a clock that was set back (a bag that looped).
-    gap_limit : float
-        s; a longer silence is a new beginning.
-    """
-
+    #: s; a stamp less far back is late, those further back are a clock that was set back (a bag that looped).
     backward_jump: float = 1.0
-    gap_limit: float = 1.0
+    gap_limit: float = 1.0  #: s; a longer silence is a new beginning.
 
     def __post_init__(self) -> None:
         for name in ('backward_jump', 'gap_limit'):

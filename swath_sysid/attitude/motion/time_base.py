@@ -7,24 +7,18 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
-MIN_RATE, MAX_RATE = 0.5, 10_000.0
-"""Hz: sensors of motion lie well within."""
-
-USUAL_RATES = 1.0, 2_000.0
-"""Hz: which unit a column is in is guessed from these."""
-
-LATEST_EPOCH = 1e11
-"""s: the year 5138; what counts from 1970 and is later counts something shorter than seconds."""
+MIN_RATE, MAX_RATE = 0.5, 10_000.0  #: Hz: sensors of motion lie well within.
+USUAL_RATES = 1.0, 2_000.0  #: Hz: which unit a column is in is guessed from these.
+LATEST_EPOCH = 1e11  #: s: the year 5138; what counts from 1970 and is later counts something shorter than seconds.
 
 SHORTER_UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 
-LONGEST_PERIOD, DOUBTFUL_PERIOD = 60.0, 30.0
-"""s: roll and pitch of small craft take a few seconds, of ships up to 30."""
+LONGEST_PERIOD, DOUBTFUL_PERIOD = 60.0, 30.0  #: s: roll and pitch of small craft take a few seconds, of ships up to 30.
 
 CONSECUTIVE_SHARE = 0.99
 MIN_CYCLES = 2
+#: A crossing counts when the motion has gone beyond this part of its standard deviation on both sides.
 HYSTERESIS = 0.3
-"""A crossing counts when the motion has gone beyond this part of its standard deviation on both sides."""
 
 
 def check_time_base(
@@ -32,24 +26,17 @@ def check_time_base(
 ) -> tuple[Advice, ...]:
     """Refuse a time that cannot be in its unit, and say so where it is in doubt.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Seconds, as read by the unit of the column; strictly increasing.
-    motions : sequence of ndarray, shape (N,)
-        Angles or rates that swing with the craft, NaN where missing.
-    source, column, unit : str
-        For messages.
+    Args:
+        time: (N,); seconds, as read by the unit of the column; strictly increasing.
+        motions: sequence of (N,); angles or rates that swing with the craft, NaN where missing.
+        source, column, unit: For messages.
 
-    Returns
-    -------
-    tuple of Advice
+    Returns:
         Code ``time-unit``.
 
-    Raises
-    ------
-    InputError
-        The column counts from 1970 in a shorter unit, gives an impossible sample rate, or numbers the samples.
+    Raises:
+        InputError: The column counts from 1970 in a shorter unit, gives an impossible sample rate, or numbers the
+            samples.
     """
     if time.size < 2:
         return ()
@@ -99,12 +86,9 @@ def _check_numbering(time: np.ndarray, motions: Sequence[np.ndarray], name: str)
 def motion_period(time: np.ndarray, motion: np.ndarray, min_cycles: int = MIN_CYCLES) -> float | None:
     """The mean period, s, of a motion by its upward crossings of the median, None where it hardly swings.
 
-    Parameters
-    ----------
-    time, motion : ndarray, shape (N,)
-        s, and the unit of the motion, NaN where missing.
-    min_cycles : int
-        Fewer whole cycles show no period.
+    Args:
+        time, motion: (N,); s, and the unit of the motion, NaN where missing.
+        min_cycles: Fewer whole cycles show no period.
     """
     known = np.isfinite(motion)
     if np.count_nonzero(known) < 4:

@@ -10,29 +10,20 @@ from swath_sysid.common.errors import InputError, check_choice
 
 AXES = ('roll', 'pitch')
 
+#: What an IMU gives of roll and pitch: the columns of a window on the wire, in this order.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
-"""What an IMU gives of roll and pitch: the columns of a window on the wire, in this order."""
 
-FURTHER_CHANNELS = ('yaw_rate', 'heave')
-"""What some records hold beside `CHANNELS`: more of the wave, for a forecast."""
+FURTHER_CHANNELS = ('yaw_rate', 'heave')  #: What some records hold beside `CHANNELS`: more of the wave, for a forecast.
 
 
 @dataclass(frozen=True)
 class AxisMotion:
-    """The motion about one axis, roll or pitch, every sample finite; its source is for messages.
-
-    Attributes
-    ----------
-    time : ndarray, shape (N,)
-        Seconds, strictly increasing, not necessarily even.
-    angle, rate : ndarray, shape (N,), or None
-        rad, and Euler rate, rad/s; None where the sensor gave none.
-    """
+    """The motion about one axis, roll or pitch, every sample finite; its source is for messages."""
 
     axis: str
-    time: np.ndarray
-    angle: np.ndarray | None
-    rate: np.ndarray | None
+    time: np.ndarray  #: (N,); Seconds, strictly increasing, not necessarily even.
+    angle: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
+    rate: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
     source: str = ''
 
     @property
@@ -84,20 +75,9 @@ class Trial:
     (body axes x forward, y port, z up; the yaw rate is positive to port); accelerations are
     specific force in body axes, so that a craft at rest reads about +9.81 m/s^2 on z; heave is
     positive up.
-
-    Attributes
-    ----------
-    time : ndarray, shape (N,)
-        Seconds, strictly increasing.
-    source : str
-        The file (or topic) the trial was read from.
-    draft, initial_angle : float or None
-        m and rad, where known.
-    advice : tuple of Advice
-        What the reader had to repair or leave out.
     """
 
-    time: np.ndarray
+    time: np.ndarray  #: (N,); Seconds, strictly increasing.
     roll: np.ndarray | None = None
     pitch: np.ndarray | None = None
     roll_rate: np.ndarray | None = None
@@ -107,10 +87,10 @@ class Trial:
     accel_z: np.ndarray | None = None
     yaw_rate: np.ndarray | None = None
     heave: np.ndarray | None = None
-    source: str = ''
-    draft: float | None = None
-    initial_angle: float | None = None
-    advice: tuple[Advice, ...] = ()
+    source: str = ''  #: The file (or topic) the trial was read from.
+    draft: float | None = None  #: m and rad, where known.
+    initial_angle: float | None = None  #: m and rad, where known.
+    advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
@@ -126,10 +106,8 @@ class Trial:
     def axis(self, name: str) -> AxisMotion:
         """The motion about one axis, without the samples in which a value is missing.
 
-        Raises
-        ------
-        InputError
-            The trial holds neither angle nor rate of that axis, or no finite sample of it.
+        Raises:
+            InputError: The trial holds neither angle nor rate of that axis, or no finite sample of it.
         """
         check_choice(name, AXES, 'axis')
         measured = [c for c in (getattr(self, name), getattr(self, f'{name}_rate')) if c is not None]

@@ -19,8 +19,7 @@ def _turns() -> list[np.ndarray]:
     return sorted(found, key=lambda turn: (-np.trace(turn), -turn[2, 2], -turn[0, 0]))
 
 
-TURNS = tuple(_turns())
-"""Each turns vectors in the sensor's axes into the craft's."""
+TURNS = tuple(_turns())  #: Each turns vectors in the sensor's axes into the craft's.
 
 
 def angles_of(turn: np.ndarray) -> tuple[float, float, float]:

@@ -14,69 +14,33 @@ from scipy.ndimage import gaussian_filter1d
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, without_spikes
 
-MAX_SAMPLES = 65536
-"""Longer records are averaged down to this many samples: 20 a period for an hour of a 1 s period."""
+MAX_SAMPLES = 65536  #: Longer records are averaged down to this many samples: 20 a period for an hour of a 1 s period.
+MIN_PER_PERIOD = 32  #: Samples a period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most.
+MIN_PER_PERIOD_UNSMOOTHED = 5  #: On the finest grid nothing is smoothed, and slow sampling is all there is.
+PROMINENCE = 5.0  #: A turning point stands out by this many standard deviations of the noise left on its grid.
+RESOLVED_STEPS = 1.5  #: ... by this many steps of rounded values: where the motion is slow, averaging does not help,
+SMALLEST_PROMINENCE = 0.002  #: ... and by this part of the record's range, so that no trifle is taken for motion.
+SMOOTHING = 1.0  #: Width (standard deviation, samples) of the Gaussian that smooths all but the finest grid.
 
-MIN_PER_PERIOD = 32
-"""Samples a period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most."""
-
-MIN_PER_PERIOD_UNSMOOTHED = 5
-"""On the finest grid nothing is smoothed, and slow sampling is all there is."""
-
-PROMINENCE = 5.0
-"""A turning point stands out by this many standard deviations of the noise left on its grid."""
-
-RESOLVED_STEPS = 1.5
-"""... by this many steps of rounded values: where the motion is slow, averaging does not help,"""
-
-SMALLEST_PROMINENCE = 0.002
-"""... and by this part of the record's range, so that no trifle is taken for motion."""
-
-SMOOTHING = 1.0
-"""Width (standard deviation, samples) of the Gaussian that smooths all but the finest grid."""
-
+#: What that Gaussian leaves of the standard deviation of white noise.
 SMOOTHED_NOISE = 1.0 / np.sqrt(2.0 * np.sqrt(np.pi) * SMOOTHING)
-"""What that Gaussian leaves of the standard deviation of white noise."""
 
-LONGEST_BRIDGED_GAP = 0.2
-"""A pause longer than this part of what was sampled splits the record in two."""
+LONGEST_BRIDGED_GAP = 0.2  #: A pause longer than this part of what was sampled splits the record in two.
 
 
 @dataclass(frozen=True)
 class EvenSignal:
-    """One quantity of a motion on an even time grid.
+    """One quantity of a motion on an even time grid."""
 
-    Attributes
-    ----------
-    quantity : str
-        ``angle`` (rad) or ``rate`` (rad/s).
-    start : float
-        Time of the first sample, s.
-    interval : float
-        Time between samples, s.
-    value : ndarray, shape (N,)
-        rad or rad/s.
-    noise : float
-        Standard deviation of the white noise in ``value``.
-    resolution : float
-        Smallest step between the values as they were recorded.
-    gaps : ndarray, shape (K, 2)
-        Begin and end of the stretches without samples, s; interpolated in ``value``.
-    smoothed : bool
-        False on the finest grid as it was measured.
-    record_end : float
-        Time of the record's last sample, s; coarse grids end a little earlier.
-    """
-
-    quantity: str
-    start: float
-    interval: float
-    value: np.ndarray
-    noise: float
-    resolution: float
-    gaps: np.ndarray
-    smoothed: bool = False
-    record_end: float = np.inf
+    quantity: str  #: ``angle`` (rad) or ``rate`` (rad/s).
+    start: float  #: Time of the first sample, s.
+    interval: float  #: Time between samples, s.
+    value: np.ndarray  #: (N,); rad or rad/s.
+    noise: float  #: Standard deviation of the white noise in ``value``.
+    resolution: float  #: Smallest step between the values as they were recorded.
+    gaps: np.ndarray  #: (K, 2); Begin and end of the stretches without samples, s; interpolated in ``value``.
+    smoothed: bool = False  #: False on the finest grid as it was measured.
+    record_end: float = np.inf  #: Time of the record's last sample, s; coarse grids end a little earlier.
 
     @property
     def end(self) -> float:
@@ -95,20 +59,12 @@ class EvenSignal:
 
 @dataclass(frozen=True)
 class TurningPoints:
-    """Alternate maxima and minima of a motion.
+    """Alternate maxima and minima of a motion."""
 
-    Attributes
-    ----------
-    time, value : ndarray, shape (M,)
-        s; rad, or rad/s where ``quantity`` is ``rate``, because no angle was measured.
-    noise : float
-        Standard deviation of the noise of one value.
-    """
-
-    time: np.ndarray
-    value: np.ndarray
+    time: np.ndarray  #: (M,); s; rad, or rad/s where ``quantity`` is ``rate``, because no angle was measured.
+    value: np.ndarray  #: (M,); s; rad, or rad/s where ``quantity`` is ``rate``, because no angle was measured.
     quantity: str
-    noise: float
+    noise: float  #: Standard deviation of the noise of one value.
 
     @property
     def swings(self) -> np.ndarray:
@@ -140,10 +96,8 @@ def find_turning_points(motion: AxisMotion, period: float | None = None) -> Turn
 def mean_period(points: TurningPoints) -> float:
     """Period over the turning points, weighted by their swings, s.
 
-    Raises
-    ------
-    ValueError
-        Fewer than two turning points.
+    Raises:
+        ValueError: Fewer than two turning points.
     """
     if points.time.size < 2:
         raise ValueError('a period needs at least two turning points')

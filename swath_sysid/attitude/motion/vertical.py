@@ -11,28 +11,23 @@ from scipy import fft
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
 
-BAND_HZ = (0.04, 1.5)
-"""Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise."""
+BAND_HZ = (0.04, 1.5)  #: Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise.
 
+#: s at either end of a stretch where its zero-phase integrals are not yet what a longer stretch would give.
 EDGE = 30.0
-"""s at either end of a stretch where its zero-phase integrals are not yet what a longer stretch would give."""
 
-HEAVE, VELOCITY, ACCELERATION = 2, 1, 0
-"""How often the vertical acceleration is integrated."""
+HEAVE, VELOCITY, ACCELERATION = 2, 1, 0  #: How often the vertical acceleration is integrated.
 
+#: s; time constants of the leaky integrals, one after another.
 _LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))
-"""s; time constants of the leaky integrals, one after another."""
 
 
 def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray) -> Value:
     """Acceleration along the world's vertical, upwards, without gravity, m/s^2.
 
-    Parameters
-    ----------
-    roll, pitch : float or ndarray
-        rad.
-    specific_force : ndarray, shape (3,) or (N, 3)
-        In the craft's axes, m/s^2.
+    Args:
+        roll, pitch: rad.
+        specific_force: (3,) or (N, 3); in the craft's axes, m/s^2.
     """
     upwards = sum(up * force for up, force in zip(up_in_body(roll, pitch), specific_force.T, strict=True))
     return upwards - STANDARD_GRAVITY
@@ -41,20 +36,13 @@ def vertical_acceleration(roll: Value, pitch: Value, specific_force: np.ndarray)
 def zero_phase_integral(signal: np.ndarray, step: float, times: int, delay: float = 0.0) -> np.ndarray:
     """Integrated this many times over `BAND_HZ`, with no phase error: it looks both ways, so it is for the past only.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (N,)
-        At even steps; finite.
-    step : float
-        s.
-    times : int
-        Negative: differentiated.
-    delay : float
-        s by which the signal lags behind the motion.
+    Args:
+        signal: (N,); at even steps; finite.
+        step: s.
+        times: Negative: differentiated.
+        delay: s by which the signal lags behind the motion.
 
-    Returns
-    -------
-    ndarray, shape (N,)
+    Returns:
         Right from `EDGE` on and up to `EDGE` before the end.
     """
     size = fft.next_fast_len(signal.size, real=True)

@@ -18,51 +18,30 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 from swath_sysid.common.signals import bin_means
 
-COLUMNS = ('t', *CHANNELS)
-"""Columns of a window: the stamp, s, and the channels of a trial."""
+COLUMNS = ('t', *CHANNELS)  #: Columns of a window: the stamp, s, and the channels of a trial.
 
 WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
 
-WATCH_SPAN = 2.0
-"""s over which motion is judged large or small."""
-
-WATCH_BLOCK = 0.25
-"""s of which the extremes are kept, not every sample."""
-
-CALM = 0.35
-"""Motion below this part of the largest is worth a look for a decay that has ended."""
+WATCH_SPAN = 2.0  #: s over which motion is judged large or small.
+WATCH_BLOCK = 0.25  #: s of which the extremes are kept, not every sample.
+CALM = 0.35  #: Motion below this part of the largest is worth a look for a decay that has ended.
 
 FIRST_LOOK = 1.0
+#: A decay is looked for this many seconds after the last large motion, and then ever more rarely, by this factor.
 NEXT_LOOK = 1.5
-"""A decay is looked for this many seconds after the last large motion, and then ever more rarely, by this factor."""
 
-LOOK_RATE = 50.0
-"""Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms."""
-
-MIN_CYCLES = 1.5
-"""A shorter decay is not reported: it is fitted badly."""
+LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
+MIN_CYCLES = 1.5  #: A shorter decay is not reported: it is fitted badly.
 
 
 @dataclass(frozen=True)
 class WindowSettings:
-    """What a motion window holds and looks for.
+    """What a motion window holds and looks for."""
 
-    Attributes
-    ----------
-    window : float
-        Length, s.
-    max_rate : float
-        Hz; memory is reserved for this many samples a second, faster ones shorten the window.
-    detect_decay : bool
-        Whether to look for free decays that have ended.
-    smallest_decay : float
-        rad; a decay of a smaller first amplitude is not reported.
-    """
-
-    window: float = 60.0
-    max_rate: float = 1000.0
-    detect_decay: bool = True
-    smallest_decay: float = pi / 180.0
+    window: float = 60.0  #: Length, s.
+    max_rate: float = 1000.0  #: Hz; memory is reserved for this many samples a second, faster ones shorten the window.
+    detect_decay: bool = True  #: Whether to look for free decays that have ended.
+    smallest_decay: float = pi / 180.0  #: rad; a decay of a smaller first amplitude is not reported.
     installation: Installation = field(default_factory=Installation)
     stamps: StampSettings = field(default_factory=StampSettings)
 
@@ -74,26 +53,16 @@ class WindowSettings:
 
 @dataclass(frozen=True)
 class MotionTable:
-    """Rows of a motion window, as they are published and received.
+    """Rows of a motion window, as they are published and received."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (N, 8)
-        `COLUMNS`; NaN marks what is not measured.
-    stamp_ns : int
-        Of the last row; 0 where there is none.
-    """
-
-    rows: np.ndarray
-    stamp_ns: int
+    rows: np.ndarray  #: (N, 8); `COLUMNS`; NaN marks what is not measured.
+    stamp_ns: int  #: Of the last row; 0 where there is none.
 
     def trial(self, source: str = 'the motion window') -> Trial:
         """The rows as a trial whose time begins at zero.
 
-        Raises
-        ------
-        InputError
-            The window is empty.
+        Raises:
+            InputError: The window is empty.
         """
         if not len(self.rows):
             raise InputError('the motion window is empty: check that the IMU publishes and that imu_buffer receives it')
@@ -104,33 +73,19 @@ class MotionTable:
 
 @dataclass(frozen=True)
 class FinishedDecay:
-    """A free decay that has ended, and the window it lies in.
-
-    Attributes
-    ----------
-    segment : DecaySegment
-        In the time of ``table.trial()``.
-    """
+    """A free decay that has ended, and the window it lies in."""
 
     axis: str
-    segment: DecaySegment
+    segment: DecaySegment  #: In the time of ``table.trial()``.
     table: MotionTable
 
 
 class WindowStep(NamedTuple):
-    """What one IMU message did to the window.
-
-    Attributes
-    ----------
-    reasons : tuple of str
-        From `WINDOW_REASONS`: what was counted.
-    finished : FinishedDecay or None
-        To be published.
-    """
+    """What one IMU message did to the window."""
 
     kept: bool
-    reasons: tuple[str, ...] = ()
-    finished: FinishedDecay | None = None
+    reasons: tuple[str, ...] = ()  #: From `WINDOW_REASONS`: what was counted.
+    finished: FinishedDecay | None = None  #: To be published.
 
 
 class MotionWindow:
@@ -138,11 +93,8 @@ class MotionWindow:
 
     Pure: time is the stamps, the same messages give the same windows.
 
-    Parameters
-    ----------
-    settings : WindowSettings, optional
-    intake : Intake, optional
-        That of the settings, where another core shares it.
+    Args:
+        intake: That of the settings, where another core shares it.
     """
 
     def __init__(self, settings: WindowSettings | None = None, intake: Intake | None = None) -> None:
@@ -222,10 +174,8 @@ class MotionWindow:
     def table(self, since: float | None = None) -> MotionTable:
         """The rows, oldest first.
 
-        Parameters
-        ----------
-        since : float, optional
-            Stamp of the first row wanted, s.
+        Args:
+            since: Stamp of the first row wanted, s.
         """
         rows = self._rows.last()
         if since is not None:
@@ -243,10 +193,6 @@ class DecayWatch:
     """Notices, from the samples as they come, that a free decay has ended.
 
     Looking for one takes 10 ms, so it is done only when large motion has died down.
-
-    Parameters
-    ----------
-    settings : WindowSettings
     """
 
     def __init__(self, settings: WindowSettings) -> None:
@@ -341,12 +287,9 @@ class _AxisWatch:
 def averaged(table: MotionTable, rate: float) -> MotionTable:
     """A table with the means of its rows over even intervals, where it has more than ``rate`` rows a second.
 
-    Parameters
-    ----------
-    table : MotionTable
-        Of any rate.
-    rate : float
-        Hz.
+    Args:
+        table: Of any rate.
+        rate: Hz.
     """
     rows = table.rows
     if len(rows) < 2:

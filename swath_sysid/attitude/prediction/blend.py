@@ -30,28 +30,19 @@ _MAX_EXCUSED = 0.5
 class Blend:
     """Weights of E candidates and a variance scale for A axes, at every lead; learnt from errors against the readings.
 
-    Parameters
-    ----------
-    leads : ndarray, shape (L,)
-        s, increasing; each is scored at the nearest whole step, at least one.
-    step : float
-        s between rows.
-    axes : int
-    prior : sequence of float, length E
-        The candidates' weights where errors do not distinguish them: at long leads 60 s hold few independent errors,
-        and the candidate with the most information is used until another one is shown to be better.
+    Args:
+        leads: (L,); s, increasing; each is scored at the nearest whole step, at least one.
+        step: s between rows.
+        prior: The candidates' weights where errors do not distinguish them: at long leads 60 s hold few independent
+            errors, and the candidate with the most information is used until another one is shown to be better.
 
-    Attributes
-    ----------
-    steps : ndarray of int, shape (S,)
-        At which `take` needs the candidates' forecasts.
-    mean_square : ndarray, shape (E, S, A)
-        Of the candidates' errors; of what they would be taken to err where they had no forecast.
-    weights : ndarray, shape (E, S, A)
-    scale : ndarray, shape (S, A)
-        Variance over the candidates' own, by the errors' mean square and the intervals' coverage.
-    blended_square, coverage : ndarray, shape (S, A)
-        Mean square error of the blend, and the share of its 90 % intervals that held.
+    Attributes:
+        steps: ndarray of int, shape (S,); at which `take` needs the candidates' forecasts.
+        mean_square: (E, S, A); of the candidates' errors; of what they would be taken to err where they had no
+            forecast.
+        weights: (E, S, A)
+        scale: (S, A); variance over the candidates' own, by the errors' mean square and the intervals' coverage.
+        blended_square, coverage: (S, A); mean square error of the blend, and the share of its 90 % intervals that held.
     """
 
     def __init__(self, leads: np.ndarray, step: float, axes: int, prior: Sequence[float]) -> None:
@@ -95,19 +86,13 @@ class Blend:
     ) -> None:
         """Score the forecasts that this row makes known, and keep those issued at it.
 
-        Parameters
-        ----------
-        reading : ndarray, shape (A,)
-            The row's angles, NaN where missing.
-        mean, variance : ndarray, shape (E, S, A)
-            The candidates' forecasts at `steps`, NaN where a candidate has none.
-        noise_variance : float or ndarray, shape (A,)
-            Of the sensor.
-        foreseeable : ndarray of int, shape (A,), optional
-            Rows since something acted on the craft that nothing foretold: the errors of forecasts issued before say
-            nothing of who forecasts best, unless that happens all the time.
-        free : ndarray of int, shape (A,), optional
-            One where nothing acts on the craft.
+        Args:
+            reading: (A,); the row's angles, NaN where missing.
+            mean, variance: (E, S, A); the candidates' forecasts at `steps`, NaN where a candidate has none.
+            noise_variance: float or (A,); of the sensor.
+            foreseeable: ndarray of int, shape (A,); rows since something acted on the craft that nothing foretold: the
+                errors of forecasts issued before say nothing of who forecasts best, unless that happens all the time.
+            free: ndarray of int, shape (A,); one where nothing acts on the craft.
         """
         then, now = (self._row - self.steps) % self._issued.shape[0], self._row % self._issued.shape[0]
         issued = self._issued[then, self._places].swapaxes(0, 1)
@@ -139,12 +124,9 @@ class Blend:
     def renew(self, candidate: int, axis: int | slice = slice(None)) -> None:
         """A candidate has a new model: what its last one did wrong is held against it no more than against a new one.
 
-        Parameters
-        ----------
-        candidate : int
-            Its place, 0 to E - 1.
-        axis : int, optional
-            By default all.
+        Args:
+            candidate: Its place, 0 to E - 1.
+            axis: By default all.
         """
         square = self.mean_square[..., axis]
         square[candidate] = np.minimum(square[candidate], _UNPROVEN * square.min(axis=0))
@@ -152,10 +134,8 @@ class Blend:
     def skip(self, count: int) -> None:
         """Pass over rows without readings or forecasts.
 
-        Parameters
-        ----------
-        count : int
-            Number of rows.
+        Args:
+            count: Number of rows.
         """
         for _ in range(min(count, self._issued.shape[0])):
             now = self._row % self._issued.shape[0]
@@ -206,19 +186,13 @@ class Blend:
     ) -> tuple[np.ndarray, np.ndarray]:
         """The blended forecast at the leads.
 
-        Parameters
-        ----------
-        mean, covariance : ndarray, shapes (E, L, M) and (E, L, M, M)
-            The candidates', of readings; NaN where a candidate has none.
-        axis_of : sequence of int, length M
-            The axis whose weights and scale a target has.
-        noise_variance : float or ndarray, shape (M,)
-            Of the sensor.
+        Args:
+            mean, covariance: (E, L, M) and (E, L, M, M); the candidates', of readings; NaN where a candidate has none.
+            axis_of: The axis whose weights and scale a target has.
+            noise_variance: float or (M,); of the sensor.
 
-        Returns
-        -------
-        mean, covariance : ndarray, shapes (L, M) and (L, M, M)
-            Of the true motion.
+        Returns:
+            mean, covariance: (L, M) and (L, M, M); of the true motion.
         """
         places = self.place_of_lead[:, None], np.asarray(axis_of)[None]
         weights = present_weights(self.weights[:, places[0], places[1]], np.isfinite(mean))
@@ -233,18 +207,13 @@ class Blend:
 def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) -> np.ndarray:
     """Weights from mean square errors, those of little experience drawn to their common level (geometric mean).
 
-    Parameters
-    ----------
-    mean_square : ndarray, shape (E, S, A)
-        Of the candidates' errors, rad^2.
-    time : ndarray, shape (S, A)
-        s of experience.
-    prior : ndarray, shape (E, 1, 1)
-        Weights at equal errors.
+    Args:
+        mean_square: (E, S, A); of the candidates' errors, rad^2.
+        time: (S, A); s of experience.
+        prior: (E, 1, 1); weights at equal errors.
 
-    Returns
-    -------
-    ndarray, shape (E, S, A)
+    Returns:
+        ndarray, shape (E, S, A)
     """
     square = np.maximum(mean_square, 1e-300)
     common = np.exp(np.log(square).mean(axis=0))
@@ -256,12 +225,9 @@ def error_weights(mean_square: np.ndarray, time: np.ndarray, prior: np.ndarray) 
 def present_weights(weights: np.ndarray, present: np.ndarray) -> np.ndarray:
     """Weights of those that are there: zero for the others, of sum one over the first dimension.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (E, ...)
-        With every candidate there.
-    present : ndarray of bool, shape (E, ...)
-        Which of the candidates are there.
+    Args:
+        weights: (E, ...); with every candidate there.
+        present: ndarray of bool, shape (E, ...); which of the candidates are there.
     """
     weights = np.maximum(weights, 1e-12) * present
     return weights / np.maximum(weights.sum(axis=0), 1e-12)

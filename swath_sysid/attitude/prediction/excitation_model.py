@@ -24,34 +24,20 @@ from swath_sysid.attitude.prediction.modal_moment import ModalMoment
 from swath_sysid.attitude.prediction.variate_analysis import spectral_radius
 
 TAPERS = 5
-SMOOTHING = 0.04
-"""rad/s; standard deviation of the spectrum's smoothing."""
-
-HIGHEST_FREQUENCY = 20.0
-"""rad/s; beyond, no sea moves a craft and the hull's inverse amplifies noise only."""
-
-MIN_SIGNAL = 1e-3
-"""The spectrum is at least so much of the noise's."""
-
-AUTOREGRESSION_SPAN = 12.0
-"""s of lags."""
+SMOOTHING = 0.04  #: rad/s; standard deviation of the spectrum's smoothing.
+HIGHEST_FREQUENCY = 20.0  #: rad/s; beyond, no sea moves a craft and the hull's inverse amplifies noise only.
+MIN_SIGNAL = 1e-3  #: The spectrum is at least so much of the noise's.
+AUTOREGRESSION_SPAN = 12.0  #: s of lags.
 
 STATES = 20
-FORECAST_SPAN = 20.0
-"""s; forecasts up to there decide which states are kept."""
-
-LARGEST_RADIUS = 0.9995
-"""Of the reduced model's spectrum over a step."""
-
-DOUBLINGS = 11
-"""Of the steps after which the filter's covariance is taken to be steady: 2048."""
-
-LOW_RANK_DOUBLINGS = 5
-"""So long it has at most a quarter as many columns as states that a quicker form is for."""
+FORECAST_SPAN = 20.0  #: s; forecasts up to there decide which states are kept.
+LARGEST_RADIUS = 0.9995  #: Of the reduced model's spectrum over a step.
+DOUBLINGS = 11  #: Of the steps after which the filter's covariance is taken to be steady: 2048.
+LOW_RANK_DOUBLINGS = 5  #: So long it has at most a quarter as many columns as states that a quicker form is for.
 
 MIN_SAMPLES = 300
+#: s at the window's end that the new model's filter runs over, so that it starts knowing the sea's phase.
 REPLAY_SPAN = 40.0
-"""s at the window's end that the new model's filter runs over, so that it starts knowing the sea's phase."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +52,10 @@ class Spectrum:
 def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
     """Learn the moment of a window.
 
-    Parameters
-    ----------
-    request : ExcitationRequest
-        The window, and the hull as it is known.
+    Args:
+        request: The window, and the hull as it is known.
 
-    Returns
-    -------
-    ExcitationFit or None
+    Returns:
         None: the window is too short.
     """
     if request.angle.size < MIN_SAMPLES or not np.isfinite(request.angle + request.rate).all():
@@ -113,12 +95,9 @@ class _Hull:
 def moment_spectrum(request: ExcitationRequest, hull: _Hull) -> Spectrum:
     """Spectrum of the moment, noise subtracted.
 
-    Parameters
-    ----------
-    request : ExcitationRequest
-        The window.
-    hull : _Hull
-        That of the request.
+    Args:
+        request: The window.
+        hull: That of the request.
     """
     step, n = request.step, request.angle.size
     ramp = max(20, n // 100)
@@ -158,16 +137,12 @@ def _sine_taper_spectrum(values: np.ndarray, step: float):
 def autoregression(covariance: np.ndarray) -> tuple[np.ndarray, float]:
     """Yule and Walker's equations.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (p + 1,)
-        At lags 0 .. p.
+    Args:
+        covariance: (p + 1,); at lags 0 .. p.
 
-    Returns
-    -------
-    coefficients : ndarray, shape (p,)
-    noise : float
-        Variance of the innovations.
+    Returns:
+        coefficients: (p,)
+        noise: Variance of the innovations.
     """
     column = covariance[:-1].copy()
     column[0] *= 1.0 + 1e-8
@@ -184,12 +159,9 @@ def autocovariance(spectrum: Spectrum, step: float, lags: int) -> np.ndarray:
 def reduced_moment(spectrum: Spectrum, request: ExcitationRequest, hull: _Hull) -> ModalMoment:
     """The few states of the moment that forecasts of the angle need.
 
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Of the moment, from `moment_spectrum`.
-    request, hull
-        As of `moment_spectrum`.
+    Args:
+        spectrum: Of the moment, from `moment_spectrum`.
+        request, hull: As of `moment_spectrum`.
     """
     step = request.step
     order = min(round(AUTOREGRESSION_SPAN / step), request.angle.size // 10)

@@ -42,10 +42,8 @@ class FilterpyTrack(HullTrack, ExtendedKalmanFilter):
     def linearise(self, step: float) -> None:
         """Set F, Q and the end of the mean for filterpy's own ``predict``.
 
-        Parameters
-        ----------
-        step : float
-            s, short against the hull's period.
+        Args:
+            step: s, short against the hull's period.
         """
         blocks, h, at_rest = self.moment
         f = ModalMoment(blocks, h, at_rest).transition(step)

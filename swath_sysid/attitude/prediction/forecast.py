@@ -8,28 +8,19 @@ import numpy as np
 from swath_sysid.attitude.prediction.point import PointMotion
 from swath_sysid.attitude.prediction.quiescence import CalmWindow
 
-LEVELS = np.array([0.5, 0.9, 0.99])
-"""Of the central intervals that every forecast gives."""
+LEVELS = np.array([0.5, 0.9, 0.99])  #: Of the central intervals that every forecast gives.
 
+#: Half widths of these intervals over the standard deviation.
 NORMAL_QUANTILES = np.array([0.6744897501960817, 1.6448536269514722, 2.5758293035489004])
-"""Half widths of these intervals over the standard deviation."""
 
 
 @dataclass(frozen=True)
 class AxisForecast:
-    """The forecast of one axis at L leads.
+    """The forecast of one axis at L leads."""
 
-    Attributes
-    ----------
-    angle, rate : ndarray, shape (L,)
-        rad, rad/s.
-    covariance : ndarray, shape (L, 2, 2)
-        Of angle and rate.
-    """
-
-    angle: np.ndarray
-    rate: np.ndarray
-    covariance: np.ndarray
+    angle: np.ndarray  #: (L,); rad, rad/s.
+    rate: np.ndarray  #: (L,); rad, rad/s.
+    covariance: np.ndarray  #: (L, 2, 2); Of angle and rate.
 
     @property
     def half_width(self) -> np.ndarray:
@@ -39,31 +30,17 @@ class AxisForecast:
 
 @dataclass(frozen=True)
 class Forecast:
-    """Forecasts issued at one stamp.
+    """Forecasts issued at one stamp."""
 
-    Attributes
-    ----------
-    stamp : float
-        When issued, s; entry i is for ``stamp + leads[i]``.
-    leads : ndarray, shape (L,)
-        s.
-    axes : dict of str to AxisForecast
-        The axes that the sensor measures.
-    covariance : ndarray, shape (L, 2A, 2A), or None
-        Joint covariance of the angles of ``axes`` and then of their rates; each axis's own block is that
-        of its `AxisForecast`.
-    quiescence : float
-        Probability that the craft stays inside the configured limits; NaN where none are configured.
-    calm : CalmWindow or None
-        When it will next be inside them for long enough; None: not within the horizon, or not known.
-    points : dict of str to PointMotion
-        Vertical motion at the configured points; empty until it is learnt.
-    """
-
-    stamp: float
-    leads: np.ndarray
-    axes: dict[str, AxisForecast]
+    stamp: float  #: When issued, s; entry i is for ``stamp + leads[i]``.
+    leads: np.ndarray  #: (L,); s.
+    axes: dict[str, AxisForecast]  #: The axes that the sensor measures.
+    #: (L, 2A, 2A), or None; Joint covariance of the angles of ``axes`` and then of their rates; each axis's own block
+    #: is that of its `AxisForecast`.
     covariance: np.ndarray | None = None
+    #: Probability that the craft stays inside the configured limits; NaN where none are configured.
     quiescence: float = math.nan
+    #: When it will next be inside them for long enough; None: not within the horizon, or not known.
     calm: CalmWindow | None = None
+    #: Vertical motion at the configured points; empty until it is learnt.
     points: dict[str, PointMotion] = field(default_factory=dict)

@@ -45,14 +45,14 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
+#: Of a sample, those that may show the waves; a record that lacks some is forecast from the others.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
-"""Of a sample, those that may show the waves; a record that lacks some is forecast from the others."""
 
 AXIS_OF_TARGET = (0, 1, 0, 1)
 
 OSCILLATOR, HULL = 'oscillator', 'hull-filter'
+#: Each with its weight where errors do not distinguish them: most for the one with the most information.
 CANDIDATES = {OSCILLATOR: 0.3, HULL: 3.0, SHORT_MEMORY: 0.3, ALL_CHANNELS: 1.0, EACH_ALONE: 0.3}
-"""Each with its weight where errors do not distinguish them: most for the one with the most information."""
 
 _PLACE = {name: place for place, name in enumerate(CANDIDATES)}
 
@@ -60,20 +60,19 @@ REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
 RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
 FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values())
 
-ROW_RATE = 10.0
-"""Hz; small craft move below 1.5 Hz. A slower sensor gives a row a sample."""
+ROW_RATE = 10.0  #: Hz; small craft move below 1.5 Hz. A slower sensor gives a row a sample.
 
+#: s; after a longer silence nothing is left of what was known of the motion, only of hull and sea.
 LONGEST_BRIDGE = 60.0
-"""s; after a longer silence nothing is left of what was known of the motion, only of hull and sea."""
 
+#: Samples a row from which on the rows hold filtered values: fewer are too sparse to smooth without delay.
 SMOOTHED_FROM = 5
-"""Samples a row from which on the rows hold filtered values: fewer are too sparse to smooth without delay."""
 
+#: First guess, least and most of sensors that do not report theirs, rad and rad/s.
 ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
-"""First guess, least and most of sensors that do not report theirs, rad and rad/s."""
 
+#: s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes).
 EXCITATION_WINDOW = 600.0
-"""s; the exciting moment's spectrum is that of the present sea (a longer one gains less than the sea changes)."""
 
 _channels_of = itemgetter(*[CraftSample._fields.index(name) for name in CHANNELS])
 
@@ -89,17 +88,12 @@ _SETTLING_INTERVALS, _INEXACT_STEP = (5, 20, 60, 200), 2e-3
 _SEPARATING_ROWS = 200
 _SEEDED_FROM, _SEEDED_ROWS = 10.0, 80
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 20.0
-_YOUNG = 60.0
-"""s; so long the oscillator is fitted anew each second."""
-_SEA_STATE_PERIOD = 60.0
-"""s between two reports of the sea state."""
+_YOUNG = 60.0  #: s; so long the oscillator is fitted anew each second.
+_SEA_STATE_PERIOD = 60.0  #: s between two reports of the sea state.
 _OSCILLATOR_WINDOW = 600.0
 _YOUNG_INTERVAL, _OLD_INTERVAL = 1.0, 20.0
-HEALTHY_STRAIN = 4.0
-"""Innovations squared over their expectation, lately: a model of the motion at hand stays below."""
-
-_ALIKE = 1.5
-"""Mean square errors, over all leads: a wide filter explains any sample, but may forecast badly."""
+HEALTHY_STRAIN = 4.0  #: Innovations squared over their expectation, lately: a model of the motion at hand stays below.
+_ALIKE = 1.5  #: Mean square errors, over all leads: a wide filter explains any sample, but may forecast badly.
 
 _MIN_VARIANCE = 1e-10
 _ACTIVITY_TIME = 5.0
@@ -108,39 +102,20 @@ _MIN_ACTIVITY = 1e-4
 
 @dataclass(frozen=True)
 class ForecasterSettings:
-    """What is forecast, and how the sea is learnt.
+    """What is forecast, and how the sea is learnt."""
 
-    Attributes
-    ----------
-    leads : tuple of float
-        s, increasing; the leads that are scored and calibrated.
-    horizon, horizon_step : float
-        s.
-    forecast_rate : float
-        Forecasts a second (never more often than samples come).
-    window : float
-        s; the past that the sea is learnt from.
-    first_refit, refit_interval : float
-        s; when the sea is first learnt, and the least time between fits.
-    refit_delay : float
-        s from a request's stamp to its fit's use: the time that the background has for it.
-    quiescence : QuiescenceLimits or None
-        Limits whose probability of being kept is forecast; None: it is not.
-    points : tuple of Point
-        Where vertical motion is forecast, too.
-    """
-
+    #: s, increasing; the leads that are scored and calibrated.
     leads: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
-    horizon: float = 5.0
-    horizon_step: float = 0.1
-    forecast_rate: float = 10.0
-    window: float = 1200.0
-    first_refit: float = 8.0
-    refit_interval: float = 5.0
-    refit_delay: float = 0.5
+    horizon: float = 5.0  #: s.
+    horizon_step: float = 0.1  #: s.
+    forecast_rate: float = 10.0  #: Forecasts a second (never more often than samples come).
+    window: float = 1200.0  #: s; the past that the sea is learnt from.
+    first_refit: float = 8.0  #: s; when the sea is first learnt, and the least time between fits.
+    refit_interval: float = 5.0  #: s; when the sea is first learnt, and the least time between fits.
+    refit_delay: float = 0.5  #: s from a request's stamp to its fit's use: the time that the background has for it.
     hull: HullFilterSettings = HullFilterSettings()
-    quiescence: QuiescenceLimits | None = None
-    points: tuple[Point, ...] = ()
+    quiescence: QuiescenceLimits | None = None  #: Limits whose probability of being kept is forecast; None: it is not.
+    points: tuple[Point, ...] = ()  #: Where vertical motion is forecast, too.
 
     def __post_init__(self):
         if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
@@ -160,55 +135,29 @@ class ForecasterSettings:
 
 
 class Observed(NamedTuple):
-    """What one sample led to.
+    """What one sample led to."""
 
-    Attributes
-    ----------
-    reasons : tuple of str
-        From `FORECASTER_REASONS`.
-    forecast, horizon : Forecast or None
-        At the leads and over the horizon, when due.
-    sea_request : SeaRequest or None
-        A past to learn from: give it to `fit_sea` and the result to `Forecaster.install`.
-    sea : SeaReport or None
-        Of the sea state, once a minute.
-    """
-
-    reasons: tuple[str, ...] = ()
-    forecast: Forecast | None = None
-    horizon: Forecast | None = None
+    reasons: tuple[str, ...] = ()  #: From `FORECASTER_REASONS`.
+    forecast: Forecast | None = None  #: At the leads and over the horizon, when due.
+    horizon: Forecast | None = None  #: At the leads and over the horizon, when due.
+    #: A past to learn from: give it to `fit_sea` and the result to `Forecaster.install`.
     sea_request: SeaRequest | None = None
-    sea: SeaReport | None = None
+    sea: SeaReport | None = None  #: Of the sea state, once a minute.
 
 
 @dataclass(frozen=True)
 class ForecasterDiagnostics:
-    """The running state, for people.
+    """The running state, for people."""
 
-    Attributes
-    ----------
-    sample_interval : float
-        s; NaN before the second sample.
-    has_model : dict of str to bool
-        By axis.
-    has_waves : bool
-        Whether a state space of the waves is in use.
-    nis_ratio : dict of str to float
-        Innovations squared over their expectation, by axis; one is healthy.
-    nrmse, coverage : ndarray, shape (A, L)
-        Running error over the size of the motion, and share of the 90 % intervals that held.
-    candidate_nrmse, weights : ndarray, shape (K, A, L)
-        The running error of each of `CANDIDATES`, and what it contributes.
-    """
-
-    sample_interval: float
-    has_model: dict[str, bool]
-    has_waves: bool
-    nis_ratio: dict[str, float]
-    nrmse: np.ndarray
+    sample_interval: float  #: s; NaN before the second sample.
+    has_model: dict[str, bool]  #: By axis.
+    has_waves: bool  #: Whether a state space of the waves is in use.
+    nis_ratio: dict[str, float]  #: Innovations squared over their expectation, by axis; one is healthy.
+    nrmse: np.ndarray  #: (A, L); Running error over the size of the motion, and share of the 90 % intervals that held.
+    #: (A, L); Running error over the size of the motion, and share of the 90 % intervals that held.
     coverage: np.ndarray
-    candidate_nrmse: np.ndarray
-    weights: np.ndarray
+    candidate_nrmse: np.ndarray  #: (K, A, L); The running error of each of `CANDIDATES`, and what it contributes.
+    weights: np.ndarray  #: (K, A, L); The running error of each of `CANDIDATES`, and what it contributes.
     advice: tuple[Advice, ...]
 
 
@@ -216,10 +165,6 @@ class Forecaster:
     """Forecasts of both axes.
 
     Pure and causal: its time is the sum of what elapsed between samples.
-
-    Parameters
-    ----------
-    settings : ForecasterSettings, optional
     """
 
     def __init__(self, settings: ForecasterSettings | None = None) -> None:
@@ -263,12 +208,9 @@ class Forecaster:
     def set_model(self, axis: str, identified: IdentifiedModel | None) -> None:
         """Swap the hull of an axis under the running filter.
 
-        Parameters
-        ----------
-        axis : str
-            One of `AXES`.
-        identified : IdentifiedModel or None
-            None: none is known.
+        Args:
+            axis: One of `AXES`.
+            identified: None: none is known.
         """
         self._models[axis] = identified
         if identified is None:
@@ -284,10 +226,8 @@ class Forecaster:
 
         So a live run whose background is quick enough forecasts what an offline run does.
 
-        Parameters
-        ----------
-        fit : SeaFit
-            From `fit_sea`.
+        Args:
+            fit: From `fit_sea`.
         """
         self._waiting = fit
 
@@ -311,17 +251,12 @@ class Forecaster:
     ) -> Observed:
         """Take one sample.
 
-        Parameters
-        ----------
-        sample : CraftSample
-            NaN where not measured.
-        stamp : float
-            s; of the forecasts that are issued.
-        elapsed : float or None
-            s since the sample before; None at the first, and where the clock was set back.
-        publish_next : callable, optional
-            Called with the sensor's interval, s, and, by axis, angle, rate and their covariance (three
-            numbers) one sample ahead, as soon as these are known.
+        Args:
+            sample: NaN where not measured.
+            stamp: s; of the forecasts that are issued.
+            elapsed: s since the sample before; None at the first, and where the clock was set back.
+            publish_next: Called with the sensor's interval, s, and, by axis, angle, rate and their covariance (three
+                numbers) one sample ahead, as soon as these are known.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
         linked = since <= LONGEST_BRIDGE
@@ -760,10 +695,8 @@ def _by_axis(places: Sequence[int], mean: np.ndarray, covariance: np.ndarray):
 class MotionSize:
     """Running size of the motion about one axis.
 
-    Parameters
-    ----------
-    memory : float
-        s.
+    Args:
+        memory: s.
     """
 
     def __init__(self, memory: float) -> None:

@@ -33,110 +33,74 @@ from swath_sysid.common.errors import InputError
 ANGLE, RATE, TRIM, STIFFNESS, DAMPING = range(HULL_STATES)
 OF_HULL = slice(TRIM, HULL_STATES)
 
-Pair = tuple[float, float]
-"""Of the angle and of the rate."""
+Pair = tuple[float, float]  #: Of the angle and of the rate.
 
 NO_HULL = (0.0,) * 9, (False,) * 9, 1.0
 NO_MOMENT = np.empty((0, 3)), np.empty(0), np.empty((0, 0))
 
-TRIM_DRIFT = 3e-6**2
-"""rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the sea."""
-
-SCALE_DRIFT = 1e-4**2
-"""1/s; the scales move by 2 % in ten hours of a voyage."""
+TRIM_DRIFT = 3e-6**2  #: rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the sea.
+SCALE_DRIFT = 1e-4**2  #: 1/s; the scales move by 2 % in ten hours of a voyage.
 
 UNKNOWN_TRIM_STD = 0.02
-IDENTIFIED_TRIM_STD = 5e-4
-"""rad; identification reports 3e-5 to 7e-4."""
+IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 
 MIN_STIFFNESS_STD = 0.001
 MIN_DAMPING_STD = 0.005
-MAX_SCALE_STD = 1.0
-"""Of the logarithms of the scales: no model is exact, and none is worth nothing."""
+MAX_SCALE_STD = 1.0  #: Of the logarithms of the scales: no model is exact, and none is worth nothing.
 
+#: rad; where the ratios' covariance is weighed, if the identification does not state its amplitudes.
 USUAL_AMPLITUDE = 0.05
-"""rad; where the ratios' covariance is weighed, if the identification does not state its amplitudes."""
 
 INITIAL_ANGLE_STD = 0.3
-INITIAL_RATE_STD = 0.3
-"""rad and rad/s, of what the first sample does not measure."""
+INITIAL_RATE_STD = 0.3  #: rad and rad/s, of what the first sample does not measure.
+MARKOV_TIME = 0.5  #: s; one over the corner frequency of the moment of which nothing is known.
+MARKOV_STD = 0.3  #: rad/s^2; its size at the start.
 
-MARKOV_TIME = 0.5
-"""s; one over the corner frequency of the moment of which nothing is known."""
-
-MARKOV_STD = 0.3
-"""rad/s^2; its size at the start."""
-
+#: Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft.
 MIN_LEVEL, MAX_LEVEL = 1e-10, 1e4
-"""Of a moment's variance over what it was taken up with; 30 rad/s^2 is the most that moves a craft."""
 
-CHALLENGING_LEVEL = 0.01
-"""Of the unknown moment where it has to show anew that it acts."""
+CHALLENGING_LEVEL = 0.01  #: Of the unknown moment where it has to show anew that it acts.
+LEVEL_INTERVAL = 0.05  #: s between two judgements of the moments' sizes.
+FREE_LEVEL_INTERVAL = 1.0  #: s; the same while no hull is known: nothing but the filter's own smoothness hangs on it.
 
-LEVEL_INTERVAL = 0.05
-"""s between two judgements of the moments' sizes."""
-
-FREE_LEVEL_INTERVAL = 1.0
-"""s; the same while no hull is known: nothing but the filter's own smoothness hangs on it."""
-
+#: s; a size drifts towards what the states support: the unknown moment's, and that of a learnt sea.
 LEVEL_TIMES = 2.0, 60.0
-"""s; a size drifts towards what the states support: the unknown moment's, and that of a learnt sea."""
 
+#: Logarithms of the likelihood ratio from which on the filter that is not in use takes over, and begins anew.
 CONVINCING, LOST = 10.0, 2.0
-"""Logarithms of the likelihood ratio from which on the filter that is not in use takes over, and begins anew."""
 
-UNFORESEEN = 1e-8
-"""Of a learnt sea's variance: that of the unknown moment beside it, at first."""
+UNFORESEEN = 1e-8  #: Of a learnt sea's variance: that of the unknown moment beside it, at first.
 
 STRAIN_GAIN = 0.2
+#: Running mean of the innovations squared over their expectation, and from where on something new must be acting.
 MAX_STRAIN = 3.5
-"""Running mean of the innovations squared over their expectation, and from where on something new must be acting."""
 
+#: Of the moment that one interval's innovation shows: it has often acted for longer. Too little is raised again.
 NEWCOMER = 0.5
-"""Of the moment that one interval's innovation shows: it has often acted for longer. Too little is raised again."""
 
-RECENT = 400
-"""Samples that are kept to be taken in anew when a fit arrives."""
+RECENT = 400  #: Samples that are kept to be taken in anew when a fit arrives.
+INSIGNIFICANT = 0.01  #: rad/s^2; an unknown moment of less is none.
+QUIET = 3.0  #: s; trim and scales are learnt once the unknown moment has been insignificant for so long.
+LONGEST_STEP = 0.05  #: s; the moment acts by the mean of its values at both ends of a step.
+CONTRADICTION = 3.0  #: Standard deviations.
 
-INSIGNIFICANT = 0.01
-"""rad/s^2; an unknown moment of less is none."""
-
-QUIET = 3.0
-"""s; trim and scales are learnt once the unknown moment has been insignificant for so long."""
-
-LONGEST_STEP = 0.05
-"""s; the moment acts by the mean of its values at both ends of a step."""
-
-CONTRADICTION = 3.0
-"""Standard deviations."""
-
+#: Logarithms of the scales of stiffness and damping that are worth a word however little was known before.
 MUCH = 0.1, 0.3
-"""Logarithms of the scales of stiffness and damping that are worth a word however little was known before."""
 
 
 class HullUncertainty(NamedTuple):
-    """What is not known of an identified hull.
+    """What is not known of an identified hull."""
 
-    Attributes
-    ----------
-    trim_std : float
-        rad; NaN: not known.
-    stiffness_std, damping_std : float
-        Relative.
-    """
-
-    trim_std: float = IDENTIFIED_TRIM_STD
-    stiffness_std: float = 0.0
-    damping_std: float = 0.0
+    trim_std: float = IDENTIFIED_TRIM_STD  #: rad; NaN: not known.
+    stiffness_std: float = 0.0  #: Relative.
+    damping_std: float = 0.0  #: Relative.
 
     @classmethod
     def of(cls, identified: IdentifiedModel) -> Self:
         """Relative uncertainty of the restoring and damping moments at the amplitude of the identification.
 
-        Parameters
-        ----------
-        identified : IdentifiedModel
-            With the covariance of its ratios; where that is zero, the defaults hold.
+        Args:
+            identified: With the covariance of its ratios; where that is zero, the defaults hold.
         """
         if not identified.covariance.any():
             return cls()
@@ -158,18 +122,10 @@ class HullUncertainty(NamedTuple):
 
 @dataclass(frozen=True)
 class HullFilterSettings:
-    """When a sample is refused.
+    """When a sample is refused."""
 
-    Attributes
-    ----------
-    gate_probability : float
-        A true measurement is taken for an outlier with this probability.
-    gate_patience : int
-        After so many rejected samples in a row the filter starts anew from the sensor.
-    """
-
-    gate_probability: float = 1e-12
-    gate_patience: int = 5
+    gate_probability: float = 1e-12  #: A true measurement is taken for an outlier with this probability.
+    gate_patience: int = 5  #: After so many rejected samples in a row the filter starts anew from the sensor.
 
     def __post_init__(self):
         if not 0.0 < self.gate_probability < 0.5:
@@ -179,82 +135,45 @@ class HullFilterSettings:
 
 
 class Observed(NamedTuple):
-    """What one sample led to.
+    """What one sample led to."""
 
-    Attributes
-    ----------
-    nis : float
-        Normalised innovation squared; NaN where nothing was measured.
-    measured : int
-        How many values (0, 1 or 2) the sample gave.
-    rejected : bool
-        The gate refused the sample.
-    restarted : bool
-        The filter began anew from this sample.
-    log_likelihood : float
-        Of the sample, natural logarithm; zero where nothing was measured or it was rejected.
-    surprised : bool
-        A moment that nothing foretold has begun to act, or ceased to: a hand, a line, a gust.
-    """
-
-    nis: float = math.nan
-    measured: int = 0
-    rejected: bool = False
-    restarted: bool = False
+    nis: float = math.nan  #: Normalised innovation squared; NaN where nothing was measured.
+    measured: int = 0  #: How many values (0, 1 or 2) the sample gave.
+    rejected: bool = False  #: The gate refused the sample.
+    restarted: bool = False  #: The filter began anew from this sample.
+    #: Of the sample, natural logarithm; zero where nothing was measured or it was rejected.
     log_likelihood: float = 0.0
-    surprised: bool = False
+    surprised: bool = False  #: A moment that nothing foretold has begun to act, or ceased to: a hand, a line, a gust.
 
 
 @dataclass(frozen=True)
 class ExcitationRequest:
-    """A window to learn a moment from (`excitation_model.fit_excitation`).
+    """A window to learn a moment from (`excitation_model.fit_excitation`)."""
 
-    Attributes
-    ----------
-    model : DecayModel
-        The hull.
-    hull_mean, hull_covariance : ndarray, shapes (3,) and (3, 3)
-        Trim, rad, and logarithms of the scales of stiffness and damping, as now estimated.
-    hull_is_learnt : bool
-        Whether the filter has learnt them in this window already.
-    step : float
-        s between the samples.
-    angle, rate : ndarray, shape (N,)
-        rad, rad/s, each the mean of the sensor's samples in a step.
-    angle_variance, rate_variance : float
-        Of the noise of these means.
-    samples : int
-        Of the sensor in a step.
-    """
-
-    model: DecayModel
+    model: DecayModel  #: The hull.
+    #: (3,) and (3, 3); Trim, rad, and logarithms of the scales of stiffness and damping, as now estimated.
     hull_mean: np.ndarray
+    #: (3,) and (3, 3); Trim, rad, and logarithms of the scales of stiffness and damping, as now estimated.
     hull_covariance: np.ndarray
-    hull_is_learnt: bool
-    step: float
-    angle: np.ndarray
-    rate: np.ndarray
-    angle_variance: float
-    rate_variance: float
-    samples: int = 1
+    hull_is_learnt: bool  #: Whether the filter has learnt them in this window already.
+    step: float  #: s between the samples.
+    angle: np.ndarray  #: (N,); rad, rad/s, each the mean of the sensor's samples in a step.
+    rate: np.ndarray  #: (N,); rad, rad/s, each the mean of the sensor's samples in a step.
+    angle_variance: float  #: Of the noise of these means.
+    rate_variance: float  #: Of the noise of these means.
+    samples: int = 1  #: Of the sensor in a step.
 
 
 @dataclass(frozen=True)
 class ExcitationFit:
-    """A learnt moment.
-
-    Attributes
-    ----------
-    mean, covariance : ndarray, shapes (n,) and (n, n)
-        Of the whole state of a filter with it, at the time of the window's last sample.
-    levels : tuple of 2 floats
-        Sizes of the unknown moment and of this one then.
-    """
+    """A learnt moment."""
 
     moment: ModalMoment
+    #: (n,) and (n, n); Of the whole state of a filter with it, at the time of the window's last sample.
     mean: np.ndarray
+    #: (n,) and (n, n); Of the whole state of a filter with it, at the time of the window's last sample.
     covariance: np.ndarray
-    levels: tuple[float, float]
+    levels: tuple[float, float]  #: Sizes of the unknown moment and of this one then.
 
 
 class HullTrack:
@@ -359,18 +278,10 @@ class HullFilter:
 
     It holds no clock: every call says how much time has passed. Same calls, same numbers.
 
-    Parameters
-    ----------
-    settings : HullFilterSettings
-
-    Attributes
-    ----------
-    is_free : bool
-        Whether the hull on which nothing acts is in use.
-    moments : list of ModalMoment
-        The unknown one and, once learnt, that of the sea.
-    levels : ndarray, shape (1,) or (2,)
-        Their variances over those that they were taken up with.
+    Attributes:
+        is_free: Whether the hull on which nothing acts is in use.
+        moments: The unknown one and, once learnt, that of the sea.
+        levels: (1,) or (2,); their variances over those that they were taken up with.
     """
 
     def __init__(self, settings: HullFilterSettings | None = None) -> None:
@@ -395,12 +306,9 @@ class HullFilter:
         Trim and scales are learnt only if the filter that asked has not learnt them in this window: no sample
         counts twice.
 
-        Parameters
-        ----------
-        request : ExcitationRequest
-            The window, and the hull as it is known.
-        moment : ModalMoment
-            Learnt from the window.
+        Args:
+            request: The window, and the hull as it is known.
+            moment: Learnt from the window.
         """
         made = cls()
         made.set_hull(request.model)
@@ -444,12 +352,9 @@ class HullFilter:
     def set_hull(self, model: DecayModel | None, uncertainty: HullUncertainty | None = None) -> None:
         """Swap the hull; the state of motion and the moment's estimate go on.
 
-        Parameters
-        ----------
-        model : DecayModel or None
-            None: no restoring and no damping, a constant rate that the moment drives.
-        uncertainty : HullUncertainty or None
-            None: exactly known, but for what no model is exact in.
+        Args:
+            model: None: no restoring and no damping, a constant rate that the moment drives.
+            uncertainty: None: exactly known, but for what no model is exact in.
         """
         was_without, self.model = self.model is None, model
         self._prior = self._prior_of(uncertainty or HullUncertainty(IDENTIFIED_TRIM_STD))
@@ -483,12 +388,9 @@ class HullFilter:
         The driven hull goes on from the state that the fit found at its window's end, and takes in anew the samples
         that have come since; a hull on which nothing acts is not concerned.
 
-        Parameters
-        ----------
-        fit : ExcitationFit
-            The moment, and the state at its window's end.
-        age : float
-            s from the time of the window's last sample to that of the newest one here.
+        Args:
+            fit: The moment, and the state at its window's end.
+            age: s from the time of the window's last sample to that of the newest one here.
         """
         self._use_moments([self.moments[0], fit.moment], fit.levels)
         self._evidence = 0.0
@@ -519,20 +421,13 @@ class HullFilter:
     ) -> ExcitationRequest | None:
         """A window of the past, with what is known of the hull now, for `fit_excitation`.
 
-        Parameters
-        ----------
-        step : float
-            s between the samples.
-        angle, rate : ndarray, shape (N,)
-            rad, rad/s, each the mean of the sensor's samples in a step; without gaps.
-        angle_variance, rate_variance : float
-            Of the noise of these means.
-        samples : int
-            Of the sensor in a step.
+        Args:
+            step: s between the samples.
+            angle, rate: (N,); rad, rad/s, each the mean of the sensor's samples in a step; without gaps.
+            angle_variance, rate_variance: Of the noise of these means.
+            samples: Of the sensor in a step.
 
-        Returns
-        -------
-        ExcitationRequest or None
+        Returns:
             None: there is no hull through which a moment could be seen.
         """
         if self.model is None:
@@ -572,12 +467,9 @@ class HullFilter:
     def start(self, angle: float, rate: float, angle_variance: float, rate_variance: float) -> None:
         """Begin anew from one sample (NaN: not measured). Trim, scales and the moments' sizes are kept.
 
-        Parameters
-        ----------
-        angle, rate : float
-            rad, rad/s.
-        angle_variance, rate_variance : float
-            rad^2, rad^2/s^2.
+        Args:
+            angle, rate: rad, rad/s.
+            angle_variance, rate_variance: rad^2, rad^2/s^2.
         """
         has_angle, has_rate = angle == angle, rate == rate
         motion = [angle if has_angle else self.x[TRIM], rate if has_rate else 0.0]
@@ -599,14 +491,10 @@ class HullFilter:
     ) -> Observed:
         """Predict over the time since the sample before, and take in what was measured (NaN: not measured).
 
-        Parameters
-        ----------
-        elapsed : float
-            s.
-        angle, rate : float
-            rad, rad/s.
-        angle_variance, rate_variance : float
-            Of the sensor's noise, rad^2 and rad^2/s^2.
+        Args:
+            elapsed: s.
+            angle, rate: rad, rad/s.
+            angle_variance, rate_variance: Of the sensor's noise, rad^2 and rad^2/s^2.
         """
         self._recent.append((elapsed, angle, rate, angle_variance, rate_variance))
         values, variances, driven, free = (angle, rate), (angle_variance, rate_variance), self.driven, self.free
@@ -739,9 +627,7 @@ class HullFilter:
     def ahead(self, lead: float) -> tuple[float, float, float, float, float]:
         """One lead after the present state, which stays as it is.
 
-        Returns
-        -------
-        tuple of 5 floats
+        Returns:
             Angle, rate, angle variance, covariance of both, rate variance.
         """
         mean, covariance = self.active.ahead(lead)
@@ -750,15 +636,12 @@ class HullFilter:
     def forecast(self, leads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angle and rate at leads after the present state, which stays as it is.
 
-        Parameters
-        ----------
-        leads : ndarray, shape (L,)
-            s, increasing.
+        Args:
+            leads: (L,); s, increasing.
 
-        Returns
-        -------
-        angle, rate : ndarray, shape (L,)
-        covariance : ndarray, shape (L, 2, 2)
+        Returns:
+            angle, rate: (L,)
+            covariance: (L, 2, 2)
         """
         means, spreads = self.active.forecast(leads)
         return means[:, 0], means[:, 1], spreads

@@ -19,21 +19,13 @@ from swath_sysid.attitude.hull.compiled import (
 )
 from swath_sysid.common.accelerator import accelerated
 
-HULL_STATES = 5
-"""Angle, rate, trim and the two scales stand before the moment's states."""
-
-CAPSIZED = 1.5
-"""rad from trim; no decay model is used beyond."""
-
-LARGEST_JUMP = 10.0
-"""rad/s^2; by so much at most the moment changes between two samples."""
-
-MOST = 3.0
-"""Of the logarithm of a scale, either way."""
+HULL_STATES = 5  #: Angle, rate, trim and the two scales stand before the moment's states.
+CAPSIZED = 1.5  #: rad from trim; no decay model is used beyond.
+LARGEST_JUMP = 10.0  #: rad/s^2; by so much at most the moment changes between two samples.
+MOST = 3.0  #: Of the logarithm of a scale, either way.
 
 LARGEST_ANGLE_VARIANCE = math.pi**2
-LARGEST_RATE_VARIANCE = 100.0
-"""Where nothing observes the angle, its variance would grow without end."""
+LARGEST_RATE_VARIANCE = 100.0  #: Where nothing observes the angle, its variance would grow without end.
 
 
 @accelerated
@@ -72,28 +64,18 @@ def hull_step(
 ) -> tuple[float, float, tuple, tuple]:
     """One step of the hull under a held moment, and its linearisation in the middle of the step.
 
-    Parameters
-    ----------
-    angle, rate, trim : float
-        rad, rad/s and rad, before the step.
-    stiffness, damping : float
-        Logarithms of the scales.
-    moment : float
-        Mean over the step, rad/s^2.
-    rate_variance : float
-        Of what is known of the rate, rad^2/s^2; see `expected_ratios`.
-    step : float
-        s, short against the natural period.
-    hull : tuple
-        Ratios (9), active (9 bools), friction rate, rad/s.
+    Args:
+        angle, rate, trim: rad, rad/s and rad, before the step.
+        stiffness, damping: Logarithms of the scales.
+        moment: Mean over the step, rad/s^2.
+        rate_variance: Of what is known of the rate, rad^2/s^2; see `expected_ratios`.
+        step: s, short against the natural period.
+        hull: Ratios (9), active (9 bools), friction rate, rad/s.
 
-    Returns
-    -------
-    angle, rate : float
-        After the step.
-    to_angle, to_rate : tuple of 6 floats
-        Derivatives of both by angle, rate, trim, log stiffness, log damping and moment: the exponential of
-        [[0, 1], [a, c]] and its integral, to third order in the step.
+    Returns:
+        angle, rate: After the step.
+        to_angle, to_rate: Derivatives of both by angle, rate, trim, log stiffness, log damping and moment: the
+            exponential of [[0, 1], [a, c]] and its integral, to third order in the step.
     """
     ratios, active, friction_rate = hull
     stiffness, damping = math.exp(min(max(stiffness, -MOST), MOST)), math.exp(min(max(damping, -MOST), MOST))
@@ -164,20 +146,13 @@ def predict(
 
     Over a step the moment acts by the mean of its values at both ends, and so does its noise.
 
-    Parameters
-    ----------
-    mean, covariance : ndarray, shapes (n,) and (n, n)
-        Of the state, n = 5 + 2 B.
-    moment : tuple
-        Blocks (B, 3), output (2 B,), stationary covariance (2 B, 2 B).
-    hull : tuple
-        See `hull_step`.
-    drifts : tuple of 2 floats
-        Variance a second of the trim, rad^2/s, and of the logarithms of the scales, 1/s.
-    duration : float
-        s.
-    longest : float
-        Longest step, s.
+    Args:
+        mean, covariance: (n,) and (n, n); of the state, n = 5 + 2 B.
+        moment: Blocks (B, 3), output (2 B,), stationary covariance (2 B, 2 B).
+        hull: See `hull_step`.
+        drifts: Variance a second of the trim, rad^2/s, and of the logarithms of the scales, 1/s.
+        duration: s.
+        longest: Longest step, s.
     """
     blocks, output, stationary = moment
     count = max(1, math.ceil(duration / longest - 1e-6))
@@ -380,16 +355,12 @@ def innovation(
 ) -> tuple[int, float, float, float]:
     """How far what was measured (NaN: not measured) lies from what was expected.
 
-    Returns
-    -------
-    measured : int
-        How many values.
-    nis : float
-        Normalised innovation squared.
-    log_likelihood : float
-    gate_nis : float
-        The same if the moment has jumped since the sample before: a hand that lets go, or takes hold, changes it by
-        about what the hull's own moment is now.
+    Returns:
+        measured: How many values.
+        nis: Normalised innovation squared.
+        log_likelihood
+        gate_nis: The same if the moment has jumped since the sample before: a hand that lets go, or takes hold, changes
+            it by about what the hull's own moment is now.
     """
     a, b, d = covariance[0, 0] + angle_variance, covariance[0, 1], covariance[1, 1] + rate_variance
     e0, e1 = angle - mean[0], rate - mean[1]

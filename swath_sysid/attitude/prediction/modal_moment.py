@@ -17,34 +17,23 @@ from typing import Self
 import numpy as np
 from scipy.linalg import block_diag, eig, expm, solve_continuous_lyapunov
 
-SLOWEST_DECAY = 1e-4
-"""1/s; a pole decays at least so fast, so that the stationary covariance exists."""
+SLOWEST_DECAY = 1e-4  #: 1/s; a pole decays at least so fast, so that the stationary covariance exists.
 
+#: 1/s; what a discrete model forgets within a step (a pole at zero or of a negative real number) decays so fast.
 FASTEST_DECAY = 200.0
-"""1/s; what a discrete model forgets within a step (a pole at zero or of a negative real number) decays so fast."""
 
-WORST_CONDITION = 300.0
-"""Of the modal coordinates; where poles coincide more closely, the matrix is nudged."""
+WORST_CONDITION = 300.0  #: Of the modal coordinates; where poles coincide more closely, the matrix is nudged.
 
 
 @dataclass(frozen=True)
 class ModalMoment:
-    """A moment in modal form; n = 2 B states.
+    """A moment in modal form; n = 2 B states."""
 
-    Attributes
-    ----------
-    blocks : ndarray, shape (B, 3)
-        First and second decay rate, 1/s (negative; equal for a pair of complex poles), and frequency, rad/s
-        (zero for two real poles).
-    output : ndarray, shape (n,)
-        From the state to the moment over inertia, rad/s^2.
-    stationary : ndarray, shape (n, n)
-        Covariance of the state.
-    """
-
+    #: (B, 3); First and second decay rate, 1/s (negative; equal for a pair of complex poles), and frequency, rad/s
+    #: (zero for two real poles).
     blocks: np.ndarray
-    output: np.ndarray
-    stationary: np.ndarray
+    output: np.ndarray  #: (n,); From the state to the moment over inertia, rad/s^2.
+    stationary: np.ndarray  #: (n, n); Covariance of the state.
 
     @property
     def size(self) -> int:
@@ -65,16 +54,11 @@ class ModalMoment:
     def from_discrete(cls, transition: np.ndarray, output: np.ndarray, stationary: np.ndarray, step: float) -> Self:
         """Bring a stable discrete state space into continuous modal form.
 
-        Parameters
-        ----------
-        transition : ndarray, shape (n, n)
-            Over a step.
-        output : ndarray, shape (n,)
-            From the state to the moment over inertia, rad/s^2.
-        stationary : ndarray, shape (n, n)
-            Covariance of the state.
-        step : float
-            s.
+        Args:
+            transition: (n, n); over a step.
+            output: (n,); from the state to the moment over inertia, rad/s^2.
+            stationary: (n, n); covariance of the state.
+            step: s.
         """
         values, vectors = _separate_poles(transition)
         # a negative real number has no real continuous counterpart: what alternates from step to step is forgotten
@@ -141,12 +125,9 @@ def markov_moment(variance: float, time: float) -> ModalMoment:
 
     Its spectrum is that of white noise through a low-pass of second order, damped a little less than critically.
 
-    Parameters
-    ----------
-    variance : float
-        rad^2/s^4.
-    time : float
-        One over the corner frequency, s.
+    Args:
+        variance: rad^2/s^4.
+        time: One over the corner frequency, s.
     """
     corner = 1.0 / time
     generator = np.array([[0.0, 1.0], [-corner * corner, -1.8 * corner]])

@@ -26,20 +26,13 @@ def oscillators(
 ) -> InnovationsModel | None:
     """A model of the angles alone, each with its rate where that is measured.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N, width)
-        Oldest first, NaN where missing.
-    names : sequence of str, length width
-        Of the columns.
-    step : float
-        s.
-    angles : sequence of str
-        Which of the names; ``X_rate`` is the rate of ``X``.
+    Args:
+        values: (N, width); oldest first, NaN where missing.
+        names: Of the columns.
+        step: s.
+        angles: Which of the names; ``X_rate`` is the rate of ``X``.
 
-    Returns
-    -------
-    InnovationsModel or None
+    Returns:
         None while no angle has been seen.
     """
     names = list(names)
@@ -94,19 +87,13 @@ def _oscillator(values: np.ndarray, names: Sequence[str], step: float, angle: in
 def angle_statistics(angle: np.ndarray, rate: np.ndarray | None, step: float) -> tuple[float, float, float]:
     """Mean, standard deviation and natural frequency of an angle, drawn to what is expected while little is known.
 
-    Parameters
-    ----------
-    angle : ndarray, shape (N,)
-        rad, NaN where missing.
-    rate : ndarray, shape (N,), or None
-        rad/s; without it the angle's differences.
-    step : float
-        s.
+    Args:
+        angle: (N,); rad, NaN where missing.
+        rate: (N,), or None; rad/s; without it the angle's differences.
+        step: s.
 
-    Returns
-    -------
-    mean, deviation, frequency : float
-        rad, rad, rad/s.
+    Returns:
+        mean, deviation, frequency: rad, rad, rad/s.
     """
     duration = step * np.isfinite(angle).sum()
     rates = np.diff(angle) / step if rate is None else rate

@@ -11,44 +11,25 @@ from typing import Any
 
 import numpy as np
 
-ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')
-"""What is measured and forecast of every craft."""
-
-POINT_MOTION = ('heave', 'vertical_velocity', 'vertical_acceleration')
-"""What is forecast at each point."""
+ATTITUDE = ('roll', 'pitch', 'roll_rate', 'pitch_rate')  #: What is measured and forecast of every craft.
+POINT_MOTION = ('heave', 'vertical_velocity', 'vertical_acceleration')  #: What is forecast at each point.
 
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the craft.
-
-    Attributes
-    ----------
-    place : tuple of 3 floats
-        m from the sensor, x forward, y port, z up.
-    """
+    """A point of the craft."""
 
     name: str
-    place: tuple[float, float, float]
+    place: tuple[float, float, float]  #: m from the sensor, x forward, y port, z up.
 
 
 @dataclass(frozen=True)
 class PointMotion:
-    """Vertical motion of a point at L leads.
+    """Vertical motion of a point at L leads."""
 
-    Attributes
-    ----------
-    place : tuple of 3 floats
-        m from the sensor.
-    mean : ndarray, shape (L, 3)
-        `POINT_MOTION`: m about the mean level, m/s, m/s^2.
-    covariance : ndarray, shape (L, 7, 7), or None
-        Of these and of roll, pitch and their rates.
-    """
-
-    place: tuple[float, float, float]
-    mean: np.ndarray
-    covariance: Any
+    place: tuple[float, float, float]  #: m from the sensor.
+    mean: np.ndarray  #: (L, 3); `POINT_MOTION`: m about the mean level, m/s, m/s^2.
+    covariance: Any  #: (L, 7, 7), or None; Of these and of roll, pitch and their rates.
 
     def at(self, chosen: Any) -> 'PointMotion':
         """Of some of the leads."""
@@ -61,16 +42,11 @@ def height_partials(
 ) -> dict[tuple[int, int], Any]:
     """Height of a point above the sensor, u . r, and its partial derivatives.
 
-    Parameters
-    ----------
-    place : sequence of 3 floats
-        r, m.
-    roll, pitch : ndarray, shape (L,)
-        rad.
+    Args:
+        place: r, m.
+        roll, pitch: (L,); rad.
 
-    Returns
-    -------
-    dict of (int, int) to ndarray, shape (L,)
+    Returns:
         By the number of derivatives in roll and in pitch, up to three in all.
     """
     x, y, z = place
@@ -97,16 +73,12 @@ def point_motion(
 ) -> PointMotion:
     """Vertical motion at a point from that at the sensor, with its covariance to first order.
 
-    Parameters
-    ----------
-    place : sequence of 3 floats
-        m from the sensor.
-    mean_attitude : tuple of 2 floats
-        Roll and pitch about which the craft moves, rad: there the point is at its mean level.
-    motion : ndarray, shape (L, 9)
-        Heave, vertical velocity and acceleration, roll and pitch acceleration, roll, pitch and their rates.
-    covariance : ndarray, shape (L, 9, 9), optional
-        Of these.
+    Args:
+        place: m from the sensor.
+        mean_attitude: Roll and pitch about which the craft moves, rad: there the point is at its mean level.
+        motion: (L, 9); heave, vertical velocity and acceleration, roll and pitch acceleration, roll, pitch and their
+            rates.
+        covariance: (L, 9, 9); of these.
     """
     heave, velocity, acceleration, roll_acc, pitch_acc, roll, pitch, roll_rate, pitch_rate = motion.T
 

@@ -18,55 +18,34 @@ from scipy.special import ndtr
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.common.errors import InputError
 
-AT_A_POINT = POINT_MOTION[:2]
-"""What can be limited at each point, beside `ATTITUDE` of the craft."""
+AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATTITUDE` of the craft.
 
 _ENOUGH = 30
-_SIZE_MEMORY = 60.0
-"""s; a shorter one follows groups of waves, in which the errors grow less than the motion does."""
+_SIZE_MEMORY = 60.0  #: s; a shorter one follows groups of waves, in which the errors grow less than the motion does.
 
 
 @dataclass(frozen=True)
 class PointLimits:
-    """What counts as quiet at a named point.
-
-    Attributes
-    ----------
-    heave, vertical_velocity : float
-        Largest either way, m about the mean level and m/s; infinite: does not matter.
-    """
+    """What counts as quiet at a named point."""
 
     name: str
-    heave: float = math.inf
+    heave: float = math.inf  #: Largest either way, m about the mean level and m/s; infinite: does not matter.
+    #: Largest either way, m about the mean level and m/s; infinite: does not matter.
     vertical_velocity: float = math.inf
 
 
 @dataclass(frozen=True)
 class QuiescenceLimits:
-    """What counts as quiet.
+    """What counts as quiet."""
 
-    Attributes
-    ----------
-    roll, pitch : float
-        Largest angles either way, rad; infinite: does not matter.
-    roll_rate, pitch_rate : float
-        Largest rates either way, rad/s.
-    duration : float
-        s from now for the probability, and the least length of a window of calm.
-    about_trim : bool
-        The angles' limits are about the present trim.
-    probability : float
-        With which a window of calm is to hold.
-    """
-
-    roll: float = math.inf
-    pitch: float = math.inf
-    roll_rate: float = math.inf
-    pitch_rate: float = math.inf
-    duration: float = 5.0
+    roll: float = math.inf  #: Largest angles either way, rad; infinite: does not matter.
+    pitch: float = math.inf  #: Largest angles either way, rad; infinite: does not matter.
+    roll_rate: float = math.inf  #: Largest rates either way, rad/s.
+    pitch_rate: float = math.inf  #: Largest rates either way, rad/s.
+    duration: float = 5.0  #: s from now for the probability, and the least length of a window of calm.
     points: tuple[PointLimits, ...] = ()
-    about_trim: bool = False
-    probability: float = 0.9
+    about_trim: bool = False  #: The angles' limits are about the present trim.
+    probability: float = 0.9  #: With which a window of calm is to hold.
 
     def __post_init__(self):
         limits = {name: getattr(self, name) for name in (*ATTITUDE, 'duration')}
@@ -94,51 +73,28 @@ def quantity_at(point: str, kind: str) -> str:
 
 
 class CalmWindow(NamedTuple):
-    """When the craft will be quiet.
+    """When the craft will be quiet."""
 
-    Attributes
-    ----------
-    begin, end : float
-        s from now.
-    probability : float
-        Of keeping all limits from beginning to end.
-    """
-
-    begin: float
-    end: float
-    probability: float
+    begin: float  #: s from now.
+    end: float  #: s from now.
+    probability: float  #: Of keeping all limits from beginning to end.
 
 
 @dataclass(frozen=True)
 class Reliability:
-    """How often the craft stayed quiet, by the probability forecast.
+    """How often the craft stayed quiet, by the probability forecast."""
 
-    Attributes
-    ----------
-    edges : ndarray, shape (B + 1,)
-        Of the bins of probability.
-    count : ndarray, shape (B,)
-    forecast, observed : ndarray, shape (B,)
-        Mean probability forecast and share that stayed quiet; NaN in empty bins.
-    brier, brier_of_climate : float
-        Mean squared error of the probability, and of always forecasting the share that stayed quiet.
-    """
-
-    edges: np.ndarray
-    count: np.ndarray
-    forecast: np.ndarray
-    observed: np.ndarray
-    brier: float
+    edges: np.ndarray  #: (B + 1,); Of the bins of probability.
+    count: np.ndarray  #: (B,)
+    forecast: np.ndarray  #: (B,); Mean probability forecast and share that stayed quiet; NaN in empty bins.
+    observed: np.ndarray  #: (B,); Mean probability forecast and share that stayed quiet; NaN in empty bins.
+    brier: float  #: Mean squared error of the probability, and of always forecasting the share that stayed quiet.
+    #: Mean squared error of the probability, and of always forecasting the share that stayed quiet.
     brier_of_climate: float
 
 
 class ReliabilityRecord:
-    """A reliability diagram that fills as outcomes become known; its memory does not grow.
-
-    Parameters
-    ----------
-    bins : int
-    """
+    """A reliability diagram that fills as outcomes become known; its memory does not grow."""
 
     def __init__(self, bins: int = 10) -> None:
         self._edges = np.linspace(0.0, 1.0, bins + 1)
@@ -149,12 +105,9 @@ class ReliabilityRecord:
     def add(self, forecast: float, observed: bool) -> None:
         """One probability and what came of it.
 
-        Parameters
-        ----------
-        forecast : float
-            Probability of staying quiet, from 0 to 1.
-        observed : bool
-            Whether the craft stayed quiet.
+        Args:
+            forecast: Probability of staying quiet, from 0 to 1.
+            observed: Whether the craft stayed quiet.
         """
         place = min(int(forecast * self._count.size), self._count.size - 1)
         self._count[place] += 1
@@ -184,17 +137,11 @@ class _Issued:
 class Quiescence:
     """Running probability of staying inside the limits, and the next window of calm.
 
-    Parameters
-    ----------
-    limits : QuiescenceLimits
-    leads : ndarray, shape (H,)
-        Of the horizon, s; one at least must be inside the duration.
-    quantities : sequence of str, length V
-        What is forecast and may be limited.
-    members : int
-        Past error trajectories kept.
-    spacing : float
-        s between them.
+    Args:
+        leads: (H,); of the horizon, s; one at least must be inside the duration.
+        quantities: What is forecast and may be limited.
+        members: Past error trajectories kept.
+        spacing: s between them.
     """
 
     def __init__(
@@ -219,10 +166,8 @@ class Quiescence:
     def set_limits(self, limits: QuiescenceLimits) -> None:
         """Take other limits; the duration stays, and what was learnt of the forecasts serves them at once.
 
-        Parameters
-        ----------
-        limits : QuiescenceLimits
-            Their duration is not used.
+        Args:
+            limits: Their duration is not used.
         """
         whole = limits.bounds(self._quantities)
         # only what is limited can end the quiet
@@ -243,12 +188,9 @@ class Quiescence:
     def learn(self, now: float, motion_at: Callable[[np.ndarray], np.ndarray]) -> None:
         """Take in the error trajectories that have become known.
 
-        Parameters
-        ----------
-        now : float
-            s.
-        motion_at : callable
-            From stamps, shape (H,), to what was measured of the quantities, shape (H, V).
+        Args:
+            now: s.
+            motion_at: From stamps, shape (H,), to what was measured of the quantities, shape (H, V).
         """
         while self._pending and self._pending[0].stamp + self._leads[-1] <= now + 1e-9:
             issued = self._pending.popleft()
@@ -271,23 +213,17 @@ class Quiescence:
     ) -> tuple[float, CalmWindow | None]:
         """Probability of staying inside, for the forecast issued now, and when the craft will next be quiet.
 
-        Parameters
-        ----------
-        now : float
-            s.
-        motion, deviation : ndarray, shape (H, V)
-            Forecast of the quantities over the whole horizon and its standard deviation. NaN for what is not measured.
-        activity : ndarray, shape (V,)
-            Present size of each quantity's motion; positive.
-        trim : ndarray, shape (V,), optional
-            About which limits may be.
+        Args:
+            now: s.
+            motion, deviation: (H, V); forecast of the quantities over the whole horizon and its standard deviation. NaN
+                for what is not measured.
+            activity: (V,); present size of each quantity's motion; positive.
+            trim: (V,); about which limits may be.
 
-        Returns
-        -------
-        probability : float
-            Of staying quiet from now on for the duration; NaN where nothing is limited, or what is limited is not
-            measured.
-        window : CalmWindow or None
+        Returns:
+            probability: Of staying quiet from now on for the duration; NaN where nothing is limited, or what is limited
+                is not measured.
+            window
         """
         size = self._follow_size(now, activity)
         about = np.zeros(len(self._quantities)) if trim is None or not self._about_trim else trim

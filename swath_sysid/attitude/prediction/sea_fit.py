@@ -18,74 +18,39 @@ from swath_sysid.attitude.prediction.vertical import FORCE, VerticalFit, Vertica
 ALL_CHANNELS, SHORT_MEMORY, EACH_ALONE = 'waves', 'waves-short', 'axis-alone'
 SEA_MODELS = (SHORT_MEMORY, ALL_CHANNELS, EACH_ALONE)
 
-SHORT = 60.0
-"""s; a sea that has just changed is forecast from so short a past until the long one has learnt it."""
-
-LONGEST_FILLED = 2.0
-"""s; across a longer gap the motion before does not give the phase after."""
+SHORT = 60.0  #: s; a sea that has just changed is forecast from so short a past until the long one has learnt it.
+LONGEST_FILLED = 2.0  #: s; across a longer gap the motion before does not give the phase after.
 
 
 @dataclass(frozen=True)
 class SeaRequest:
-    """The past to learn from.
+    """The past to learn from."""
 
-    Attributes
-    ----------
-    time : float
-        When it was asked for, s of the forecaster's own time.
-    step : float
-        Between rows, s.
-    names : tuple of str
-        Of the channels.
-    values : ndarray, shape (N, C)
-        Oldest first; NaN where a sample or a channel is missing.
-    excitations : dict of str to ExcitationRequest
-        By axis with an identified hull.
-    vertical : VerticalRequest or None
-        None: vertical motion is not asked for.
-    """
-
-    time: float
-    step: float
-    names: tuple[str, ...]
-    values: np.ndarray
-    excitations: dict[str, ExcitationRequest] = field(default_factory=dict)
-    vertical: VerticalRequest | None = None
+    time: float  #: When it was asked for, s of the forecaster's own time.
+    step: float  #: Between rows, s.
+    names: tuple[str, ...]  #: Of the channels.
+    values: np.ndarray  #: (N, C); Oldest first; NaN where a sample or a channel is missing.
+    excitations: dict[str, ExcitationRequest] = field(default_factory=dict)  #: By axis with an identified hull.
+    vertical: VerticalRequest | None = None  #: None: vertical motion is not asked for.
     wants_sea_state: bool = False
 
 
 @dataclass(frozen=True)
 class SeaFit:
-    """What was learnt.
+    """What was learnt."""
 
-    Attributes
-    ----------
-    time : float
-        Of the request.
-    waves : dict of str to InnovationsModel
-        Of `SEA_MODELS`; one that the past does not suffice for is left out.
-    excitations : dict of str to ExcitationFit
-        By axis; likewise.
-    vertical : VerticalFit or None
-        With the waves of all channels.
-    sea : SeaReport or None
-        Where it was asked for.
-    """
-
-    time: float
-    waves: dict[str, InnovationsModel]
-    excitations: dict[str, ExcitationFit]
-    vertical: VerticalFit | None = None
-    sea: SeaReport | None = None
+    time: float  #: Of the request.
+    waves: dict[str, InnovationsModel]  #: Of `SEA_MODELS`; one that the past does not suffice for is left out.
+    excitations: dict[str, ExcitationFit]  #: By axis; likewise.
+    vertical: VerticalFit | None = None  #: With the waves of all channels.
+    sea: SeaReport | None = None  #: Where it was asked for.
 
 
 def fit_sea(request: SeaRequest) -> SeaFit:
     """Identify the waves from a short and a long past, each axis alone, and the exciting moment of each hull.
 
-    Parameters
-    ----------
-    request : SeaRequest
-        The past to learn from.
+    Args:
+        request: The past to learn from.
     """
     past, names, step = request.values, request.names, request.step
     waves = {
@@ -133,16 +98,11 @@ def _fit_vertical(request: SeaRequest, wanted: VerticalRequest, model: Innovatio
 def newest_stretch(channels: np.ndarray, step: float) -> np.ndarray:
     """The newest stretch without a long gap; short gaps are filled along straight lines.
 
-    Parameters
-    ----------
-    channels : ndarray, shape (C, N)
-        Oldest first, NaN where missing.
-    step : float
-        s.
+    Args:
+        channels: (C, N); oldest first, NaN where missing.
+        step: s.
 
-    Returns
-    -------
-    ndarray, shape (C, M)
+    Returns:
         A channel that is not measured stays NaN; empty where nothing is measured.
     """
     measured = np.isfinite(channels).any(axis=1)

@@ -13,83 +13,53 @@ from scipy import fft
 from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.common.errors import InputError
 
-MIN_DURATION = 300.0
-"""s; a shorter record holds too few waves."""
-
-_SEGMENT = 200.0
-"""s; resolves the peak of a swell of 20 s and leaves ten segments in 20 minutes."""
-_INDEPENDENT_BINS = 1.5
-"""Bandwidth of a Hann window in bins (Harris 1978, table 1)."""
+MIN_DURATION = 300.0  #: s; a shorter record holds too few waves.
+_SEGMENT = 200.0  #: s; resolves the peak of a swell of 20 s and leaves ten segments in 20 minutes.
+_INDEPENDENT_BINS = 1.5  #: Bandwidth of a Hann window in bins (Harris 1978, table 1).
+#: Independent segments of N halfway overlapping ones under a Hann window over N / 2 (Welch 1967).
 _SEGMENTS_IN_EFFECT = 0.95
-"""Independent segments of N halfway overlapping ones under a Hann window over N / 2 (Welch 1967)."""
 _COHERENT = 0.6
 _DRAWS = 400
+#: No craft heaves so slowly: what its accelerations show there is the sensor's own noise.
 _BELOW_THE_WAVES_HZ = (0.015, 0.035)
-"""No craft heaves so slowly: what its accelerations show there is the sensor's own noise."""
-_MEASURABLE = 2.0
-"""Heights of less than so many times that which the noise alone would give are no sea."""
+_MEASURABLE = 2.0  #: Heights of less than so many times that which the noise alone would give are no sea.
 
 
 @dataclass(frozen=True)
 class SeaState:
-    """What the motion of a record says of the sea.
+    """What the motion of a record says of the sea."""
 
-    Attributes
-    ----------
-    duration : float
-        s of motion.
-    significant_height, significant_height_std : float
-        Four standard deviations of the heave, m.
-    mean_period, mean_period_std : float
-        Mean zero-crossing period sqrt(m0 / m2), s.
-    peak_period : float
-        s; of the largest value of the spectrum.
-    peak_period_interval : tuple of 2 floats
-        Central 95 %, s.
-    axis, axis_std : float
-        Along which the waves run, rad from the bow, positive to port, from -pi/2 to pi/2: either way along it. NaN
-        where heave and slope are not coherent.
-    least_height : float
-        m; a lower sea could not be distinguished from the noise of the sensor.
-    frequency, spectrum : ndarray, shape (F,)
-        Hz and m^2/Hz.
-    """
-
-    duration: float
-    significant_height: float
-    significant_height_std: float
-    mean_period: float
-    mean_period_std: float
-    peak_period: float
-    peak_period_interval: tuple[float, float]
+    duration: float  #: s of motion.
+    significant_height: float  #: Four standard deviations of the heave, m.
+    significant_height_std: float  #: Four standard deviations of the heave, m.
+    mean_period: float  #: Mean zero-crossing period sqrt(m0 / m2), s.
+    mean_period_std: float  #: Mean zero-crossing period sqrt(m0 / m2), s.
+    peak_period: float  #: s; of the largest value of the spectrum.
+    peak_period_interval: tuple[float, float]  #: Central 95 %, s.
+    #: Along which the waves run, rad from the bow, positive to port, from -pi/2 to pi/2: either way along it. NaN where
+    #: heave and slope are not coherent.
     axis: float
+    #: Along which the waves run, rad from the bow, positive to port, from -pi/2 to pi/2: either way along it. NaN where
+    #: heave and slope are not coherent.
     axis_std: float
-    least_height: float
-    frequency: np.ndarray
-    spectrum: np.ndarray
+    least_height: float  #: m; a lower sea could not be distinguished from the noise of the sensor.
+    frequency: np.ndarray  #: (F,); Hz and m^2/Hz.
+    spectrum: np.ndarray  #: (F,); Hz and m^2/Hz.
 
 
 @dataclass(frozen=True)
 class SeaReport:
-    """The sea state, or why there is none.
-
-    Attributes
-    ----------
-    reason : str
-        Why there is none.
-    """
+    """The sea state, or why there is none."""
 
     state: SeaState | None
-    reason: str = ''
+    reason: str = ''  #: Why there is none.
 
 
 def sea_report(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, step: float) -> SeaReport:
     """As `sea_state`, for who goes on where there is none.
 
-    Parameters
-    ----------
-    acceleration, roll, pitch, step
-        See `sea_state`.
+    Args:
+        acceleration, roll, pitch, step: See `sea_state`.
     """
     try:
         return SeaReport(sea_state(acceleration, roll, pitch, step))
@@ -100,19 +70,13 @@ def sea_report(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, st
 def sea_state(acceleration: np.ndarray, roll: np.ndarray, pitch: np.ndarray, step: float, seed: int = 0) -> SeaState:
     """The sea from vertical acceleration and attitude.
 
-    Parameters
-    ----------
-    acceleration, roll, pitch : ndarray, shape (N,)
-        m/s^2 upwards and rad, at even steps, finite.
-    step : float
-        s.
-    seed : int
-        Of the draws that give the interval of the peak period.
+    Args:
+        acceleration, roll, pitch: (N,); m/s^2 upwards and rad, at even steps, finite.
+        step: s.
+        seed: Of the draws that give the interval of the peak period.
 
-    Raises
-    ------
-    InputError
-        Where the record is too short, or the craft heaves no more than the noise of its sensor would show.
+    Raises:
+        InputError: Where the record is too short, or the craft heaves no more than the noise of its sensor would show.
     """
     duration = acceleration.size * step
     if not duration > MIN_DURATION - 0.5 * step:
@@ -184,21 +148,15 @@ def _peak_interval(frequency: np.ndarray, spectrum: np.ndarray, segments: float,
 def cross_spectra(channels: np.ndarray, step: float, rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Spectra and cross spectra, one-sided, averaged over halfway overlapping segments (Welch 1967).
 
-    Parameters
-    ----------
-    channels : ndarray, shape (C, N)
-        At even steps, finite, each in its own unit.
-    step : float
-        s.
-    rows : int
-        Of a segment, which is taken about its mean under a Hann window.
+    Args:
+        channels: (C, N); at even steps, finite, each in its own unit.
+        step: s.
+        rows: Of a segment, which is taken about its mean under a Hann window.
 
-    Returns
-    -------
-    frequency : ndarray, shape (F,)
-        Hz.
-    spectra : ndarray, shape (C, C, F)
-        Complex, in the unit of the row times that of the column by Hz; the column is ahead by the angle.
+    Returns:
+        frequency: (F,); hz.
+        spectra: (C, C, F); complex, in the unit of the row times that of the column by Hz; the column is ahead by the
+            angle.
     """
     starts = np.arange(0, channels.shape[1] - rows + 1, rows - rows // 2)
     segments = channels[:, starts[:, None] + np.arange(rows)]

@@ -3,24 +3,18 @@
 import math
 from collections import deque
 
-_FIRST, _MEMORY = 20, 1000
-"""Samples that the first guess counts for, and over which the variance is averaged."""
+_FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
 _THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of the third difference of white noise
 _CLIP = 16.0
 
 
-_SPAN = 0.5
-"""s over which the rate is integrated: some tenths of a craft's period, so that a lag or a gain shows."""
+_SPAN = 0.5  #: s over which the rate is integrated: some tenths of a craft's period, so that a lag or a gain shows.
+_WHOLE_SPAN = _SPAN - 1e-6  #: s; sums of intervals round.
+_SETTLED, _AGREEMENT_MEMORY = 5.0, 30.0  #: s of motion before a disagreement counts, and over which it is averaged.
 
-_WHOLE_SPAN = _SPAN - 1e-6
-"""s; sums of intervals round."""
-
-_SETTLED, _AGREEMENT_MEMORY = 5.0, 30.0
-"""s of motion before a disagreement counts, and over which it is averaged."""
-
+#: Disagreement over what the noise explains, mean square, from where on the channels contradict each other.
 _BEYOND_CHANCE = 2.0
-"""Disagreement over what the noise explains, mean square, from where on the channels contradict each other."""
 
 
 class NoiseMeter:
@@ -30,10 +24,8 @@ class NoiseMeter:
     20 times the noise variance (Hamming 1973, difference tables).  What the motion itself leaves,
     at slow sampling, is counted as noise: an upper bound, kept below ``most``.
 
-    Parameters
-    ----------
-    initial, least, most : float
-        Standard deviation before enough samples have come, and its bounds, in the channel's unit.
+    Args:
+        initial, least, most: Standard deviation before enough samples have come, and its bounds, in the channel's unit.
     """
 
     def __init__(self, initial: float, least: float, most: float) -> None:
@@ -86,18 +78,12 @@ class AgreementMeter:
     def take(self, elapsed: float, angle: float, rate: float, angle_variance: float, rate_variance: float) -> float:
         """Take in the next sample.
 
-        Parameters
-        ----------
-        elapsed : float
-            s since the one before.
-        angle, rate : float
-            rad, rad/s; NaN: not measured.
-        angle_variance, rate_variance : float
-            Of their white noise, rad^2 and rad^2/s^2.
+        Args:
+            elapsed: s since the one before.
+            angle, rate: rad, rad/s; NaN: not measured.
+            angle_variance, rate_variance: Of their white noise, rad^2 and rad^2/s^2.
 
-        Returns
-        -------
-        float
+        Returns:
             rad^2/s^2; zero where angle and rate agree within their noise.
         """
         change = rate - self._rate

@@ -29,36 +29,19 @@ _BREAK = 400.0
 
 @dataclass(frozen=True)
 class InnovationsModel:
-    """A state space of C channels, n states, on rows one step apart.
+    """A state space of C channels, n states, on rows one step apart."""
 
-    Attributes
-    ----------
-    channels : tuple of str
-        Names of the channels that the model reads and forecasts.
-    places : tuple of int, length C
-        Their columns in the rows that a filter is given.
-    step : float
-        s between rows.
-    mean, scale : ndarray, shape (C,)
-        The state space is of ``(y - mean) / scale``.
-    a, k, c, s : ndarray, shapes (n, n), (n, C), (C, n), (C, C)
-        A, K, C and S above.
-    prior : ndarray, shape (n, n)
-        Covariance of the state before any row.
-    from_lags : ndarray, shape (n, j C), or None
-        The state at the next row from the j newest rows, newest first: a start without a transient.
-    """
-
-    channels: tuple[str, ...]
-    places: tuple[int, ...]
-    step: float
-    mean: np.ndarray
-    scale: np.ndarray
-    a: np.ndarray
-    k: np.ndarray
-    c: np.ndarray
-    s: np.ndarray
-    prior: np.ndarray
+    channels: tuple[str, ...]  #: Names of the channels that the model reads and forecasts.
+    places: tuple[int, ...]  #: Their columns in the rows that a filter is given.
+    step: float  #: s between rows.
+    mean: np.ndarray  #: (C,); The state space is of ``(y - mean) / scale``.
+    scale: np.ndarray  #: (C,); The state space is of ``(y - mean) / scale``.
+    a: np.ndarray  #: (n, n), (n, C), (C, n), (C, C); A, K, C and S above.
+    k: np.ndarray  #: (n, n), (n, C), (C, n), (C, C); A, K, C and S above.
+    c: np.ndarray  #: (n, n), (n, C), (C, n), (C, C); A, K, C and S above.
+    s: np.ndarray  #: (n, n), (n, C), (C, n), (C, C); A, K, C and S above.
+    prior: np.ndarray  #: (n, n); Covariance of the state before any row.
+    #: (n, j C), or None; The state at the next row from the j newest rows, newest first: a start without a transient.
     from_lags: Any = None
 
     @property
@@ -70,21 +53,14 @@ class InnovationsModel:
 class InnovationsFilter:
     """Steps a model through rows, complete or not, and forecasts from where it is.
 
-    Parameters
-    ----------
-    model : InnovationsModel
-    targets : sequence of str
-        What is forecast: channels of the model, or ``X_rate`` where it has only the channel ``X``, whose difference is
-        taken.  A target that the model does not have is NaN.
-    horizon : float
-        s; the longest lead and age together.
-    steps : sequence of int, optional
-        From the newest row: those of `at_steps`.
+    Args:
+        targets: What is forecast: channels of the model, or ``X_rate`` where it has only the channel ``X``, whose
+            difference is taken.  A target that the model does not have is NaN.
+        horizon: s; the longest lead and age together.
+        steps: From the newest row: those of `at_steps`.
 
-    Attributes
-    ----------
-    strain : float
-        Running mean of the targets' innovations squared over their expectation; one is healthy.
+    Attributes:
+        strain: Running mean of the targets' innovations squared over their expectation; one is healthy.
     """
 
     def __init__(
@@ -129,10 +105,8 @@ class InnovationsFilter:
 
         From the first run of complete rows that gives the state by its lags; where there is none, from nothing.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (N, width)
-            Oldest first, NaN where missing.
+        Args:
+            rows: (N, width); oldest first, NaN where missing.
         """
         self.restart()
         count = self.model.lags
@@ -149,10 +123,8 @@ class InnovationsFilter:
     def step(self, row: np.ndarray) -> None:
         """Take in the next row.
 
-        Parameters
-        ----------
-        row : ndarray, shape (width,)
-            NaN where missing.
+        Args:
+            row: (width,); naN where missing.
         """
         z = (row[self._places] - self.model.mean) * self._scale
         self._stepped = None
@@ -207,10 +179,8 @@ class InnovationsFilter:
         A^count x and the covariance are found by doubling: with Q_n = sum of A^i Q A^i' below n,
         Q_2n = Q_n + A^n Q_n A^n'.
 
-        Parameters
-        ----------
-        count : int
-            Number of rows.
+        Args:
+            count: Number of rows.
         """
         missing = np.full(int(self._places.max(initial=0)) + 1, np.nan)
         doubled = max(count - _PAST, 0)
@@ -232,18 +202,13 @@ class InnovationsFilter:
 
         Between whole steps the mean is interpolated by cubics, the covariance linearly.
 
-        Parameters
-        ----------
-        leads : ndarray, shape (L,)
-            s from now; any values from 0 to the horizon less the age.
-        age : float
-            s from the newest row to now.
+        Args:
+            leads: (L,); s from now; any values from 0 to the horizon less the age.
+            age: s from the newest row to now.
 
-        Returns
-        -------
-        mean : ndarray, shape (L, M)
-        covariance : ndarray, shape (L, M, M)
-            Of the readings: the sensor's noise is part of the innovations.
+        Returns:
+            mean: (L, M)
+            covariance: (L, M, M); of the readings: the sensor's noise is part of the innovations.
         """
         steps = (np.asarray(leads, dtype=float) + age) / self.model.step
         near = np.round(steps)
@@ -276,9 +241,7 @@ class InnovationsFilter:
     def _find_targets(self):
         """The targets' units, and how each is made of channels: itself, or the difference of the one it is the rate of.
 
-        Returns
-        -------
-        list of (int, int, dict of int to float)
+        Returns:
             Place of the target, channel, and by the steps from it the factors of that channel.
         """
         model = self.model
@@ -332,14 +295,10 @@ class InnovationsFilter:
 def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:
     """Models of different channels as one, without any coupling.
 
-    Parameters
-    ----------
-    models : sequence of InnovationsModel
-        Of the same step.
+    Args:
+        models: Of the same step.
 
-    Returns
-    -------
-    InnovationsModel
+    Returns:
         With a start from lags where all of them have one.
     """
     whole = {name: block_diag(*(getattr(m, name) for m in models)) for name in ('a', 'k', 'c', 's', 'prior')}
@@ -367,12 +326,9 @@ def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:
 def whole_lags(complete: np.ndarray, count: int) -> np.ndarray:
     """Whether a row and the ``count - 1`` before it are complete, shape (N,).
 
-    Parameters
-    ----------
-    complete : ndarray of bool, shape (N,)
-        By row, whether nothing is missing.
-    count : int
-        Number of rows, this one included.
+    Args:
+        complete: ndarray of bool, shape (N,); by row, whether nothing is missing.
+        count: Number of rows, this one included.
     """
     runs = np.cumsum(np.concatenate([np.zeros(count, dtype=int), complete]))
     return runs[count:] - runs[:-count] == count
@@ -381,14 +337,11 @@ def whole_lags(complete: np.ndarray, count: int) -> np.ndarray:
 def cubic_weights(part: np.ndarray) -> np.ndarray:
     """Weights of the values at -1, 0, 1, 2 for the cubic through them at ``part``: Lagrange's formula.
 
-    Parameters
-    ----------
-    part : ndarray, shape (L,)
-        From 0 to 1.
+    Args:
+        part: (L,); from 0 to 1.
 
-    Returns
-    -------
-    ndarray, shape (L, 4)
+    Returns:
+        ndarray, shape (L, 4)
     """
     p = np.asarray(part)
     return np.stack(

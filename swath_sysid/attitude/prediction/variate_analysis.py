@@ -39,18 +39,12 @@ def identify(values: np.ndarray, names: Sequence[str], step: float) -> Innovatio
 
     Pure: the same window gives the same model, in whatever process.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N, width)
-        Oldest first, one row a step, NaN where missing.
-    names : sequence of str, length width
-        Of the columns.
-    step : float
-        s.
+    Args:
+        values: (N, width); oldest first, one row a step, NaN where missing.
+        names: Of the columns.
+        step: s.
 
-    Returns
-    -------
-    InnovationsModel or None
+    Returns:
         None where the window is too short or the model would not be stable.
     """
     places = useful_channels(values)
@@ -81,16 +75,11 @@ def identify_alone(
 ) -> InnovationsModel | None:
     """As `identify`, each angle from itself and its rate alone: fewer coefficients, for little data.
 
-    Parameters
-    ----------
-    values, names, step
-        As of `identify`.
-    angles : sequence of str
-        Which of the names; ``X_rate`` is the rate of ``X``.
+    Args:
+        values, names, step: As of `identify`.
+        angles: Which of the names; ``X_rate`` is the rate of ``X``.
 
-    Returns
-    -------
-    InnovationsModel or None
+    Returns:
         Of the angles that have a model; None where none has.
     """
     models = []
@@ -105,10 +94,8 @@ def identify_alone(
 def useful_channels(values: np.ndarray) -> list[int]:
     """Columns that are there most of the time and that vary.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N, width)
-        NaN where missing.
+    Args:
+        values: (N, width); naN where missing.
     """
     finite = np.isfinite(values)
     return [
@@ -121,10 +108,8 @@ def useful_channels(values: np.ndarray) -> list[int]:
 def without_breaks(rows: np.ndarray) -> np.ndarray:
     """Rows at which the motion is broken off become missing, so that no lags reach across.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (N, C)
-        Of standardised channels, oldest first, NaN where missing.
+    Args:
+        rows: (N, C); of standardised channels, oldest first, NaN where missing.
     """
     if rows.shape[0] < 4:
         return rows
@@ -139,12 +124,9 @@ def without_breaks(rows: np.ndarray) -> np.ndarray:
 def lags_for(rows: np.ndarray, step: float) -> int | None:
     """Lags on either side that the window can carry; None where it carries none.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (N, C)
-        NaN where missing.
-    step : float
-        s.
+    Args:
+        rows: (N, C); naN where missing.
+        step: s.
     """
     complete = np.isfinite(rows).all(axis=1)
     for half in range(max_lags(step), _MIN_LAGS - 1, -1):
@@ -161,12 +143,9 @@ def max_lags(step: float) -> int:
 def broken(rows: np.ndarray, step: float) -> bool:
     """Whether losses have left few of the lags whole that the window would have without them.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (N, C)
-        NaN where missing.
-    step : float
-        s.
+    Args:
+        rows: (N, C); naN where missing.
+        step: s.
     """
     complete = np.isfinite(rows).all(axis=1)
     count = 2 * max_lags(step)
@@ -178,14 +157,10 @@ def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
 
     For a model's identification only: it looks ahead.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (N, C)
-        Of standardised channels, oldest first, NaN where missing.
+    Args:
+        rows: (N, C); of standardised channels, oldest first, NaN where missing.
 
-    Returns
-    -------
-    ndarray, shape (N, C)
+    Returns:
         Gaps that are too long, or too near to another, are left.
     """
     width = rows.shape[1]
@@ -219,18 +194,13 @@ def lag_gram(rows: np.ndarray, count: int) -> tuple[np.ndarray, int]:
     The matrix is nearly block Toeplitz: block (a+1, b+1) is block (a, b) with, for each run of such t, one product more
     at its beginning and one less at its end.  So only the first row of blocks is summed, by one Fourier transform.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (N, C)
-        Oldest first, NaN where missing.
-    count : int
-        Number of lags, lag zero included.
+    Args:
+        rows: (N, C); oldest first, NaN where missing.
+        count: Number of lags, lag zero included.
 
-    Returns
-    -------
-    gram : ndarray, shape (count C, count C)
-    used : int
-        Number of t.
+    Returns:
+        gram: (count C, count C)
+        used: Number of t.
     """
     length, width = rows.shape
     complete = np.isfinite(rows).all(axis=1)
@@ -258,14 +228,10 @@ def lag_gram(rows: np.ndarray, count: int) -> tuple[np.ndarray, int]:
 def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np.ndarray, ...] | None:
     """The innovations form from the mean Gram matrix of 2 j lags of C standardised channels.
 
-    Parameters
-    ----------
-    gram : ndarray, shape (2 j C, 2 j C)
-        Newest lag first.
-    width : int
-        C.
-    states : int
-        Canonical variates that are kept, at most j C.
+    Args:
+        gram: (2 j C, 2 j C); newest lag first.
+        width: C.
+        states: Canonical variates that are kept, at most j C.
     """
     half = gram.shape[0] // 2
     lags = half // width
@@ -308,9 +274,7 @@ def canonical_state_space(gram: np.ndarray, width: int, states: int) -> tuple[np
 def spectral_radius(matrix: np.ndarray) -> float:
     """Largest absolute value of the eigenvalues.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (n, n)
-        Finite, symmetric or not.
+    Args:
+        matrix: (n, n); finite, symmetric or not.
     """
     return np.abs(np.linalg.eigvals(matrix)).max()

@@ -24,83 +24,52 @@ from swath_sysid.attitude.motion.vertical import (
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
 
+#: What is forecast here, with errors that are correlated with those of `ATTITUDE`; the angular accelerations are for
+#: points away from the sensor.
 VERTICAL = (*POINT_MOTION, 'roll_acceleration', 'pitch_acceleration')
-"""What is forecast here, with errors that are correlated with those of `ATTITUDE`; the angular accelerations are for
-points away from the sensor."""
 
 FORCE = ('accel_x', 'accel_y', 'accel_z')
 
-_TRAINING_STEP = 0.4
-"""s; rows nearer to each other say the same of waves below `BAND_HZ`."""
+_TRAINING_STEP = 0.4  #: s; rows nearer to each other say the same of waves below `BAND_HZ`.
 _ROWS_A_REGRESSOR = 4.0
+#: Variance of the noise that the regressors are given, over that of each channel.  Without it, a sea of few waves
+#: without noise is weighed by what rounding left of it; on measured seas 1e-7 to 1e-4 make 2 % of difference.
 _RIDGE = 1e-5
-"""Variance of the noise that the regressors are given, over that of each channel.  Without it, a sea of few waves
-without noise is weighed by what rounding left of it; on measured seas 1e-7 to 1e-4 make 2 % of difference."""
 
+#: rad^2 and (rad/s)^2; no sensor resolves as much, and an angle that never changes has no variance of its own.
 _UNSEEN_VARIANCE = 1e-12
-"""rad^2 and (rad/s)^2; no sensor resolves as much, and an angle that never changes has no variance of its own."""
-_SCORED = 300.0
-"""s over which the intervals are calibrated."""
-_PRIOR_SCORES = 60.0
-"""s; so much weight has the variance in training beside that of the forecasts issued."""
+_SCORED = 300.0  #: s over which the intervals are calibrated.
+_PRIOR_SCORES = 60.0  #: s; so much weight has the variance in training beside that of the forecasts issued.
 
 
 @dataclass(frozen=True)
 class VerticalFit:
-    """How vertical motion follows from what is known now.
+    """How vertical motion follows from what is known now."""
 
-    Attributes
-    ----------
-    weights : ndarray, shape (H, 9, P)
-        Of the P regressors (state, leaky integrals, one), for each of `VERTICAL` and `ATTITUDE` 0, 1, ... H - 1 rows
-        ahead.
-    covariance : ndarray, shape (H, 9, 9)
-        Of the errors, `VERTICAL` and then `ATTITUDE` by the same regression.
-    truth : ndarray, shape (N, 3)
-        Heave, velocity and acceleration until half a minute ago.
-    row : int
-        Number of the row of the last of ``truth``.
-    """
-
+    #: (H, 9, P); Of the P regressors (state, leaky integrals, one), for each of `VERTICAL` and `ATTITUDE` 0, 1, ... H -
+    #: 1 rows ahead.
     weights: np.ndarray
-    covariance: np.ndarray
-    truth: np.ndarray
-    row: int
+    covariance: np.ndarray  #: (H, 9, 9); Of the errors, `VERTICAL` and then `ATTITUDE` by the same regression.
+    truth: np.ndarray  #: (N, 3); Heave, velocity and acceleration until half a minute ago.
+    row: int  #: Number of the row of the last of ``truth``.
 
 
 @dataclass(frozen=True)
 class VerticalMotion:
-    """Vertical motion at L leads, with that of the attitude.
+    """Vertical motion at L leads, with that of the attitude."""
 
-    Attributes
-    ----------
-    mean : ndarray, shape (L, 5)
-        `VERTICAL`, SI units.
-    covariance : ndarray, shape (L, 9, 9)
-        Of `VERTICAL` and then `ATTITUDE`; the latter's block is that of the attitude forecast.
-    """
-
-    mean: np.ndarray
+    mean: np.ndarray  #: (L, 5); `VERTICAL`, SI units.
+    #: (L, 9, 9); Of `VERTICAL` and then `ATTITUDE`; the latter's block is that of the attitude forecast.
     covariance: np.ndarray
 
 
 @dataclass(frozen=True)
 class VerticalRequest:
-    """What is to be learnt.
+    """What is to be learnt."""
 
-    Attributes
-    ----------
-    ahead : int
-        H - 1: rows ahead that are to be forecast.
-    delay : float
-        s by which the accelerations lag behind the attitude.
-    row : int
-        Number of the newest row of the window.
-    """
-
-    ahead: int
-    delay: float = 0.0
-    row: int = 0
+    ahead: int  #: H - 1: rows ahead that are to be forecast.
+    delay: float = 0.0  #: s by which the accelerations lag behind the attitude.
+    row: int = 0  #: Number of the newest row of the window.
 
 
 def fit_vertical(
@@ -113,24 +82,15 @@ def fit_vertical(
 ) -> VerticalFit | None:
     """Learn vertical motion from a stretch of complete rows.
 
-    Parameters
-    ----------
-    stretch : ndarray, shape (N, width)
-        Oldest first.
-    names : sequence of str, length width
-        Of the columns.
-    step : float
-        s.
-    model : InnovationsModel
-        The waves; its state is found from its lags.
-    request : VerticalRequest
-        What is to be learnt.
-    age : int
-        Rows from the end of the stretch to that of the window.
+    Args:
+        stretch: (N, width); oldest first.
+        names: Of the columns.
+        step: s.
+        model: The waves; its state is found from its lags.
+        request: What is to be learnt.
+        age: Rows from the end of the stretch to that of the window.
 
-    Returns
-    -------
-    VerticalFit or None
+    Returns:
         None where a channel is missing or the stretch is too short.
     """
     ahead, place = request.ahead, {name: number for number, name in enumerate(names)}
@@ -174,18 +134,13 @@ def fit_vertical(
 def states_from_lags(model: InnovationsModel, past: np.ndarray, used: np.ndarray) -> np.ndarray:
     """The state of the waves after rows, from the lags that each ends.
 
-    Parameters
-    ----------
-    model : InnovationsModel
-        With a start from lags.
-    past : ndarray, shape (N, C)
-        The model's channels.
-    used : ndarray of int, shape (M,)
-        Each at least ``model.lags - 1``.
+    Args:
+        model: With a start from lags.
+        past: (N, C); the model's channels.
+        used: ndarray of int, shape (M,); each at least ``model.lags - 1``.
 
-    Returns
-    -------
-    ndarray, shape (M, n)
+    Returns:
+        ndarray, shape (M, n)
     """
     z = (past - model.mean) / model.scale
     newest_first = sliding_window_view(z, model.lags, axis=0)[used - (model.lags - 1)][:, :, ::-1]
@@ -195,12 +150,9 @@ def states_from_lags(model: InnovationsModel, past: np.ndarray, used: np.ndarray
 class VerticalForecaster:
     """Vertical motion ahead, row by row.
 
-    Parameters
-    ----------
-    step : float
-        s between rows.
-    ahead : int
-        Rows ahead that are forecast.
+    Args:
+        step: s between rows.
+        ahead: Rows ahead that are forecast.
     """
 
     def __init__(self, step: float, ahead: int) -> None:
@@ -216,14 +168,10 @@ class VerticalForecaster:
     def install(self, fit: VerticalFit | None, newest: int, waves: InnovationsFilter) -> None:
         """Use what was learnt, calibrated by how the forecasts issued so far came true.
 
-        Parameters
-        ----------
-        fit : VerticalFit or None
-            None: forget what was learnt.
-        newest : int
-            Number of the newest row.
-        waves : InnovationsFilter
-            That of the model with which the fit was made, after the newest row.
+        Args:
+            fit: None: forget what was learnt.
+            newest: Number of the newest row.
+            waves: That of the model with which the fit was made, after the newest row.
         """
         self._fit = fit
         if fit is None:
@@ -249,12 +197,9 @@ class VerticalForecaster:
     def take(self, measured: np.ndarray, waves: InnovationsFilter | None) -> None:
         """One row more.
 
-        Parameters
-        ----------
-        measured : ndarray, shape (5,)
-            Roll, pitch and the specific force; NaN where missing.
-        waves : InnovationsFilter or None
-            After this row.
+        Args:
+            measured: (5,); roll, pitch and the specific force; NaN where missing.
+            waves: After this row.
         """
         self._integrals.take(float(vertical_acceleration(measured[0], measured[1], measured[2:])))
         self._look_ahead(waves)
@@ -264,12 +209,9 @@ class VerticalForecaster:
     def skip(self, count: int, waves: InnovationsFilter | None) -> None:
         """Rows are missing.
 
-        Parameters
-        ----------
-        count : int
-            Number of rows.
-        waves : InnovationsFilter or None
-            After them.
+        Args:
+            count: Number of rows.
+            waves: After them.
         """
         for _ in range(min(count, self._issued.shape[0])):
             self.take(np.full(5, np.nan), waves)
@@ -293,20 +235,13 @@ class VerticalForecaster:
         The regression forecasts the attitude, too: where the forecast that is issued is better, so is the vertical
         motion, by the correlation of their errors; and both together have a covariance.
 
-        Parameters
-        ----------
-        leads : ndarray, shape (L,)
-            s from now.
-        age : float
-            s from the newest row to now.
-        attitude : ndarray, shape (L, 4)
-            `ATTITUDE`, as it is forecast.
-        attitude_covariance : ndarray, shape (L, 4, 4)
-            Of that forecast's errors, at each lead.
+        Args:
+            leads: (L,); s from now.
+            age: s from the newest row to now.
+            attitude: (L, 4); `ATTITUDE`, as it is forecast.
+            attitude_covariance: (L, 4, 4); of that forecast's errors, at each lead.
 
-        Returns
-        -------
-        VerticalMotion or None
+        Returns:
             None before anything is learnt.
         """
         if self._fit is None or self._mean is None or not np.isfinite(attitude_covariance).all():

@@ -32,11 +32,12 @@ from swath_sysid.campaign.papers.publication import DecayPublication, decay_publ
 DRAFT_FACTORS = (0.9, 1.0, 1.1)
 HOLD_S = 1.0
 RATE_HZ = 100.0
+#: The study that names it gives no budget of the swarm: that of its genetic search.
 SWARM: dict[str, Any] = {'generations': 2000, 'population': 200}
-"""The study that names it gives no budget of the swarm: that of its genetic search."""
 
 OTHER_SEEDS = (101, 102, 103)
 
+#: Name and factor of the printed coefficient that a ratio times the inertia is.
 COEFFICIENTS = {
     'b1': ('N', 0.5),
     'b2': ('W', 1.0),
@@ -47,64 +48,37 @@ COEFFICIENTS = {
     's1': ('C2', 1.0),
     's2': ('C1', 1.0),
 }
-"""Name and factor of the printed coefficient that a ratio times the inertia is."""
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """What a search of the published objective ended with.
+    """What a search of the published objective ended with."""
 
-    Attributes
-    ----------
-    value : float
-        rad/s.
-    inertia : float
-        The I' that it stopped at.
-    ratios : dict of str to float
-        To the inertia.
-    """
-
-    value: float
-    inertia: float
-    ratios: dict
+    value: float  #: rad/s.
+    inertia: float  #: The I' that it stopped at.
+    ratios: dict  #: To the inertia.
 
 
 @dataclass(frozen=True)
 class SearchedEquation:
-    """One equation on one record by the published objective.
+    """One equation on one record by the published objective."""
 
-    Attributes
-    ----------
-    genetic, swarm : Optimum
-        With the budget and ranges of the study.
-    exact : Optimum
-        By bounded least squares: no search can go lower. Its inertia is NaN.
-    """
-
-    genetic: Optimum
-    swarm: Optimum
-    exact: Optimum
+    genetic: Optimum  #: With the budget and ranges of the study.
+    swarm: Optimum  #: With the budget and ranges of the study.
+    exact: Optimum  #: By bounded least squares: no search can go lower. Its inertia is NaN.
 
 
 @dataclass(frozen=True)
 class StudiedRecord:
-    """One condition of the study: its best repeat, searched with every equation, and fitted our way.
-
-    Attributes
-    ----------
-    hull : DecayModel
-        That the record was simulated of.
-    ours : FitSummary
-        Of the chosen equation, by the simulated motion.
-    """
+    """One condition of the study: its best repeat, searched with every equation, and fitted our way."""
 
     draft_factor: float
     angle_deg: float
     repeat: int
-    hull: DecayModel
+    hull: DecayModel  #: That the record was simulated of.
     problem: Problem
     searched: dict
-    ours: FitSummary
+    ours: FitSummary  #: Of the chosen equation, by the simulated motion.
 
 
 def hull_at(name: str, draft_factor: float) -> DecayModel:
@@ -123,14 +97,10 @@ def assumed_inertia(name: str) -> float:
 def study_record(name: str, draft_factor: float, angle_deg: float, seed: int) -> StudiedRecord:
     """One condition: simulate its repeats, keep the best, search every equation, and fit the chosen one our way.
 
-    Parameters
-    ----------
-    name : str
-        One of ``DECAY_STUDIES``.
-    draft_factor, angle_deg : float
-        A row of its printed table of objective values.
-    seed : int
-        Of the noise of its repeats and of the searches.
+    Args:
+        name: One of ``DECAY_STUDIES``.
+        draft_factor, angle_deg: A row of its printed table of objective values.
+        seed: Of the noise of its repeats and of the searches.
     """
     publication = decay_publication(name)
     printed = publication.printed_objective[draft_factor, angle_deg]
@@ -188,18 +158,11 @@ def searched_optimum(problem: Problem, equation: Equation, name: str, settings: 
 
 @dataclass(frozen=True)
 class DecayStudy:
-    """A study carried out again.
-
-    Attributes
-    ----------
-    records : tuple of StudiedRecord
-        In the order of the printed objective values.
-    inertias : tuple of float
-        I' at which searches with other seeds stop on the record of the printed coefficients.
-    """
+    """A study carried out again."""
 
     publication: DecayPublication
-    records: tuple[StudiedRecord, ...]
+    records: tuple[StudiedRecord, ...]  #: In the order of the printed objective values.
+    #: I' at which searches with other seeds stop on the record of the printed coefficients.
     inertias: tuple[float, ...]
 
     def at(self, draft_factor: float | None, angle_deg: float | None) -> StudiedRecord:
@@ -221,14 +184,10 @@ def run_decay_study(
 ) -> DecayStudy:
     """Carry a study out again.
 
-    Parameters
-    ----------
-    name : str
-        One of ``DECAY_STUDIES``.
-    executor : concurrent.futures.Executor
-        A record a task.
-    note : callable, optional
-        Called with the records done and in all.
+    Args:
+        name: One of ``DECAY_STUDIES``.
+        executor: A record a task.
+        note: Called with the records done and in all.
     """
     publication = decay_publication(name)
     places = list(publication.printed_objective)

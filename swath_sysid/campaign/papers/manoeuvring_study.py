@@ -27,56 +27,32 @@ NOISE = SensorNoise()
 
 @dataclass(frozen=True)
 class EstimatedDerivative:
-    """One derivative, without dimension times 1e5.
-
-    Attributes
-    ----------
-    printed : float
-        The number in the study's table.
-    truth : float
-        As it is read, and simulated.
-    estimate, std : float
-        By the study's method; NaN standard deviation where fixed.
-    ours, ours_std : float
-        NaN where our identification leaves the term out.
-    lower, upper : float
-        Range of the estimate.
-    """
+    """One derivative, without dimension times 1e5."""
 
     name: str
-    printed: float
-    truth: float
-    estimate: float
-    std: float
-    ours: float
-    ours_std: float
-    lower: float
-    upper: float
+    printed: float  #: The number in the study's table.
+    truth: float  #: As it is read, and simulated.
+    estimate: float  #: By the study's method; NaN standard deviation where fixed.
+    std: float  #: By the study's method; NaN standard deviation where fixed.
+    ours: float  #: NaN where our identification leaves the term out.
+    ours_std: float  #: NaN where our identification leaves the term out.
+    lower: float  #: Range of the estimate.
+    upper: float  #: Range of the estimate.
     mariner: float
 
 
 @dataclass(frozen=True)
 class ManoeuvringStudy:
-    """The study carried out again.
+    """The study carried out again."""
 
-    Attributes
-    ----------
-    content : dict
-        Of its file.
-    iterations : ndarray, shape (K, n)
-        Every free derivative over its true value, by iteration.
-    runs : dict of str to (Manoeuvre, Manoeuvre)
-        ``identification`` and ``validation``: as simulated, and as measured.
-    """
-
-    content: dict
+    content: dict  #: Of its file.
     truth: ManoeuvringModel
     estimated: ManoeuvringModel
     ours: ManoeuvringIdentification
     derivatives: tuple[EstimatedDerivative, ...]
-    iterations: np.ndarray
+    iterations: np.ndarray  #: (K, n); Every free derivative over its true value, by iteration.
     free: tuple[str, ...]
-    runs: dict
+    runs: dict  #: ``identification`` and ``validation``: as simulated, and as measured.
 
     def simulated(self, model: ManoeuvringModel, run: str) -> Manoeuvre:
         """A model under the thrusts of a run, from its first state."""
@@ -87,10 +63,8 @@ class ManoeuvringStudy:
 def run_manoeuvring_study(seed: int = 1) -> ManoeuvringStudy:
     """Carry the study out again.
 
-    Parameters
-    ----------
-    seed : int
-        Of the noise of the first run; each further run takes the next.
+    Args:
+        seed: Of the noise of the first run; each further run takes the next.
     """
     content = printed_values(MANOEUVRING_STUDY)
     units = PrimeUnits(content['craft']['length_m'], content['assumed']['speed_m_s'])

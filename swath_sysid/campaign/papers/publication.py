@@ -16,60 +16,35 @@ STUDIES = (*DECAY_STUDIES, MANOEUVRING_STUDY)
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """A printed table or equation.
+    """A printed table or equation."""
 
-    Attributes
-    ----------
-    table : str
-        Which of the study.
-    draft_factor, angle_deg : float or None
-        Of the record that it is of, where it is of one.
-    ratios, published_form : dict of str to float
-        Of the chosen equation: over the inertia, or with it.
-    """
-
-    table: str
-    draft_factor: float | None = None
-    angle_deg: float | None = None
+    table: str  #: Which of the study.
+    draft_factor: float | None = None  #: Of the record that it is of, where it is of one.
+    angle_deg: float | None = None  #: Of the record that it is of, where it is of one.
     rows: tuple = ()
-    ratios: dict = field(default_factory=dict)
-    published_form: dict = field(default_factory=dict)
+    ratios: dict = field(default_factory=dict)  #: Of the chosen equation: over the inertia, or with it.
+    published_form: dict = field(default_factory=dict)  #: Of the chosen equation: over the inertia, or with it.
 
 
 @dataclass(frozen=True)
 class DecayPublication:
-    """A study of free decays.
-
-    Attributes
-    ----------
-    craft : dict
-        Particulars, by the keys of a manifest.
-    equations : tuple of str
-        In the order of the study.
-    draft_powers : dict of str to float
-        Assumed: a ratio at draft factor f is that at design draft times f to this power, 0 where not listed.
-    objective : PrintedTable
-        Rows of draft_factor, angle_deg and values, rad/s.
-    next_step : PrintedTable or None
-        Rows of time, s, measured and identified rate, rad/s, and error, %.
-    figures, claims : tuple of dict
-        Specifications; see the files.
-    """
+    """A study of free decays."""
 
     name: str
     title: str
     axis: str
-    craft: dict
-    equations: tuple
+    craft: dict  #: Particulars, by the keys of a manifest.
+    equations: tuple  #: In the order of the study.
     chosen: str
+    #: Assumed: a ratio at draft factor f is that at design draft times f to this power, 0 where not listed.
     draft_powers: dict
     duration_s: float
     repeats: int
-    objective: PrintedTable
+    objective: PrintedTable  #: Rows of draft_factor, angle_deg and values, rad/s.
     coefficients: PrintedTable
-    figures: tuple
-    claims: tuple
-    next_step: PrintedTable | None = None
+    figures: tuple  #: Specifications; see the files.
+    claims: tuple  #: Specifications; see the files.
+    next_step: PrintedTable | None = None  #: Rows of time, s, measured and identified rate, rad/s, and error, %.
 
     @property
     def printed_objective(self) -> dict[tuple[float, float], dict[str, float]]:
@@ -97,10 +72,8 @@ class DecayPublication:
 def printed_values(name: str) -> dict:
     """The content of a study's file.
 
-    Raises
-    ------
-    InputError
-        There is no such study.
+    Raises:
+        InputError: There is no such study.
     """
     check_choice(name, STUDIES, 'paper')
     text = resources.files(__package__).joinpath(f'{name}.yaml').read_text(encoding='utf-8')

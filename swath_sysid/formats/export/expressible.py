@@ -13,6 +13,7 @@ from swath_sysid.manoeuvring.hull.standard_tests import run_test
 from swath_sysid.manoeuvring.hull.terms import NAMES, PARAMETERS, SENSOR, THRUST
 
 INERTIAL = ('m', 'Iz')
+#: Of the thrusters; who commands a force in N applies them before the target does.
 SENDERS = (
     'gain',
     'reverse_ratio',
@@ -25,7 +26,6 @@ SENDERS = (
     'full_input',
     'reverse_exponent_ratio',
 )
-"""Of the thrusters; who commands a force in N applies them before the target does."""
 
 COMPARED = {
     'turning-circle': ('approach_speed_m_s', 'steady_diameter_m', 'tactical_diameter_m', 'steady_yaw_rate_deg_s'),
@@ -33,8 +33,8 @@ COMPARED = {
 }
 
 
+#: Terms that are others times the speed ahead: the first times it, the second times its square.
 STAND_INS = {'Xuuu': ('Xuu', 'Xu'), 'Nuur': ('Nur', 'Nr'), 'Nur': ('Nr',), 'Yuv': ('Yv',)}
-"""Terms that are others times the speed ahead: the first times it, the second times its square."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,10 @@ def expressed(
     A term in a power of the speed ahead is stood in for by one in a lower power that the target has, to the same
     force at the speed of approach of the turning circle.
 
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        As identified.
-    expressible : collection of str
-        Hull terms of the target; inertia and what the sender of forces applies are always kept.
-    **implied : float
-        Terms that the target does not take as numbers but has from its own equations.
+    Args:
+        model: As identified.
+        expressible: Hull terms of the target; inertia and what the sender of forces applies are always kept.
+        **implied: Terms that the target does not take as numbers but has from its own equations.
     """
     kept = {*expressible, *INERTIAL, *SENDERS}
     neutral = {p.name: p.neutral for p in PARAMETERS if p.kind != SENSOR and p.name not in kept}

@@ -18,6 +18,7 @@ PYTHON, MATLAB = 'python', 'matlab'
 LANGUAGES = (PYTHON, MATLAB)
 EXPRESSIBLE = frozenset(NAMES) - {'lag', 'delay'}
 
+#: Of u, v and r; the same text in both languages.
 MATRICES = {
     'M': (('m - Xu_dot', '0', '0'), ('0', 'm - Yv_dot', 'm * x_G - Yr_dot'), ('0', 'm * x_G - Nv_dot', 'Iz - Nr_dot')),
     'C': (('0', '0', '-m * (v + x_G * r)'), ('0', '0', 'm * u'), ('m * (v + x_G * r)', '-m * u', '0')),
@@ -36,7 +37,6 @@ MATRICES = {
         ('(1 + moment_factor) * lever * (1 - advance * u) * (left - right) + N0',),
     ),
 }
-"""Of u, v and r; the same text in both languages."""
 
 _PYTHON = '''import numpy as np
 

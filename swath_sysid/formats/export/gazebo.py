@@ -62,11 +62,8 @@ ELEMENTS = {
 EXPRESSIBLE = {*ELEMENTS, 'x_G'}
 AXES = {'roll': ('k', 'P', 'ixx'), 'pitch': ('m', 'Q', 'iyy')}
 EXPRESSED_TERMS = ('b1', 'b2', 'r1')
-TYPICAL_AMPLITUDE = math.radians(5.0)
-"""Of a decay whose file does not say how far it went."""
-
-CRESTS = 3
-"""After the release, up to which a decay is compared."""
+TYPICAL_AMPLITUDE = math.radians(5.0)  #: Of a decay whose file does not say how far it went.
+CRESTS = 3  #: After the release, up to which a decay is compared.
 
 
 def gazebo(model: ManoeuvringModel) -> Export:
@@ -163,10 +160,8 @@ def _sdf(
 def gazebo_attitude(models: Mapping[str, IdentifiedModel], inertias: Mapping[str, float]) -> Export:
     """SDF of the roll and pitch damping of decay models by axis, with the inertia of each, kg m^2, with added inertia.
 
-    Raises
-    ------
-    InputError
-        An axis has no inertia.
+    Raises:
+        InputError: An axis has no inertia.
     """
     derivatives: dict[str, float] = {}
     moments, notes, advice = {}, [], []

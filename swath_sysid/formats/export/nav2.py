@@ -13,11 +13,8 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
 
 STEP = 0.1
-DURATION = 180.0
-"""s; after which a craft under held inputs is taken as steady."""
-
-SHARES = (0.25, 0.5, 0.75)
-"""Mean inputs, of the largest; what is left of the faster thruster steers."""
+DURATION = 180.0  #: s; after which a craft under held inputs is taken as steady.
+SHARES = (0.25, 0.5, 0.75)  #: Mean inputs, of the largest; what is left of the faster thruster steers.
 
 RISE = 1.0 - math.exp(-1.0)
 
@@ -25,10 +22,8 @@ RISE = 1.0 - math.exp(-1.0)
 def nav2(model: ManoeuvringModel) -> Export:
     """Parameters of Nav2 and a table of what the craft does, as an `Export`.
 
-    Raises
-    ------
-    InputError
-        The craft does not move ahead, turn or stop in the simulation.
+    Raises:
+        InputError: The craft does not move ahead, turn or stop in the simulation.
     """
     full = model.largest_input
     rows = [_row(model, share) for share in SHARES]

@@ -13,8 +13,7 @@ from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringM
 from swath_sysid.manoeuvring.hull.terms import PARAMETERS
 
 NAMESPACE = 'http://ssp-standard.org/SSP1/'
-Row = tuple[str, float, float | None, str]
-"""Name, value, standard deviation, unit."""
+Row = tuple[str, float, float | None, str]  #: Name, value, standard deviation, unit.
 
 NEWTON = {'kg': 1, 'm': 1, 's': -2}
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import DEVIATION_B, DEVIATION_C, SENSOR_X, SENSOR_Y, Numbers
 
-INVERSIONS = 4
-"""Fixed-point rounds from true to recorded heading; each gains a factor of the deviation."""
+INVERSIONS = 4  #: Fixed-point rounds from true to recorded heading; each gains a factor of the deviation.
 
 
 def deviation(recorded_heading: Numbers, p: np.ndarray) -> Numbers:
@@ -38,16 +37,11 @@ def recorded_speeds(
 ) -> tuple[Numbers, Numbers]:
     """Surge and sway as recorded over ground, m/s.
 
-    Parameters
-    ----------
-    u, v, r : ndarray
-        Through the water, of the origin.
-    heading : ndarray
-        As recorded, rad.
-    current : sequence of 2 (floats or arrays that broadcast)
-        East and north, m/s.
-    p : ndarray, shape (n, ...)
-        Of the catalogue's parameters.
+    Args:
+        u, v, r: Through the water, of the origin.
+        heading: As recorded, rad.
+        current: East and north, m/s.
+        p: (n, ...); of the catalogue's parameters.
     """
     surge, sway = turned(u - r * p[SENSOR_Y], v + r * p[SENSOR_X], deviation(heading, p))
     along, across = turned(current[0], current[1], heading)

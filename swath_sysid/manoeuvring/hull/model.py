@@ -20,28 +20,14 @@ INPUTS = (FORCE, COMMAND)
 
 @dataclass(frozen=True)
 class ManoeuvringModel:
-    """A craft in surge, sway and yaw under two thrusters.
+    """A craft in surge, sway and yaw under two thrusters."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (n,)
-        Of every parameter in `terms.NAMES`; what is not in use has its neutral value.
-    thrust_input : str
-        ``force`` (N a thruster) or ``command`` (-1 to 1).
-    length : float
-        Of the hulls, m: for the prime system and the standard tests.
-    largest_input : float
-        Largest thrust (N) or command ahead.
-    current : tuple of 2 floats
-        East and north, m/s.
-    """
-
-    values: np.ndarray
-    thrust_input: str = FORCE
+    values: np.ndarray  #: (n,); Of every parameter in `terms.NAMES`; what is not in use has its neutral value.
+    thrust_input: str = FORCE  #: ``force`` (N a thruster) or ``command`` (-1 to 1).
     name: str = ''
-    length: float = 4.88
-    largest_input: float = 1.0
-    current: tuple[float, float] = (0.0, 0.0)
+    length: float = 4.88  #: Of the hulls, m: for the prime system and the standard tests.
+    largest_input: float = 1.0  #: Largest thrust (N) or command ahead.
+    current: tuple[float, float] = (0.0, 0.0)  #: East and north, m/s.
     active: tuple[bool, ...] = field(init=False)
 
     def __post_init__(self):
@@ -64,10 +50,8 @@ class ManoeuvringModel:
     def with_values(self, **values: float) -> 'ManoeuvringModel':
         """The model with some parameters changed.
 
-        Raises
-        ------
-        InputError
-            A name is not in the catalogue.
+        Raises:
+            InputError: A name is not in the catalogue.
         """
         return replace(self, values=parameter_values(values, self.values))
 
@@ -90,10 +74,8 @@ class ManoeuvringModel:
 def parameter_values(values: Mapping[str, float], base: np.ndarray = NEUTRAL) -> np.ndarray:
     """A full parameter vector, shape (n,), from some values by name.
 
-    Raises
-    ------
-    InputError
-        A name is not in the catalogue.
+    Raises:
+        InputError: A name is not in the catalogue.
     """
     for name in values:
         check_choice(name, NAMES, 'manoeuvring parameter')

@@ -4,11 +4,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import IZ, NR_DOT, NV_DOT, PARAMETERS, X_G, YR_DOT, YV_DOT, M
 
-LARGEST = 1e12
-"""Of any mass, inertia or derivative, in SI units: the largest ships come near it."""
-
-LIGHTEST = 1e-3
-"""kg and kg m^2."""
+LARGEST = 1e12  #: Of any mass, inertia or derivative, in SI units: the largest ships come near it.
+LIGHTEST = 1e-3  #: kg and kg m^2.
 
 _RANGES = {
     'gain': (1e-6, 1e9),
@@ -31,6 +28,7 @@ _RANGES = {
     'x_G': (-1e3, 1e3),
 }
 
+#: Least and largest value of each parameter; wider than what an identification may find.
 PARAMETER_RANGES = {
     p.name: _RANGES[p.name]
     if p.name in _RANGES
@@ -39,21 +37,16 @@ PARAMETER_RANGES = {
     else (-LARGEST, LARGEST)
     for p in PARAMETERS
 }
-"""Least and largest value of each parameter; wider than what an identification may find."""
 
 
 def check_physical(model: ManoeuvringModel) -> None:
     """Refuse a manoeuvring model that no craft can have.
 
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        Any, as a file may hold it.
+    Args:
+        model: Any, as a file may hold it.
 
-    Raises
-    ------
-    InputError
-        A parameter lies outside its range, or the mass matrix of sway and yaw is not positive definite.
+    Raises:
+        InputError: A parameter lies outside its range, or the mass matrix of sway and yaw is not positive definite.
     """
     for name, (lowest, highest) in PARAMETER_RANGES.items():
         if not lowest <= model[name] <= highest:

@@ -3,11 +3,8 @@
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 
-WAMV_LENGTH = 4.88
-"""m: 16 feet."""
-
-WAMV_LEVER = 1.027135
-"""m: half the distance between the thrusters of the simulated WAM-V 16."""
+WAMV_LENGTH = 4.88  #: m: 16 feet.
+WAMV_LEVER = 1.027135  #: m: half the distance between the thrusters of the simulated WAM-V 16.
 
 
 def _wamv(name: str, largest: float, **derivatives: float):
@@ -15,6 +12,7 @@ def _wamv(name: str, largest: float, **derivatives: float):
     return ManoeuvringModel(values, name=name, length=WAMV_LENGTH, largest_input=largest)
 
 
+#: Derivatives by craft: VRX until 2023 and since. The largest input gives 1.7 and 1.5 m/s.
 PRESETS = {
     model.name: model
     for model in (
@@ -22,16 +20,13 @@ PRESETS = {
         _wamv('wamv-vrx-new', 250.0, Xu=-100.0, Xuu=-150.0, Yv=-100.0, Yvv=-100.0, Nr=-800.0, Nrr=-800.0),
     )
 }
-"""Derivatives by craft: VRX until 2023 and since. The largest input gives 1.7 and 1.5 m/s."""
 
 
 def preset(name: str) -> ManoeuvringModel:
     """The craft of that name.
 
-    Raises
-    ------
-    InputError
-        There is none.
+    Raises:
+        InputError: There is none.
     """
     if name not in PRESETS:
         raise InputError(f"there is no craft '{name}': choose from {', '.join(PRESETS)}, or give a model file")

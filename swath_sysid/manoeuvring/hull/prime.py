@@ -8,27 +8,16 @@ from dataclasses import dataclass
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, INERTIA, PARAMETERS
 
-SEA_WATER = 1025.0
-"""kg/m^3."""
+SEA_WATER = 1025.0  #: kg/m^3.
 
 
 @dataclass(frozen=True)
 class PrimeUnits:
-    """What the prime system measures with.
+    """What the prime system measures with."""
 
-    Attributes
-    ----------
-    length : float
-        Of the hulls, m.
-    speed : float
-        m/s.
-    density : float
-        kg/m^3.
-    """
-
-    length: float
-    speed: float
-    density: float = SEA_WATER
+    length: float  #: Of the hulls, m.
+    speed: float  #: m/s.
+    density: float = SEA_WATER  #: kg/m^3.
 
     def __post_init__(self):
         if not (self.length > 0.0 and self.speed > 0.0 and self.density > 0.0):
@@ -39,10 +28,8 @@ class PrimeUnits:
 
         A derivative is a force (or moment) over the velocities it multiplies, or of the dimension of a mass.
 
-        Raises
-        ------
-        InputError
-            The name is not a derivative.
+        Raises:
+            InputError: The name is not a derivative.
         """
         parameter = PARAMETERS[INDEX[name]] if name in INDEX else None
         if parameter is None or parameter.kind not in HULL:

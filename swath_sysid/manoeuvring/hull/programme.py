@@ -12,6 +12,7 @@ from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
 
 STEP = 0.1
 
+#: Runs to drive for an identification: name, what to do, s.
 RECIPE = (
     ('speeding up', 'straight, both thrusters alike: 15, 30, 50, 70, 100 % of full, 25 s each', 125),
     ('slowing down', 'straight: 90, 40, 80, 20, 0 %, 25 s each; on another course', 125),
@@ -22,7 +23,6 @@ RECIPE = (
     ('astern', '50 % ahead for 15 s, 40 % astern for 20 s, then one thruster ahead and one astern, both ways', 75),
     ('mixed', 'any thrusts, each held for 5 to 15 s, on courses all around the compass', 105),
 )
-"""Runs to drive for an identification: name, what to do, s."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,9 @@ class SensorNoise:
 def trial_programme(model: ManoeuvringModel, step: float = STEP) -> dict[str, Manoeuvre]:
     """Straight runs with thrust steps, turns to both sides at several speeds, zig-zags; about 15 min.
 
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        That is driven.
-    step : float
-        s.
-
-    Returns
-    -------
-    dict of str to Manoeuvre
+    Args:
+        model: That is driven.
+        step: s.
     """
     full = model.largest_input
     return {
@@ -83,18 +76,12 @@ def trial_programme(model: ManoeuvringModel, step: float = STEP) -> dict[str, Ma
 def with_noise(manoeuvre: Manoeuvre, noise: SensorNoise, seed: int) -> Manoeuvre:
     """The manoeuvre as sensors would have recorded it; inputs and time are exact.
 
-    Parameters
-    ----------
-    manoeuvre : Manoeuvre
-        Exact.
-    noise : SensorNoise
-        Standard deviations of the sensors.
-    seed : int
-        Of the noise.
+    Args:
+        manoeuvre: Exact.
+        noise: Standard deviations of the sensors.
+        seed: Of the noise.
 
-    Returns
-    -------
-    Manoeuvre
+    Returns:
         ``u`` and ``v`` stay what they were.
     """
     rng = np.random.default_rng(seed)

@@ -11,8 +11,7 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import Numbers
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 
-STABLE_STEP = 2.0
-"""Largest product of step and fastest damping rate; the classical scheme is stable up to 2.78."""
+STABLE_STEP = 2.0  #: Largest product of step and fastest damping rate; the classical scheme is stable up to 2.78.
 
 _accelerations = terms.accelerations
 UNDISTURBED = np.zeros((3, 1))
@@ -46,26 +45,16 @@ def runge_kutta_columns(
 ) -> np.ndarray:
     """Integrate C craft side by side with the classical Runge-Kutta scheme.
 
-    Parameters
-    ----------
-    state : ndarray, shape (3, C)
-        u, v, r at the start.
-    port, starboard : ndarray, shape (S, C)
-        Thrust over each step, N.
-    push : ndarray, shape (3, C) or (3, 1)
-        Disturbing accelerations of u, v, r; `UNDISTURBED` for none.
-    p : ndarray, shape (n, C)
-        The catalogue's parameters of each craft.
-    active : tuple of n bools
-        Terms that any column uses.
-    step : float
-        s.
-    substeps : int
-        Runge-Kutta steps a step.
+    Args:
+        state: (3, C); u, v, r at the start.
+        port, starboard: (S, C); thrust over each step, N.
+        push: (3, C) or (3, 1); disturbing accelerations of u, v, r; `UNDISTURBED` for none.
+        p: (n, C); the catalogue's parameters of each craft.
+        active: Terms that any column uses.
+        step: s.
+        substeps: Runge-Kutta steps a step.
 
-    Returns
-    -------
-    ndarray, shape (S + 1, 3, C)
+    Returns:
         Not finite from where a craft has run away.
     """
     steps = port.shape[0]
@@ -90,35 +79,19 @@ def runge_kutta_columns(
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """A simulated manoeuvre; all arrays have shape (N,), N one more than the steps of thrust.
+    """A simulated manoeuvre; all arrays have shape (N,), N one more than the steps of thrust."""
 
-    Attributes
-    ----------
-    time : ndarray
-        s.
-    u, v : ndarray
-        Through the water, m/s.
-    yaw_rate, heading : ndarray
-        rad/s, and rad from east to north, not wrapped.
-    x, y : ndarray
-        East and north, m.
-    surge, sway : ndarray
-        Over ground, m/s.
-    port, starboard : ndarray
-        Inputs as given, the last one repeated.
-    """
-
-    time: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    yaw_rate: np.ndarray
-    heading: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    surge: np.ndarray
-    sway: np.ndarray
-    port: np.ndarray
-    starboard: np.ndarray
+    time: np.ndarray  #: s.
+    u: np.ndarray  #: Through the water, m/s.
+    v: np.ndarray  #: Through the water, m/s.
+    yaw_rate: np.ndarray  #: rad/s, and rad from east to north, not wrapped.
+    heading: np.ndarray  #: rad/s, and rad from east to north, not wrapped.
+    x: np.ndarray  #: East and north, m.
+    y: np.ndarray  #: East and north, m.
+    surge: np.ndarray  #: Over ground, m/s.
+    sway: np.ndarray  #: Over ground, m/s.
+    port: np.ndarray  #: Inputs as given, the last one repeated.
+    starboard: np.ndarray  #: Inputs as given, the last one repeated.
 
 
 def simulate(
@@ -133,22 +106,14 @@ def simulate(
 ) -> Manoeuvre:
     """Simulate a craft under given inputs.
 
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        That is simulated.
-    port, starboard : ndarray, shape (S,)
-        Inputs held over each step, N or commands as the model's `thrust_input` says.
-    step : float
-        s.
-    state : sequence of 3 floats
-        u, v, r at the start.
-    heading : float
-        rad.
-    position : sequence of 2 floats
-        East, north, m.
-    current : sequence of 2 floats, optional
-        East and north, m/s; the model's own by default.
+    Args:
+        model: That is simulated.
+        port, starboard: (S,); inputs held over each step, N or commands as the model's `thrust_input` says.
+        step: s.
+        state: u, v, r at the start.
+        heading: rad.
+        position: East, north, m.
+        current: East and north, m/s; the model's own by default.
     """
     port, starboard = np.asarray(port, dtype=float), np.asarray(starboard, dtype=float)
     thrust = acting_thrust(port, starboard, model.values, step)
@@ -196,9 +161,8 @@ def track(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Heading and position by the trapezoidal rule, along the first axis of u, v, r.
 
-    Returns
-    -------
-    heading, x, y : ndarray, shape of u
+    Returns:
+        heading, x, y: of u
     """
     psi = heading + _integral(r, step)
     x = position[0] + _integral(u * np.cos(psi) - v * np.sin(psi) + current[0], step)
@@ -215,16 +179,11 @@ def moved(
 ) -> np.ndarray:
     """By how much heading and position change over one step, as `track` has it: heading, x, y; shape (3,) or (3, C).
 
-    Parameters
-    ----------
-    before, after : sequence of 3
-        u, v, r at both ends of the step, each a number or an array of shape (C,).
-    heading : float or ndarray, shape (C,)
-        At the start, rad.
-    step : float
-        s.
-    current : sequence of 2
-        East and north, m/s.
+    Args:
+        before, after: u, v, r at both ends of the step, each a number or an array of shape (C,).
+        heading: float or (C,); at the start, rad.
+        step: s.
+        current: East and north, m/s.
     """
     half = 0.5 * step
     turn = half * (before[2] + after[2])

@@ -14,64 +14,39 @@ INPUTS = 4
 DURATION = 60.0
 STEP = 0.1
 DIFFERENCE = 1e-5
-EXCESS = 2.0
-"""A motion that leaves this multiple of what was seen has run away."""
+EXCESS = 2.0  #: A motion that leaves this multiple of what was seen has run away.
 
 
 @dataclass(frozen=True)
 class Region:
-    """Motion and inputs that were seen.
+    """Motion and inputs that were seen."""
 
-    Attributes
-    ----------
-    slowest, fastest : float
-        m/s.
-    largest_sway, largest_yaw_rate : float
-        m/s, rad/s.
-    least_input, most_input, largest_difference : float
-        Of one thruster, and starboard less port; N or commands.
-    """
-
-    slowest: float
-    fastest: float
-    largest_sway: float
-    largest_yaw_rate: float
-    least_input: float
-    most_input: float
-    largest_difference: float
+    slowest: float  #: m/s.
+    fastest: float  #: m/s.
+    largest_sway: float  #: m/s, rad/s.
+    largest_yaw_rate: float  #: m/s, rad/s.
+    least_input: float  #: Of one thruster, and starboard less port; N or commands.
+    most_input: float  #: Of one thruster, and starboard less port; N or commands.
+    largest_difference: float  #: Of one thruster, and starboard less port; N or commands.
 
 
 @dataclass(frozen=True)
 class StabilityCheck:
-    """Outcome of `check_stability`.
+    """Outcome of `check_stability`."""
 
-    Attributes
-    ----------
-    stable : bool
-        Straight courses are kept, and held inputs drive nothing beyond bounds.
-    bounded : bool
-        The latter alone: a craft that does not keep its course turns, and its damping ends that.
-    largest_growth : float
-        Largest real part of the eigenvalues of small motions about straight courses, 1/s; negative decays.
-    unstable_speed : float
-        Where it is not negative, m/s; NaN if nowhere.
-    """
-
-    stable: bool
-    bounded: bool
+    stable: bool  #: Straight courses are kept, and held inputs drive nothing beyond bounds.
+    bounded: bool  #: The latter alone: a craft that does not keep its course turns, and its damping ends that.
+    #: Largest real part of the eigenvalues of small motions about straight courses, 1/s; negative decays.
     largest_growth: float
-    unstable_speed: float
+    unstable_speed: float  #: Where it is not negative, m/s; NaN if nowhere.
 
 
 def check_stability(model: ManoeuvringModel, region: Region) -> StabilityCheck:
     """Small motions about every straight course, and free motion under every held input.
 
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        That is examined.
-    region : Region
-        Speeds and inputs that it is examined at.
+    Args:
+        model: That is examined.
+        region: Speeds and inputs that it is examined at.
     """
     speeds = straight_speeds(region)
     growth = growth_rates(model.values[:, None], model.active, speeds)[:, 0]
@@ -94,18 +69,12 @@ def straight_speeds(region: Region) -> np.ndarray:
 def growth_rates(p: np.ndarray, active: tuple[bool, ...], speeds: np.ndarray) -> np.ndarray:
     """Largest real part of the eigenvalues of small motions about steady straight courses.
 
-    Parameters
-    ----------
-    p : ndarray, shape (n, K)
-        Parameters of K candidates.
-    active : tuple of n bools
-        Terms that any candidate uses.
-    speeds : ndarray, shape (S,)
-        m/s.
+    Args:
+        p: (n, K); parameters of K candidates.
+        active: Terms that any candidate uses.
+        speeds: (S,); m/s.
 
-    Returns
-    -------
-    ndarray, shape (S, K)
+    Returns:
         1/s; negative decays.
     """
     count, candidates = speeds.size, p.shape[1]

@@ -10,33 +10,18 @@ from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre
 from swath_sysid.manoeuvring.hull.stepping import SteeredCraft
 
-STEP = 0.1
-"""s."""
-
-LONGEST = 900.0
-"""s; a test that has not ended by then is reported as far as it went."""
-
-APPROACH = 5.0
-"""s of steady approach shown before a test."""
+STEP = 0.1  #: s.
+LONGEST = 900.0  #: s; a test that has not ended by then is reported as far as it went.
+APPROACH = 5.0  #: s of steady approach shown before a test.
 
 
 @dataclass(frozen=True)
 class DriveSettings:
-    """How hard a craft is driven; shares are of its largest input.
+    """How hard a craft is driven; shares are of its largest input."""
 
-    Attributes
-    ----------
-    base : float
-        Mean input of both thrusters, share.
-    difference : float
-        Half the difference of the inputs, share; positive turns to starboard.
-    angle : float
-        Heading of a zig-zag at which the difference is reversed, rad.
-    """
-
-    base: float = 0.6
-    difference: float = 0.3
-    angle: float = math.radians(20.0)
+    base: float = 0.6  #: Mean input of both thrusters, share.
+    difference: float = 0.3  #: Half the difference of the inputs, share; positive turns to starboard.
+    angle: float = math.radians(20.0)  #: Heading of a zig-zag at which the difference is reversed, rad.
 
     def __post_init__(self):
         if not 0.0 < self.base <= 1.0:
@@ -49,20 +34,12 @@ class DriveSettings:
 
 @dataclass(frozen=True)
 class ManoeuvringTest:
-    """A test and what it reports.
-
-    Attributes
-    ----------
-    numbers : dict of str to float
-        Units in the names; NaN for what the test did not reach.
-    curve : dict of str to ndarray
-        Steady states, for the tests that make a curve of them.
-    """
+    """A test and what it reports."""
 
     name: str
     manoeuvre: Manoeuvre
-    numbers: dict[str, float]
-    curve: dict[str, np.ndarray]
+    numbers: dict[str, float]  #: Units in the names; NaN for what the test did not reach.
+    curve: dict[str, np.ndarray]  #: Steady states, for the tests that make a curve of them.
 
 
 def _inputs(model: ManoeuvringModel, settings: DriveSettings, turn: float = 1.0):
@@ -216,19 +193,13 @@ TESTS = {
 def run_test(name: str, model: ManoeuvringModel, settings: DriveSettings | None = None) -> ManoeuvringTest:
     """Run a standard test in still water.
 
-    Parameters
-    ----------
-    name : str
-        A key of ``TESTS``.
-    model : ManoeuvringModel
-        That is driven.
-    settings : DriveSettings, optional
-        How the tests are driven.
+    Args:
+        name: A key of ``TESTS``.
+        model: That is driven.
+        settings: How the tests are driven.
 
-    Raises
-    ------
-    InputError
-        There is no such test.
+    Raises:
+        InputError: There is no such test.
     """
     check_choice(name, TESTS, 'test')
     return TESTS[name](model, settings or DriveSettings())

@@ -17,15 +17,10 @@ from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, thrust_curve
 class SteeredCraft:
     """A craft under inputs that may depend on what it does.
 
-    Parameters
-    ----------
-    model : ManoeuvringModel
-    step : float
-        s.
-    first_input : float
-        Both inputs before the start; the craft starts at the speed they drive, heading east.
-    at_rest : bool
-        Start at rest instead.
+    Args:
+        step: s.
+        first_input: Both inputs before the start; the craft starts at the speed they drive, heading east.
+        at_rest: Start at rest instead.
     """
 
     def __init__(self, model: ManoeuvringModel, step: float, first_input: float = 0.0, at_rest: bool = False):

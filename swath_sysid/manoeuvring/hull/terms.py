@@ -20,41 +20,26 @@ import numpy as np
 
 from swath_sysid.common.accelerator import accelerated
 
-Numbers = float | np.ndarray
-"""One number, or an array of them; what a function takes together broadcasts."""
+Numbers = float | np.ndarray  #: One number, or an array of them; what a function takes together broadcasts.
 
 INERTIA, DAMPING, CROSS, OFFSET = 'inertia', 'damping', 'cross', 'offset'
 THRUST, SENSOR = 'thrust', 'sensor'
 
-HULL = (INERTIA, DAMPING, CROSS, OFFSET)
-"""Kinds that the prime system has units for."""
+HULL = (INERTIA, DAMPING, CROSS, OFFSET)  #: Kinds that the prime system has units for.
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One named number of a manoeuvring model.
-
-    Attributes
-    ----------
-    kind : str
-        ``inertia``, ``damping``, ``cross``, ``offset``, ``thrust`` or ``sensor``.
-    row : str
-        The equation it stands in: ``X``, ``Y``, ``N``, or empty for thrust and sensor.
-    factors : str
-        What it multiplies, as powers of u, v, r and of their time derivatives U, V, R: ``uu``, ``vr``, ``R``.
-    neutral : float
-        Its value where it is not in use.
-    separated_by : str
-        The manoeuvre that separates it from its neighbours.
-    """
+    """One named number of a manoeuvring model."""
 
     name: str
-    kind: str
-    row: str
+    kind: str  #: ``inertia``, ``damping``, ``cross``, ``offset``, ``thrust`` or ``sensor``.
+    row: str  #: The equation it stands in: ``X``, ``Y``, ``N``, or empty for thrust and sensor.
+    #: What it multiplies, as powers of u, v, r and of their time derivatives U, V, R: ``uu``, ``vr``, ``R``.
     factors: str
     unit: str
-    neutral: float
-    separated_by: str
+    neutral: float  #: Its value where it is not in use.
+    separated_by: str  #: The manoeuvre that separates it from its neighbours.
 
 
 _STEPS = 'thrust steps up and down on a straight course'
@@ -245,18 +230,12 @@ def accelerations(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """du/dt, dv/dt, dr/dt under thrusts that act, N.
 
-    Parameters
-    ----------
-    u, v, r, port, starboard : ndarray, shape (P,)
-        Speeds through the water, m/s, yaw rate, rad/s, and thrusts, N.
-    p : ndarray, shape (n, P)
-        The catalogue's parameters.
-    active : tuple of n bools
-        Terms that any column uses.
+    Args:
+        u, v, r, port, starboard: (P,); speeds through the water, m/s, yaw rate, rad/s, and thrusts, N.
+        p: (n, P); the catalogue's parameters.
+        active: Terms that any column uses.
 
-    Returns
-    -------
-    tuple of 3 ndarray, shape (P,)
+    Returns:
         m/s^2, m/s^2, rad/s^2.
     """
     left = 1.0 - p[ADVANCE] * u

@@ -21,11 +21,8 @@ from swath_sysid.manoeuvring.hull.terms import (
 )
 
 CURVE = (GAIN, REVERSE_RATIO, DEAD_BAND, EXPONENT, FULL_INPUT, REVERSE_EXPONENT_RATIO)
-SHORTEST_LAG = 1e-6
-"""s; a thruster below this answers at once."""
-
-REMEMBERED = 0.2
-"""s beyond the delay for which a thruster keeps what it was commanded."""
+SHORTEST_LAG = 1e-6  #: s; a thruster below this answers at once.
+REMEMBERED = 0.2  #: s beyond the delay for which a thruster keeps what it was commanded.
 
 
 def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray:
@@ -35,12 +32,9 @@ def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray
     ``full``: 1 for commands, the largest force in N for forces, at which the curve keeps ``gain`` whatever its
     exponent. Astern it is multiplied by ``reverse_ratio``, the exponent by ``reverse_exponent_ratio``.
 
-    Parameters
-    ----------
-    inputs : ndarray
-        Commands from -1 to 1, or forces, N.
-    p : ndarray, shape (n,)
-        Of the catalogue's parameters.
+    Args:
+        inputs: Commands from -1 to 1, or forces, N.
+        p: (n,); of the catalogue's parameters.
     """
     inputs = np.asarray(inputs)
     astern = inputs < 0.0
@@ -79,18 +73,13 @@ def lagged(values: np.ndarray, lag: float, step: float) -> np.ndarray:
 def acting_thrust(port: np.ndarray, starboard: np.ndarray, p: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Thrust of both thrusters, N, mean over each step.
 
-    Parameters
-    ----------
-    port, starboard : ndarray, shape (N,)
-        Commands, or forces in N, held over each step.
-    p : ndarray, shape (n,)
-        Of the catalogue's parameters.
-    step : float
-        s.
+    Args:
+        port, starboard: (N,); commands, or forces in N, held over each step.
+        p: (n,); of the catalogue's parameters.
+        step: s.
 
-    Returns
-    -------
-    port, starboard : ndarray, shape (N,)
+    Returns:
+        port, starboard: (N,)
     """
     left, right = (
         lagged(delayed(side * thrust_curve(inputs, p), p[DELAY], step), p[LAG], step)
@@ -102,11 +91,9 @@ def acting_thrust(port: np.ndarray, starboard: np.ndarray, p: np.ndarray, step: 
 class ThrustMemory:
     """Acting thrust of both thrusters from inputs at any times: the same as `acting_thrust`, as they come.
 
-    Parameters
-    ----------
-    p : ndarray, shape (n,)
-    first : float
-        Input of both that has acted so far.
+    Args:
+        p: (n,)
+        first: Input of both that has acted so far.
     """
 
     def __init__(self, p: np.ndarray, first: float = 0.0):

@@ -26,25 +26,16 @@ from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
 
 AT_ANCHOR_SPEED = 0.15
 AT_ANCHOR_YAW_RATE = 0.03
-NO_TURN = 0.02
-"""rad/s; a yaw rate that stays below identifies nothing of a turn."""
-
-SWAY_SEEN = 0.03
-"""m/s."""
-
-USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0}
-"""s; time constants assumed where the runs show none."""
+NO_TURN = 0.02  #: rad/s; a yaw rate that stays below identifies nothing of a turn.
+SWAY_SEEN = 0.03  #: m/s.
+USUAL_RESPONSE = {'surge': 5.0, 'sway': 1.0, 'yaw': 2.0}  #: s; time constants assumed where the runs show none.
 
 DEVIATION, SENSOR_PLACE = ('deviation_B', 'deviation_C'), ('sensor_x', 'sensor_y')
-FIRST_DELAY = 0.15
-"""s, where the search for lag and delay of the thrusters begins."""
-
-LARGEST_DRIFT = 2.0
-"""m/s."""
+FIRST_DELAY = 0.15  #: s, where the search for lag and delay of the thrusters begins.
+LARGEST_DRIFT = 2.0  #: m/s.
 
 DRIFT_SPREAD = 0.5
-FIRST_DRIFT_SPREAD = 0.02
-"""m/s by which the currents of the runs are first assumed to differ, until the fit."""
+FIRST_DRIFT_SPREAD = 0.02  #: m/s by which the currents of the runs are first assumed to differ, until the fit.
 
 _CANDIDATES = {
     'X': ('Xvr', 'Xvv', 'Xrr', 'Xuuu', 'X0'),
@@ -57,52 +48,29 @@ _BASE = {'X': ('Xu', 'Xuu'), 'Y': ('Yv_dot', 'Yv'), 'N': ('Nr',)}
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be identified.
-
-    Attributes
-    ----------
-    base : ndarray, shape (n,)
-        Known parameters, and first guesses of the others.
-    free : tuple of str
-        Unknowns that are always searched.
-    tentative : tuple of str
-        Unknowns that are searched from the start, and dropped where they turn out weak: lag and delay, which
-        stand in for each other where only one of them is offered, and the reverse ratio, without which much else
-        is taken for a hull's.
-    candidates : tuple of tuple of str
-        Groups of unknowns that may be added.
-    length : float
-        m.
-    towards : dict of str to (value, std)
-    assumed : tuple of str
-        Parameters that these runs do not excite and that have usual values.
-    flags : dict of str to str
-        Parameters that need a warning, and its code.
-    noise : ndarray, shape (3,)
-    drift_spread : float
-        m/s, by how much the currents of the runs differ, beside their noise; 0: one current, or none.
-    ties : dict of str to str
-        Parameters that are equal to another one, and to which.
-    largest_growth : float
-        1/s, that small motions about straight courses may have; negative: they must decay.
-    """
+    """What is to be identified."""
 
     runs: tuple
     thrust_input: str
-    base: np.ndarray
-    free: tuple[str, ...]
+    base: np.ndarray  #: (n,); Known parameters, and first guesses of the others.
+    free: tuple[str, ...]  #: Unknowns that are always searched.
+    #: Unknowns that are searched from the start, and dropped where they turn out weak: lag and delay, which stand in
+    #: for each other where only one of them is offered, and the reverse ratio, without which much else is taken for a
+    #: hull's.
     tentative: tuple[str, ...]
-    candidates: tuple[tuple[str, ...], ...]
+    candidates: tuple[tuple[str, ...], ...]  #: Groups of unknowns that may be added.
     scales: Scales
-    length: float
+    length: float  #: m.
     towards: dict
-    assumed: tuple[str, ...]
-    flags: dict[str, str]
+    assumed: tuple[str, ...]  #: Parameters that these runs do not excite and that have usual values.
+    flags: dict[str, str]  #: Parameters that need a warning, and its code.
     region: Region
-    noise: np.ndarray
+    noise: np.ndarray  #: (3,)
+    #: m/s, by how much the currents of the runs differ, beside their noise; 0: one current, or none.
     drift_spread: float
     advice: tuple[Advice, ...]
-    ties: dict[str, str]
+    ties: dict[str, str]  #: Parameters that are equal to another one, and to which.
+    #: 1/s, that small motions about straight courses may have; negative: they must decay.
     largest_growth: float = -MIN_DECAY
 
     def unknowns(self, names: Sequence[str]) -> Unknowns:
@@ -128,10 +96,8 @@ class Problem:
 def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...]]:
     """Runs that moved, and advice for those at anchor.
 
-    Raises
-    ------
-    InputError
-        None did.
+    Raises:
+        InputError: None did.
     """
     kept, advice = [], []
     for run in runs:
@@ -160,17 +126,12 @@ def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...
 def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     """Make a problem of runs.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        See `moving_runs`.
-    settings : ManoeuvringSettings
-        What is given, fixed and searched.
+    Args:
+        runs: See `moving_runs`.
+        settings: What is given, fixed and searched.
 
-    Raises
-    ------
-    InputError
-        Forces and commands are mixed, or nothing can be identified.
+    Raises:
+        InputError: Forces and commands are mixed, or nothing can be identified.
     """
     inputs = {run.thrust_input for run in runs}
     if len(inputs) > 1:
@@ -381,11 +342,9 @@ def _anchors(
 ):
     """Scale of mass and thrust: what is given, what follows, what cannot be separated.
 
-    Returns
-    -------
-    values : dict
-        Known values and first guesses.
-    free, assumed : list of str
+    Returns:
+        values: Known values and first guesses.
+        free, assumed
     """
     inputs = np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
     full = 1.0 if thrust_input == COMMAND else float(np.max(np.abs(inputs)))

@@ -12,20 +12,11 @@ from swath_sysid.manoeuvring.hull.terms import BALANCE
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust, thrust_curve
 from swath_sysid.manoeuvring.motion.trial import Run
 
-LAGS = (1.0, 4.0)
-"""s; sensor noise and its smoothing are forgotten at the first, a gust is not at the second."""
-
-SHORTEST_TIME, LONGEST_TIME = 1.0, 30.0
-"""s."""
-
-THRUST_LEAD = 5.0
-"""s over which the change of the thrust is measured."""
-
-SHORTEST_HOLD = 0.1
-"""s, of a thrust that is always changing."""
-
-MIN_SHARE = 0.002
-"""Of the accelerations that the thrust gives: no disturbance is smaller."""
+LAGS = (1.0, 4.0)  #: s; sensor noise and its smoothing are forgotten at the first, a gust is not at the second.
+SHORTEST_TIME, LONGEST_TIME = 1.0, 30.0  #: s.
+THRUST_LEAD = 5.0  #: s over which the change of the thrust is measured.
+SHORTEST_HOLD = 0.1  #: s, of a thrust that is always changing.
+MIN_SHARE = 0.002  #: Of the accelerations that the thrust gives: no disturbance is smaller.
 
 SENSORS = np.array([0.05, 0.01, 0.01, 0.5])
 MIN_SENSORS = np.array([0.005, 0.0005, 0.0005, 0.01])
@@ -37,16 +28,11 @@ def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNois
     A disturbance is taken for first-order Gauss-Markov; its variance and time follow from the autocovariance of the
     accelerations left at two lags.
 
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        As identified.
-    runs : sequence of Run
-        Those that it was identified on.
+    Args:
+        model: As identified.
+        runs: Those that it was identified on.
 
-    Returns
-    -------
-    ForecastNoise
+    Returns:
         With intervals not yet calibrated.
     """
     covariances, counts = np.zeros((len(LAGS), 3)), np.zeros((len(LAGS), 3))

@@ -7,8 +7,8 @@ import numpy as np
 from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS
 from swath_sysid.manoeuvring.motion.trial import Run
 
+#: A derivative of whose motion the others explain all but less than this share is hardly distinguished from them.
 ENOUGH = 0.15
-"""A derivative of whose motion the others explain all but less than this share is hardly distinguished from them."""
 
 
 def excitation(runs: Sequence[Run]) -> dict[str, float]:
@@ -17,14 +17,10 @@ def excitation(runs: Sequence[Run]) -> dict[str, float]:
     In each equation the motion that a derivative multiplies is regressed on that of the others; what is left of it,
     as a share of its size, is its own (the root of one over the variance inflation factor).
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        Of one craft.
+    Args:
+        runs: Of one craft.
 
-    Returns
-    -------
-    dict of str to float
+    Returns:
         0 to 1; 0 where its motion does not occur or is in none of the runs.
     """
     found = {}

@@ -10,17 +10,13 @@ import numpy as np
 
 from swath_sysid.manoeuvring.identification.shooting import MultipleShooting
 
-LOSS_TURNS_AT = 3.0
-"""Standard deviations beyond which a residual counts by its size, not its square."""
+LOSS_TURNS_AT = 3.0  #: Standard deviations beyond which a residual counts by its size, not its square.
 
+#: Of the misfit of all runs, and of what terms change in it: what one run exceeds it by does not count.
 LARGEST_SHARE = 0.25
-"""Of the misfit of all runs, and of what terms change in it: what one run exceeds it by does not count."""
 
-SCATTER = 0.5
-"""Standard errors of the runs by which terms must help."""
-
-MIN_GAIN = 0.003
-"""Share of the misfit that terms must explain of runs they were not fitted to."""
+SCATTER = 0.5  #: Standard errors of the runs by which terms must help.
+MIN_GAIN = 0.003  #: Share of the misfit that terms must explain of runs they were not fitted to.
 
 
 def values_without_each_part(
@@ -31,14 +27,11 @@ def values_without_each_part(
     What holds the fit beside the runs stays in force: the regularisation, the demand of stable straight courses, and
     bounds that it has come to rest at. Otherwise unstable models would judge a hull that hardly keeps its course.
 
-    Parameters
-    ----------
-    shooting : MultipleShooting
-        Of the fit.
-    values : ndarray, shape (n,)
-        Of its unknowns.
-    parts : list of (ndarray of shape (N_k,), ndarray of shape (N_k, n))
-        Residuals and Jacobian of each run: see `MultipleShooting.by_part`.
+    Args:
+        shooting: Of the fit.
+        values: (n,); of its unknowns.
+        parts: list of (ndarray of shape (N_k,), ndarray of shape (N_k, n)); residuals and Jacobian of each run: see
+            `MultipleShooting.by_part`.
     """
     units, spread = shooting.unknowns.units, shooting.unknowns.spread
     at_rest = (values - shooting.unknowns.lower < 1e-9 * units) | (shooting.unknowns.upper - values < 1e-9 * units)
@@ -69,10 +62,8 @@ def held_out_costs(shooting: MultipleShooting, values_without_it: np.ndarray) ->
 def helps(costs: np.ndarray, costs_before: np.ndarray) -> bool:
     """Whether terms help runs that they were not fitted to, beyond the runs' scatter.
 
-    Parameters
-    ----------
-    costs, costs_before : ndarray, shape (K,)
-        `held_out_costs` with the terms and without.
+    Args:
+        costs, costs_before: (K,); `held_out_costs` with the terms and without.
     """
     if costs.size < 2:
         # nothing can be held out of a single window
@@ -91,12 +82,9 @@ def covariance_over_runs(without: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     The jackknife over runs (a sandwich over clusters with its leverage taken out: Bell and McCaffrey 2002, CR3)
     gives the variances where it is larger; few runs give no correlations, which stay.
 
-    Parameters
-    ----------
-    without : ndarray, shape (K, n)
-        Values without each run.
-    matrix : ndarray, shape (n, n)
-        By the residuals' autocorrelation.
+    Args:
+        without: (K, n); values without each run.
+        matrix: (n, n); by the residuals' autocorrelation.
     """
     count = len(without)
     scatter = (count - 1.0) / count * np.sum((without - without.mean(axis=0)) ** 2, axis=0)

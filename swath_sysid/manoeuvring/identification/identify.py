@@ -39,83 +39,48 @@ from swath_sysid.manoeuvring.identification.shooting import CURRENT, MultipleSho
 from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
-ALIKE = 0.5
-"""Share of the longer of two time constants from which the shorter one can be taken for it."""
+ALIKE = 0.5  #: Share of the longer of two time constants from which the shorter one can be taken for it.
+UNCERTAIN = 0.5  #: A standard deviation beyond this share of a value makes it uncertain.
+STRANGE_MASS = 0.6  #: No hull of a small craft has more added mass in surge than this share of its mass.
+MORE_THAN_NOISE = 2.0  #: A simulation within so many times the sensor's own noise is not called poor.
+MIN_DIFFERENCE = 0.02  #: m/s; runs whose currents differ by less have one current.
 
-UNCERTAIN = 0.5
-"""A standard deviation beyond this share of a value makes it uncertain."""
-
-STRANGE_MASS = 0.6
-"""No hull of a small craft has more added mass in surge than this share of its mass."""
-
-MORE_THAN_NOISE = 2.0
-"""A simulation within so many times the sensor's own noise is not called poor."""
-
-MIN_DIFFERENCE = 0.02
-"""m/s; runs whose currents differ by less have one current."""
-
+#: Of a step, in the last fit: thrust that is held for as long as its lag lowers the lag, and raises the inertia.
 PARTS = 3
-"""Of a step, in the last fit: thrust that is held for as long as its lag lowers the lag, and raises the inertia."""
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}
 
 
 @dataclass(frozen=True)
 class Derivative:
-    """One identified number.
+    """One identified number."""
 
-    Attributes
-    ----------
-    value, std : float
-        In the unit of the parameter; std NaN where it was given or assumed.
-    prime : float or None
-        Without dimensions; None for the thrusters' parameters.
-    flags : tuple of str
-        Codes of the warnings that concern it.
-    """
-
-    value: float
-    std: float
-    prime: float | None
+    value: float  #: In the unit of the parameter; std NaN where it was given or assumed.
+    std: float  #: In the unit of the parameter; std NaN where it was given or assumed.
+    prime: float | None  #: Without dimensions; None for the thrusters' parameters.
     unit: str
-    flags: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()  #: Codes of the warnings that concern it.
 
 
 @dataclass(frozen=True)
 class ManoeuvringIdentification:
-    """Outcome of `identify_manoeuvring`.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What was identified, thrusters and current included.
-    values : ndarray, shape (n,)
-    covariance : ndarray, shape (n, n)
-    fixed : dict of str to float
-        What was given or assumed, by name.
-    noise : ndarray, shape (3,)
-        Residual standard deviation of surge, sway, yaw rate.
-    rejected : dict of str to str
-        Terms that were tried and refused, and why.
-    currents : ndarray, shape (R, 2)
-        East and north, m/s, of each run identified on, by its own motion.
-    """
+    """Outcome of `identify_manoeuvring`."""
 
     model: ManoeuvringModel
-    names: tuple[str, ...]
-    values: np.ndarray
-    covariance: np.ndarray
+    names: tuple[str, ...]  #: What was identified, thrusters and current included.
+    values: np.ndarray  #: (n,)
+    covariance: np.ndarray  #: (n, n)
     derivatives: dict[str, Derivative]
-    fixed: dict[str, float]
+    fixed: dict[str, float]  #: What was given or assumed, by name.
     prime_units: PrimeUnits
-    noise: np.ndarray
+    noise: np.ndarray  #: (3,); Residual standard deviation of surge, sway, yaw rate.
     identification: Scores
     validation: Scores | None
     identified_on: tuple
     validated_on: tuple
     stability: StabilityCheck
-    rejected: dict[str, str]
-    currents: np.ndarray
+    rejected: dict[str, str]  #: Terms that were tried and refused, and why.
+    currents: np.ndarray  #: (R, 2); East and north, m/s, of each run identified on, by its own motion.
     effective_samples: float
     evaluations: int
     advice: tuple[Advice, ...]
@@ -138,26 +103,17 @@ def identify_manoeuvring(
     Linear regression and a genetic search give the start; multiple shooting refines it; terms are
     added while they are worth it and the craft stays stable.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        Of one craft.
-    settings : ManoeuvringSettings, optional
-        What is given, fixed and searched.
-    validation : sequence of Run, optional
-        Kept out of the fit and scored; by default a third of the runs, where there are three or more.
-        Empty: none.
-    progress : callable, optional
-        Called with the share of the work done, 0 to 1.
-    should_cancel : callable, optional
-        Asked between steps.
+    Args:
+        runs: Of one craft.
+        settings: What is given, fixed and searched.
+        validation: Kept out of the fit and scored; by default a third of the runs, where there are three or more.
+            Empty: none.
+        progress: Called with the share of the work done, 0 to 1.
+        should_cancel: Asked between steps.
 
-    Raises
-    ------
-    InputError
-        The runs cannot be used together, or excite nothing.
-    Cancelled
-        ``should_cancel`` said so.
+    Raises:
+        InputError: The runs cannot be used together, or excite nothing.
+        Cancelled: ``should_cancel`` said so.
     """
     settings = settings or ManoeuvringSettings()
     if not runs:
@@ -241,10 +197,8 @@ def identify_manoeuvring(
 def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
     """Runs to identify from, and runs held out: those without which the others still span the motion.
 
-    Returns
-    -------
-    kept, held_out : tuple of Run
-        Nothing is held out of fewer than three.
+    Returns:
+        kept, held_out: Nothing is held out of fewer than three.
     """
     if len(runs) < 3:
         return tuple(runs), ()

@@ -17,20 +17,11 @@ JITTER = 1e-12
 
 @dataclass(frozen=True)
 class Minimum:
-    """Outcome of `minimise`.
+    """Outcome of `minimise`."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n,)
-    cost : float
-        Half the sum of squares.
-    evaluations : int
-        Of the residuals.
-    """
-
-    x: np.ndarray
-    cost: float
-    evaluations: int
+    x: np.ndarray  #: (n,)
+    cost: float  #: Half the sum of squares.
+    evaluations: int  #: Of the residuals.
 
 
 def minimise(
@@ -44,18 +35,12 @@ def minimise(
 ) -> Minimum:
     """Minimise half the sum of squares of the residuals within bounds.
 
-    Parameters
-    ----------
-    residuals : callable
-        (n,) to (m,).
-    jacobian : callable
-        (n,) to (m, n); called only at points where the residuals were just computed.
-    start, lower, upper : ndarray, shape (n,)
-        Where it begins, and the bounds.
-    max_evaluations : int
-        Of the residuals.
-    tolerance : float
-        Relative decrease of the cost below which it has converged.
+    Args:
+        residuals: (n,) to (m,).
+        jacobian: (n,) to (m, n); called only at points where the residuals were just computed.
+        start, lower, upper: (n,); where it begins, and the bounds.
+        max_evaluations: Of the residuals.
+        tolerance: Relative decrease of the cost below which it has converged.
     """
     x = np.clip(start, lower, upper)
     residual = residuals(x)

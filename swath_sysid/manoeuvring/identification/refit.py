@@ -16,53 +16,34 @@ from swath_sysid.manoeuvring.motion.intake import prepare
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
 
 LONGEST_HISTORY = 20
-MIN_DURATION = 60.0
-"""s of motion, below which nothing is identified."""
-
-PIECE = 60.0
-"""s; the window is cut into such runs, a third of which validates."""
-
-GAP = 2.0
-"""s; over a longer gap in the odometry the craft is not simulated."""
+MIN_DURATION = 60.0  #: s of motion, below which nothing is identified.
+PIECE = 60.0  #: s; the window is cut into such runs, a third of which validates.
+GAP = 2.0  #: s; over a longer gap in the odometry the craft is not simulated.
 
 
 @dataclass(frozen=True)
 class ManoeuvreRefitRequest:
-    """All that a refit needs, wherever it runs.
-
-    Attributes
-    ----------
-    current : IdentifiedManoeuvringModel or None
-        The model held.
-    least_improvement : float
-        Part by which the new model must miss the held-out motion less than the current one.
-    """
+    """All that a refit needs, wherever it runs."""
 
     trial: ManoeuvringTrial
-    current: IdentifiedManoeuvringModel | None
+    current: IdentifiedManoeuvringModel | None  #: The model held.
     settings: ManoeuvringSettings = ManoeuvringSettings()
+    #: Part by which the new model must miss the held-out motion less than the current one.
     least_improvement: float = 0.001
     provenance: dict = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class ManoeuvreRefitOutcome:
-    """What a refit found.
+    """What a refit found."""
 
-    Attributes
-    ----------
-    model : IdentifiedManoeuvringModel or None
-        To be published; None: the current one stays.
-    message : str
-        One line for people.
-    misfit, current_misfit : float
-        Root mean square of the errors of free simulation on the held-out motion, in units of the new model's noise;
-        NaN where there is no model.
-    """
-
-    model: IdentifiedManoeuvringModel | None
-    message: str
+    model: IdentifiedManoeuvringModel | None  #: To be published; None: the current one stays.
+    message: str  #: One line for people.
+    #: Root mean square of the errors of free simulation on the held-out motion, in units of the new model's noise; NaN
+    #: where there is no model.
     misfit: float = float('nan')
+    #: Root mean square of the errors of free simulation on the held-out motion, in units of the new model's noise; NaN
+    #: where there is no model.
     current_misfit: float = float('nan')
 
 
@@ -74,21 +55,14 @@ def refit_manoeuvring(
 ) -> ManoeuvreRefitOutcome:
     """Identify on a window, and compare with the current model on the part of it that was held out.
 
-    Parameters
-    ----------
-    request : ManoeuvreRefitRequest
-        The window, the settings and the model held.
-    progress : callable, optional
-        Called with 0 to 1.
-    should_cancel : callable, optional
-        Asked between steps.
+    Args:
+        request: The window, the settings and the model held.
+        progress: Called with 0 to 1.
+        should_cancel: Asked between steps.
 
-    Raises
-    ------
-    InputError
-        The window is too short, or without excitation.
-    Cancelled
-        ``should_cancel`` said so.
+    Raises:
+        InputError: The window is too short, or without excitation.
+        Cancelled: ``should_cancel`` said so.
     """
     runs = pieces(prepare(request.trial))
     found = identify_manoeuvring(runs, request.settings, progress=progress, should_cancel=should_cancel)
@@ -131,10 +105,8 @@ def refit_manoeuvring(
 def pieces(run: Run) -> list[Run]:
     """One long run as several, cut at gaps in the odometry and about every `PIECE` seconds.
 
-    Raises
-    ------
-    InputError
-        It is shorter than `MIN_DURATION`.
+    Raises:
+        InputError: It is shorter than `MIN_DURATION`.
     """
     if run.duration < MIN_DURATION:
         raise InputError(
@@ -179,10 +151,8 @@ def warm_up() -> None:
 class ManoeuvreRefitter:
     """The manoeuvring model of a craft as refits change it, with the way back.
 
-    Parameters
-    ----------
-    model : IdentifiedManoeuvringModel, optional
-        Known at the start.
+    Args:
+        model: Known at the start.
     """
 
     def __init__(self, model: IdentifiedManoeuvringModel | None = None):

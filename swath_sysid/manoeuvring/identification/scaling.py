@@ -6,17 +6,10 @@ import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import CROSS, DAMPING, INDEX, INERTIA, OFFSET, PARAMETERS, SENSOR, THRUST
 
-RESPONSE = 3.0
-"""s; within such a time a craft answers to its thrusters."""
-
-SWAY_SHARE = 0.3
-"""Sway at which sway terms count, as a share of the speed."""
-
-WIDE = 50.0
-"""Largest value of a term in its natural unit."""
-
-MIN_DAMPING = 0.01
-"""Least linear damping in its natural unit, so that every motion dies away however small."""
+RESPONSE = 3.0  #: s; within such a time a craft answers to its thrusters.
+SWAY_SHARE = 0.3  #: Sway at which sway terms count, as a share of the speed.
+WIDE = 50.0  #: Largest value of a term in its natural unit.
+MIN_DAMPING = 0.01  #: Least linear damping in its natural unit, so that every motion dies away however small.
 
 _RANGES = {
     'reverse_ratio': (0.05, 2.0),
@@ -37,31 +30,23 @@ _RANGES = {
 }
 
 
+#: Range of the added masses as shares of mass and inertia. That of surge also takes up a wrong scale of the thrust,
+#: which is reported; beyond the range of the others no hull lies, and positive they only stand in for a wrong mass.
 _ADDED = {'Xu_dot': (-5.0, 0.6), 'Yv_dot': (-2.0, 0.3), 'Nr_dot': (-3.0, 0.6)}
-"""Range of the added masses as shares of mass and inertia. That of surge also takes up a wrong scale of the thrust,
-which is reported; beyond the range of the others no hull lies, and positive they only stand in for a wrong mass."""
 
 
+#: Powers of mass and yaw inertia that have the dimension of a parameter of inertia.
 _POWERS = {'kg': (1.0, 0.0), 'kg m': (0.5, 0.5), 'kg m2': (0.0, 1.0), 'm': (-0.5, 0.5)}
-"""Powers of mass and yaw inertia that have the dimension of a parameter of inertia."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """What a craft does at most, and how heavy it is.
+    """What a craft does at most, and how heavy it is."""
 
-    Attributes
-    ----------
-    speed, yaw_rate : float
-        m/s, rad/s.
-    mass, inertia : float
-        kg, kg m^2.
-    """
-
-    speed: float
-    yaw_rate: float
-    mass: float
-    inertia: float
+    speed: float  #: m/s, rad/s.
+    yaw_rate: float  #: m/s, rad/s.
+    mass: float  #: kg, kg m^2.
+    inertia: float  #: kg, kg m^2.
 
     def unit(self, name: str) -> float:
         """The size of a parameter that is one in natural units."""

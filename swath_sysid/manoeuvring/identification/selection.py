@@ -25,21 +25,13 @@ from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, 
 from swath_sysid.manoeuvring.identification.windows import cut
 from swath_sysid.manoeuvring.motion.trial import Run
 
-MEMORY = 10
-"""Lags that must be small before a residual counts as forgotten (see noise.autocovariance)."""
+MEMORY = 10  #: Lags that must be small before a residual counts as forgotten (see noise.autocovariance).
 
 MAX_TERMS = 14
-MARGIN = 4.0
-"""On top of the information criterion's ln(N), so that chance seldom adds a term among twenty."""
-
-NOISE_FLOOR = 0.003
-"""No model is trusted closer than this share of the motion."""
-
-MIN_DRIFT_SPREAD = 0.005
-"""m/s; no two runs have the same current more closely."""
-
-LAST = {'X0', 'N0'}
-"""Tried only where nothing else helps: they imitate many other terms."""
+MARGIN = 4.0  #: On top of the information criterion's ln(N), so that chance seldom adds a term among twenty.
+NOISE_FLOOR = 0.003  #: No model is trusted closer than this share of the motion.
+MIN_DRIFT_SPREAD = 0.005  #: m/s; no two runs have the same current more closely.
+LAST = {'X0', 'N0'}  #: Tried only where nothing else helps: they imitate many other terms.
 
 USUAL_HULL = ('Yvv', 'Nrr', 'Nuv')
 USUAL = (
@@ -54,53 +46,36 @@ USUAL = (
     'sensor_x',
     'sensor_y',
 )
-SLOW_SWAY = 0.2
-"""Of the first guess of sway damping: the start in the other basin."""
+SLOW_SWAY = 0.2  #: Of the first guess of sway damping: the start in the other basin.
+PRESSED = 1.5  #: A slowest decay within so many times the least that is demanded presses against the demand.
+LARGEST_GROWTH = 1.5  #: 1/s; a craft whose turns grow faster by themselves cannot be steered.
 
-PRESSED = 1.5
-"""A slowest decay within so many times the least that is demanded presses against the demand."""
-
-LARGEST_GROWTH = 1.5
-"""1/s; a craft whose turns grow faster by themselves cannot be steered."""
-
+#: Share of the misfit of runs held out to which a craft that does not keep its course must bring it: a stable model is
+#: worth something by itself.
 OFF_COURSE = 0.5
-"""Share of the misfit of runs held out to which a craft that does not keep its course must bring it: a stable model is
-worth something by itself."""
 
-DOUBTED = 6.0
-"""Standard deviations below which a term must show on runs held out what it is worth."""
+DOUBTED = 6.0  #: Standard deviations below which a term must show on runs held out what it is worth.
 
+#: Terms that stand in for each other: where one is taken the others are not tried.
 EXCLUSIVE = {'Nur': 'Nuur', 'Nuur': 'Nur'}
-"""Terms that stand in for each other: where one is taken the others are not tried."""
 
-WEAK = 2.0
-"""A term smaller than this many standard deviations is dropped again."""
+WEAK = 2.0  #: A term smaller than this many standard deviations is dropped again.
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted set of unknowns.
-
-    Attributes
-    ----------
-    values : ndarray, shape (n,)
-    without_each_part : ndarray, shape (K, n)
-        The values that the runs but one would give.
-    inflation : float
-        By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares.
-    rejected : dict of str to str
-        Terms tried and refused, and why.
-    """
+    """A fitted set of unknowns."""
 
     names: tuple[str, ...]
-    values: np.ndarray
+    values: np.ndarray  #: (n,)
     cost: float
     shooting: MultipleShooting
     covariance: ParameterCovariance
     stable: bool
-    without_each_part: np.ndarray
+    without_each_part: np.ndarray  #: (K, n); The values that the runs but one would give.
+    #: By how much the residuals' autocorrelation and excess over the noise lower the worth of their squares.
     inflation: float
-    rejected: dict = field(default_factory=dict)
+    rejected: dict = field(default_factory=dict)  #: Terms tried and refused, and why.
     evaluations: int = 0
 
     @cached_property
@@ -246,21 +221,15 @@ def off_course(
 
     A fit that presses against the demand of stable courses is compared with the best one that is all but free of it.
 
-    Parameters
-    ----------
-    problem : Problem
-        Under the demand of stable courses.
-    window : float
-        s.
-    names, values : tuple of str, ndarray of shape (n,)
-        Start of the free fits.
-    kept : Fit
-        Under the demand.
+    Args:
+        problem: Under the demand of stable courses.
+        window: s.
+        names, values: tuple of str, ndarray of shape (n,); start of the free fits.
+        kept: Under the demand.
 
-    Returns
-    -------
-    problem : Problem
-    fit : Fit
+    Returns:
+        problem
+        fit
     """
     growth = check_stability(model_of(problem, kept.names, kept.values), problem.region).largest_growth
     if growth < -PRESSED * MIN_DECAY:
@@ -327,14 +296,10 @@ def renewed(problem: Problem, found: Fit, parts: int = 1) -> MultipleShooting:
 def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = None) -> Fit:
     """Add terms one by one while they are worth it, then drop what has become weak.
 
-    Parameters
-    ----------
-    problem : Problem
-        With the candidates.
-    first : Fit
-        Of the terms that are always free.
-    note : callable, optional
-        Called after each term with the number of terms so far.
+    Args:
+        problem: With the candidates.
+        first: Of the terms that are always free.
+        note: Called after each term with the number of terms so far.
     """
     now = first
     remaining = [c for c in problem.candidates if not set(c) & set(now.names)]

@@ -13,46 +13,20 @@ HIGHEST_GENERATIONS = 1000
 
 @dataclass(frozen=True)
 class ManoeuvringSettings:
-    """Settings of `identify_manoeuvring`.
+    """Settings of `identify_manoeuvring`."""
 
-    Attributes
-    ----------
-    mass : float or None
-        kg, cargo included.
-    inertia : float or None
-        Yaw inertia of the craft alone, kg m^2.
-    thrust_per_command : float or None
-        Thrust of one thruster at full command ahead, N.
-    lever : float or None
-        Half the distance between the thrusters, m.
-    length : float or None
-        Of the hulls, m.
-    terms : tuple of str or None
-        Exactly these derivatives; None: the simplest adequate set.
-    fixed : dict of str to float
-        Parameters that are known.
-    towards : dict of str to (value, std)
-        What parameters are regularised towards.
-    current : str
-        ``auto`` (one for each of several runs with heading), ``shared`` (one for all), ``none``.
-    window : float
-        Length of the windows, s.
-    generations, population : int
-        Of the genetic search for a start; 0 generations: regression alone.
-    """
-
-    mass: float | None = None
-    inertia: float | None = None
-    thrust_per_command: float | None = None
-    lever: float | None = None
-    length: float | None = None
-    terms: tuple[str, ...] | None = None
-    fixed: dict[str, float] = field(default_factory=dict)
-    towards: dict[str, tuple[float, float]] = field(default_factory=dict)
-    current: str = AUTO
-    window: float = 20.0
-    generations: int = 15
-    population: int = 24
+    mass: float | None = None  #: kg, cargo included.
+    inertia: float | None = None  #: Yaw inertia of the craft alone, kg m^2.
+    thrust_per_command: float | None = None  #: Thrust of one thruster at full command ahead, N.
+    lever: float | None = None  #: Half the distance between the thrusters, m.
+    length: float | None = None  #: Of the hulls, m.
+    terms: tuple[str, ...] | None = None  #: Exactly these derivatives; None: the simplest adequate set.
+    fixed: dict[str, float] = field(default_factory=dict)  #: Parameters that are known.
+    towards: dict[str, tuple[float, float]] = field(default_factory=dict)  #: What parameters are regularised towards.
+    current: str = AUTO  #: ``auto`` (one for each of several runs with heading), ``shared`` (one for all), ``none``.
+    window: float = 20.0  #: Length of the windows, s.
+    generations: int = 15  #: Of the genetic search for a start; 0 generations: regression alone.
+    population: int = 24  #: Of the genetic search for a start; 0 generations: regression alone.
     seed: int = 1
 
     def __post_init__(self):

@@ -44,47 +44,32 @@ THRUSTER = {*CURVE, BALANCE, LAG, DELAY}
 CURRENT = ('current_east', 'current_north')
 PERTURBATION = 1e-4
 STATE_STEPS = 3
-ROBUST_AT = 3.0
-"""Standard deviations at which a residual begins to count less (soft_l1)."""
+ROBUST_AT = 3.0  #: Standard deviations at which a residual begins to count less (soft_l1).
 
 STABLE_STEP = 1.5
-MIN_DECAY = 0.02
-"""1/s; slower decays of small motions on straight courses are held against a candidate."""
-
-STABILITY_WEIGHT = 20.0
-"""Of such a residual, 1/s beside the root of the number of samples."""
-
-LARGEST_INFORMATION = 1e14
-"""Beyond this a window has diverged and says nothing about its initial state."""
-
-MIN_PARTS = 3
-"""Into which runs are divided at least, to hold one out at a time."""
-
-UNKNOWN_SWAY = 0.3
-"""Spread of an unmeasured initial sway, as a share of the speed."""
+MIN_DECAY = 0.02  #: 1/s; slower decays of small motions on straight courses are held against a candidate.
+STABILITY_WEIGHT = 20.0  #: Of such a residual, 1/s beside the root of the number of samples.
+LARGEST_INFORMATION = 1e14  #: Beyond this a window has diverged and says nothing about its initial state.
+MIN_PARTS = 3  #: Into which runs are divided at least, to hold one out at a time.
+UNKNOWN_SWAY = 0.3  #: Spread of an unmeasured initial sway, as a share of the speed.
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """What is searched.
+    """What is searched."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Parameters, and ``current_east`` and ``current_north``.
-    units, lower, upper, target, spread : ndarray, shape (n,)
-        Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
-    ties : dict of str to str
-        Parameters that are equal to an unknown, and to which.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  #: Parameters, and ``current_east`` and ``current_north``.
+    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
     units: np.ndarray
+    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
     lower: np.ndarray
+    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
     upper: np.ndarray
+    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
     target: np.ndarray
+    #: (n,); Natural units; bounds; what each is regularised towards, and how firmly (infinite: not at all).
     spread: np.ndarray
-    ties: dict[str, str] = field(default_factory=dict)
+    ties: dict[str, str] = field(default_factory=dict)  #: Parameters that are equal to an unknown, and to which.
 
     @cached_property
     def shares(self) -> np.ndarray:
@@ -99,46 +84,26 @@ class Unknowns:
 
 @dataclass(frozen=True)
 class ShootingFit:
-    """Outcome of `MultipleShooting.refine`.
+    """Outcome of `MultipleShooting.refine`."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (n,)
-        Of the unknowns.
-    cost : float
-        Half the weighted sum of squares, regularisation included.
-    """
-
-    values: np.ndarray
-    cost: float
+    values: np.ndarray  #: (n,); Of the unknowns.
+    cost: float  #: Half the weighted sum of squares, regularisation included.
     evaluations: int
 
 
 class MultipleShooting:
     """Residuals of windows against a model.
 
-    Parameters
-    ----------
-    windows : Windows
-    base : ndarray, shape (n,)
-        Parameter values; those of the unknowns are replaced.
-    unknowns : Unknowns
-    noise : ndarray, shape (3,)
-        Standard deviation of the residuals of surge, sway, yaw rate.
-    speed : float
-        m/s, the scale of the initial states.
-    states : ndarray, shape (3, W), optional
-        First guess of the initial states.
-    drift : ndarray, shape (2, R), optional
-        First guess of what the current of each run differs by, east and north, m/s.
-    drift_spread : float
-        m/s, by how much the runs' currents are expected to differ; 0: they are the same.
-    speeds : ndarray
-        Speeds at which straight courses are examined, m/s; empty: none.
-    largest_growth : float
-        1/s, that small motions about them may have.
-    parts : int
-        Of a step, over each of which the thrust that acts is held at its mean.
+    Args:
+        base: (n,); parameter values; those of the unknowns are replaced.
+        noise: (3,); standard deviation of the residuals of surge, sway, yaw rate.
+        speed: m/s, the scale of the initial states.
+        states: (3, W); first guess of the initial states.
+        drift: (2, R); first guess of what the current of each run differs by, east and north, m/s.
+        drift_spread: m/s, by how much the runs' currents are expected to differ; 0: they are the same.
+        speeds: Speeds at which straight courses are examined, m/s; empty: none.
+        largest_growth: 1/s, that small motions about them may have.
+        parts: Of a step, over each of which the thrust that acts is held at its mean.
     """
 
     def __init__(
@@ -190,18 +155,13 @@ class MultipleShooting:
     def simulate(self, p_columns: np.ndarray, states: np.ndarray, active: tuple[bool, ...] | None = None) -> np.ndarray:
         """Simulate copies of all windows.
 
-        Parameters
-        ----------
-        p_columns : ndarray, shape (n, K)
-            Parameters of each copy.
-        states : ndarray, shape (3, K, W)
-            Initial states through the water.
-        active : tuple of n bools, optional
-            Terms that any copy uses.
+        Args:
+            p_columns: (n, K); parameters of each copy.
+            states: (3, K, W); initial states through the water.
+            active: Terms that any copy uses.
 
-        Returns
-        -------
-        ndarray, shape (S + 1, 3, K, W)
+        Returns:
+            ndarray, shape (S + 1, 3, K, W)
         """
         copies, count = p_columns.shape[1], self.windows.count
         thrust = [
@@ -313,10 +273,9 @@ class MultipleShooting:
     def by_channel(self, residual: np.ndarray, jacobian: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """What `linearised` found by window and channel, for the covariance.
 
-        Returns
-        -------
-        residuals : list of ndarray, shape (N_k,)
-        jacobians : list of ndarray, shape (N_k, n)
+        Returns:
+            residuals: list of (N_k,)
+            jacobians: list of (N_k, n)
         """
         residuals, jacobians = [], []
         for w in range(self.windows.count):
@@ -343,14 +302,10 @@ class MultipleShooting:
     def free_run_residuals(self, values_by_part: np.ndarray) -> np.ndarray:
         """Residuals over the noise of free runs from the measured states, without drifts: each part under its values.
 
-        Parameters
-        ----------
-        values_by_part : ndarray, shape (K, n)
-            Of the unknowns, of each part.
+        Args:
+            values_by_part: (K, n); of the unknowns, of each part.
 
-        Returns
-        -------
-        ndarray, shape (3, S + 1, W)
+        Returns:
             Zero where nothing was measured.
         """
         columns, currents = zip(*(self.parameters(values) for values in values_by_part), strict=True)
@@ -571,9 +526,8 @@ class MultipleShooting:
     def _eliminated(self, slopes: np.ndarray, state_slopes: np.ndarray):
         """Slopes less the part that the best initial states and drifts take up, and these two parts.
 
-        Returns
-        -------
-        ndarray, shapes (n, 3, S + 1, W), (n, 3, W), (n, 2, R)
+        Returns:
+            ndarray, shapes (n, 3, S + 1, W), (n, 3, W), (n, 2, R)
         """
         inverse, usable = self._state_information(state_slopes)
         projected, taken = self._without_states(slopes, state_slopes, inverse, usable)

@@ -11,8 +11,7 @@ from scipy.optimize import lsq_linear
 
 from swath_sysid.manoeuvring.motion.trial import Run
 
-SPAN = 1.0
-"""s."""
+SPAN = 1.0  #: s.
 
 
 def _changes(series: np.ndarray, span: int):
@@ -50,16 +49,11 @@ def _rows(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]], 
 def surge_ratios(runs: Sequence[Run], thrust: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Thrust gain over inertia (at least 0), linear and quadratic damping over inertia (at most 0).
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        Of one craft.
-    thrust : sequence of (port, starboard) ndarray
-        Acting thrust, N, or command.
+    Args:
+        runs: Of one craft.
+        thrust: Acting thrust, N, or command.
 
-    Returns
-    -------
-    ndarray, shape (3,)
+    Returns:
         Zeros where the runs do not determine them.
     """
 

@@ -19,59 +19,34 @@ from swath_sysid.manoeuvring.identification.windows import Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
 
-LEADS = (5.0, 10.0, 20.0)
-"""s, at which the errors of position and heading are reported."""
-
-LEAD_IN = 5.0
-"""s of simulation before a window, from which an unmeasured sway is taken."""
-
-RUN_AWAY = 3.0
-"""A simulated motion beyond this multiple of the largest measured one has diverged."""
+LEADS = (5.0, 10.0, 20.0)  #: s, at which the errors of position and heading are reported.
+LEAD_IN = 5.0  #: s of simulation before a window, from which an unmeasured sway is taken.
+RUN_AWAY = 3.0  #: A simulated motion beyond this multiple of the largest measured one has diverged.
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """Free simulation of the windows of some runs.
-
-    Attributes
-    ----------
-    states : ndarray, shape (S + 1, 3, W)
-        Surge and sway over ground, yaw rate, as the sensors would record them; NaN behind the end of a window.
-    heading, x, y : ndarray, shape (S + 1, W)
-        rad, m; from zero where not measured.
-    """
+    """Free simulation of the windows of some runs."""
 
     windows: Windows
+    #: (S + 1, 3, W); Surge and sway over ground, yaw rate, as the sensors would record them; NaN behind the end of a
+    #: window.
     states: np.ndarray
-    heading: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
+    heading: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
+    x: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
+    y: np.ndarray  #: (S + 1, W); rad, m; from zero where not measured.
 
 
 @dataclass(frozen=True)
 class Scores:
-    """How well a model simulates runs freely, window by window.
+    """How well a model simulates runs freely, window by window."""
 
-    Attributes
-    ----------
-    r2 : dict of str to float
-        Of surge, sway, yaw_rate over all windows together; NaN where not measured.
-    rmse : dict of str to float
-        m/s and rad/s; NaN where not measured.
-    position_error : dict of float to float
-        Root mean square by lead, m; NaN where no window is as long.
-    heading_error : dict of float to float
-        rad.
-    windows, diverged : int
-        How many there are, and how many ran away.
-    """
-
-    r2: dict[str, float]
-    rmse: dict[str, float]
-    position_error: dict[float, float]
-    heading_error: dict[float, float]
-    windows: int
-    diverged: int
+    r2: dict[str, float]  #: Of surge, sway, yaw_rate over all windows together; NaN where not measured.
+    rmse: dict[str, float]  #: m/s and rad/s; NaN where not measured.
+    position_error: dict[float, float]  #: Root mean square by lead, m; NaN where no window is as long.
+    heading_error: dict[float, float]  #: rad.
+    windows: int  #: How many there are, and how many ran away.
+    diverged: int  #: How many there are, and how many ran away.
 
 
 def simulate_windows(
@@ -86,16 +61,11 @@ def simulate_windows(
     The initial state is the smoothed measurement at the start of the window; a sway that was not
     measured is that of a simulation which began `LEAD_IN` seconds earlier.
 
-    Parameters
-    ----------
-    model : ManoeuvringModel
-        That is simulated.
-    runs : sequence of Run
-        Whose windows are simulated.
-    length, shortest : float
-        Of the windows, s.
-    currents : ndarray, shape (R, 2), optional
-        East and north, m/s, of each run; that of the model by default.
+    Args:
+        model: That is simulated.
+        runs: Whose windows are simulated.
+        length, shortest: Of the windows, s.
+        currents: (R, 2); east and north, m/s, of each run; that of the model by default.
     """
     windows = cut(runs, length, shortest)
     currents = np.tile(model.current, (len(runs), 1)) if currents is None else np.asarray(currents)

@@ -9,39 +9,24 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import Run
 
 LENGTH = 20.0
-SHORTEST = 5.0
-"""s."""
+SHORTEST = 5.0  #: s.
 
+#: s after which the thrust that acts, behind lag and delay, no longer depends on inputs before the record.
 SETTLED = 2.0
-"""s after which the thrust that acts, behind lag and delay, no longer depends on inputs before the record."""
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of equal step, side by side; shorter ones are filled up with NaN.
+    """Windows of equal step, side by side; shorter ones are filled up with NaN."""
 
-    Attributes
-    ----------
-    step : float
-        s.
-    run_index, start, steps : ndarray of int, shape (W,)
-        Run, first sample, and number of steps of each window.
-    measured : ndarray, shape (3, S + 1, W)
-        Surge, sway, yaw rate over ground.
-    heading : ndarray, shape (S + 1, W)
-        rad; zero where not measured.
-    initial : ndarray, shape (3, W)
-        Smoothed state at the start, NaN where not measured.
-    """
-
-    step: float
+    step: float  #: s.
     runs: tuple
-    run_index: np.ndarray
-    start: np.ndarray
-    steps: np.ndarray
-    measured: np.ndarray
-    heading: np.ndarray
-    initial: np.ndarray
+    run_index: np.ndarray  #: ndarray of int, shape (W,); Run, first sample, and number of steps of each window.
+    start: np.ndarray  #: ndarray of int, shape (W,); Run, first sample, and number of steps of each window.
+    steps: np.ndarray  #: ndarray of int, shape (W,); Run, first sample, and number of steps of each window.
+    measured: np.ndarray  #: (3, S + 1, W); Surge, sway, yaw rate over ground.
+    heading: np.ndarray  #: (S + 1, W); rad; zero where not measured.
+    initial: np.ndarray  #: (3, W); Smoothed state at the start, NaN where not measured.
 
     @property
     def count(self) -> int:
@@ -62,17 +47,12 @@ class Windows:
 def cut(runs: Sequence[Run], length: float = LENGTH, shortest: float = SHORTEST) -> Windows:
     """Cut runs into windows, none across a gap in the thrust or within `SETTLED` seconds behind one.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        Of equal step.
-    length, shortest : float
-        s; what remains at the end of a run is kept if it is not shorter than ``shortest``.
+    Args:
+        runs: Of equal step.
+        length, shortest: s; what remains at the end of a run is kept if it is not shorter than ``shortest``.
 
-    Raises
-    ------
-    InputError
-        The runs differ in step, or none is long enough.
+    Raises:
+        InputError: The runs differ in step, or none is long enough.
     """
     step = runs[0].step
     if any(abs(run.step - step) > 1e-9 for run in runs):

@@ -11,11 +11,10 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import CHANNELS, MEASURED, ManoeuvringTrial
 
 ABSURD = {'surge': 50.0, 'sway': 50.0, 'yaw_rate': 10.0, 'x': 1e8, 'y': 1e8, 'heading': 1e6}
+#: m/s, rad/s, m by which a single sample jumps away from its neighbours at least to be left out.
 MIN_SPIKE = {'surge': 0.5, 'sway': 0.5, 'yaw_rate': 0.3, 'x': 3.0, 'y': 3.0}
-"""m/s, rad/s, m by which a single sample jumps away from its neighbours at least to be left out."""
 
-SPIKE = 10.0
-"""Usual distances from the neighbours, beyond which a sample is left out."""
+SPIKE = 10.0  #: Usual distances from the neighbours, beyond which a sample is left out.
 
 NEIGHBOURS = 7
 MAX_SPIKES = 0.03

@@ -11,20 +11,16 @@ from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpas
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 MIN_MISALIGNMENT, LARGEST_MISALIGNMENT = math.radians(4.0), math.radians(40.0)
-SURE = 4.0
-"""Standard deviations by which a compass must be askew to be turned."""
+SURE = 4.0  #: Standard deviations by which a compass must be askew to be turned.
+USUAL_CURRENT = 0.3  #: m/s.
 
-USUAL_CURRENT = 0.3
-"""m/s."""
-
+#: rad; a deviation by the course is not taken for a compass askew, and is left to the identification.
 USUAL_DEVIATION = 0.15
-"""rad; a deviation by the course is not taken for a compass askew, and is left to the identification."""
 
+#: rad/s, and the share of the time that runs turn faster than that to one side.
 TURNING, ONE_SIDED = math.radians(1.0), 0.75
-"""rad/s, and the share of the time that runs turn faster than that to one side."""
 
-REMEMBERED = 10.0
-"""Half seconds over which wind and manoeuvres leave the same sway: this many samples count as one."""
+REMEMBERED = 10.0  #: Half seconds over which wind and manoeuvres leave the same sway: this many samples count as one.
 
 
 def aligned(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
@@ -80,13 +76,10 @@ def _turns_to_one_side(yaw_rate: np.ndarray) -> bool:
 def _sway_by_cause(trial: ManoeuvringTrial):
     """Sway every half second under way ahead, and what may cause it; None where a trial does not show it.
 
-    Returns
-    -------
-    sway : ndarray, shape (N,)
-    causes : ndarray, shape (N, 5)
-        Surge, yaw rate, their product, and surge times sine and cosine of the heading.
-    course : ndarray, shape (N, 2)
-        What a current to the east and to the north adds.
+    Returns:
+        sway: (N,)
+        causes: (N, 5); surge, yaw rate, their product, and surge times sine and cosine of the heading.
+        course: (N, 2); what a current to the east and to the north adds.
     """
     _, (heading, surge, sway) = even(trial, 'heading', 'surge', 'sway')
     if heading is None:

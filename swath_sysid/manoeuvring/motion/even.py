@@ -8,11 +8,8 @@ from scipy.signal import lfilter
 from swath_sysid.manoeuvring.motion.resampling import slope
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
-USUAL_STEP = 0.1
-"""s; also used for runs whose own interval is far from it."""
-
-MOVING = 0.3
-"""m/s; above this the course gives the heading."""
+USUAL_STEP = 0.1  #: s; also used for runs whose own interval is far from it.
+MOVING = 0.3  #: m/s; above this the course gives the heading.
 
 
 def even(trial: ManoeuvringTrial, *names: str) -> tuple[np.ndarray, list[np.ndarray | None]]:

@@ -34,19 +34,13 @@ def prepare_all(
 
     Reversed and swapped channels, constant ones and a compass askew are found over all trials together.
 
-    Parameters
-    ----------
-    trials : sequence of ManoeuvringTrial
-        As read.
-    gap_means_zero : bool
-        Commands are published only while driving: where there are none the thrust is zero.
-    step : float, optional
-        s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
+    Args:
+        trials: As read.
+        gap_means_zero: Commands are published only while driving: where there are none the thrust is zero.
+        step: s, of all runs; by default that of the records, if it is near ``USUAL_STEP``.
 
-    Raises
-    ------
-    InputError
-        Too few samples, no thrust, or neither speed nor yaw rate in one of them.
+    Raises:
+        InputError: Too few samples, no thrust, or neither speed nor yaw rate in one of them.
     """
     advice = [list(trial.advice) for trial in trials]
     trials = without_constant([cleaned(t, a) for t, a in zip(trials, advice, strict=True)], advice)

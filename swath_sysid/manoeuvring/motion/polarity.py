@@ -16,14 +16,9 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.even import MOVING, USUAL_STEP, even, lowpass, speeds_of_track
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
-SEEN = 0.5
-"""A pooled correlation beyond this, against expectation, counts as a reversed channel."""
-
-SEEN_IN_SPEED = 0.7
-"""The same for speed under thrust, which lags behind it."""
-
-DRIVEN = 0.3
-"""Share of the thrust difference that the total thrust must exceed: below it a craft turns on the spot."""
+SEEN = 0.5  #: A pooled correlation beyond this, against expectation, counts as a reversed channel.
+SEEN_IN_SPEED = 0.7  #: The same for speed under thrust, which lags behind it.
+DRIVEN = 0.3  #: Share of the thrust difference that the total thrust must exceed: below it a craft turns on the spot.
 
 
 def mirrored(trial: ManoeuvringTrial) -> ManoeuvringTrial:
@@ -39,17 +34,12 @@ def mirrored(trial: ManoeuvringTrial) -> ManoeuvringTrial:
 def set_right(trials: list[ManoeuvringTrial], advice: list[list[Advice]]) -> list[ManoeuvringTrial]:
     """The trials in ENU, reversed and swapped channels set right.
 
-    Parameters
-    ----------
-    trials : sequence of ManoeuvringTrial
-        Of one craft.
-    advice : sequence of lists of Advice
-        One a trial; they grow.
+    Args:
+        trials: Of one craft.
+        advice: One a trial; they grow.
 
-    Raises
-    ------
-    InputError
-        A trial states a frame that there is not.
+    Raises:
+        InputError: A trial states a frame that there is not.
     """
     for trial in trials:
         if trial.frame not in (None, 'enu', 'ned'):

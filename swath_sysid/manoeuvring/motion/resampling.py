@@ -9,17 +9,10 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, white_noise
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
-HOLD = 0.5
-"""s for which a command is held after it was last published."""
-
-LONGEST_GAP = 1.0
-"""s; over a longer gap in the thrust nothing is known of the motion."""
-
-SMOOTHING = 0.4
-"""s; width of the Gaussian that gives smooth states."""
-
-NOISY = 0.1
-"""A noise of this share of the motion gets the full smoothing."""
+HOLD = 0.5  #: s for which a command is held after it was last published.
+LONGEST_GAP = 1.0  #: s; over a longer gap in the thrust nothing is known of the motion.
+SMOOTHING = 0.4  #: s; width of the Gaussian that gives smooth states.
+NOISY = 0.1  #: A noise of this share of the motion gets the full smoothing.
 
 
 def smoothed(values: np.ndarray, step: float, width: float = SMOOTHING) -> np.ndarray:

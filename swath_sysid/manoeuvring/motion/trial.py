@@ -14,43 +14,22 @@ MEASURED = CHANNELS + POSE
 
 @dataclass(frozen=True)
 class ManoeuvringTrial:
-    """A record as it was read; arrays of shape (N,), None where not measured, NaN where missing.
+    """A record as it was read; arrays of shape (N,), None where not measured, NaN where missing."""
 
-    Attributes
-    ----------
-    time : ndarray
-        s.
-    port, starboard : ndarray
-        Thrust, N, or normalised commands, positive ahead.
-    thrust_input : str
-        ``force`` or ``command``.
-    surge, sway : ndarray or None
-        Over ground in body axes, m/s.
-    yaw_rate, heading : ndarray or None
-        rad/s, rad.
-    x, y : ndarray or None
-        m; in NED x is north and y east, in ENU x is east and y north.
-    frame : str or None
-        ``enu`` (y and sway to port, yaw to port positive), ``ned`` (to starboard), None: not stated.
-    lever : float or None
-        Half the distance between the thrusters, m, where stated.
-    length : float or None
-        Of the hulls, m, where stated.
-    """
-
-    time: np.ndarray
-    port: np.ndarray
-    starboard: np.ndarray
-    thrust_input: str = FORCE
-    surge: np.ndarray | None = None
-    sway: np.ndarray | None = None
-    yaw_rate: np.ndarray | None = None
-    heading: np.ndarray | None = None
-    x: np.ndarray | None = None
-    y: np.ndarray | None = None
+    time: np.ndarray  #: s.
+    port: np.ndarray  #: Thrust, N, or normalised commands, positive ahead.
+    starboard: np.ndarray  #: Thrust, N, or normalised commands, positive ahead.
+    thrust_input: str = FORCE  #: ``force`` or ``command``.
+    surge: np.ndarray | None = None  #: Over ground in body axes, m/s.
+    sway: np.ndarray | None = None  #: Over ground in body axes, m/s.
+    yaw_rate: np.ndarray | None = None  #: rad/s, rad.
+    heading: np.ndarray | None = None  #: rad/s, rad.
+    x: np.ndarray | None = None  #: m; in NED x is north and y east, in ENU x is east and y north.
+    y: np.ndarray | None = None  #: m; in NED x is north and y east, in ENU x is east and y north.
+    #: ``enu`` (y and sway to port, yaw to port positive), ``ned`` (to starboard), None: not stated.
     frame: str | None = None
-    lever: float | None = None
-    length: float | None = None
+    lever: float | None = None  #: Half the distance between the thrusters, m, where stated.
+    length: float | None = None  #: Of the hulls, m, where stated.
     source: str = ''
     advice: tuple[Advice, ...] = ()
 
@@ -61,38 +40,20 @@ class ManoeuvringTrial:
 
 @dataclass(frozen=True)
 class Run:
-    """A record in even steps, ready for identification; arrays of shape (N,).
+    """A record in even steps, ready for identification; arrays of shape (N,)."""
 
-    Attributes
-    ----------
-    step : float
-        s.
-    time : ndarray
-        s, as recorded.
-    port, starboard : ndarray
-        Held over the step that follows; zero where unknown.
-    driven : ndarray of bool
-        Where the thrust is known.
-    surge, sway, yaw_rate : ndarray
-        Over ground, m/s and rad/s, NaN where not measured.
-    heading, x, y : ndarray or None
-        rad (not wrapped) and m, without gaps; None where not measured.
-    smooth : ndarray, shape (3, N)
-        Smoothed surge, sway, yaw rate, NaN where none was measured.
-    """
-
-    step: float
-    time: np.ndarray
-    port: np.ndarray
-    starboard: np.ndarray
-    driven: np.ndarray
-    surge: np.ndarray
-    sway: np.ndarray
-    yaw_rate: np.ndarray
-    heading: np.ndarray | None
-    x: np.ndarray | None
-    y: np.ndarray | None
-    smooth: np.ndarray
+    step: float  #: s.
+    time: np.ndarray  #: s, as recorded.
+    port: np.ndarray  #: Held over the step that follows; zero where unknown.
+    starboard: np.ndarray  #: Held over the step that follows; zero where unknown.
+    driven: np.ndarray  #: Where the thrust is known.
+    surge: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
+    sway: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
+    yaw_rate: np.ndarray  #: Over ground, m/s and rad/s, NaN where not measured.
+    heading: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
+    x: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
+    y: np.ndarray | None  #: rad (not wrapped) and m, without gaps; None where not measured.
+    smooth: np.ndarray  #: (3, N); Smoothed surge, sway, yaw rate, NaN where none was measured.
     thrust_input: str = FORCE
     source: str = ''
     lever: float | None = None

@@ -8,8 +8,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
 
 COLUMNS = ('time', 'port', 'starboard', 'surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
-FASTEST = 20.0
-"""Hz; of faster odometry only this many messages a second are kept."""
+FASTEST = 20.0  #: Hz; of faster odometry only this many messages a second are kept.
 
 LARGEST_COMMAND = 1.0 + 1e-6
 AUTO = 'auto'
@@ -21,19 +20,13 @@ NOT_FINITE, LATE, JUMPED_BACK, NO_THRUST = 'not-finite', 'late', 'jumped-back', 
 class ManoeuvringWindow:
     """Odometry and the thrust that held when it came; the oldest rows give way.
 
-    Parameters
-    ----------
-    duration : float
-        s.
-    stop_after : float
-        s without a message of the thrusters after which they count as stopped; 0: the last message holds.
-    backward_jump : float
-        A stamp further back, s, is a clock that was set back: the window begins anew.
+    Args:
+        duration: s.
+        stop_after: s without a message of the thrusters after which they count as stopped; 0: the last message holds.
+        backward_jump: A stamp further back, s, is a clock that was set back: the window begins anew.
 
-    Attributes
-    ----------
-    counts : dict of str to int
-        Messages left out, by reason.
+    Attributes:
+        counts: Messages left out, by reason.
     """
 
     def __init__(self, duration: float = 900.0, stop_after: float = 0.0, backward_jump: float = 1.0):
@@ -93,17 +86,12 @@ class ManoeuvringWindow:
     def trial(self, thrust_input: str = AUTO, source: str = 'window') -> ManoeuvringTrial:
         """What is held, as a trial.
 
-        Parameters
-        ----------
-        thrust_input : str
-            ``force``, ``command``, or ``auto``: commands if all inputs lie within -1 and 1.
-        source : str
-            Its name.
+        Args:
+            thrust_input: ``force``, ``command``, or ``auto``: commands if all inputs lie within -1 and 1.
+            source: Its name.
 
-        Raises
-        ------
-        InputError
-            It holds nothing.
+        Raises:
+            InputError: It holds nothing.
         """
         if not self._count:
             missing = ' and '.join(side for side in ('port', 'starboard') if side not in self._thrust)

@@ -12,16 +12,13 @@ from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFi
 from swath_sysid.manoeuvring.prediction.skill import INTERVAL, filtered
 
 LEADS = np.array([0.5, 1.0, 2.0, 5.0, 10.0, 20.0])
-SETTLING = 5.0
-"""s of a run before the first forecast."""
-
-FORECASTS = 250
-"""More hardly improve the estimate of a 90 % interval."""
+SETTLING = 5.0  #: s of a run before the first forecast.
+FORECASTS = 250  #: More hardly improve the estimate of a 90 % interval.
 
 MIN_FORECASTS = 30
 HELD = 0.9
+#: Thrust that changes seldom leaves most errors at short leads far within what its variance says.
 MIN_SCALE, LARGEST_SCALE = 0.1, 4.0
-"""Thrust that changes seldom leaves most errors at short leads far within what its variance says."""
 
 
 def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> IdentifiedManoeuvringModel:
@@ -31,17 +28,12 @@ def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> I
     more as so few of them call for that do not overlap and that no thrust outlasts (split conformal prediction, Lei
     et al. 2018).
 
-    Parameters
-    ----------
-    identified : IdentifiedManoeuvringModel
-        With its `forecast`.
-    runs : sequence of Run
-        Those that it was identified on.
+    Args:
+        identified: With its `forecast`.
+        runs: Those that it was identified on.
 
-    Raises
-    ------
-    InputError
-        It has none.
+    Raises:
+        InputError: It has none.
     """
     forecast = identified.forecast
     if forecast is None:

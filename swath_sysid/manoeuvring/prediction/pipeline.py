@@ -24,6 +24,7 @@ from swath_sysid.manoeuvring.prediction.predictor import (
 
 LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
 NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
+#: What is counted, and what to do about it.
 REASONS = {
     LATE: 'messages older than the filter were left out: look at the transport, or for a second publisher',
     JUMPED_BACK: 'the clock was set back (a bag that looped?): the filter began anew',
@@ -33,34 +34,19 @@ REASONS = {
     FOLLOWED: 'a sensor contradicted the filter until that followed it: check the sensor, identify again if it repeats',
     NO_THRUST: 'no thrust command for long, it is taken as zero: check the thruster topics, or stop_after_s',
 }
-"""What is counted, and what to do about it."""
 
 
 @dataclass(frozen=True)
 class ManoeuvreOutlookSettings:
-    """Settings of `ManoeuvreOutlook`.
+    """Settings of `ManoeuvreOutlook`."""
 
-    Attributes
-    ----------
-    leads : tuple of float
-        s, rising.
-    horizon, horizon_step : float
-        Of the path, s.
-    rate : float
-        Forecasts a second, at most.
-    gap_limit, backward_jump : float
-        s after which the filter begins anew.
-    stop_after : float
-        s without a thrust command after which the thrust is zero; 0: it holds for ever.
-    """
-
-    leads: tuple[float, ...] = (1.0, 5.0, 10.0)
-    horizon: float = 20.0
-    horizon_step: float = 0.5
-    rate: float = 5.0
-    gap_limit: float = 5.0
-    backward_jump: float = 1.0
-    stop_after: float = 0.0
+    leads: tuple[float, ...] = (1.0, 5.0, 10.0)  #: s, rising.
+    horizon: float = 20.0  #: Of the path, s.
+    horizon_step: float = 0.5  #: Of the path, s.
+    rate: float = 5.0  #: Forecasts a second, at most.
+    gap_limit: float = 5.0  #: s after which the filter begins anew.
+    backward_jump: float = 1.0  #: s after which the filter begins anew.
+    stop_after: float = 0.0  #: s without a thrust command after which the thrust is zero; 0: it holds for ever.
     filter: ManoeuvreFilterSettings = ManoeuvreFilterSettings()
 
     def __post_init__(self):
@@ -75,25 +61,15 @@ class ManoeuvreOutlookSettings:
 
 @dataclass(frozen=True)
 class PlanarMotion:
-    """Pose and twist at one time.
+    """Pose and twist at one time."""
 
-    Attributes
-    ----------
-    stamp : float
-        s.
-    x, y, heading : float
-        East, north, m; rad.
-    surge, sway, yaw_rate : float
-        Body axes, over ground.
-    """
-
-    stamp: float
-    x: float
-    y: float
-    heading: float
-    surge: float
-    sway: float
-    yaw_rate: float
+    stamp: float  #: s.
+    x: float  #: East, north, m; rad.
+    y: float  #: East, north, m; rad.
+    heading: float  #: East, north, m; rad.
+    surge: float  #: Body axes, over ground.
+    sway: float  #: Body axes, over ground.
+    yaw_rate: float  #: Body axes, over ground.
 
 
 @dataclass(frozen=True)
@@ -132,13 +108,7 @@ def steady_motion() -> IdentifiedManoeuvringModel:
 
 
 class ManoeuvreOutlook:
-    """Forecasts of a craft from its messages; same messages, same numbers.
-
-    Parameters
-    ----------
-    settings : ManoeuvreOutlookSettings
-    identified : IdentifiedManoeuvringModel, optional
-    """
+    """Forecasts of a craft from its messages; same messages, same numbers."""
 
     def __init__(self, settings: ManoeuvreOutlookSettings, identified: IdentifiedManoeuvringModel | None = None):
         self.settings = settings
@@ -160,10 +130,8 @@ class ManoeuvreOutlook:
     def set_model(self, identified: IdentifiedManoeuvringModel) -> None:
         """Swap the model; where the craft is and how it moves goes on.
 
-        Parameters
-        ----------
-        identified : IdentifiedManoeuvringModel
-            That is used from now on.
+        Args:
+            identified: That is used from now on.
         """
         before, self.identified = self._filter, identified
         self._filter = ManoeuvreFilter(identified, self.settings.filter)
@@ -207,10 +175,8 @@ class ManoeuvreOutlook:
     def add_odometry(self, reading: OdometryReading) -> OutlookStep:
         """Take an odometry message.
 
-        Parameters
-        ----------
-        reading : OdometryReading
-            In the order of arrival.
+        Args:
+            reading: In the order of arrival.
         """
         values = {name: getattr(reading, name) for name in MEASURABLE}
         if not all(map(math.isfinite, (reading.stamp, *values.values()))):

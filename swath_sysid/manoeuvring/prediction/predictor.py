@@ -53,36 +53,24 @@ STATES = (
 U, V, R, HEADING, X, Y, EAST, NORTH = range(8)
 DISTURBANCES, THRUST_TO_COME = slice(8, 11), slice(11, 13)
 MEASURABLE = ('surge', 'sway', 'yaw_rate', 'heading', 'x', 'y')
-LONGEST_STEP = 0.1
-"""s of a step of the filter, at most."""
+LONGEST_STEP = 0.1  #: s of a step of the filter, at most.
 
 DIFFERENCE = 1e-5
 MOVES = np.concatenate([np.zeros((len(STATES), 1)), DIFFERENCE * np.eye(len(STATES))], axis=1)
 
-USUAL_DISTURBANCE_TIME = 5.0
-"""s; for models whose runs were not asked."""
+USUAL_DISTURBANCE_TIME = 5.0  #: s; for models whose runs were not asked.
 
 
 @dataclass(frozen=True)
 class ManoeuvreFilterSettings:
-    """What the filter assumes of sensors.
+    """What the filter assumes of sensors."""
 
-    Attributes
-    ----------
-    speed_noise, yaw_rate_noise, heading_noise, position_noise : float
-        Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
-    gate_probability : float
-        Probability that a good measurement is rejected as an outlier.
-    gate_patience : int
-        After this many rejected samples of a kind in a row the filter follows the sensor.
-    """
-
-    speed_noise: float = 0.05
-    yaw_rate_noise: float = 0.01
-    heading_noise: float = 0.01
-    position_noise: float = 0.5
-    gate_probability: float = 1e-9
-    gate_patience: int = 10
+    speed_noise: float = 0.05  #: Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
+    yaw_rate_noise: float = 0.01  #: Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
+    heading_noise: float = 0.01  #: Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
+    position_noise: float = 0.5  #: Standard deviations of the sensors, m/s, rad/s, rad, m, where messages give none.
+    gate_probability: float = 1e-9  #: Probability that a good measurement is rejected as an outlier.
+    gate_patience: int = 10  #: After this many rejected samples of a kind in a row the filter follows the sensor.
 
     def __post_init__(self):
         for name, value in vars(self).items():
@@ -111,43 +99,24 @@ class ManoeuvreFilterSettings:
 
 @dataclass(frozen=True)
 class ManoeuvreForecast:
-    """Expected motion at some leads.
+    """Expected motion at some leads."""
 
-    Attributes
-    ----------
-    stamps : ndarray, shape (L,)
-        s.
-    states : ndarray, shape (L, 13)
-        See ``STATES``.
-    covariances : ndarray, shape (L, 13, 13)
-    recorded : ndarray, shape (L, 6)
-        What the sensors will record of it: see ``MEASURABLE``.
-    recorded_covariances : ndarray, shape (L, 6, 6)
-        Calibrated; without the sensors' noise.
-    """
-
-    stamps: np.ndarray
-    states: np.ndarray
-    covariances: np.ndarray
-    recorded: np.ndarray
-    recorded_covariances: np.ndarray
+    stamps: np.ndarray  #: (L,); s.
+    states: np.ndarray  #: (L, 13); See ``STATES``.
+    covariances: np.ndarray  #: (L, 13, 13)
+    recorded: np.ndarray  #: (L, 6); What the sensors will record of it: see ``MEASURABLE``.
+    recorded_covariances: np.ndarray  #: (L, 6, 6); Calibrated; without the sensors' noise.
 
 
 class ManoeuvreFilter:
     """Extended Kalman filter of surge, sway and yaw; it holds no clock.
 
-    Parameters
-    ----------
-    identified : IdentifiedManoeuvringModel
-    settings : ManoeuvreFilterSettings, optional
-        By default with the sensors of the runs that the model was identified on.
+    Args:
+        settings: By default with the sensors of the runs that the model was identified on.
 
-    Attributes
-    ----------
-    x, P : ndarray, shapes (13,), (13, 13)
-        State and its covariance.
-    stamp : float
-        s; NaN before the start.
+    Attributes:
+        x, P: (13,), (13, 13); state and its covariance.
+        stamp: s; NaN before the start.
     """
 
     def __init__(self, identified: IdentifiedManoeuvringModel, settings: ManoeuvreFilterSettings | None = None):
@@ -239,18 +208,12 @@ class ManoeuvreFilter:
     def correct(self, name: str, value: float, std: float | None = None) -> tuple[Advice, ...]:
         """Update with one measured channel.
 
-        Parameters
-        ----------
-        name : str
-            One of ``MEASURABLE``.
-        value : float
-            SI; NaN does nothing.
-        std : float, optional
-            Of the sensor; by default that of the settings.
+        Args:
+            name: One of ``MEASURABLE``.
+            value: SI; NaN does nothing.
+            std: Of the sensor; by default that of the settings.
 
-        Returns
-        -------
-        tuple of Advice
+        Returns:
             ``outlier`` where the gate refused the value, ``sensor-followed`` where it gave in.
         """
         if not math.isfinite(value):
@@ -292,12 +255,10 @@ class ManoeuvreFilter:
     ) -> ManoeuvreForecast:
         """Expected motion under held or supplied inputs; the filter itself stays where it is.
 
-        Parameters
-        ----------
-        leads : sequence of float
-            s, increasing, positive.
-        future : sequence of (lead, port, starboard), optional
-            Inputs that hold from each lead on; without, the last ones hold, and are the less certain the further.
+        Args:
+            leads: s, increasing, positive.
+            future: Inputs that hold from each lead on; without, the last ones hold, and are the less certain the
+                further.
         """
         ahead = copy(self)
         ahead.thrust = deepcopy(self.thrust)

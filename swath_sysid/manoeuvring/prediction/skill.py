@@ -11,17 +11,10 @@ from swath_sysid.manoeuvring.motion.trial import Run
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, ManoeuvreFilter, ManoeuvreFilterSettings
 
 LEADS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-SETTLING = 5.0
-"""s of a run before the first forecast."""
-
-EVERY = 1.0
-"""s between forecasts."""
-
-ORDER = 10
-"""Past samples that the ARX sees."""
-
-INTERVAL = 1.6449
-"""Standard deviations on either side that hold 90 % of normal errors."""
+SETTLING = 5.0  #: s of a run before the first forecast.
+EVERY = 1.0  #: s between forecasts.
+ORDER = 10  #: Past samples that the ARX sees.
+INTERVAL = 1.6449  #: Standard deviations on either side that hold 90 % of normal errors.
 
 RIDGE = 1e-3
 METHODS = ('model', 'constant-velocity', 'constant-turn-rate', 'arx')
@@ -30,50 +23,31 @@ QUANTITIES = ('surge_m_s', 'sway_m_s', 'yaw_rate_rad_s', 'heading_rad', 'positio
 
 @dataclass(frozen=True)
 class ForecastScores:
-    """Root mean square errors of forecasts.
+    """Root mean square errors of forecasts."""
 
-    Attributes
-    ----------
-    leads : tuple of float
-        s.
-    rmse : dict of str to dict of str to ndarray, shape (L,)
-        Method to quantity to errors by lead; NaN where not measured.
-    spread : dict of str to ndarray, shape (L,)
-        Of the model's forecast: share of the errors within its 90 % interval.
-    count : int
-        Number of forecasts.
-    """
-
-    leads: tuple[float, ...]
+    leads: tuple[float, ...]  #: s.
+    #: dict of str to dict of str to (L,); Method to quantity to errors by lead; NaN where not measured.
     rmse: dict[str, dict[str, np.ndarray]]
+    #: dict of str to (L,); Of the model's forecast: share of the errors within its 90 % interval.
     spread: dict[str, np.ndarray]
-    count: int
+    count: int  #: Number of forecasts.
 
 
 @dataclass(frozen=True)
 class Arx:
-    """Linear regression of the next surge, sway and yaw rate on past ones and on past inputs.
+    """Linear regression of the next surge, sway and yaw rate on past ones and on past inputs."""
 
-    Attributes
-    ----------
-    coefficients : ndarray, shape (1 + 5 ORDER, 3)
-    """
-
-    coefficients: np.ndarray
+    coefficients: np.ndarray  #: (1 + 5 ORDER, 3)
 
     def run(self, past: np.ndarray, inputs: np.ndarray) -> np.ndarray:
         """Iterate ahead.
 
-        Parameters
-        ----------
-        past : ndarray, shape (ORDER, 3)
-            Latest last.
-        inputs : ndarray, shape (ORDER - 1 + S, 2)
-            Port and starboard, of the past ORDER - 1 steps and of those ahead.
+        Args:
+            past: (ORDER, 3); latest last.
+            inputs: (ORDER - 1 + S, 2); port and starboard, of the past ORDER - 1 steps and of those ahead.
 
-        Returns
-        -------
-        ndarray, shape (S, 3)
+        Returns:
+            ndarray, shape (S, 3)
         """
         ahead = []
         window = np.array(past)
@@ -88,16 +62,11 @@ class Arx:
 def fit_arx(runs: Sequence[Run], until: float = 1.0) -> Arx | None:
     """Ridge regression on some runs.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        That it learns from.
-    until : float
-        Share of each run that is used, from its start.
+    Args:
+        runs: That it learns from.
+        until: Share of each run that is used, from its start.
 
-    Returns
-    -------
-    Arx or None
+    Returns:
         None where there is too little to fit.
     """
     rows, targets = [], []
@@ -129,29 +98,19 @@ def score_forecasts(
 ) -> ForecastScores:
     """Forecast runs as a live filter would have, once a second, and compare.
 
-    Parameters
-    ----------
-    identified : IdentifiedManoeuvringModel
-        Calibrated.
-    runs : sequence of Run
-        That are forecast.
-    training : sequence of Run
-        For the ARX; without, it learns from the other runs, or from the first half of a single one.
-    supplied : bool
-        Future inputs are known; else the last ones are held.
-    settings : ManoeuvreFilterSettings, optional
-        What the filter assumes of the sensors.
-    leads : sequence of float
-        s.
-    truth : sequence of Run, optional
-        What really happened in the runs, where that is known: the errors are against it, not against the sensors.
-    held : bool
-        Score only the leads over which the inputs did hold.
+    Args:
+        identified: Calibrated.
+        runs: That are forecast.
+        training: For the ARX; without, it learns from the other runs, or from the first half of a single one.
+        supplied: Future inputs are known; else the last ones are held.
+        settings: What the filter assumes of the sensors.
+        leads: s.
+        truth: What really happened in the runs, where that is known: the errors are against it, not against the
+            sensors.
+        held: Score only the leads over which the inputs did hold.
 
-    Raises
-    ------
-    InputError
-        No run is long enough, or thrust is given as the model does not take it.
+    Raises:
+        InputError: No run is long enough, or thrust is given as the model does not take it.
     """
     errors: dict[str, dict[str, list[list[float]]]] = {
         method: {q: [[] for _ in leads] for q in QUANTITIES} for method in METHODS

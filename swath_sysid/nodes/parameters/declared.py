@@ -14,21 +14,13 @@ from swath_sysid.nodes.parameters.parameter import NodeParameter, Table, Values
 class NodeParameters:
     """The parameters of one node, declared and kept valid.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    table : tuple of NodeParameter
-    settings_of : callable
-        Turns a dict of all values into the settings of the core, or raises `InputError`.
-    on_change : callable, optional
-        Called with the new settings after a change was accepted.
-    further : callable, optional
-        Turns the values into a table of parameters that exist only with them.
+    Args:
+        settings_of: Turns a dict of all values into the settings of the core, or raises `InputError`.
+        on_change: Called with the new settings after a change was accepted.
+        further: Turns the values into a table of parameters that exist only with them.
 
-    Raises
-    ------
-    InputError
-        A value given at the start is not allowed.
+    Raises:
+        InputError: A value given at the start is not allowed.
     """
 
     def __init__(

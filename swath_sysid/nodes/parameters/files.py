@@ -14,8 +14,7 @@ from swath_sysid.nodes.parameters.parameter import Table, Values, defaults
 ATTITUDE_NODES = ('imu_buffer', 'identifier', 'predictor')
 NODES = (*ATTITUDE_NODES, 'manoeuvring_identifier', 'manoeuvring_predictor')
 
-MOVED_PREFIX = 'manoeuvre_'
-"""Parameters of identifier that begin so are those of manoeuvring_identifier, without it."""
+MOVED_PREFIX = 'manoeuvre_'  #: Parameters of identifier that begin so are those of manoeuvring_identifier, without it.
 
 FORMER_NODES = {'manoeuvring_predictor': 'manoeuvre_predictor'}
 
@@ -89,11 +88,9 @@ def values_from_file(path: str | Path | None, node_name: str) -> Values:
 
     The sections ``/**``, ``NAME``, ``/NAME`` and ``/**/NAME`` of the file apply, in its order.
 
-    Raises
-    ------
-    InputError
-        The file cannot be read, is not a parameter file, or sets a parameter that does not exist or
-        is of another type.
+    Raises:
+        InputError: The file cannot be read, is not a parameter file, or sets a parameter that does not exist or is of
+            another type.
     """
     values = defaults(table_of(node_name))
     if path is None:

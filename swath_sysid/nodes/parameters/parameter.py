@@ -14,30 +14,16 @@ Values = dict[str, Any]
 
 @dataclass(frozen=True)
 class NodeParameter:
-    """One parameter of a node.
+    """One parameter of a node."""
 
-    Attributes
-    ----------
-    name : str
-        With its unit, where it has one that is not plain from the meaning.
-    default : bool, int, float, str or list
-        Its type is the parameter's.
-    lowest, highest : int, float or None
-        Bounds, both included; of every element where the parameter is a list.
-    choices : tuple of str
-        Of the value, or of every element.
-    read_only : bool
-        Set at the start only.
-    """
-
-    name: str
-    default: Any
+    name: str  #: With its unit, where it has one that is not plain from the meaning.
+    default: Any  #: Its type is the parameter's.
     meaning: str
     unit: str = ''
-    lowest: float | None = None
-    highest: float | None = None
-    choices: tuple[str, ...] = ()
-    read_only: bool = False
+    lowest: float | None = None  #: Bounds, both included; of every element where the parameter is a list.
+    highest: float | None = None  #: Bounds, both included; of every element where the parameter is a list.
+    choices: tuple[str, ...] = ()  #: Of the value, or of every element.
+    read_only: bool = False  #: Set at the start only.
 
     @property
     def range_text(self) -> str:
@@ -63,6 +49,7 @@ def _number(value: float | None) -> str:
     return str(value) if isinstance(value, int) else f'{value:g}'
 
 
+#: What imu_buffer and predictor must agree on.
 SENSOR = (
     NodeParameter(
         'frame',
@@ -109,7 +96,6 @@ SENSOR = (
         read_only=True,
     ),
 )
-"""What imu_buffer and predictor must agree on."""
 
 DIAGNOSTICS = (
     NodeParameter('diagnostics_period_s', 1.0, 'Time between diagnostics (wall clock)', 's', 0.1, 60.0, read_only=True),
