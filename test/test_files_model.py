@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
-from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model, write_model
 
@@ -48,6 +48,16 @@ def test_round_trip_is_exact(values, root, trim, friction_rate, trim_std, larges
     model = DecayModel.from_terms(equation, values, trim=trim, friction_rate=friction_rate, axis='roll')
     identified = IdentifiedModel(model, root @ root.T, trim_std, (0.0, largest))
     assert model_from_yaml(model_to_yaml({'roll': identified}))['roll'] == identified
+
+
+def test_the_posterior_of_every_term_is_kept():
+    equation = Equation('general', ('b1', 'b2', 'b3', 'r1', 'r2', 'r3'))
+    root = np.random.default_rng(1).standard_normal((6, 6))
+    posterior = HullPosterior(equation, np.arange(1.0, 7.0), root @ root.T)
+    identified = replace(example(), posterior=posterior)
+    assert model_from_yaml(model_to_yaml({'pitch': identified}))['pitch'] == identified
+    with pytest.raises(InputError, match='shape'):
+        HullPosterior(equation, np.ones(5), np.eye(6))
 
 
 def test_a_variance_that_is_not_known_stays_so():

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.physical_range import check_physical
 from swath_sysid.attitude.hull.scheduled_model import QUANTITIES, ScheduledModel
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
@@ -48,7 +48,8 @@ _AXIS = record(
         'valid_amplitude_rad': list_of(if_known(number(0.0, math.pi), math.inf), 2),
         'metrics': metrics,
         'provenance': mapping,
-    }
+    },
+    {'posterior': record({'ratios': quantities_of(RATIO_UNITS, 'ratio'), 'covariance': anything})},
 )
 _SCHEDULE = record(
     {
@@ -132,18 +133,30 @@ def _identified(plain: dict, axis: str, where: str) -> IdentifiedModel:
     if not smallest <= largest:
         raise InputError(f'{where}, valid_amplitude_rad: give the smallest and the largest amplitude, in this order')
     model = built(lambda: _model_of(plain, axis), where)
-    # the model has its terms in their own order, the rows of the file are in the file's
-    matrix = covariance(plain['covariance'], tuple(ratios), f'{where}, covariance')
-    check_std({name: ratio['std'] for name, ratio in ratios.items()}, np.diag(matrix), where)
-    order = [tuple(ratios).index(name) for name in model.equation.terms]
     return IdentifiedModel(
         model,
-        matrix[np.ix_(order, order)],
+        _covariance(plain, model.equation, where),
         plain['trim_std_rad'],
         (smallest, largest),
         plain['metrics'],
         plain['provenance'],
+        _posterior(plain['posterior'], f'{where}, posterior') if 'posterior' in plain else None,
     )
+
+
+def _covariance(plain: dict, equation: Equation, where: str) -> np.ndarray:
+    """Rows in the file's order, to the order of the equation's terms."""
+    ratios = plain['ratios']
+    matrix = covariance(plain['covariance'], tuple(ratios), f'{where}, covariance')
+    check_std({name: ratio['std'] for name, ratio in ratios.items()}, np.diag(matrix), where)
+    order = [tuple(ratios).index(name) for name in equation.terms]
+    return matrix[np.ix_(order, order)]
+
+
+def _posterior(plain: dict, where: str) -> HullPosterior:
+    equation = built(lambda: Equation('posterior', tuple(plain['ratios'])), where)
+    ratios = [plain['ratios'][name]['value'] for name in equation.terms]
+    return HullPosterior(equation, np.array(ratios), _covariance(plain, equation, where))
 
 
 def _model_of(plain: dict, axis: str) -> DecayModel:
@@ -207,4 +220,16 @@ def _axis_to_plain(identified: Any) -> dict:
         'valid_amplitude_rad': [float(a) for a in identified.amplitude_range],
         'metrics': identified.metrics,
         'provenance': identified.provenance,
+        **_posterior_to_plain(identified.posterior),
     }
+
+
+def _posterior_to_plain(posterior: HullPosterior | None) -> dict[str, dict]:
+    if posterior is None:
+        return {}
+    names, std = posterior.equation.terms, np.sqrt(np.diag(posterior.covariance)).tolist()
+    ratios = {
+        name: {'value': float(value), 'std': spread, 'unit': RATIO_UNITS[name]}
+        for name, value, spread in zip(names, posterior.ratios, std, strict=True)
+    }
+    return {'posterior': {'ratios': ratios, 'covariance': posterior.covariance.tolist()}}

@@ -4,8 +4,35 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.common.errors import InputError
+
+
+@dataclass(frozen=True)
+class HullPosterior:
+    """What a record leaves open about the general hull: the ratios of every term, those pruned from the model included."""
+
+    equation: Equation
+    ratios: np.ndarray  #: (n,); of the equation's terms, in their order.
+    covariance: np.ndarray  #: (n, n)
+
+    def __post_init__(self) -> None:
+        n = len(self.equation.terms)
+        for name, shape in (('ratios', (n,)), ('covariance', (n, n))):
+            values = np.array(getattr(self, name), dtype=float)
+            if values.shape != shape:
+                raise InputError(f'the posterior of {n} ratios needs {name} of the shape {shape}, not {values.shape}')
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, HullPosterior):
+            return NotImplemented
+        return (
+            self.equation.terms == other.equation.terms
+            and np.array_equal(self.ratios, other.ratios)
+            and np.array_equal(self.covariance, other.covariance)
+        )
 
 
 @dataclass(frozen=True)
@@ -19,6 +46,7 @@ class IdentifiedModel:
     metrics: dict = field(default_factory=dict)  #: How well it fits, by name with unit.
     #: Sources and their hashes, segments, software version, seed, settings.
     provenance: dict = field(default_factory=dict)
+    posterior: HullPosterior | None = None  #: What the filter of a forecast starts from; None: the model's own terms.
 
     def __post_init__(self) -> None:
         covariance = np.array(self.covariance, dtype=float)
@@ -48,6 +76,6 @@ class IdentifiedModel:
             self.model == other.model
             and np.array_equal(self.covariance, other.covariance, equal_nan=True)
             and np.array_equal(self.trim_std, other.trim_std, equal_nan=True)
-            and (self.amplitude_range, self.metrics, self.provenance)
-            == (other.amplitude_range, other.metrics, other.provenance)
+            and (self.amplitude_range, self.metrics, self.provenance, self.posterior)
+            == (other.amplitude_range, other.metrics, other.provenance, other.posterior)
         )
