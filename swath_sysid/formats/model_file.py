@@ -128,7 +128,6 @@ def _scheduled(plain: dict, axis: str, where: str) -> ScheduledModel:
 
 
 def _identified(plain: dict, axis: str, where: str) -> IdentifiedModel:
-    ratios = plain['ratios']
     smallest, largest = plain['valid_amplitude_rad']
     if not smallest <= largest:
         raise InputError(f'{where}, valid_amplitude_rad: give the smallest and the largest amplitude, in this order')

@@ -10,7 +10,7 @@ from swath_sysid.common.errors import InputError
 
 @dataclass(frozen=True)
 class HullPosterior:
-    """What a record leaves open about the general hull: the ratios of every term, those pruned from the model included."""
+    """Every term of the general hull as a record leaves it, those pruned from the model included."""
 
     equation: Equation
     ratios: np.ndarray  #: (n,); of the equation's terms, in their order.
