@@ -36,8 +36,6 @@ MAX_RATE_MISMATCH = 0.35
 #: Relative standard deviation of the natural period: the linear stiffness is then within two of its own of none.
 MAX_PERIOD_STD = 0.25
 MAX_DISTURBANCE = 0.1  #: Standard deviation of the moment found on the craft, over the largest restoring moment.
-#: Of the natural frequency's standard deviation by the choice of the equation: beyond, that choice decides it.
-MAX_WIDENING = 1.5
 VANISHED = 1e-6  #: Dimensionless damping that is none.
 #: Standard deviations of the innovations' correlation from sample to sample that chance does not make.
 MAX_CORRELATION = 5.0
@@ -118,17 +116,6 @@ def _doubts(found: 'Identification'):
                 f'{found.model.equation.name} lacks a term that the motion shows ({absent.name}, '
                 f'{absent.significance:.0f} standard deviations from zero), and its other coefficients bend to make '
                 f'up for it: add {absent.name}, or compare equations'
-            ),
-        )
-    rival = found.rival
-    if rival is not None and rival.widening > MAX_WIDENING:
-        yield (
-            'equation-open',
-            (
-                f'{rival.name} explains the motion about as well, with a natural period of {rival.natural_period:.4g} '
-                f's where {found.model.equation.name} has {found.model.natural_period:.4g} s, and either choice bends '
-                'the other coefficients: release from a larger angle, or repeat the trial, until one of them is ruled '
-                'out'
             ),
         )
     for advice in found.advice:
