@@ -184,7 +184,7 @@ def posterior_error(found: 'Identification') -> float:
     model, scales = found.model, found.problem.scales
     start = largest_release(found)
     own = HullPosterior(model.equation, model.ratios[model.equation.indices], found.covariance)
-    return release_error(model, getattr(found, 'posterior', None) or own, found.trim_std, start, scales)
+    return release_error(model, found.posterior or own, found.trim_std, start, scales)
 
 
 def unexplained_share(found: 'Identification', quantity: str) -> float:
