@@ -22,7 +22,7 @@ class Identifier(IdentificationNode):
     def __init__(self) -> None:
         super().__init__('identifier', TABLE, refit_settings)
         self._models = ModelPublisher(self, self.parameters['model_path'], self.health)
-        self.refitter = Refitter(self.parameters.settings, self._models.known())
+        self.refitter = Refitter(self.parameters.settings, self._models.known(), self._models.history())
         self._waiting_table: MotionTable | None = None
         self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
         self.serve(warm_up)
@@ -51,7 +51,7 @@ class Identifier(IdentificationNode):
         """Return to the model before."""
         if not self.refitter.rollback():
             return False, 'there is no model before this one'
-        remark = self._models.publish(self.refitter.models)
+        remark = self._models.replace(self.refitter.models)
         return True, f'back to {self.refitter.described}; {self.refitter.steps_back} more are kept{remark}'
 
     def reports(self) -> list[Report]:
@@ -83,7 +83,7 @@ class Identifier(IdentificationNode):
         outcome, problem = await self.carried_out(refit, request)
         if problem or not self.refitter.take(outcome):
             return False, problem or outcome.message
-        return True, outcome.message + self._models.publish(self.refitter.models)
+        return True, outcome.message + self._models.replace(self.refitter.models)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -5,7 +5,7 @@ this gives never replaces the model of a free decay, which covers other amplitud
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -318,14 +318,20 @@ class Refitter:
 
     Args:
         models: Known at the start, by axis.
+        history: Those before them, oldest first.
     """
 
-    def __init__(self, settings: RefitSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None):
+    def __init__(
+        self,
+        settings: RefitSettings | None = None,
+        models: Mapping[str, IdentifiedModel] | None = None,
+        history: Sequence[dict[str, IdentifiedModel]] = (),
+    ):
         self.settings = settings or RefitSettings()
         self.models = dict(models or {})
         self.version = 0
         self.stability = StabilityWatch()
-        self._history: list[dict[str, IdentifiedModel]] = []
+        self._history = [*history]
 
     def request(self, table: MotionTable, provenance: dict | None = None) -> RefitRequest:
         """What is to be fitted on a window, by `refit`.
