@@ -1,4 +1,4 @@
-"""The file of a node's model: what it held before is beside it, and leads back after another start, whatever happens."""
+"""The file of a node's model: what it held before is beside it, and leads back after another start."""
 
 import os
 

@@ -1,13 +1,15 @@
 """Publishing on /diagnostics: at steady times, whatever the clock of the craft does."""
 
+from collections import defaultdict
 from collections.abc import Callable
+from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from swath_sysid.formats.messages import diagnostics_message
-from swath_sysid.pipeline.health import OK, WARN, Report
+from swath_sysid.pipeline.health import OK, WARN, Changes, Report
 
 
 class DiagnosticsPublisher:
@@ -21,7 +23,7 @@ class DiagnosticsPublisher:
     def __init__(self, node: Node, period: float, reports: Callable[[], list[Report]]):
         self._node = node
         self._reports = reports
-        self._levels: dict[str, int] = {}
+        self._changes: defaultdict[str, Changes] = defaultdict(Changes)
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # a timer of ROS time stalls when a bag loops
         self._timer = node.create_timer(period, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -38,9 +40,8 @@ class DiagnosticsPublisher:
             )
         )
         for report in reports:
-            if self._levels.get(report.name, OK) != report.level:
+            if self._changes[report.name].is_news(report.level, monotonic()):
                 self._log(report)
-            self._levels[report.name] = report.level
 
     def _log(self, report: Report) -> None:
         logger = self._node.get_logger()

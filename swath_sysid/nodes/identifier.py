@@ -14,6 +14,7 @@ from swath_sysid.nodes.model_publisher import ModelPublisher
 from swath_sysid.nodes.parameters.identifier import TABLE, refit_settings
 from swath_sysid.nodes.window_client import WindowClient
 from swath_sysid.pipeline.health import Report, stability_report
+from swath_sysid.pipeline.validity import verdict_values
 
 
 class Identifier(IdentificationNode):
@@ -57,7 +58,9 @@ class Identifier(IdentificationNode):
     def reports(self) -> list[Report]:
         """The status of now."""
         return [
-            self.health.report(self.refitter.described, self.refitter.steps_back, self.busy),
+            self.health.report(
+                self.refitter.described, self.refitter.steps_back, self.busy, verdict_values(self.refitter.models)
+            ),
             stability_report(self.refitter.stability),
         ]
 

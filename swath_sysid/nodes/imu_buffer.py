@@ -38,7 +38,7 @@ class ImuBuffer(Node):
         self.window.detect_decay(settings.detect_decay)
 
     def _on_imu(self, message: Imu) -> None:
-        begun = perf_counter()
+        begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
         reading = imu_reading(message)
         step = self.window.add(reading)
         if step.finished is not None:
@@ -50,7 +50,7 @@ class ImuBuffer(Node):
             )
             self._publish(step.finished.table)
         self.health.note_frame_id(message.header.frame_id)
-        self.health.note_message(reading.stamp_ns, begun, perf_counter())
+        self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
 
     def _publish(self, table: MotionTable) -> None:
         self._publisher.publish(window_message(table, self.parameters['frame_id']))

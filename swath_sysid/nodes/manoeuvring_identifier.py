@@ -36,9 +36,7 @@ class ManoeuvringIdentifier(IdentificationNode):
     def __init__(self) -> None:
         super().__init__('manoeuvring_identifier', TABLE, manoeuvring_settings)
         path = self.parameters['model_path']
-        self._file = ModelFile(
-            path, read_manoeuvring_model, manoeuvring_to_yaml, write_manoeuvring_model, self.health
-        )
+        self._file = ModelFile(path, read_manoeuvring_model, manoeuvring_to_yaml, write_manoeuvring_model, self.health)
         self.refitter = ManoeuvreRefitter(self._file.read(), self._file.history())
         self.window = ManoeuvringWindow(self.parameters['window_s'], self.parameters['stop_after_s'])
         self._publisher = watched_publisher(self, String, 'manoeuvring/model', LATCHED, self.health)
