@@ -19,7 +19,7 @@ from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.forecast_publishers import ForecastPublishers
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import TABLE, frames_at, further, pipeline_settings
+from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.sea_fitting import SeaFitting
@@ -37,7 +37,7 @@ class Predictor(Node):
     def __init__(self) -> None:
         super().__init__('predictor')
         compiler()  # loaded now, not amid the first samples
-        self.parameters = NodeParameters(self, TABLE, pipeline_settings, self._on_parameters, further)
+        self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         self.pipeline = ForecastPipeline(self.parameters.settings)
         self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
