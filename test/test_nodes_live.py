@@ -33,7 +33,7 @@ from swath_sysid.attitude.motion.window import COLUMNS  # noqa: E402
 from swath_sysid.formats.messages import window_table  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, read_model  # noqa: E402
 from swath_sysid.nodes.messages import time_message  # noqa: E402
-from swath_sysid.nodes.parameters.files import ATTITUDE_NODES, table_of  # noqa: E402
+from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, parameters_of  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -309,7 +309,7 @@ def test_the_buffer_publishes_clears_and_records_when_asked(identified):
 
 
 def test_parameters_are_described_and_checked_on_change(craft):
-    for node, table in ((node, table_of(node)) for node in ATTITUDE_NODES):
+    for node, table in ((node, parameters_of(node)) for node in ATTITUDE_NODES):
         for parameter, told in zip(table, craft.bench.describe_parameters(node, [p.name for p in table]), strict=True):
             assert parameter.meaning in told.description and told.read_only == parameter.read_only
             assert parameter.unit in told.description

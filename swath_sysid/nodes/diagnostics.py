@@ -3,11 +3,13 @@
 from collections import defaultdict
 from collections.abc import Callable
 from time import monotonic
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from swath_sysid.common.advice import Advice
 from swath_sysid.formats.messages import diagnostics_message
 from swath_sysid.pipeline.health import OK, WARN, Changes, Report
 
@@ -51,3 +53,10 @@ class DiagnosticsPublisher:
             logger.warning(f'{report.name}: {report.message}')
         else:
             logger.error(f'{report.name}: {report.message}')
+
+
+def tell_uncompiled(node: Node, health: Any, why: Advice | None) -> None:
+    """Log why all takes longer than it could, if it does, and have a node's `health` report it."""
+    if why is not None:
+        health.uncompiled_because = why.message
+        node.get_logger().warning(why.message)

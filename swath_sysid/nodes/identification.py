@@ -1,6 +1,6 @@
 """What the identifiers of both wings have in common: one identification at a time, in a worker process."""
 
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -10,11 +10,10 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_uncompiled
-from swath_sysid.common.advice import Advice
 from swath_sysid.common.stopping import Cancelled
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.parameter import Table, Values
+from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.turns import Turns, ending_of
@@ -37,28 +36,21 @@ class IdentificationNode(Node):
         settings_of: Of the values of all parameters.
     """
 
-    def __init__(self, name: str, table: Table, settings_of: Callable[[Values], Any]):
+    def __init__(self, name: str, settings_of: Callable[[Values], Any]):
         super().__init__(name)
-        self.parameters = NodeParameters(self, table, settings_of, self.change)
+        self.parameters = NodeParameters(self, name, settings_of, self.change)
         self.health = IdentifierHealth(ADVICE)
         self._ended: Future | None = None
         self._has_asked = False
         self._turns = Turns(self)
         self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
 
-    def serve(
-        self,
-        warm_up: Callable[[], None],
-        identify: Sequence[str] = ('~/identify',),
-        rollback: Sequence[str] = ('~/rollback',),
-    ) -> None:
-        """Make the worker, which first runs ``warm_up()``, and offer the services under these names."""
+    def serve(self, warm_up: Callable[[], None]) -> None:
+        """Make the worker, which first runs ``warm_up()``, and offer the services."""
         # an async service holds its group while it waits: in the node's own it would lock out all else
         waiting: dict[str, Any] = {'callback_group': ReentrantCallbackGroup(), 'qos_profile': SERVICES}
-        for service in identify:
-            self.create_service(Trigger, service, self._on_identify, **waiting)
-        for service in rollback:
-            self.create_service(Trigger, service, self._on_rollback, qos_profile=SERVICES)
+        self.create_service(Trigger, '~/identify', self._on_identify, **waiting)
+        self.create_service(Trigger, '~/rollback', self._on_rollback, qos_profile=SERVICES)
         self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self.reports)
         self.worker = Worker(
@@ -137,12 +129,7 @@ class IdentificationNode(Node):
         """Have the worker say, once, why its work takes longer than it could: numba is loaded there, not here."""
         if not self._has_asked:
             self._has_asked = True
-            self.worker.submit(why_uncompiled, (), self._on_why)
-
-    def _on_why(self, uncompiled: Advice | None, error: Exception | None) -> None:
-        if uncompiled is not None:
-            self.health.uncompiled_because = uncompiled.message
-            self.get_logger().warning(uncompiled.message)
+            self.worker.submit(why_uncompiled, (), lambda why, _: tell_uncompiled(self, self.health, why))
 
     def _on_progress(self, share: float) -> None:
         self.health.progress = share

@@ -11,7 +11,7 @@ from swath_sysid.formats.topics import WINDOW_TOPIC
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.model_publisher import ModelPublisher
-from swath_sysid.nodes.parameters.identifier import TABLE, refit_settings
+from swath_sysid.nodes.parameters.identifier import refit_settings
 from swath_sysid.nodes.window_client import WindowClient
 from swath_sysid.pipeline.health import Report, stability_report
 from swath_sysid.pipeline.validity import verdict_values
@@ -20,8 +20,10 @@ from swath_sysid.pipeline.validity import verdict_values
 class Identifier(IdentificationNode):
     """motion/window in, model/* and ~/progress out, services ~/identify, ~/cancel and ~/rollback."""
 
+    waits_for = WINDOW_TOPIC  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
-        super().__init__('identifier', TABLE, refit_settings)
+        super().__init__('identifier', refit_settings)
         self._models = ModelPublisher(self, self.parameters['model_path'], self.health)
         self.refitter = Refitter(self.parameters.settings, self._models.known(), self._models.history())
         self._waiting_table: MotionTable | None = None

@@ -12,7 +12,7 @@ from swath_sysid.formats.messages import imu_reading, window_message
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.imu_buffer import TABLE, window_settings
+from swath_sysid.nodes.parameters.imu_buffer import window_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.health import BufferHealth, Report
@@ -21,9 +21,11 @@ from swath_sysid.pipeline.health import BufferHealth, Report
 class ImuBuffer(Node):
     """imu/data in, motion/window out, services ~/publish_window, ~/clear and ~/record."""
 
+    waits_for = IMU_TOPIC  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
         super().__init__('imu_buffer')
-        self.parameters = NodeParameters(self, TABLE, window_settings, self._change)
+        self.parameters = NodeParameters(self, 'imu_buffer', window_settings, self._change)
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
         self.health = BufferHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.window)
@@ -36,6 +38,8 @@ class ImuBuffer(Node):
 
     def _change(self, settings: WindowSettings) -> None:
         self.window.detect_decay(settings.detect_decay)
+        if settings.window != self.window.settings.window:
+            self.window.resize(settings.window)
 
     def _on_imu(self, message: Imu) -> None:
         begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds

@@ -25,7 +25,7 @@ from swath_sysid.manoeuvring.motion.window import ManoeuvringWindow
 from swath_sysid.nodes.executor_loop import run
 from swath_sysid.nodes.identification import Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.nodes.parameters.manoeuvring_identifier import TABLE, manoeuvring_settings
+from swath_sysid.nodes.parameters.manoeuvring_identifier import manoeuvring_settings
 from swath_sysid.nodes.qos import LATCHED, SENSOR, THRUSTERS, watched_publisher, watched_subscription
 from swath_sysid.pipeline.health import OK, Report
 
@@ -33,8 +33,10 @@ from swath_sysid.pipeline.health import OK, Report
 class ManoeuvringIdentifier(IdentificationNode):
     """odometry and thrusters in, manoeuvring/model and ~/progress out, services as those of identifier."""
 
+    waits_for = 'odometry'  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
-        super().__init__('manoeuvring_identifier', TABLE, manoeuvring_settings)
+        super().__init__('manoeuvring_identifier', manoeuvring_settings)
         path = self.parameters['model_path']
         self._file = ModelFile(path, read_manoeuvring_model, manoeuvring_to_yaml, write_manoeuvring_model, self.health)
         self.refitter = ManoeuvreRefitter(self._file.read(), self._file.history())
@@ -43,12 +45,7 @@ class ManoeuvringIdentifier(IdentificationNode):
         watched_subscription(self, Odometry, 'odometry', self._on_odometry, SENSOR, self.health)
         for side, topic in THRUSTERS.items():
             watched_subscription(self, Float64, topic, self._thrust_taker(side), SENSOR, self.health)
-        # the second names are those from before this node was one of its own
-        self.serve(
-            warm_up,
-            identify=('~/identify', 'identifier/identify_manoeuvring'),
-            rollback=('~/rollback', 'identifier/rollback_manoeuvring'),
-        )
+        self.serve(warm_up)
         self._publish()
 
     async def identify(self) -> Answer:
@@ -111,7 +108,7 @@ class ManoeuvringIdentifier(IdentificationNode):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until a signal comes."""
-    return run([(SingleThreadedExecutor, [ManoeuvringIdentifier])], args, 'manoeuvring_identifier')
+    return run([(SingleThreadedExecutor, [ManoeuvringIdentifier])], args)
 
 
 if __name__ == '__main__':

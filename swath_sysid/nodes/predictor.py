@@ -14,12 +14,12 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.forecast_publishers import ForecastPublishers
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
-from swath_sysid.nodes.parameters.predictor import TABLE, frames_at, further, pipeline_settings
+from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.sea_fitting import SeaFitting
@@ -34,15 +34,15 @@ PASSED_OVER_NS = 100_000_000
 class Predictor(Node):
     """imu/data, model/description and craft/loading in, forecast/* out."""
 
+    waits_for = IMU_TOPIC  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
         super().__init__('predictor')
         uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
-        self.parameters = NodeParameters(self, TABLE, pipeline_settings, self._on_parameters, further)
+        self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         self.pipeline = ForecastPipeline(self.parameters.settings)
         self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
-        if uncompiled is not None:
-            self.health.uncompiled_because = uncompiled.message
-            self.get_logger().warning(uncompiled.message)
+        tell_uncompiled(self, self.health, uncompiled)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
         self._forecasts = ForecastPublishers(
             self,

@@ -228,7 +228,10 @@ def _refit_at_sea(
     try:
         found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
-        raise InputError(f'{error} (the window holds what window_s says)') from error
+        raise InputError(
+            f'{error}; the window is as long as window_s of imu_buffer: raise it where more is needed, as in '
+            '`ros2 param set /imu_buffer window_s 300.0`, and identify when it is full'
+        ) from error
     estimate = (found.natural_period, found.natural_period_std, found.amplitude) if found.has_period else None
     return _judged_at_sea(axis, motion, heave, found, request, should_cancel), estimate
 
