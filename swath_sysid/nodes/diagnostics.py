@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from swath_sysid.common.accelerator import NUMBA_DISABLED
 from swath_sysid.common.advice import Advice
 from swath_sysid.formats.messages import diagnostics_message
 from swath_sysid.pipeline.health import OK, WARN, Changes, Report
@@ -59,4 +60,7 @@ def tell_uncompiled(node: Node, health: Any, why: Advice | None) -> None:
     """Log why all takes longer than it could, if it does, and have a node's `health` report it."""
     if why is not None:
         health.uncompiled_because = why.message
-        node.get_logger().warning(why.message)
+        if why.code == NUMBA_DISABLED:
+            node.get_logger().info(why.message)
+        else:
+            node.get_logger().warning(why.message)
