@@ -28,8 +28,7 @@ from swath_sysid.attitude.identification.problem import Problem, decays_or_waves
 from swath_sysid.attitude.identification.sea_motion import Heave, heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
-from swath_sysid.attitude.motion.contradictions import OFFSET_CODES, RATE_CODES, refuse_contradictions
-from swath_sysid.attitude.motion.installation_checks import contradictions_in
+from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.attitude.motion.window import MotionTable
