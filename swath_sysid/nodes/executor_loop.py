@@ -17,6 +17,8 @@ from swath_sysid.common.errors import InputError
 #: Makers of executors, each with the makers of the nodes that it runs.
 Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
 
+OF_ROS = {'/clock', '/parameter_events'}  #: Topics that every node subscribes to.
+
 WAKE_PERIOD = 0.1  #: s; between checks of the main thread whether a signal has come.
 
 #: s; between those of the other threads, which are woken to stop: ten wakings a second cost 0.6 % of a core.
@@ -61,6 +63,7 @@ def run(plan: Plan, args: list[str] | None = None) -> int:
             for make_node in makers:
                 nodes.append(make_node())
                 executors[-1].add_node(nodes[-1])
+        _say_ready(nodes)
         _spin_all(executors, stop)
         return 0
     except (InputError, InvalidParameterTypeException, InvalidParameterValueException) as error:
@@ -75,6 +78,18 @@ def run(plan: Plan, args: list[str] | None = None) -> int:
         for number, handler in previous.items():
             # after a signal the process is about to end, and another Ctrl-C must not hurt it, even in its last moments
             signal.signal(number, signal.SIG_IGN if signalled.is_set() else handler)
+
+
+def _say_ready(nodes: Sequence[Node]) -> None:
+    """One line: which nodes run, on which topics, and what has to come first; for nodes that wait for something."""
+    first = dict.fromkeys(node.resolve_topic_name(node.waits_for) for node in nodes if hasattr(node, 'waits_for'))
+    made = {publisher.topic_name for node in nodes for publisher in node.publishers}
+    heard = {subscription.topic_name for node in nodes for subscription in node.subscriptions} - made - OF_ROS
+    if first:
+        nodes[0].get_logger().info(
+            f'ready: {", ".join(node.get_name() for node in nodes)}; subscribed to {", ".join(sorted(heard))}; '
+            f'waiting for the first message on {" and ".join(topic for topic in first if topic not in made)}'
+        )
 
 
 def _initialise(args: list[str] | None) -> None:

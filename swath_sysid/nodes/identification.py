@@ -9,14 +9,15 @@ from rclpy.task import Future
 from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
+from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.stopping import Cancelled
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.turns import Turns, ending_of
-from swath_sysid.nodes.worker import Worker
+from swath_sysid.nodes.worker import Worker, WorkerError
 from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
 
 BUSY = 'an identification is running: wait for it or call ~/cancel'
@@ -40,6 +41,7 @@ class IdentificationNode(Node):
         self.parameters = NodeParameters(self, name, settings_of, self.change)
         self.health = IdentifierHealth(ADVICE)
         self._ended: Future | None = None
+        self._has_asked = False
         self._turns = Turns(self)
         self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
 
@@ -54,6 +56,8 @@ class IdentificationNode(Node):
         self.worker = Worker(
             warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), self.parameters['worker_idle_s']
         )
+        if not self.parameters['worker_idle_s']:
+            self._ask_how_fast()
 
     def change(self, settings: Any) -> None:
         """Settings have changed; may be overridden."""
@@ -112,11 +116,20 @@ class IdentificationNode(Node):
 
     async def carried_out(self, function: Callable, request: Any) -> tuple[Any, str]:
         """Have the worker do something: its result and an empty sentence, or None and what went wrong."""
+        self._ask_how_fast()
         self.health.begin()
         outcome, error = await ending_of(self.worker, self.executor, function, request, self._on_progress)
         if error is None:
             return outcome, ''
+        if isinstance(error, WorkerError):
+            self.get_logger().warning(f'{error}; if this repeats, look for a lack of memory with `dmesg`')
         return None, CANCELLED if isinstance(error, Cancelled) else str(error)
+
+    def _ask_how_fast(self) -> None:
+        """Have the worker say, once, why its work takes longer than it could: numba is loaded there, not here."""
+        if not self._has_asked:
+            self._has_asked = True
+            self.worker.submit(why_uncompiled, (), lambda why, _: tell_uncompiled(self, self.health, why))
 
     def _on_progress(self, share: float) -> None:
         self.health.progress = share

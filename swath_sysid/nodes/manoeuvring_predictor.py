@@ -33,6 +33,8 @@ CLOCKS_APART = 1.0
 class ManoeuvringPredictor(Node):
     """odometry, imu/data and the thrusters in, manoeuvring/* out."""
 
+    waits_for = 'odometry'  #: The topic without which it does nothing.
+
     def __init__(self) -> None:
         super().__init__('manoeuvring_predictor')
         self.parameters = NodeParameters(self, 'manoeuvring_predictor', manoeuvring_pipeline_settings)

@@ -1,6 +1,7 @@
 """Declaring a node's parameters from the table, and checking every change."""
 
 from collections.abc import Callable
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -8,7 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.table import NodeParameter, Values, parameters_of
+from swath_sysid.nodes.parameters.table import NODES, NodeParameter, Values, parameters_of, table_of
 
 
 class NodeParameters:
@@ -40,6 +41,7 @@ class NodeParameters:
                 p.name: _plain(node.declare_parameter(p.name, p.default, _descriptor(p)).value) for p in new
             }
         self._names = set(self.values)
+        _warn_of_unknown(node, self._names)
         self.settings = settings_of(self.values)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
@@ -65,6 +67,17 @@ class NodeParameters:
             self.settings = self._settings_of(changed)
             if self._on_change is not None:
                 self._on_change(self.settings)
+
+
+def _warn_of_unknown(node: Node, names: set[str]) -> None:
+    """Of what was given at the start and is a parameter of none of the nodes: one file often serves them all."""
+    known = names.union(*({p.name for p in table_of(each)} for each in NODES))
+    for name in node._parameter_overrides:
+        if name in known or node.has_parameter(name) or name.startswith('points.'):
+            continue
+        meant = get_close_matches(name, sorted(known), 1)
+        hint = f'did you mean {meant[0]}?' if meant else 'see `ros2 param list`'
+        node.get_logger().warning(f'there is no parameter {name}, so it is left out: {hint}')
 
 
 def _plain(value: Any) -> Any:
