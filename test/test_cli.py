@@ -237,7 +237,7 @@ def test_bad_options_are_answered_with_one_sentence(options, words, trial_file, 
 
 
 def test_flags_that_advice_is_given_exist(capsys):
-    for words in (['identify'], ['manoeuvre', 'identify'], ['export'], ['campaign']):
+    for words in (['identify'], ['simulate'], ['manoeuvre', 'identify'], ['export'], ['campaign']):
         with pytest.raises(SystemExit):
             main([*words, '--help'])
     known = capsys.readouterr().out
