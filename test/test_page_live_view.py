@@ -108,7 +108,8 @@ def test_the_height_of_a_chart_is_round_and_holds_the_motion(largest, band, reac
 
 def test_the_curves_of_an_exact_model_have_no_width():
     hull = hull_named('swath-pitch').model
-    chart = model_chart(IdentifiedModel(hull, np.zeros((len(hull.equation.terms),) * 2), amplitude_range=(0.01, 0.08)))
+    model = IdentifiedModel(hull, np.zeros((len(hull.equation.terms),) * 2), amplitude_range=(0.01, 0.08))
+    chart = model_chart(model, None)
     assert chart['period'][0][1] == pytest.approx(hull.natural_period, rel=0.02)
     assert all(low == value == high for _, value, low, high in chart['damping'])
 

@@ -127,6 +127,7 @@ def served(desk: Desk, host: str, port: int, token: str) -> Iterator[str]:
         root=lambda: build(desk),
         title='swath_sysid',
         dark=None,
+        language='en-US',
         message_history_length=FEW_MESSAGES,
         show_welcome_message=False,
     )
