@@ -20,16 +20,8 @@ from swath_sysid.page.model_words import described, gain, of_axis, verdict_of
 from swath_sysid.page.release import Release
 from swath_sysid.pipeline.health import ERROR, OK, Report
 
-CONNECT, SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE, KEPT = STEPS = (
-    'connect',
-    'sensor',
-    'rest',
-    'push',
-    'decay',
-    'identify',
-    'judge',
-    'kept',
-)
+STEPS = tuple('connect sensor rest push decay identify judge kept'.split())
+CONNECT, SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE, KEPT = STEPS
 
 NODES = ('imu_buffer', 'predictor', 'identifier')
 IDENTIFICATION = 'identifier: identification'
@@ -228,10 +220,10 @@ class BringUp:
 
     def _other_axis(self, facts: Facts) -> Guidance | None:
         """What to say where the other axis has moved more than this one since the rest."""
-        own, beside = self._since_rest(facts, self.axis), self._since_rest(facts, self._other)
-        if not self._levels or beside.peak <= max(own.peak, SMALLEST_PUSH):
+        (own, _), (beside, _) = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
+        if not self._levels or beside <= max(own, SMALLEST_PUSH):
             return None
-        sentence = f'That was {self._other}, {np.degrees(beside.peak):.1f} deg.'
+        sentence = f'That was {self._other}, {np.degrees(beside):.1f} deg.'
         return Guidance(PUSH, sentence, 'other-axis', f'{self._ask}, or choose {self._other} above')
 
     def _new_release(self, facts: Facts) -> Guidance | None:
@@ -283,8 +275,7 @@ class BringUp:
 
     def _no_decay(self, facts: Facts) -> Guidance | None:
         """What was wrong with a motion that ended without a decay that the detector noticed."""
-        own, beside = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
-        if max(own.peak, beside.peak) < SMALLEST_PUSH:
+        if max(self._since_rest(facts, axis)[0] for axis in AXES) < SMALLEST_PUSH:
             return self._fault
         if len(split_at_pauses(facts.motions[self.axis].between(self._rest_end, None))) > 1:
             cure = 'free the machine of other work, or press Identify: the buffer may have them all'
@@ -293,35 +284,28 @@ class BringUp:
 
     def _moving(self, facts: Facts) -> Guidance:
         """What to say while the craft moves after a rest."""
-        own, beside = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
+        (own, has_swung), (beside, _) = (self._since_rest(facts, axis) for axis in (self.axis, self._other))
         self._has_moved = True
-        if max(own.peak, beside.peak) < SMALLEST_PUSH and (shown := self._judgement(facts)) is not None:
+        if max(own, beside) < SMALLEST_PUSH and (shown := self._judgement(facts)) is not None:
             return shown
         self._stays = None
         since = facts.motions[self.axis].between(self._rest_end, None)
         if since.duration > LONGEST_UNREST and keeps_swinging(since) and not find_decays(since):
             return _waves(DECAY, 'The motion does not die out.')
-        if own.has_swung or beside.peak > max(own.peak, SMALLEST_PUSH):
+        if has_swung or beside > max(own, SMALLEST_PUSH):
             return Guidance(DECAY, 'Hands off, and let it roll out.')
-        way = 'let go.' if own.peak >= 0.8 * self._push else 'further, then let go.'
-        return Guidance(PUSH, f'{np.degrees(own.peak):.1f} of {self._degrees}: {way}')
+        way = 'let go.' if own >= 0.8 * self._push else 'further, then let go.'
+        return Guidance(PUSH, f'{np.degrees(own):.1f} of {self._degrees}: {way}')
 
-    def _since_rest(self, facts: Facts, axis: str) -> '_Excursion':
+    def _since_rest(self, facts: Facts, axis: str) -> tuple[float, bool]:
+        """How far an axis went from its rest, rad, and whether it came back to the other side."""
         motion = facts.motions.get(axis)
         since = None if motion is None else motion.between(self._rest_end, None)
         if since is None or since.angle is None or since.size == 0:
-            return _Excursion()
+            return 0.0, False
         offset = since.angle - self._levels.get(axis, 0.0)
         offset = offset * np.sign(offset[np.argmax(np.abs(offset))])
-        return _Excursion(float(offset.max()), bool(offset.min() < -STILL))
-
-
-@dataclass(frozen=True)
-class _Excursion:
-    """How far an axis went from its rest, rad, and whether it came back to the other side."""
-
-    peak: float = 0.0
-    has_swung: bool = False
+        return float(offset.max()), bool(offset.min() < -STILL)
 
 
 def judgement(models: Sequence[IdentifiedModel], stays: str) -> Guidance:
