@@ -23,6 +23,7 @@ CURVES = {'period': 'natural period [s]', 'damping': 'equivalent damping ratio'}
 CARD = 'w-full min-w-0'
 #: Texts keep their height whatever they say, so that nothing below them jumps; a press shows all of a longer one.
 STYLE = """
+html { scrollbar-gutter: stable }
 .lines { display: -webkit-box; -webkit-box-orient: vertical; overflow: hidden; cursor: pointer;
          -webkit-line-clamp: var(--lines); min-height: calc(var(--lines) * 1lh); overflow-wrap: anywhere }
 .lines.open { -webkit-line-clamp: unset }
@@ -155,7 +156,7 @@ def _release() -> Update:
 
 
 def _motion(axis: str) -> Update:
-    with _card(f'{axis.capitalize()} and its forecast with 50, 90 and 99 % intervals'):
+    with _card(f'{axis.capitalize()} with 50, 90 and 99 % intervals'):
         chart = ui.echart(motion_options('deg')).classes('w-full h-64')
 
     def update(view: View) -> None:
