@@ -127,12 +127,7 @@ SENSOR_CHECKS = (_missing_nodes, _silent_sensor, _slow_sensor, _contradictions)
 
 
 class BringUp:
-    """Guides from the start of the nodes to a model that the user keeps.
-
-    Args:
-        axis: To be identified.
-        push: Angle that is asked for, rad.
-    """
+    """Guides from the start of the nodes to a model of an axis that the user keeps; asks for a push, rad."""
 
     def __init__(self, axis: str, push: float = float(np.radians(5.0))) -> None:
         self.axis = axis
@@ -265,13 +260,13 @@ class BringUp:
             self._fault = self._no_decay(facts)
         self._levels, self._rest_end, self._has_moved = levels, self._newest, False
         if self._fault is not None:
-            return replace(self._fault, sentence=f'{self._fault.sentence} Now {self._ask} once more.')
+            return replace(self._fault, sentence=f'{self._fault.sentence} Now push once more, by {self._degrees}.')
         if (shown := self._judgement(facts)) is not None:
             return shown
         if not facts.value('predictor: installation', 'judgements'):
             return Guidance(REST, 'Lie still, hands off: gravity is compared with the attitude.')
         known = '' if facts.model is None else f'A model is known: {described(facts.model)}.'
-        return Guidance(PUSH, f'The craft is at rest. Now {self._ask}.', cure=known)
+        return Guidance(PUSH, f'At rest. Now {self._ask}.', cure=known)
 
     def _no_decay(self, facts: Facts) -> Guidance | None:
         """What was wrong with a motion that ended without a decay that the detector noticed."""
@@ -309,11 +304,9 @@ class BringUp:
 
 
 def judgement(models: Sequence[IdentifiedModel], stays: str) -> Guidance:
-    """What to do with the newest of the models of an axis: accept it where it is adequate, else cure what is wrong.
+    """What to do with the last of the models of an axis: accept it where it is adequate, else cure what is wrong.
 
-    Args:
-        models: The newest last.
-        stays: Why it stays although another release was identified; empty: it is new.
+    ``stays`` says why it stays although another release was identified.
     """
     level, cure = verdict_of(models[-1])
     sentence, remark = f'{described(models[-1])}.', stays and f' The model from before stays: {stays}.'

@@ -73,14 +73,7 @@ class View:
 
 
 class Desk:
-    """The state of the page.
-
-    Args:
-        folder: Where models and bags are saved.
-        axis: To be identified first.
-        manifest: Of the campaign.
-        clock: That which the source notes arrivals by, s.
-    """
+    """The state of the page; models and bags are saved in ``folder``, and ``clock`` is what the source notes by, s."""
 
     def __init__(
         self,

@@ -76,7 +76,7 @@ def _card(title: str) -> Any:
 def _guide(desk: Desk) -> Update:
     with _card('Bring-up'):
         progress = ui.linear_progress(0.0, show_value=False).props('rounded')
-        sentence = _text('text-h6', 'sentence', 2)
+        sentence = _text('text-subtitle1 text-weight-medium', 'sentence', 2)
         cure = _text('text-body1', 'cure', 2)
         press = _pressed(desk)
         with ui.row().classes('gap-2'):
@@ -91,7 +91,7 @@ def _guide(desk: Desk) -> Update:
         cure.classes(add='fault') if guidance.fault else cure.classes(remove='fault')
         for name, button in buttons.items():
             button.show(name == guidance.action, view.refusals.get(name, ''))
-        buttons['record'].label('Stop recording' if view.is_recording else BUTTONS['record'][0])
+        buttons['record'].button.text = 'Stop recording' if view.is_recording else BUTTONS['record'][0]
         answers.text = '\n'.join(view.answers)
 
     return update
@@ -123,7 +123,7 @@ class _Button:
         label, self._meaning = BUTTONS[name]
         # a disabled button shows no tooltip of its own
         with ui.element('span') as self._frame:
-            self._button = ui.button(label, on_click=press).props(f'no-caps flat data-name={name}')
+            self.button = ui.button(label, on_click=press).props(f'no-caps flat data-name={name}')
             self._tooltip = ui.tooltip(self._meaning)
         self._shown: tuple = False, ''
 
@@ -132,14 +132,10 @@ class _Button:
         if (is_recommended, refusal) == self._shown:
             return
         self._shown = is_recommended, refusal
-        self._button.enabled = not refusal
+        self.button.enabled = not refusal
         self._tooltip.text = refusal or self._meaning
         loud = is_recommended and not refusal
-        self._button.props('unelevated' if loud else 'flat', remove='flat' if loud else 'unelevated')
-
-    def label(self, text: str) -> None:
-        """What stands on it."""
-        self._button.text = text
+        self.button.props('unelevated' if loud else 'flat', remove='flat' if loud else 'unelevated')
 
 
 def _release() -> Update:

@@ -39,14 +39,7 @@ class Horizon:
 
 
 def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], positions: Sequence[float]) -> Horizon:
-    """A horizon from the columns of its message.
-
-    Args:
-        stamp_ns: When issued.
-        leads_ns: Times from then.
-        columns: ``roll``, ``roll_std``, ...
-        positions: The columns of each lead in turn.
-    """
+    """A horizon from its message: stamp, times from then, and the columns (``roll``, ``roll_std``, ...) by lead."""
     table = dict(zip(columns, np.asarray(positions, dtype=float).reshape(len(leads_ns), len(columns)).T, strict=True))
     means = {name: values for name, values in table.items() if not name.endswith('_std')}
     return Horizon(

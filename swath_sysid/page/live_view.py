@@ -60,9 +60,7 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
 def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -> dict[str, list]:
     """Measured motion, the forecast with its intervals and what was forecast before, against the time from now.
 
-    Returns:
-        ``measured``, ``forecast``, ``checked``: lists of (s, deg or m); ``bands``: per interval lists of (s, lower,
-        upper).
+    Lists of (s, deg or m), and for each interval of (s, lower, upper).
     """
     now = record.stamp
     scale = np.degrees(1.0) if motion is not None or quantity in ('roll', 'pitch') else 1.0
@@ -85,12 +83,7 @@ def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None) -
 
 
 def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict[str, list], str]:
-    """A measured decay with the motion of a model over it, against the time from letting go, and what it shows.
-
-    Returns:
-        chart: ``measured``, ``fitted``: lists of (s, deg).
-        words
-    """
+    """A measured decay and the motion of a model over it, lists of (s from letting go, deg), and what it shows."""
     elapsed, angle = release.motion.time - release.motion.time[0], np.asarray(release.motion.angle)
     chart = {'measured': _points(elapsed, np.degrees(angle)), 'fitted': []}
     words = f'From {np.degrees(release.amplitude):.1f} deg, {release.cycles:.1f} cycles'
@@ -105,11 +98,9 @@ def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict
 
 
 def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[str, list]:
-    """Natural period and equivalent damping against amplitude, with two standard deviations and what was measured.
+    """Natural period (s) and equivalent damping, lists of (deg, value, lower, upper) with two standard deviations.
 
-    Returns:
-        ``period`` (s) and ``damping``: lists of (deg, value, lower, upper); ``measured_period`` and
-        ``measured_damping``: of each cycle of the last release, lists of (deg, value).
+    And the same as each cycle of the last release shows them, lists of (deg, value).
     """
     chart: dict[str, list] = {name: [] for name in ('period', 'damping', 'measured_period', 'measured_damping')}
     if model is not None:
