@@ -28,7 +28,7 @@ from swath_sysid.attitude.prediction.hull_filter import (
 )
 from swath_sysid.attitude.prediction.hull_step import hull_step
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
-from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.common.accelerator import has_numba
 from swath_sysid.common.errors import InputError
 
 NAN = math.nan
@@ -172,11 +172,11 @@ def test_on_a_linear_hull_it_is_filterpys_kalman_filter(monkeypatch):
     assert attitude.P[:2, :2] == pytest.approx(oracle.P[:2, :2], rel=0.03)
 
 
-@pytest.mark.skipif(not HAS_NUMBA, reason='without numba both are filterpy')
+@pytest.mark.skipif(not has_numba(), reason='without numba both are filterpy')
 def test_the_compiled_step_is_filterpys(monkeypatch):
     moment = modal_swell()
     compiled = in_swell(moment)
-    monkeypatch.setattr(hull_filter, 'HAS_NUMBA', False)
+    monkeypatch.setattr(hull_filter, 'has_numba', lambda: False)
     plain = in_swell(moment)
     assert isinstance(plain.driven, ExtendedKalmanFilter) and not isinstance(compiled.driven, ExtendedKalmanFilter)
     rng, now = np.random.default_rng(2), 0.0

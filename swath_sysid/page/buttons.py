@@ -1,5 +1,6 @@
 """The buttons of the page: what each does, and why it cannot be pressed now."""
 
+from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.page.bring_up import IDENTIFICATION, Facts
 from swath_sysid.page.model_words import described, verdict_of
 
@@ -31,7 +32,7 @@ def refusals(facts: Facts) -> dict[str, str]:
         'rollback': busy
         or ('' if facts.value(IDENTIFICATION, 'rollbacks_kept') else 'the identifier holds no model before this one'),
     }
-    if model is not None and verdict_of(model)[0] == 'rejected':
+    if model is not None and verdict_of(model)[0] == REJECTED:
         reasons['accept'] = ': '.join(verdict_of(model))
     return {name: reason for name, reason in reasons.items() if reason}
 

@@ -26,7 +26,7 @@ from swath_sysid.attitude.hull.terms import term_moments
 from swath_sysid.attitude.prediction import hull_step
 from swath_sysid.attitude.prediction.hull_step import HULL_STATES
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
-from swath_sysid.common.accelerator import HAS_NUMBA
+from swath_sysid.common.accelerator import has_numba
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
@@ -266,7 +266,7 @@ class HullTrack:
 
 def _track():
     """A track, compiled or carried by filterpy, which loads scipy.stats and so takes 30 MB in every process."""
-    if HAS_NUMBA:
+    if has_numba():
         return HullTrack()
     from swath_sysid.attitude.prediction.filterpy_track import FilterpyTrack
 
