@@ -15,7 +15,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.special import chdtri
@@ -25,12 +25,12 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.terms import B0, B3, R1, S2, TERM_NAMES
 from swath_sysid.attitude.prediction.hull_step import HULL_STATES, TRIM
+from swath_sysid.attitude.prediction.hull_track import OF_HULL, HullTrack
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, joined, markov_moment
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 
 ANGLE, RATE = 0, 1
-OF_HULL = slice(TRIM, HULL_STATES)  #: Trim and ratios.
 FACTORS = {'stiffness': slice(R1, S2 + 1), 'damping': slice(B0, B3 + 1)}  #: Places of their ratios.
 
 TRIM_DRIFT = 3e-6**2  #: rad^2/s; .01 deg in an hour. Thirty times the drift would hide the slow parts of the waves.
@@ -197,9 +197,6 @@ class HullFilter:
 
     def __init__(self, settings: HullFilterSettings | None = None) -> None:
         self.settings = s = settings or HullFilterSettings()
-        # filterpy takes 40 MB in a process, which those that only import this module do not need
-        from swath_sysid.attitude.prediction.hull_track import HullTrack
-
         self.free, self.driven = HullTrack(), HullTrack()
         self.is_started = self.is_free = False
         self.rejections = 0
@@ -238,7 +235,7 @@ class HullFilter:
     # -- hull and moment ---------------------------------------------------------------------------------------
 
     @property
-    def active(self) -> Any:
+    def active(self) -> HullTrack:
         """The track whose state and forecasts count."""
         return self.free if self.is_free else self.driven
 
@@ -269,7 +266,7 @@ class HullFilter:
             identified: None: no restoring and no damping, a constant rate that the moment drives.
         """
         model = None if identified is None else identified.model
-        if identified is not None and identified.posterior is not None:
+        if model is not None and identified is not None and identified.posterior is not None:
             model = replace(model, equation=identified.posterior.equation, ratios=np.zeros(len(TERM_NAMES)))
         self._set_hull(model, HullPrior.of(identified))
 

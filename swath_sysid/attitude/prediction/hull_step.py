@@ -1,8 +1,7 @@
 """The arithmetic of `HullTrack`, compiled where numba is: what every sample of every axis costs.
 
 The state is [angle, rate, trim, the nine ratios, moment's states z]; mean (n,) and covariance (n, n) are changed in
-place. Trim and ratios are constant, the moment's blocks are sparse (`modal_moment`), and only the rows of angle and
-rate couple them: a step is products along rows and columns, without a dense transition.
+place.
 """
 
 import math
@@ -86,27 +85,19 @@ def hull_step(
 
 
 @accelerated
-def transition(blocks: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of trim, ratios and moment over a step: F X is ``here * X + there * X[pairs]``, row by row; all (n,)."""
-    n = HULL_STATES + 2 * blocks.shape[0]
-    here, there, pairs = np.ones(n), np.zeros(n), np.arange(n)
+def transition(blocks: np.ndarray, step: float) -> np.ndarray:
+    """Of the state over a step, (n, n), without the rows of angle and rate."""
+    f = np.eye(HULL_STATES + 2 * blocks.shape[0])
     for k in range(blocks.shape[0]):
         i, j = HULL_STATES + 2 * k, HULL_STATES + 2 * k + 1
         decay, v = math.exp(blocks[k, 0] * step), blocks[k, 2]
-        pairs[i], pairs[j] = j, i
         if v > 0.0:
-            here[i] = here[j] = decay * math.cos(v * step)
-            there[i] = decay * math.sin(v * step)
-            there[j] = -there[i]
+            f[i, i] = f[j, j] = decay * math.cos(v * step)
+            f[i, j] = decay * math.sin(v * step)
+            f[j, i] = -f[i, j]
         else:
-            here[i], here[j] = decay, math.exp(blocks[k, 1] * step)
-    return here, there, pairs
-
-
-@accelerated
-def along_columns(matrix: np.ndarray, here: np.ndarray, there: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """The product X F' with the `transition` F."""
-    return matrix * here + matrix[:, pairs] * there
+            f[i, i], f[j, j] = decay, math.exp(blocks[k, 1] * step)
+    return f
 
 
 @accelerated
@@ -134,32 +125,26 @@ def predict(
     blocks, output, stationary = moment
     count = max(1, math.ceil(duration / longest - 1e-6))
     step = duration / count
-    here, there, pairs = transition(blocks, step)
+    f = transition(blocks, step)
     n, first = mean.size, HULL_STATES
     noise, whole_output = np.zeros((n, n)), np.zeros(n)
     noise[first:, first:], whole_output[first:] = stationary, output
-    moved = along_columns(noise, here, there, pairs)
-    noise -= along_columns(moved.T, here, there, pairs)
+    noise -= f @ noise @ f.T
     noise[TRIM:first, TRIM:first] = step * drift
-    # h (1 + F) / 2: F' along the columns is F with the blocks' transposes
-    mean_output = 0.5 * (whole_output + whole_output * here + (whole_output * there)[pairs])
-    noise_to_moment = 0.5 * (noise @ whole_output)
-    moment_noise = 0.5 * (whole_output @ noise_to_moment)
-    rows = np.empty((2, n))
+    mean_output = 0.5 * (whole_output + whole_output @ f)
+    of_moment = 0.5 * (whole_output @ noise)
+    moment_variance = 0.5 * (of_moment @ whole_output)
     for _ in range(count):
         angle, rate, slopes = hull_step(mean, mean_output @ mean, covariance[1, 1], step, hull)
         gain = slopes[:, first:]
-        rows[:] = gain * mean_output
-        rows[:, :first] = slopes[:, :first]
-        mean[:] = here * mean + there * mean[pairs]
+        f[:2] = gain * mean_output
+        f[:2, :first] = slopes[:, :first]
+        mean[:] = f @ mean
         mean[0], mean[1] = angle, rate
-        motion = rows @ covariance
-        corner = motion @ rows.T + moment_noise * (gain * gain.T)
-        coupled = along_columns(motion, here, there, pairs) + gain * noise_to_moment
-        moved = along_columns(covariance, here, there, pairs)
-        covariance[:] = along_columns(moved.T, here, there, pairs) + noise
-        covariance[:2], covariance[:, :2] = coupled, coupled.T
-        covariance[:2, :2] = 0.5 * (corner + corner.T)
+        covariance[:] = f @ covariance @ f.T + noise
+        covariance[:2] += gain * of_moment
+        covariance[:, :2] += (gain * of_moment).T
+        covariance[:2, :2] += gain * gain.T * moment_variance
         limit(covariance)
 
 
@@ -171,6 +156,33 @@ def limit(covariance: np.ndarray) -> None:
             shrink = math.sqrt(most / covariance[place, place])
             covariance[place] *= shrink
             covariance[:, place] *= shrink
+
+
+@accelerated
+def update(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    values: tuple[float, float],
+    variances: tuple[float, float],
+    learns: bool,
+) -> None:
+    """Take in what was measured of angle and rate (NaN: not measured), in place, one after the other.
+
+    Where trim and ratios are not learnt they are considered (Schmidt 1966): they and what is known of them stay, and
+    their uncertainty goes on to count.
+    """
+    considered = mean[TRIM:HULL_STATES].copy(), covariance[TRIM:HULL_STATES, TRIM:HULL_STATES].copy()
+    for place in range(2):
+        if values[place] == values[place]:
+            row = covariance[place].copy()
+            share = row[place] + variances[place]
+            mean += row * ((values[place] - mean[place]) / share)
+            root = row / math.sqrt(share)
+            covariance -= np.outer(root, root)
+            # (1 - gain) P, without the difference of what is nearly equal
+            covariance[place] = covariance[:, place] = row * (variances[place] / share)
+    if not learns:
+        mean[TRIM:HULL_STATES], covariance[TRIM:HULL_STATES, TRIM:HULL_STATES] = considered
 
 
 @accelerated

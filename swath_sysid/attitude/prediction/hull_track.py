@@ -1,13 +1,9 @@
-"""One extended Kalman filter of a hull under a moment: filterpy's, with a nonlinear prediction of its own.
-
-filterpy loads scipy.stats, which takes 40 MB: `hull_filter` imports this module when it makes its first filter.
-"""
+"""One extended Kalman filter of a hull under a moment."""
 
 import math
 from typing import Any
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.prediction import hull_step
@@ -23,16 +19,16 @@ LONGEST_STEP = 0.05  #: s; the moment acts by the mean of its values at both end
 STRAIN_GAIN = 0.2  #: Of the running mean of the innovations squared over their expectation.
 
 
-class HullTrack(ExtendedKalmanFilter):
-    """``x`` and ``P`` are filterpy's, and so is ``update``; each call says how much time has passed.
+class HullTrack:
+    """State and covariance, moved on by `hull_step`; each call says how much time has passed.
 
     Attributes:
+        x, P: Mean, (n,), and covariance, (n, n), of the state.
         moment: Blocks, output and stationary covariance (`ModalMoment`).
         strain: Running mean of the innovations squared over their expectation; one is healthy.
     """
 
     def __init__(self) -> None:
-        super().__init__(dim_x=HULL_STATES, dim_z=2)
         self.moment = NO_MOMENT
         self.strain = 1.0
         self.set_state(np.zeros(HULL_STATES), np.eye(HULL_STATES))
@@ -51,8 +47,6 @@ class HullTrack(ExtendedKalmanFilter):
     def set_state(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Replace the state, of whatever size."""
         self.x, self.P = np.array(mean), np.array(covariance)
-        self.dim_x = self.x.size
-        self._I = np.eye(self.dim_x)
         self.foreseen = None
 
     def set_part(self, places: slice, mean: Any, covariance: np.ndarray) -> None:
@@ -97,14 +91,5 @@ class HullTrack(ExtendedKalmanFilter):
         return found
 
     def take_in(self, values: Pair, variances: Pair, learns: bool) -> None:
-        """Update with what was measured of angle and rate (NaN: not measured).
-
-        Where trim and ratios are not learnt they are considered (Schmidt 1966): they and what is known of them stay,
-        and their uncertainty goes on to count.
-        """
-        places = [k for k, value in enumerate(values) if value == value]
-        considered = self.x[OF_HULL].copy(), self.P[OF_HULL, OF_HULL].copy()
-        rows, noise = self._I[places], np.diag([variances[k] for k in places])
-        self.update(np.array([values[k] for k in places]), lambda x: rows, lambda x: x[places], R=noise)
-        if not learns:
-            self.x[OF_HULL], self.P[OF_HULL, OF_HULL] = considered
+        """As `hull_step.update`."""
+        hull_step.update(self.x, self.P, values, variances, learns)
