@@ -95,7 +95,7 @@ class TankSide:
             self._check.add(sample)
         finished = self._window.add(each).finished
         for stream in (self._stream, self._buffer):
-            stream.note_message(each.stamp_ns, self.clock, self.clock)
+            stream.note_message(each.stamp_ns, self.stamp_ns, self.clock, self.clock)
         if self.record.is_due(each.stamp_ns, self.clock):
             self.record.add_reading(each)
         if finished is not None and self.auto_identify:

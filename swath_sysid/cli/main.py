@@ -22,7 +22,7 @@ VERBS = {
     'paper': 'a published study repeated, printed and obtained values side by side',
     'scale': "a model at another scale, by Froude's law",
     'manoeuvre': 'identify, forecast and simulate a twin-thruster craft in surge, sway and yaw',
-    'export': 'an identified model for Gazebo, VRX, Nav2, FMUs or in the form of Fossen',
+    'export': 'an identified model for Gazebo, VRX, Nav2 or in the form of Fossen',
     'forecast': 'how well the predictor forecasts a record, compared with its baselines',
     'sea': "height, periods and axis of the waves, from the craft's own motion",
     'inspect': 'what is in a record: rates, gaps, decays, quality',

@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.prediction.sea_state import sea_state
 from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid import __version__
-from swath_sysid.attitude.motion.contradictions import refuse_contradictions
+from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.cli.progress import show_advice
 from swath_sysid.common.advice import Advice

@@ -29,7 +29,7 @@ from swath_sysid.formats.topics import (
     point_horizon_topic,
 )
 from swath_sysid.nodes.page_requests import PageRequests
-from swath_sysid.nodes.parameters.parameter import installation
+from swath_sysid.nodes.parameters.sensor import installation
 from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import LiveRecord, horizon_of
 from swath_sysid.pipeline.health import Report

@@ -156,7 +156,7 @@ def campaign_words(path: str) -> tuple[list[dict[str, Any]], list[str]]:
         for condition, count in repeats.items()
         if count < most
     ]
-    return rows, [*map(str, manifest.faults), *missing]
+    return rows, [*manifest.faults, *missing]
 
 
 def _points(*columns: np.ndarray, decimals: int = 4) -> list[list[float]]:
