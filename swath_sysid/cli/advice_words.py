@@ -30,6 +30,7 @@ FLAGS = {
     'sway-scale-assumed': '--fix Yv_dot=KG',
     'lag-like-surge': '--fix lag=S',
     'current-by-run': '--current shared',
+    'times-of-trial': '--duration, --rate, --hold',
     'thrust-gaps': '--gap-means-zero',
 }
 

@@ -21,15 +21,14 @@ from swath_sysid.attitude.identification.at_sea import (
     identify_at_sea,
     is_at_sea,
 )
-from swath_sysid.attitude.identification.fit_quality import REFUSED
+from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves
 from swath_sysid.attitude.identification.sea_motion import Heave, heave_of
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
-from swath_sysid.attitude.motion.contradictions import OFFSET_CODES, RATE_CODES, refuse_contradictions
-from swath_sysid.attitude.motion.installation_checks import contradictions_in
+from swath_sysid.attitude.motion.sensor_checks import OFFSET_CODES, RATE_CODES, contradictions_in, refuse_contradictions
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.attitude.motion.window import MotionTable
@@ -188,7 +187,7 @@ def _refit_axis(
     if problem is None:
         return _refit_at_sea(axis, motion, heave_of(trial), request, progress, should_cancel)
     found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
-    estimate = _period_at_reference(found) if found.verdict.level != REFUSED else None
+    estimate = _period_at_reference(found) if found.verdict.level != REJECTED else None
     return _judged_decay(axis, problem, found, request), estimate
 
 
