@@ -144,11 +144,6 @@ class Identification:
         """Name to standard deviation of the ratios in use."""
         return dict(zip(self.model.equation.terms, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
-    @property
-    def keeps_least_squares(self) -> bool:
-        """Whether the likelihood was tried and left the ratios to least squares."""
-        return self.basin is None and self.log_likelihood is not None
-
     @cached_property
     def verdict(self) -> Verdict:
         """Whether the fit can be used."""
