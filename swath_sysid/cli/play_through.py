@@ -9,7 +9,7 @@ from typing import Any
 
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.cli.progress import progress_of, show_advice
-from swath_sysid.cli.sources import finite
+from swath_sysid.cli.settings_flags import finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import is_bag
