@@ -81,7 +81,7 @@ def _guide(desk: Desk) -> Update:
         press = _pressed(desk)
         with ui.row().classes('gap-2'):
             buttons = {name: _Button(name, partial(press, name)) for name in BUTTONS}
-        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 4)
+        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 3)
 
     def update(view: View) -> None:
         guidance = view.guidance
@@ -152,7 +152,7 @@ def _release() -> Update:
 
 
 def _motion(axis: str) -> Update:
-    with _card(f'{axis.capitalize()} with 50, 90 and 99 % intervals'):
+    with _card(f'{axis.capitalize()} and its forecast (50, 90, 99 %)'):
         chart = ui.echart(motion_options('deg')).classes('w-full h-64')
 
     def update(view: View) -> None:

@@ -94,7 +94,7 @@ def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict
     misses = float(np.sqrt(np.mean((fitted - angle) ** 2)))
     if not np.isfinite(misses):
         return chart, f'{words}; the motion of the model runs away.'
-    return chart, f'{words}; the model is off by {np.degrees(misses):.2g} deg (root mean square).'
+    return chart, f'{words}; model off by {np.degrees(misses):.2g} deg rms.'
 
 
 def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[str, list]:
