@@ -81,7 +81,7 @@ def _guide(desk: Desk) -> Update:
         press = _pressed(desk)
         with ui.row().classes('gap-2'):
             buttons = {name: _Button(name, partial(press, name)) for name in BUTTONS}
-        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 3)
+        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 4)
 
     def update(view: View) -> None:
         guidance = view.guidance
@@ -92,7 +92,7 @@ def _guide(desk: Desk) -> Update:
         for name, button in buttons.items():
             button.show(name == guidance.action, view.refusals.get(name, ''))
         buttons['record'].button.text = 'Stop recording' if view.is_recording else BUTTONS['record'][0]
-        answers.text = '\n'.join(view.answers)
+        answers.text = '\n'.join(reversed(view.answers))
 
     return update
 
