@@ -781,7 +781,7 @@ def _highest_frequency(angle: np.ndarray, step: float) -> float | None:
 
 
 def _noise_share(spectrum: np.ndarray, frequency: np.ndarray, band: np.ndarray, step: float) -> float:
-    """Share of the slope's power in the band that is noise of the angle, taken to be as strong as in the octave above."""
+    """Share of the slope's power in the band that is noise of the angle, by what is in the octave above."""
     response = (2.0 / step * np.sin(np.pi * frequency * step)) ** 2
     highest = frequency[band][-1]
     above = (frequency > highest) & (frequency <= 2.0 * highest)
