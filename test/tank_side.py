@@ -40,6 +40,7 @@ class TankSide:
         self.record, self.guide = LiveRecord(), BringUp(axis)
         self.guidances = []
         self.refitter, self.auto_identify = Refitter(), auto_identify
+        self.steps_back = 0
         self._intake, self._check = Intake(installation, StampSettings()), InstallationCheck(installation)
         self._window = MotionWindow(WindowSettings(installation=installation))
         self._stream = StreamHealth(ADVICE, '/imu/data')
@@ -95,7 +96,7 @@ class TankSide:
             self._check.add(sample)
         finished = self._window.add(each).finished
         for stream in (self._stream, self._buffer):
-            stream.note_message(each.stamp_ns, self.clock, self.clock)
+            stream.note_message(each.stamp_ns, self.stamp_ns, self.clock, self.clock)
         if self.record.is_due(each.stamp_ns, self.clock):
             self.record.add_reading(each)
         if finished is not None and self.auto_identify:
@@ -119,7 +120,7 @@ class TankSide:
                 Report('forecast', 0, 'forecasting'),
             ],
             'imu_buffer': self._buffer.reports(self.clock, self.stamp_ns),
-            'identifier': [self._identifier.report(self.refitter.described, 0, False)],
+            'identifier': [self._identifier.report(self.refitter.described, self.steps_back, False)],
         }
 
     def _report_when_due(self):

@@ -21,6 +21,7 @@ from swath_sysid.pipeline.health import (
     WARN,
     WAVE_WORKER_DIED,
     BufferHealth,
+    Changes,
     IdentifierHealth,
     StreamHealth,
 )
@@ -32,11 +33,11 @@ def report(health, now, age=0.0, counts=COUNTS, used=0, interval=0.01):
     return health.report(now, EPOCH_NS + round((now + age) * 1e9), counts, used, interval)
 
 
-def receive(health, begin, end, rate=100.0, spent=1e-3):
-    """Messages with the stamps of their arrival."""
+def receive(health, begin, end, rate=100.0, spent=1e-3, age=0.0):
+    """Messages of this age when they arrive."""
     for k in range(round((end - begin) * rate)):
         now = begin + k / rate
-        health.note_message(EPOCH_NS + round(now * 1e9), now, now + spent)
+        health.note_message(EPOCH_NS + round(now * 1e9), EPOCH_NS + round((now + age) * 1e9), now, now + spent)
 
 
 def test_every_reason_has_an_advice():
@@ -72,6 +73,48 @@ def test_silence_is_an_error_counted_once_each_time():
     assert counted[1] == (OK, 0) and counted[4] == (ERROR, 1) and counted[7] == (OK, 1) and counted[10] == (ERROR, 2)
 
 
+@pytest.mark.parametrize('speed', [1, 5])
+def test_a_paused_clock_is_no_silent_sensor_and_nothing_is_late_afterwards(speed):
+    """A bag that is replayed so many times as fast, with a pause of a minute."""
+    health = StreamHealth(ADVICE, 'imu/data')
+    told, clock = [], EPOCH_NS
+    for second in range(90):
+        is_playing = not 20 <= second < 80
+        for k in range(10):
+            if is_playing and not (19, 5) <= (second, k) < (80, 0):
+                clock += speed * 10**8
+                health.note_message(clock, clock, second + k / 10, second + k / 10)
+        told.append(health.report(second + 1.0, clock, COUNTS, 0, 0.1))
+    assert {each.level for each in told} == {OK} and health.counts[SILENT] == 0
+    assert 'the clock stands still: the replay is paused' in told[50].message and told[85].message.startswith(
+        'receiving'
+    )
+    # while the clock goes on without messages, the sensor is silent
+    assert health.report(95.0, clock + 5 * 10**9, COUNTS, 0, 0.1).level == ERROR
+
+
+def test_missing_rates_are_warned_of_once_and_told_while_they_miss():
+    health = StreamHealth(ADVICE, 'imu/data')
+    told = []
+    for second in range(4):
+        receive(health, second, second + 1.0)
+        told.append(report(health, second + 1.0, counts={**COUNTS, 'no-rates': 100 * min(second + 1, 3)}))
+    assert [each.level for each in told] == [WARN, OK, OK, OK]
+    assert all('less certain' in each.message for each in told[:3]) and 'less certain' not in told[3].message
+    assert told[1].message.startswith('receiving imu/data; no-rates: the sensor gives no rates')
+
+
+def test_a_log_is_told_once_of_a_warning_that_comes_and_goes():
+    changes, told = Changes(), []
+    for second in range(200):
+        comes_and_goes = second < 100 and second % 5 < 2
+        level = WARN if comes_and_goes else ERROR if 150 <= second < 153 else OK
+        if changes.is_news(level, float(second)):
+            told.append((second, level))
+    # the first recovery at once, as of a sensor that was waited for; an error and its end always
+    assert told == [(0, WARN), (2, OK), (5, WARN), (127, OK), (150, ERROR), (153, OK)]
+
+
 def test_a_slow_sensor_is_not_silent():
     health = StreamHealth(ADVICE, 'imu/data')
     for second in range(0, 30, 1):
@@ -102,7 +145,7 @@ def test_several_publishers_warn_while_there_are_and_count_once():
 
 def test_stamps_of_another_clock_warn():
     health = StreamHealth(ADVICE, 'imu/data')
-    receive(health, 0.0, 1.0)
+    receive(health, 0.0, 1.0, age=86400.0)
     told = report(health, 1.0, age=86400.0)
     assert told.level == WARN and 'use_sim_time' in told.message
 
@@ -111,12 +154,12 @@ def test_a_backlog_is_none_of_the_clocks():
     health = StreamHealth(ADVICE, '/imu/data')
     receive(health, 0.0, 1.0)
     assert report(health, 1.0, age=0.01).level == OK
-    receive(health, 1.0, 2.0)
+    receive(health, 1.0, 2.0, age=7.0)
     told = report(health, 2.0, age=7.0)
     assert told.level == WARN and 'wait in a queue' in told.message and 'synchronise' not in told.message
     # what stays so long was no queue
     for second in range(3, 64):
-        receive(health, second - 1.0, float(second))
+        receive(health, second - 1.0, float(second), age=7.0)
         told = report(health, float(second), age=7.0)
     assert told.level == WARN and 'synchronise' in told.message
 

@@ -147,7 +147,7 @@ def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
     finished = next(filter(None, (core.add(reading).finished for reading in read_readings(bag))))
     np.testing.assert_array_equal(rows, finished.table.rows)
     ((_, numbers),) = decoded(played, '/model/coefficients')
-    assert numbers.layout.dim[0].label == 'roll'
+    assert numbers.layout.dim[0].label == 'roll,roll_std'
     assert numbers.data[4] == model.terms['r1']
 
 

@@ -60,7 +60,7 @@ class TrialOutcome:
 
     def left_out(self, reason: object) -> 'TrialOutcome':
         """The same, not used."""
-        return replace(self, record=None, reason=f'line {self.entry.line}: {reason}', advice=())
+        return replace(self, record=None, reason=f'{self.entry.where}: {reason}', advice=())
 
 
 @dataclass(frozen=True)

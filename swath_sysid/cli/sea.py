@@ -5,7 +5,8 @@ from argparse import ArgumentParser, Namespace
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.prediction.sea_state import sea_state
 from swath_sysid.cli.progress import print_result, show_advice
-from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, finite, read_record
+from swath_sysid.cli.settings_flags import finite
+from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.formats.sea_state import REMARKS, sea_as_data
 from swath_sysid.pipeline.vertical_record import WITHOUT_RATES, even_stretches
 from swath_sysid.report.figures import save_figure

@@ -1,8 +1,7 @@
 """Arguments and reading of records, shared by the verbs that take them."""
 
-import math
 import os
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from swath_sysid import __version__
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
 from swath_sysid.cli.progress import progress_of, show_advice
+from swath_sysid.cli.settings_flags import add_setting, finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.input_files import existing
@@ -47,35 +47,7 @@ def add_source_arguments(parser: ArgumentParser, many: bool = True) -> None:
 def add_reading_arguments(parser: ArgumentParser) -> None:
     """How to read a record."""
     parser.add_argument('--topic', help='IMU topic, for bags that hold several')
-    parser.add_argument(
-        '--frame',
-        choices=('flu', 'frd'),
-        help='axes of the sensor: x forward, y port, z up, or x forward, y starboard, z down',
-    )
-
-
-def finite(text: str) -> float:
-    """A number for argparse that is neither NaN nor infinite."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f'{text} is not finite')
-    return value
-
-
-def numbers(text: str) -> tuple[float, ...]:
-    """Finite numbers for argparse, separated by commas."""
-    try:
-        return tuple(finite(part) for part in text.split(','))
-    except ValueError as error:
-        raise ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from error
-
-
-def leads(text: str) -> tuple[float, ...]:
-    """Leads in s for argparse, in their order; one that is given twice counts once."""
-    found = numbers(text)
-    if min(found) <= 0.0:
-        raise ArgumentTypeError('leads are positive seconds, separated by commas')
-    return tuple(sorted(set(found)))
+    add_setting(parser, '--frame', 'predictor', 'frame', default=None)
 
 
 def assignment(text: str, example: str) -> tuple[str, float]:

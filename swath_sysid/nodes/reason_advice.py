@@ -19,6 +19,8 @@ REASON_ADVICE = {
     intake.BAD_QUATERNION: 'invalid quaternions were left out, rates were used: if the sensor has no orientation, let '
     'the driver set orientation_covariance[0] to -1',
     intake.NO_ORIENTATION: 'the sensor gives no orientation, rates alone are used',
+    intake.NO_RATES: 'the sensor gives no rates, forecasts are less certain, most of all in the first seconds: let the '
+    'driver publish angular_velocity, if the sensor has it',
     intake.UNKNOWN_COVARIANCE: 'the sensor does not report its noise, which is therefore measured',
     intake.ABSURD_COVARIANCE: 'covariances of more than half a turn, or 35 rad/s, were taken as unknown: let the '
     'driver give them in rad^2 and rad^2/s^2, or all zero where they are unknown',
@@ -66,6 +68,7 @@ STREAM_ADVICE = {
     health.QUEUED: 'they wait in a queue, check the load of the machine, the driver and the network; or a clock was '
     'set',
     health.SHORT_OF_MEMORY: 'samples come faster than max_rate_hz, which makes the window shorter: raise max_rate_hz',
+    health.CLOCK_STANDS: 'the replay is paused, or nothing publishes /clock',
     health.CLOCKS_DIFFER: 'synchronise the clocks, or replay with --clock and set use_sim_time',
 }
 

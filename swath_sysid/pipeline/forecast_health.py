@@ -38,6 +38,8 @@ class PredictorHealth(StreamHealth):
         self._pipeline = pipeline
         self._model_arrival: float | None = None
         self._refusal = ''
+        self.published = 0  #: Forecasts on forecast/next.
+        self.uncompiled_because = ''  #: Why all takes longer than it could.
 
     def note_model(self, now: float) -> None:
         """A model came, s of the clock of `note_message`."""
@@ -60,8 +62,11 @@ class PredictorHealth(StreamHealth):
         values: dict[str, object] = {
             **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
             'model_age_s': 'no model' if self._model_arrival is None else now - self._model_arrival,
+            **self._pipeline.validity.verdicts,
             'refused_model': self._refusal,
             'has_waves': state.has_waves,
+            'published': self.published,
+            'uncompiled_because': self.uncompiled_because,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
         }
         for a, axis in enumerate(AXES):

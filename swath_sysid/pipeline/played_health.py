@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, stability_report
 from swath_sysid.pipeline.play_through import Played, PlayThrough
+from swath_sysid.pipeline.validity import verdict_values
 
 
 class PlayedHealth:
@@ -46,10 +47,11 @@ class PlayedHealth:
                 due = self._reports_at(stamp_ns)
             self._now_ns = stamp_ns
         now = (self._now_ns - self._begun_ns) * 1e-9
-        self._buffer.note_message(stamp_ns, now, now)
-        self._predictor.note_message(stamp_ns, now, now)
+        self._buffer.note_message(stamp_ns, self._now_ns, now, now)
+        self._predictor.note_message(stamp_ns, self._now_ns, now, now)
         if played.models is not None:
             self._predictor.note_model(now)
+        self._predictor.published += played.step.next is not None
         if played.window is not None:
             self._buffer.decays += 1
         while self._identifier.refits < self._pipeline.refits:
@@ -80,6 +82,8 @@ class PlayedHealth:
             return self._predictor.reports(now, now_ns)
         refitter = self._pipeline.refitter
         return [
-            self._identifier.report(refitter.described, refitter.steps_back, self._pipeline.is_refitting),
+            self._identifier.report(
+                refitter.described, refitter.steps_back, self._pipeline.is_refitting, verdict_values(refitter.models)
+            ),
             stability_report(refitter.stability),
         ]

@@ -5,7 +5,7 @@ this gives never replaces the model of a free decay, which covers other amplitud
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from swath_sysid.attitude.identification.at_sea import (
     identify_at_sea,
     is_at_sea,
 )
-from swath_sysid.attitude.identification.fit_quality import REFUSED
+from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.identification.identify import Identification, IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.motion_fit import MotionFit
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves
@@ -187,7 +187,7 @@ def _refit_axis(
     if problem is None:
         return _refit_at_sea(axis, motion, heave_of(trial), request, progress, should_cancel)
     found = identify_problem(problem, settings, progress=progress, should_cancel=should_cancel)
-    estimate = _period_at_reference(found) if found.verdict.level != REFUSED else None
+    estimate = _period_at_reference(found) if found.verdict.level != REJECTED else None
     return _judged_decay(axis, problem, found, request), estimate
 
 
@@ -227,7 +227,10 @@ def _refit_at_sea(
     try:
         found = identify_at_sea(motion, heave, searched=True, progress=progress, should_cancel=should_cancel)
     except InputError as error:
-        raise InputError(f'{error} (the window holds what window_s says)') from error
+        raise InputError(
+            f'{error}; the window is as long as window_s of imu_buffer: raise it where more is needed, as in '
+            '`ros2 param set /imu_buffer window_s 300.0`, and identify when it is full'
+        ) from error
     estimate = (found.natural_period, found.natural_period_std, found.amplitude) if found.has_period else None
     return _judged_at_sea(axis, motion, heave, found, request, should_cancel), estimate
 
@@ -317,14 +320,20 @@ class Refitter:
 
     Args:
         models: Known at the start, by axis.
+        history: Those before them, oldest first.
     """
 
-    def __init__(self, settings: RefitSettings | None = None, models: Mapping[str, IdentifiedModel] | None = None):
+    def __init__(
+        self,
+        settings: RefitSettings | None = None,
+        models: Mapping[str, IdentifiedModel] | None = None,
+        history: Sequence[dict[str, IdentifiedModel]] = (),
+    ):
         self.settings = settings or RefitSettings()
         self.models = dict(models or {})
         self.version = 0
         self.stability = StabilityWatch()
-        self._history: list[dict[str, IdentifiedModel]] = []
+        self._history = [*history]
 
     def request(self, table: MotionTable, provenance: dict | None = None) -> RefitRequest:
         """What is to be fitted on a window, by `refit`.

@@ -15,6 +15,7 @@ NOT_FINITE = 'not-finite'
 ABSURD = 'absurd-value'
 BAD_QUATERNION = 'bad-quaternion'
 NO_ORIENTATION = 'no-orientation'
+NO_RATES = 'no-rates'
 UNKNOWN_COVARIANCE = 'unknown-covariance'
 ABSURD_COVARIANCE = 'absurd-covariance'
 NEAR_VERTICAL = 'near-vertical'
@@ -25,6 +26,7 @@ INTAKE_REASONS = (
     ABSURD,
     BAD_QUATERNION,
     NO_ORIENTATION,
+    NO_RATES,
     UNKNOWN_COVARIANCE,
     ABSURD_COVARIANCE,
     NEAR_VERTICAL,
@@ -108,6 +110,8 @@ def take_in(reading: ImuReading, installation: Installation) -> Taken:
     reasons: list[str] = []
     quaternion = _orientation(orientation, angle_covariance, reasons)
     rates = _vector(body_rates, rate_covariance, _LARGEST_RATE, reasons)
+    if rate_covariance[0] == NOT_MEASURED:
+        reasons.append(NO_RATES)
     force = _vector(specific_force, force_covariance, _LARGEST_ACCELERATION, reasons)
     if quaternion is None and rates is None:
         return Taken(None, (*reasons, EMPTY))
