@@ -25,5 +25,6 @@ def run(arguments: Namespace) -> int:
     motions = [trial.axis(axis).between(arguments.start, arguments.end) for axis in axes]
     if arguments.plot:
         save_figure(record_figure(motions), arguments.plot)
-    print_result(arguments.json, record_as_data(trial, motions), record_in_words(trial, motions, worded))
+    data = record_as_data(trial, motions)
+    print_result(arguments.json, data, record_in_words(data, worded))
     return 0
