@@ -122,19 +122,10 @@ def scaling_advice(model: DecayModel, ratio: Fraction) -> tuple[Advice, ...]:
     """
     damping = [name for name in DAMPING_NAMES if name in model.equation.terms and name != 'b0']
     side = 'smaller' if ratio > 1 else 'larger'
-    viscous = Advice(
-        'viscous-scale-effect',
-        f'Froude scaling keeps wave damping, but not viscous damping: the Reynolds number changes by a factor '
-        f'{float(ratio) ** 1.5:.3g}, so that the frictional part of {", ".join(damping)} will be {side} than scaled '
-        'here; correct it with a friction line (ITTC 7.5-02-07-04.5) or confirm it at the other scale',
-    )
+    viscous = Advice.of('viscous-scale-effect', factor=float(ratio) ** 1.5, damping=', '.join(damping), side=side)
     if 'b0' not in model.equation.terms:
         return (viscous,)
-    return viscous, Advice(
-        'dry-friction-scaled',
-        'b0 is dry friction of a rig or mooring, which does not scale with the hull: use the result with b0 = 0 '
-        'unless such a rig exists there too',
-    )
+    return viscous, Advice.of('dry-friction-scaled')
 
 
 def _factors(ratio: float | Fraction) -> np.ndarray:
