@@ -11,12 +11,12 @@ from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.sentences import CURES
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.turns import Turns, ending_of
 from swath_sysid.nodes.worker import Worker, WorkerError
 from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
@@ -40,7 +40,7 @@ class IdentificationNode(Node):
     def __init__(self, name: str, settings_of: Callable[[Values], Any]):
         super().__init__(name)
         self.parameters = NodeParameters(self, name, settings_of, self.change)
-        self.health = IdentifierHealth(ADVICE)
+        self.health = IdentifierHealth(CURES)
         self._ended: Future | None = None
         self._has_asked = False
         self._turns = Turns(self)
