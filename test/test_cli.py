@@ -8,8 +8,8 @@ import pytest
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS, PUBLISHED_HULLS
 from swath_sysid.cli import replay
-from swath_sysid.cli.advice_words import FLAGS, worded
 from swath_sysid.cli.main import VERBS, main, module_of
+from swath_sysid.common.sentences import FLAGS, with_flags
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial
 
@@ -242,9 +242,9 @@ def test_flags_that_advice_is_given_exist(capsys):
             main([*words, '--help'])
     known = capsys.readouterr().out
     for code, flags in FLAGS.items():
-        assert worded(code, 'look again') == f'look again ({flags})'
+        assert with_flags(code, 'look again') == f'look again ({flags})'
         assert all(flag in known for flag in re.findall('--[a-z-]+', flags)) and '--' in flags
-    assert worded('spikes', 'look again') == 'look again'
+    assert with_flags('spikes', 'look again') == 'look again'
 
 
 class StoppedReplay:

@@ -11,8 +11,8 @@ from types import ModuleType
 from typing import NoReturn
 
 from swath_sysid import __version__
-from swath_sysid.cli.advice_words import worded
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.sentences import with_flags
 
 VERBS = {
     'identify': 'from decay records to a hull model',
@@ -73,7 +73,7 @@ def main(argv: list[str] | None = None) -> int:
         return module_of(arguments.verb).run(arguments)
     except InputError as error:
         program = f'swath-sysid {verb}' if verb in VERBS else 'swath-sysid'
-        print(f'{program}: {worded(error.code, str(error))}', file=sys.stderr)
+        print(f'{program}: {with_flags(error.code, str(error))}', file=sys.stderr)
         return EXIT_INPUT
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

@@ -107,15 +107,7 @@ def without_copies(paths: Sequence[str]) -> tuple[list[str], tuple[Advice, ...]]
     for path in paths:
         original = first.setdefault(source_hash(existing(path)), path)
         if original is not path:
-            advice.append(
-                Advice(
-                    'identical-files',
-                    (
-                        f'{path} has the same content as {original} and is left out: it would count twice as a repeat '
-                        f'that it is not'
-                    ),
-                )
-            )
+            advice.append(Advice.of('identical-files', path=path, original=original))
     return list(first.values()), tuple(advice)
 
 

@@ -142,9 +142,7 @@ def read_csv(
     _check_units(path, columns, values)
     readings = _agreeing(path, columns, values)
     if unitless:
-        advice += (
-            Advice('unit-missing', (f'columns without a unit left out ({listed_names(unitless)}): {UNIT_ADVICE}')),
-        )
+        advice += (Advice.of('unit-missing', columns=listed_names(unitless), unit_advice=UNIT_ADVICE),)
     times = [column for column in columns if column.reading in TIMES]
     time = _time([readings.pop(name) for name in TIMES if name in readings])
     if times[0].unit == SAMPLES:
@@ -290,12 +288,11 @@ def _small_angle_advice(columns: Sequence[Column], values: Iterable[np.ndarray])
     if samples_a_cycle is None or samples_a_cycle < MIN_SAMPLES_A_CYCLE:
         return ()
     return (
-        Advice(
+        Advice.of(
             'hardly-moves',
-            (
-                f"'{shown(name)}' swings by {swings[name]:.2g} deg only: if it is in rad, call it "
-                f"'{shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE))}'"
-            ),
+            name=shown(name),
+            swing=swings[name],
+            other=shown(re.sub('deg', 'rad', name, flags=re.IGNORECASE)),
         ),
     )
 

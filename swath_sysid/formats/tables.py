@@ -254,25 +254,10 @@ class _BlockParser:
         if self.first_text is not None:
             line, column, cell = self.first_text
             advice.append(
-                Advice(
-                    'text-in-numbers',
-                    (
-                        f"{self.text_cells} cells that are not numbers taken as missing, the first '{shown(cell)}' in "
-                        'line '
-                        f'{line}, column {shown(column)}: correct them if they matter'
-                    ),
-                )
+                Advice.of('text-in-numbers', number=self.text_cells, cell=shown(cell), line=line, column=shown(column))
             )
         if self.short_rows:
-            advice.append(
-                Advice(
-                    'short-rows',
-                    (
-                        f'{self.short_rows} rows end early, the first in line {self.first_short}: their missing cells '
-                        f'are taken as missing values; check that the file was written to the end'
-                    ),
-                )
-            )
+            advice.append(Advice.of('short-rows', number=self.short_rows, line=self.first_short))
         return tuple(advice)
 
     def _plain(self, block: bytes) -> str:

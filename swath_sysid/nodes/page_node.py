@@ -16,7 +16,6 @@ from std_msgs.msg import Float32, String
 from trajectory_msgs.msg import JointTrajectory
 
 from swath_sysid.attitude.motion.intake import NANOSECOND
-from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
@@ -47,18 +46,9 @@ ASK_PERIOD = 0.1
 INSTALLATION_PERIOD = 3.0
 #: What the page asks of the predictor: how the sensor is mounted, which points are forecast, and what counts as quiet.
 ASKED = (
-    'frame',
-    'mounting_deg',
-    'points',
-    *(f'quiet_{axis}_deg' for axis in AXES),
-    *(f'quiet_{axis}_rate_deg_s' for axis in AXES),
-    'quiet_for_s',
-    'horizon_s',
-    'quiet_heave_m',
-    'quiet_vertical_velocity_m_s',
-    'quiet_about_trim',
-    'quiet_probability',
-)
+    'frame mounting_deg points horizon_s quiet_for_s quiet_roll_deg quiet_pitch_deg quiet_roll_rate_deg_s '
+    'quiet_pitch_rate_deg_s quiet_heave_m quiet_vertical_velocity_m_s quiet_about_trim quiet_probability'
+).split()
 
 
 class PageNode(Node):
@@ -95,7 +85,7 @@ class PageNode(Node):
             self.record.is_kept = is_kept
 
     def _ask_predictor(self) -> None:
-        self._requests.get_parameters('predictor', list(ASKED), self._take_parameters)
+        self._requests.get_parameters('predictor', ASKED, self._take_parameters)
 
     def _take_parameters(self, *found: Any) -> None:
         values = dict(zip(ASKED, found, strict=True))

@@ -313,7 +313,7 @@ def judgement(models: Sequence[IdentifiedModel], stays: str) -> Guidance:
     if level != ADEQUATE:
         return Guidance(JUDGE, sentence, level, f'{cure}.{remark}', 'restart')
     added = remark or gain(models)
-    return Guidance(JUDGE, sentence, '', f'{added} Accept it, or release again to narrow that.'.strip(), 'accept')
+    return Guidance(JUDGE, sentence, '', f'{added} Accept it.'.strip(), 'accept')
 
 
 def levels_at_rest(motions: Mapping[str, AxisMotion], now: float) -> dict[str, float]:

@@ -92,7 +92,7 @@ def _guide(desk: Desk) -> Update:
         for name, button in buttons.items():
             button.show(name == guidance.action, view.refusals.get(name, ''))
         buttons['record'].button.text = 'Stop recording' if view.is_recording else BUTTONS['record'][0]
-        answers.text = '\n'.join(view.answers)
+        answers.text = '\n'.join(reversed(view.answers))
 
     return update
 
@@ -152,7 +152,7 @@ def _release() -> Update:
 
 
 def _motion(axis: str) -> Update:
-    with _card(f'{axis.capitalize()} with 50, 90 and 99 % intervals'):
+    with _card(f'{axis.capitalize()} and its forecast (50, 90, 99 %)'):
         chart = ui.echart(motion_options('deg')).classes('w-full h-64')
 
     def update(view: View) -> None:

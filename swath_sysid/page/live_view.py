@@ -94,7 +94,7 @@ def release_chart(release: Release, model: IdentifiedModel | None) -> tuple[dict
     misses = float(np.sqrt(np.mean((fitted - angle) ** 2)))
     if not np.isfinite(misses):
         return chart, f'{words}; the motion of the model runs away.'
-    return chart, f'{words}; the model is off by {np.degrees(misses):.2g} deg (root mean square).'
+    return chart, f'{words}; model off by {np.degrees(misses):.2g} deg rms.'
 
 
 def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[str, list]:
@@ -108,10 +108,11 @@ def model_chart(model: IdentifiedModel | None, release: Release | None) -> dict[
         bands = amplitude_bands(model.model, model.covariance, amplitude)
         period = 2.0 * np.pi / bands.curves.frequency
         spread = 2.0 * period * bands.frequency_std / bands.curves.frequency
-        damping, wide = bands.curves.damping_ratio, 2.0 * bands.damping_ratio_std
-        degrees = np.degrees(amplitude)
-        chart['period'] = _points(degrees, period, period - spread, period + spread)
-        chart['damping'] = _points(degrees, damping, damping - wide, damping + wide)
+        damping, wide, degrees = bands.curves.damping_ratio, 2.0 * bands.damping_ratio_std, np.degrees(amplitude)
+        # where the restoring moment vanishes the period has no bounds
+        known = spread < period
+        chart['period'] = _points(*(each[known] for each in (degrees, period, period - spread, period + spread)))
+        chart['damping'] = _points(*(each[known] for each in (degrees, damping, damping - wide, damping + wide)))
     if release is not None and release.peaks.time.size > 2:
         peaks, faintest = release.peaks, FAINTEST_CYCLE * release.amplitude
         clear = peaks.mean_amplitude > (faintest if model is None else max(faintest, amplitudes(model)[0]))

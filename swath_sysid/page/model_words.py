@@ -64,7 +64,7 @@ def gain(models: Sequence[IdentifiedModel]) -> str:
     if not error:
         return ''
     before = error_of(models[-2]) if len(models) > 1 and releases_in(models[-2]) < releases_in(models[-1]) else ''
-    return f'The next release may be off by {error} of its motion' + (f', {before} before this one.' if before else '.')
+    return f'Next release forecast within {error} of its motion' + (f' ({before} before).' if before else '.')
 
 
 def history(models: Sequence[IdentifiedModel]) -> list[str]:
