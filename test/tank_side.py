@@ -9,7 +9,7 @@ from swath_sysid.attitude.motion.intake import Intake
 from swath_sysid.attitude.motion.sensor_mount import Installation
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow, WindowSettings
-from swath_sysid.nodes.reason_advice import ADVICE
+from swath_sysid.common.sentences import CURES
 from swath_sysid.page.bring_up import BringUp
 from swath_sysid.page.live_record import LiveRecord
 from swath_sysid.pipeline.forecast_health import installation_report
@@ -40,10 +40,11 @@ class TankSide:
         self.record, self.guide = LiveRecord(), BringUp(axis)
         self.guidances = []
         self.refitter, self.auto_identify = Refitter(), auto_identify
+        self.steps_back = 0
         self._intake, self._check = Intake(installation, StampSettings()), InstallationCheck(installation)
         self._window = MotionWindow(WindowSettings(installation=installation))
-        self._stream = StreamHealth(ADVICE, '/imu/data')
-        self._buffer, self._identifier = BufferHealth(ADVICE, '/imu/data', self._window), IdentifierHealth(ADVICE)
+        self._stream = StreamHealth(CURES, '/imu/data')
+        self._buffer, self._identifier = BufferHealth(CURES, '/imu/data', self._window), IdentifierHealth(CURES)
         self._rng = np.random.default_rng(1)
         self._next_report = 0.0
         self.record.install(installation)
@@ -119,7 +120,7 @@ class TankSide:
                 Report('forecast', 0, 'forecasting'),
             ],
             'imu_buffer': self._buffer.reports(self.clock, self.stamp_ns),
-            'identifier': [self._identifier.report(self.refitter.described, 0, False)],
+            'identifier': [self._identifier.report(self.refitter.described, self.steps_back, False)],
         }
 
     def _report_when_due(self):

@@ -76,7 +76,11 @@ WINGS = ('attitude', 'manoeuvring')
 INNER_ORDER = ('motion', 'hull', 'identification', 'prediction')
 PURE_ROOMS = ('common', *(f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER), 'pipeline')
 FLAGLESS_ROOMS = ('common', 'attitude', 'pipeline', 'formats', 'campaign')
-OF_OTHER_COMMANDS = {'reading.py': 'rosbags-convert', 'manifest.py': 'the comment above a new manifest'}
+OF_OTHER_COMMANDS = {
+    'reading.py': 'rosbags-convert',
+    'manifest.py': 'the comment above a new manifest',
+    'sentences.py': 'what the command line adds',
+}
 BASE = {'common', 'share'}
 CORE = BASE | {f'{wing}/{room}' for wing in WINGS for room in INNER_ORDER} | {'pipeline'}
 MAY_IMPORT = {
@@ -308,7 +312,7 @@ def test_the_core_is_pure(path):
     ids=lambda path: str(path.relative_to(PACKAGE)),
 )
 def test_flags_of_the_command_line_stay_there(path):
-    """Advice below it is neutral: `cli.advice_words` adds the flags."""
+    """Advice below it is neutral: `common.sentences.FLAGS` adds the flags."""
     texts = [node.value for node in ast.walk(tree_of(path)) if isinstance(node, ast.Constant)]
     flags = [text for text in texts if isinstance(text, str) and re.search(r'(?<![-\w])--[a-z]', text)]
     assert flags == []

@@ -18,6 +18,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.sentences import CURES
 from swath_sysid.formats.bags import opened_bag, read_bag, read_imu, write_imu_bag
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.messages import ImuMessage, diagnostics_message, horizon_message
@@ -25,7 +26,6 @@ from swath_sysid.formats.model_file import model_from_yaml, read_model, write_mo
 from swath_sysid.formats.output_bag import OutputBag, writing_output_bag
 from swath_sysid.formats.reading import read_readings
 from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.forecast_messages import AttitudeForecast, HorizonForecast
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import ERROR
@@ -244,7 +244,7 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
 
 def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
     pipeline = PlayThrough(PlayThroughSettings(auto_identify=False))
-    health = PlayedHealth(ADVICE, pipeline, 'imu/data', (1.0, 1.0, 1.0))
+    health = PlayedHealth(CURES, pipeline, 'imu/data', (1.0, 1.0, 1.0))
     readings = list(read_readings(bag))[:300]
     told = []
     for shift in (0, 11, -20):

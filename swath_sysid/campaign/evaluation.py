@@ -26,11 +26,10 @@ from swath_sysid.attitude.identification.identify import (
     IdentificationSettings,
     fit_metrics,
     identify_problem,
-    motion_fit,
     refit_from,
 )
 from swath_sysid.attitude.identification.motion_fit import InitialState, Noise
-from swath_sysid.attitude.identification.problem import FRICTION_RATE_SHARE, Problem
+from swath_sysid.attitude.identification.problem import FRICTION_RATE_SHARE, Problem, motion_fit
 from swath_sysid.attitude.identification.scaling import Scales
 from swath_sysid.attitude.identification.search import SearchResult
 from swath_sysid.attitude.identification.selection import (
@@ -473,22 +472,16 @@ def _findings(ranked: Sequence[RankedEquation], by_draft: Sequence[Sequence[FitS
         gain = without.criterion - item.criterion
         if gain > CRITERION_MARGIN:
             found.append(
-                Advice(
+                Advice.of(
                     'friction-necessary',
-                    (
-                        f'dry friction is necessary: it improves the criterion of {without.equation} by {gain:.0f} '
-                        f'(more than {CRITERION_MARGIN:g} is decisive){_damping_without(without, item, by_draft)}; '
-                        f'look for it in the bearings or the mooring of the rig, and leave it out for the craft afloat'
-                    ),
+                    equation=without.equation,
+                    gain=gain,
+                    criterion_margin=CRITERION_MARGIN,
+                    effect=_damping_without(without, item, by_draft),
                 )
             )
         elif gain < 0:
-            found.append(
-                Advice(
-                    'no-friction',
-                    (f'dry friction is not needed: it worsens the criterion of {without.equation} by {-gain:.0f}'),
-                )
-            )
+            found.append(Advice.of('no-friction', equation=without.equation, gain=-gain))
     return tuple(found)
 
 

@@ -10,12 +10,13 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_uncompiled
+from swath_sysid.common.advice import Advice
+from swath_sysid.common.sentences import CURES
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.turns import Turns, ending_of
 from swath_sysid.nodes.worker import Worker, WorkerError
 from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
@@ -39,7 +40,7 @@ class IdentificationNode(Node):
     def __init__(self, name: str, settings_of: Callable[[Values], Any]):
         super().__init__(name)
         self.parameters = NodeParameters(self, name, settings_of, self.change)
-        self.health = IdentifierHealth(ADVICE)
+        self.health = IdentifierHealth(CURES)
         self._ended: Future | None = None
         self._has_asked = False
         self._turns = Turns(self)
@@ -129,7 +130,11 @@ class IdentificationNode(Node):
         """Have the worker say, once, why its work takes longer than it could: numba is loaded there, not here."""
         if not self._has_asked:
             self._has_asked = True
-            self.worker.submit(why_uncompiled, (), lambda why, _: tell_uncompiled(self, self.health, why))
+            self.worker.submit(why_uncompiled, (), self._on_how_fast)
+
+    def _on_how_fast(self, why: Advice | None, error: Exception | None) -> None:
+        self._has_asked = error is None
+        tell_uncompiled(self, self.health, why)
 
     def _on_progress(self, share: float) -> None:
         self.health.progress = share

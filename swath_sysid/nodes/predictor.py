@@ -11,6 +11,7 @@ from swath_sysid.attitude.hull.scheduled_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.common.accelerator import why_uncompiled
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.sentences import CURES
 from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC
@@ -21,7 +22,6 @@ from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.predictor import frames_at, pipeline_settings
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, imu_subscription, waiting, watched_subscription
-from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
@@ -41,7 +41,7 @@ class Predictor(Node):
         uncompiled = why_uncompiled()  # which loads numba now, not amid the first samples
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         self.pipeline = ForecastPipeline(self.parameters.settings)
-        self.health = PredictorHealth(ADVICE, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
+        self.health = PredictorHealth(CURES, self.resolve_topic_name(IMU_TOPIC), self.pipeline)
         tell_uncompiled(self, self.health, uncompiled)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self.parameters['in_step'])
         self._forecasts = ForecastPublishers(

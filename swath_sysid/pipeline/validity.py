@@ -67,17 +67,12 @@ class ModelValidity:
         for axis, identified in self._models.items():
             if identified.verdict not in ('', 'adequate'):
                 sentence = identified.verdict_sentence or 'release the craft again, and identify it'
-                found.append(Advice('model-doubtful', f'the {axis} model is {identified.verdict}: {sentence}'))
+                found.append(Advice.of('model-doubtful', axis=axis, verdict=identified.verdict, sentence=sentence))
             (smallest, largest), reached = identified.amplitude_range, self._reaches[axis].amplitude
             # one amplitude alone is that of an equivalent in waves, which is none of their crests
             if smallest < largest and reached > BEYOND * largest:
                 found.append(
-                    Advice(
-                        'outside-valid-amplitude',
-                        f'{axis} swings by {degrees(reached):.1f} deg, but its model was found at '
-                        f'{degrees(largest):.1f} deg and less: its forecasts may be further off than they say; '
-                        'identify again after a release from a larger angle',
-                    )
+                    Advice.of('outside-valid-amplitude', axis=axis, reached=degrees(reached), largest=degrees(largest))
                 )
         return tuple(found)
 

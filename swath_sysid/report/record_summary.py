@@ -64,12 +64,11 @@ def _axis_as_data(motion: AxisMotion):
     }
 
 
-def record_in_words(trial: Trial, motions: Sequence[AxisMotion], worded: Callable[[str, str], str]) -> list[str]:
-    """Lines for a reader; see `record_as_data`.
+def record_in_words(data: dict, worded: Callable[[str, str], str]) -> list[str]:
+    """Lines for a reader of what `record_as_data` gives.
 
     ``worded`` makes of the code and the message of an advice what the reader is to see.
     """
-    data = record_as_data(trial, motions)
     lines = [
         f'{data["source"]}: {data["samples"]} samples from {data["start_s"]:.2f} to {data["end_s"]:.2f} s, '
         f'{data["rate_hz"]:.1f} Hz, longest interval {data["longest_interval_s"]:.3g} s',

@@ -648,14 +648,10 @@ class Forecaster:
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state, for people."""
         started = {axis: hull for axis, hull in self._hulls.items() if hull.is_started}
-        advice = tuple(
-            Advice('no-model', f'no {axis} model has arrived, so the forecast does without one: identify the hull')
-            for axis in started
-            if self._models[axis] is None
-        )
+        advice = tuple(Advice.of('no-model', axis=axis) for axis in started if self._models[axis] is None)
         has_waves = any(name in self._spaces for name in SEA_MODELS)
         if not has_waves:
-            advice += (Advice('no-waves', 'no waves have been fitted yet: forecasts improve within a minute or two'),)
+            advice += (Advice.of('no-waves'),)
         advice += tuple(note for hull in started.values() for note in hull.advice())
         shape = len(CANDIDATES), len(AXES), len(self.settings.leads)
         candidate, weights = np.full((2, *shape), math.nan)

@@ -36,15 +36,14 @@ class NodeParameter:
             return ', '.join(self.choices)
         return ' to '.join(str(bound) if isinstance(bound, int) else f'{bound:g}' for bound in self.range)
 
-    def check(self, value: Any) -> None:
-        """Raise `InputError` unless the value is allowed."""
+    def problem(self, value: Any) -> str:
+        """What is wrong with a value; empty where it is allowed."""
         for element in value if isinstance(value, list | tuple) else [value]:
             if self.choices and element not in self.choices:
-                raise InputError(f"the parameter {self.name} cannot be '{element}': choose from {self.allowed}")
+                return f"cannot be '{element}': choose from {self.allowed}"
             if self.range and not min(self.range) <= element <= max(self.range):
-                raise InputError(
-                    f'the parameter {self.name} cannot be {element}: give {self.allowed} {self.unit}'.rstrip()
-                )
+                return f'cannot be {element}: give {self.allowed} {self.unit}'.rstrip()
+        return ''
 
 
 Table = tuple[NodeParameter, ...]
@@ -101,4 +100,6 @@ def defaults(node_name: str, values: Values | None = None) -> Values:
 def check(node_name: str, values: Values) -> None:
     """Raise `InputError` unless every value is allowed."""
     for parameter in parameters_of(node_name, values):
-        parameter.check(values[parameter.name])
+        problem = parameter.problem(values[parameter.name])
+        if problem:
+            raise InputError(f'the parameter {parameter.name} {problem}')
