@@ -40,6 +40,7 @@ class TankSide:
         self.record, self.guide = LiveRecord(), BringUp(axis)
         self.guidances = []
         self.refitter, self.auto_identify = Refitter(), auto_identify
+        self.steps_back = 0
         self._intake, self._check = Intake(installation, StampSettings()), InstallationCheck(installation)
         self._window = MotionWindow(WindowSettings(installation=installation))
         self._stream = StreamHealth(CURES, '/imu/data')
@@ -119,7 +120,7 @@ class TankSide:
                 Report('forecast', 0, 'forecasting'),
             ],
             'imu_buffer': self._buffer.reports(self.clock, self.stamp_ns),
-            'identifier': [self._identifier.report(self.refitter.described, 0, False)],
+            'identifier': [self._identifier.report(self.refitter.described, self.steps_back, False)],
         }
 
     def _report_when_due(self):

@@ -152,7 +152,7 @@ def test_a_model_file_carries_the_verdict(found, tmp_path):
 
 
 #: The hardest of 200, each by its seed.
-FALSE_MODELS = [('bump', 0), ('bump', 11), ('trim_shift', 3), ('wake', 6), ('waves_that_stop', 9)]
+FALSE_MODELS = [('bump', 0), ('bump', 11), ('trim_shift', 1), ('trim_shift', 3), ('wake', 6)]
 
 
 @pytest.mark.parametrize(('kind', 'seed'), FALSE_MODELS)

@@ -58,7 +58,7 @@ def test_the_first_refit_is_believed(first):
     model = refitter.models['pitch'].model
     assert model.natural_period == pytest.approx(2.6, rel=0.01)
     assert model.damping_ratio == pytest.approx(0.08, rel=0.1)
-    assert 'odd-cubic' in first.message and '\n' not in first.message
+    assert 'b1|r1' in first.message and '\n' not in first.message
     assert refitter.models['pitch'].provenance['source'] == 'here'
 
 
@@ -119,7 +119,7 @@ def test_the_misfit_is_that_of_the_best_initial_state(table, first):
 def test_an_axis_without_a_decay_is_told_and_the_other_is_fitted(table):
     outcome = refit(Refitter(replace(QUICK, axes=('roll', 'pitch'))).request(table))
     assert set(outcome.models) == {'pitch'}
-    assert outcome.message.startswith('pitch: odd-cubic') and '; roll: not fitted, ' in outcome.message
+    assert outcome.message.startswith('pitch: b1|r1') and '; roll: not fitted, ' in outcome.message
 
 
 def test_progress_goes_from_nothing_to_all(table):

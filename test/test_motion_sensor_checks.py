@@ -1,6 +1,9 @@
 """What a sensor's own data say of its installation: each wrong one is named with its cure, no right one is."""
 
+import importlib
 import json
+from pathlib import Path
+from string import Formatter
 
 import numpy as np
 import pytest
@@ -13,17 +16,21 @@ from wrong_installations import GRAVITY, WRONG, buoy, declared, named_by, readin
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.hull.simulated_craft import CraftSettings, SimulatedCraft
 from swath_sysid.attitude.hull.simulated_trial import SensorNoise, simulated_trial
+from swath_sysid.attitude.motion import sensor_checks
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.sensor_checks import (
     DOUBTFUL_CODES,
     FAULTS,
     Contradiction,
+    Slope,
     compare_rates,
     contradictions_in,
     judge,
+    refuse_contradictions,
 )
 from swath_sysid.attitude.motion.sensor_mount import TURNS, Installation, angles_of
+from swath_sysid.cli.main import main
 from swath_sysid.formats.reading import read_trial
 
 STRAIGHT = Installation()
@@ -81,6 +88,44 @@ def test_nothing_is_named_of_any_measured_record(data_folder):
     for path in paths:
         trial = read_trial(path, frame='frd' if 'morro' in path.name or 'oahu' in path.name else None)
         assert [each for each in trial.advice if isinstance(each, Contradiction)] == [], path
+
+
+SHIP = ('roll', 'pitch', 'heading', 'heave')
+
+
+@pytest.mark.parametrize('kept', [SHIP, ('roll', 'heading'), ('pitch', 'heave'), ('roll', 'pitch')])
+def test_a_ship_without_rates_is_accepted_with_any_of_its_channels(data_folder, tmp_path, capsys, kept):
+    table = np.genfromtxt(data_folder / 'waves/nbp1406_ship.csv', delimiter=',', names=True)[:400]
+    units = {'heave': 'm'}
+    names = ['time_s', *(f'{name}_{units.get(name, "deg")}' for name in kept)]
+    path = tmp_path / 'ship.csv'
+    np.savetxt(path, np.column_stack([table[name] for name in names]), '%.6g', ',', header=','.join(names), comments='')
+    assert main(['inspect', str(path)]) == 0
+    printed = capsys.readouterr()
+    assert 'nan' not in printed.out + printed.err
+    trial = read_trial(path)
+    refuse_contradictions(trial)
+    assert not any(isinstance(each, Contradiction) for each in trial.advice)
+
+
+@pytest.mark.parametrize('first', range(0, 60, 20))
+def test_nothing_is_named_of_sound_sensors_whatever_they_leave_out(first, monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / 'benchmark')
+    sensor_records = importlib.import_module('sensor_checks')
+    for seed in range(first, first + 20):
+        sound = sensor_records.record(seed)
+        found = sensor_records.faults_of(sound)
+        found += sensor_records.faults_live(sound) if seed % 6 == 0 else []
+        assert found == [], (seed, sound.kind)
+
+
+def test_a_value_that_is_not_known_makes_no_fault():
+    """Slopes of which nothing is known but that the angle moves: no comparison may take that for a finding."""
+    unknown = Slope(0, np.full(3, np.nan), *[np.nan] * 5, frequency=1.0, speed=1.0)
+    assert sensor_checks._rates_against_angles([unknown], 0.01, 0, STRAIGHT) == []
+    for name, fault in FAULTS.items():
+        values = {field: np.nan for _, field, _, _ in Formatter().parse(fault.sentence) if field not in (None, 'axis')}
+        assert not values or sensor_checks._found(name, 'roll', **values) == []
 
 
 @pytest.mark.parametrize('name,reversed_,code', [('deg', 180 / np.pi, 'rate-unit'), ('sign', -1.0, 'rate-sign')])

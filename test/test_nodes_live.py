@@ -315,8 +315,9 @@ def test_parameters_are_described_and_checked_on_change(craft):
             assert parameter.unit in told.description
     refused = craft.bench.set_parameters('identifier', equation='no-such-equation', axes=['yaw'], seed=-1)
     assert len(refused) == 3 and "there is no equation 'no-such-equation'" in refused[0]
-    (reason,) = craft.bench.set_parameters('imu_buffer', window_s=10.0)
+    (reason,) = craft.bench.set_parameters('imu_buffer', frame='frd')
     assert 'read-only' in reason
+    assert craft.bench.set_parameters('imu_buffer', window_s=90.0) == []
 
 
 def test_names_are_relative_and_time_may_be_simulated(craft):

@@ -18,10 +18,9 @@ from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting, finite, numbers
-from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot
+from swath_sysid.cli.sources import add_reading_arguments, check_model_and_plot, read_record
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.model_file import read_model
-from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.pipeline.scoring import AFTER_GAP, FORECAST, SENSOR, score, usual_limits
 from swath_sysid.pipeline.vertical_record import even_stretches
@@ -88,7 +87,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Run the predictor through the record and print its skill."""
     check_model_and_plot(arguments, [arguments.record, arguments.model])
-    trial = read_trial(arguments.record, topic=arguments.topic, frame=arguments.frame)
+    trial = read_record(arguments.record, arguments)
     refuse_contradictions(trial, arguments.axis)
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')

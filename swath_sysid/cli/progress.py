@@ -28,7 +28,7 @@ def progress_of(title: str) -> Iterator[Callable[..., None]]:
 
 
 def _plain(title: str):
-    shown = 0.0
+    shown = -PLAIN_STEP
 
     def show(share: float, what: str = '') -> None:
         nonlocal shown

@@ -1,5 +1,6 @@
 """Arguments and reading of records, shared by the verbs that take them."""
 
+import os
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ import numpy as np
 from swath_sysid import __version__
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion, Trial
-from swath_sysid.cli.progress import show_advice
+from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.settings_flags import add_setting, finite
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -21,6 +22,8 @@ from swath_sysid.report.figures import FORMATS, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+LONG_RECORD = 10_000_000  #: Bytes of a file from which its reading is shown.
 
 EXIT_POOR_FIT = 1  #: The result was printed, but explains too little to be written as a model.
 
@@ -68,10 +71,20 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
     )
 
 
+def read_record(path: str, arguments: Namespace) -> Trial:
+    """Read one record as the command line says, with progress where it is long."""
+    how = {'topic': arguments.topic, 'frame': arguments.frame}
+    if not os.path.isfile(path) or os.path.getsize(path) < LONG_RECORD:
+        return read_trial(path, **how)
+    with progress_of(f'reading {path}') as progress:
+        progress(0.0)
+        return read_trial(path, **how, progress=progress)
+
+
 def read_trials(paths: Sequence[str], arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...]]:
     """Read the trials of the command line and show all advice on them; of identical files the first counts."""
     once, advice = without_copies(paths)
-    trials = [read_trial(path, topic=arguments.topic, frame=arguments.frame) for path in once]
+    trials = [read_record(path, arguments) for path in once]
     advice = tuple(dict.fromkeys([*advice, *(a for t in trials for a in t.advice)]))
     show_advice(advice)
     return trials, advice

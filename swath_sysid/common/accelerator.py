@@ -47,7 +47,8 @@ def _loaded() -> tuple[Any, str | None]:
         return None, None
     try:
         import numba
-    except Exception as error:  # whatever an unknown version of numpy leads to
+    except (ImportError, AttributeError, TypeError, ValueError, RuntimeError, SystemError, OSError) as error:
+        # all that versions of numpy or llvmlite which do not fit have led to
         return None, ' '.join(str(error).split()) or type(error).__name__
     return numba, None
 

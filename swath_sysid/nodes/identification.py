@@ -10,6 +10,7 @@ from std_msgs.msg import Float32
 from std_srvs.srv import Trigger
 
 from swath_sysid.common.accelerator import why_uncompiled
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.sentences import CURES
 from swath_sysid.common.stopping import Cancelled
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, tell_uncompiled
@@ -129,7 +130,11 @@ class IdentificationNode(Node):
         """Have the worker say, once, why its work takes longer than it could: numba is loaded there, not here."""
         if not self._has_asked:
             self._has_asked = True
-            self.worker.submit(why_uncompiled, (), lambda why, _: tell_uncompiled(self, self.health, why))
+            self.worker.submit(why_uncompiled, (), self._on_how_fast)
+
+    def _on_how_fast(self, why: Advice | None, error: Exception | None) -> None:
+        self._has_asked = error is None
+        tell_uncompiled(self, self.health, why)
 
     def _on_progress(self, share: float) -> None:
         self.health.progress = share

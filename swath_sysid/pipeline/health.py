@@ -169,13 +169,12 @@ class StreamHealth(Reasons):
         self.received = 0
         self._age = 0.0
         self._arrival: float | None = None
-        self._arrival_ns = 0
+        self._silence = 0.0  #: s since the last message, or the first report.
         self._spent = self._longest = 0.0
         self._since_report = 0
         self._silent = self._several = False
         self._frame_id: str | None = None
         self._begun: float | None = None
-        self._begun_ns = 0
         self._reported_at: float | None = None
         self._reported_ns = 0
 
@@ -191,7 +190,7 @@ class StreamHealth(Reasons):
         self.received += 1
         self._since_report += 1
         self._age = (clock_ns - stamp_ns) * 1e-9
-        self._arrival, self._arrival_ns = begun, clock_ns
+        self._arrival = begun
         self._spent += spent
         self._longest = max(self._longest, spent)
 
@@ -221,8 +220,9 @@ class StreamHealth(Reasons):
             interval: Usual time between messages, s, once it is known.
         """
         if self._begun is None:
-            self._begun, self._begun_ns = now, now_ns
-        silence = self._silence(now, now_ns)
+            self._begun, self._reported_ns = now, now_ns
+        self._note_silence(now, now_ns)
+        silence = self._silence
         is_silent = self.received > 0 and silence > max(LONGEST_SILENCE, 5.0 * (interval or 0.0))
         if is_silent and not self._silent:
             self.note(SILENT)
@@ -230,7 +230,8 @@ class StreamHealth(Reasons):
         age = None
         if self._arrival is not None:
             age = self._age
-            self._ages.append(age)
+            # a simulated clock that the node has not read yet makes messages come before their time
+            self._ages.append(max(age, 0.0))
         counts = {**core_counts, **self.counts}
         stands = now_ns == self._reported_ns and not self._since_report
         level, message = self._verdict(silence, age, self.fresh(counts), stands)
@@ -249,13 +250,14 @@ class StreamHealth(Reasons):
         self._since_report = 0
         return Report('imu', level, message, values)
 
-    def _silence(self, now: float, now_ns: int) -> float:
-        """Since the last message, or the first report, s: none passes while the clock of the stamps stands still."""
-        if self._arrival is None:
-            begun, begun_ns = self._begun or 0.0, self._begun_ns
-        else:
-            begun, begun_ns = self._arrival, self._arrival_ns
-        return min(now - begun, max((now_ns - begun_ns) * 1e-9, 0.0))
+    def _note_silence(self, now: float, now_ns: int) -> None:
+        """Add what has passed by both clocks: none does while that of the stamps stands still."""
+        before = self._begun if self._reported_at is None else self._reported_at
+        by_stamps = max((now_ns - self._reported_ns) * 1e-9, 0.0)
+        if self._since_report and self._arrival is not None:
+            self._silence = min(now - self._arrival, by_stamps)
+        elif before is not None:
+            self._silence += min(now - before, by_stamps)
 
     def _verdict(
         self, silence: float, age: float | None, fresh: Mapping[str, int], clock_stands: bool

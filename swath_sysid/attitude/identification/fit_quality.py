@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import HullPosterior
-from swath_sysid.attitude.hull.terms import TERM_NAMES
-from swath_sysid.attitude.identification.scaling import UPPER
 from swath_sysid.attitude.identification.uncertainty import release_error
 from swath_sysid.attitude.motion.time_base import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -31,7 +29,9 @@ MAX_RATE_MISMATCH = 0.35
 LEAST_USABLE = 0.5  #: Part of a record's rows that a fit must rest on.
 BLOCKS_PER_PERIOD = 24  #: Within one of them the motion hardly changes.
 CHANCE_STDS = 2.0  #: Standard deviations of the products of white residuals that are taken for chance.
-AT_BOUND = 0.999  #: Of the search range: a stiffness beyond it ended at the bound.
+LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the swings, one way or the other.
+#: Righting moment at the release over that of the linear stiffness: a craft that was moved sets out with less.
+LEAST_RIGHTING = 0.3
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,7 @@ def _contradictions(found: 'Identification', unexplained: float) -> Iterator[tup
     if not unexplained <= LARGEST_UNEXPLAINED:
         yield REJECTED, 'poor-fit', _poor_fit(unexplained)
     period = found.model.natural_period
-    places = [TERM_NAMES.index(name) for name in ('r1', 's1')]
-    stiffness = found.model.ratios[places] / found.problem.scales.ratio_units[places]
-    if not (np.isfinite(period) and (stiffness <= AT_BOUND * UPPER[places]).all()):
+    if not np.isfinite(period):
         yield (
             REJECTED,
             'no-period',
@@ -146,12 +144,24 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
             'few-samples',
             f'only {usable:.0%} of the recorded rows have a time of their own: write the time with more digits',
         )
-    if any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records):
+    swings = 2.0 * np.pi / found.problem.scales.frequency
+    if not 1.0 / LARGEST_PERIOD_RATIO < found.model.natural_period / swings < LARGEST_PERIOD_RATIO:
+        yield (
+            DOUBTFUL,
+            'implausible-period',
+            f'the natural period came out as {found.model.natural_period:.3g} s where the craft swings in '
+            f'{swings:.3g} s: choose the decay by its start and end, or release the craft again in still water',
+        )
+    start = largest_release(found)
+    righting = -float(found.model.acceleration(found.model.trim + start, 0.0)) / start
+    brief = any(r.segment.beginning == 'pushed' and r.segment.cycles < 1.0 for r in found.records)
+    if brief or not righting >= LEAST_RIGHTING * found.model.natural_frequency**2:
+        seen = 'less than one swing was seen' if brief else 'it hardly sped up at first'
         yield (
             DOUBTFUL,
             'no-release',
-            'less than one swing was seen and the craft was not held before it, so that it may not have swung freely: '
-            'hold the craft still at an angle in still water, and release it',
+            f'the craft may have been moved and not released, because {seen}: hold it still at an angle in still '
+            'water, and let it go',
         )
     absent = found.absent_term
     if absent is not None:
@@ -164,13 +174,17 @@ def _doubts(found: 'Identification') -> Iterator[tuple[str, str, str]]:
         )
 
 
+def largest_release(found: 'Identification') -> float:
+    """The largest amplitude seen, rad from trim, to the side on which that record begins."""
+    return float(np.copysign(found.problem.scales.amplitude, max((r.state.x for r in found.records), key=abs)))
+
+
 def posterior_error(found: 'Identification') -> float:
-    """The `release_error` of a fit, released from the largest amplitude seen, to the side it was released to."""
+    """The `release_error` of a fit from the largest amplitude seen."""
     model, scales = found.model, found.problem.scales
+    start = largest_release(found)
     own = HullPosterior(model.equation, model.ratios[model.equation.indices], found.covariance)
-    side = max((r.state.x for r in found.records), key=abs)
-    start = float(np.copysign(scales.amplitude, side))
-    return release_error(model, getattr(found, 'posterior', None) or own, found.trim_std, start, scales)
+    return release_error(model, found.posterior or own, found.trim_std, start, scales)
 
 
 def unexplained_share(found: 'Identification', quantity: str) -> float:

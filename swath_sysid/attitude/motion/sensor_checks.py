@@ -8,6 +8,7 @@ and accelerations are all turned alike about the vertical agrees with itself: no
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -61,7 +62,7 @@ LAG_OF_PERIOD = 0.45  #: Longest lag as a share of the mean period: beyond half 
 
 FOLLOWS = 0.7  #: Correlation with the slope of its angle from which a rate is that of the angle.
 EXPLAINS = 0.9  #: Correlation from which a delay, a factor or another arrangement of the axes explains the rates.
-UNRELATED = 0.5  #: Correlation with the slope of its angle at every delay below which a rate does not follow it.
+UNRELATED = 0.4  #: Correlation with the slope of its angle at every delay below which a rate does not follow it.
 MIN_FREEDOM = 3.0  #: Degrees of freedom below which a correlation proves nothing: less than a cycle and a half.
 SIGNIFICANT = 4.0  #: Standard deviations beyond which a delay, a factor or an offset is not chance.
 UNIT_TOLERANCE = 1.3  #: Factor by which a rate may differ from the slope of its angle, and from a unit of `UNITS`.
@@ -412,7 +413,7 @@ def binned(time: np.ndarray, parts: Sequence[np.ndarray], interval: float) -> tu
     )
 
 
-def _found(name: str, axis: str | None = None, **values: float | str | Sequence[int]) -> list[Contradiction]:
+def _found(name: str, axis: str | None = None, **values: Any) -> list[Contradiction]:
     """A fault of the table with its values; nothing where one of them is not finite."""
     if not all(isfinite(value) for value in values.values() if isinstance(value, float)):
         return []
@@ -518,9 +519,9 @@ def _turned_gravity(
         return False, _found('other frame', reading=reading, **_frames(installation))
     if best is None:
         return True, _found('not right-angled', off=float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))))
-    turn = angles_of(best)
-    name = 'turned over' if in_degrees(turn) == [180, 0, 0] else 'turned'
-    return True, _found(name, reading=reading, **_turn_values(turn, installation))
+    further = angles_of(best)
+    name = 'turned over' if in_degrees(further) == [180, 0, 0] else 'turned'
+    return True, _found(name, reading=reading, **_turn_values(further, installation))
 
 
 def _direction_alone(direction: np.ndarray, installation: Installation) -> list[Contradiction]:
@@ -541,7 +542,7 @@ def _frames(installation: Installation) -> dict[str, str]:
     return {'axes': FRAMES_ALIKE[installation.frame], 'other_axes': FRAMES_ALIKE[other], 'other_frame': other}
 
 
-def _turn_values(turn: Sequence[float], installation: Installation) -> dict[str, list[int]]:
+def _turn_values(turn: Sequence[float], installation: Installation) -> dict[str, Any]:
     return {'turn': in_degrees(turn), 'mounting': mounting_after(turn, installation)}
 
 
@@ -629,7 +630,7 @@ def _delay(slope: Slope, interval: float) -> list[Contradiction]:
 
 def _unrelated(slope: Slope) -> list[Contradiction]:
     """A rate that has nothing to do with its angle while that moves."""
-    # noise of the rate makes it larger, noise of the angle makes the slope larger: together they allow a gain up to this
+    # noise makes the rate larger, and the slope: together they allow a gain up to this
     largest_gain = slope.gain / max(slope.lagged**2, 1e-6)
     least = EXPLAINS if largest_gain < 1.0 / UNIT_TOLERANCE else UNRELATED
     is_poor = slope.lagged < least and slope.gain < UNRELATED**2 and slope.differs and slope.speed >= MIN_RATE
@@ -780,10 +781,11 @@ def _highest_frequency(angle: np.ndarray, step: float) -> float | None:
 
 
 def _noise_share(spectrum: np.ndarray, frequency: np.ndarray, band: np.ndarray, step: float) -> float:
-    """Share of the slope's power in the band that is white noise of the angle, by what is above the band."""
+    """Share of the slope's power in the band that is noise of the angle, by what is in the octave above."""
     response = (2.0 / step * np.sin(np.pi * frequency * step)) ** 2
-    above = frequency > frequency[band][-1]
-    floor = np.median(np.abs(spectrum[above]) ** 2 / response[above]) / np.log(2.0)
+    highest = frequency[band][-1]
+    above = (frequency > highest) & (frequency <= 2.0 * highest)
+    floor = np.mean(np.abs(spectrum[above]) ** 2 / response[above])
     return float(floor * np.sum(response[band]) / np.sum(np.abs(spectrum[band]) ** 2))
 
 

@@ -18,7 +18,7 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.blend import Blend
 from swath_sysid.attitude.prediction.forecast import AxisForecast, Forecast
-from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings, HullUncertainty
+from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
 from swath_sysid.attitude.prediction.oscillator import oscillators
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
 from swath_sysid.attitude.prediction.quiescence import (
@@ -213,10 +213,7 @@ class Forecaster:
             identified: None: none is known.
         """
         self._models[axis] = identified
-        if identified is None:
-            self._hulls[axis].set_hull(None)
-        else:
-            self._hulls[axis].set_hull(identified.model, HullUncertainty.of(identified))
+        self._hulls[axis].set_hull(identified)
         if self._blend is not None:
             self._blend.renew(_PLACE[HULL], AXES.index(axis))
         self._refit_due = -math.inf

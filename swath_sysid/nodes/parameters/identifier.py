@@ -12,7 +12,7 @@ def refit_settings(values: Values) -> RefitSettings:
     """Settings of identifier's core; raises `InputError` where a value is not allowed."""
     check('identifier', values)
     identification = IdentificationSettings(
-        equation=values['equation'] or None,
+        equation=values['equation'],
         objective=values['objective'],
         search=SearchSettings(
             algorithm=values['search'],
