@@ -18,7 +18,6 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.sentences import CURES
 from swath_sysid.formats.bags import opened_bag, read_bag, read_imu, write_imu_bag
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.messages import ImuMessage, diagnostics_message, horizon_message
@@ -244,7 +243,7 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
 
 def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
     pipeline = PlayThrough(PlayThroughSettings(auto_identify=False))
-    health = PlayedHealth(CURES, pipeline, 'imu/data', (1.0, 1.0, 1.0))
+    health = PlayedHealth(pipeline, 'imu/data', (1.0, 1.0, 1.0))
     readings = list(read_readings(bag))[:300]
     told = []
     for shift in (0, 11, -20):

@@ -8,7 +8,6 @@ from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from swath_sysid.attitude.motion.window import MotionTable, MotionWindow, WindowSettings
-from swath_sysid.common.sentences import CURES
 from swath_sysid.formats.messages import imu_reading, window_message
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
@@ -28,7 +27,7 @@ class ImuBuffer(Node):
         self.parameters = NodeParameters(self, 'imu_buffer', window_settings, self._change)
         self.window = MotionWindow(self.parameters.settings)
         self.window.record(self.parameters['record_at_start'])
-        self.health = BufferHealth(CURES, self.resolve_topic_name(IMU_TOPIC), self.window)
+        self.health = BufferHealth(self.resolve_topic_name(IMU_TOPIC), self.window)
         self._publisher = watched_publisher(self, PointCloud2, 'motion/window', LATCHED, self.health)
         self._subscription = imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)

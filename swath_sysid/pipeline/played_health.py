@@ -1,6 +1,6 @@
 """What the diagnostics of the three nodes would be in a play-through."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.health import BufferHealth, IdentifierHealth, Report, stability_report
@@ -14,16 +14,15 @@ class PlayedHealth:
     Nothing takes time there: processing times are zero.
 
     Args:
-        advice: Reason to what to do about it.
         topic: Of the sensor, for people.
         periods: s between the diagnostics of imu_buffer, identifier and predictor.
     """
 
-    def __init__(self, advice: Mapping[str, str], pipeline: PlayThrough, topic: str, periods: Sequence[float]):
+    def __init__(self, pipeline: PlayThrough, topic: str, periods: Sequence[float]):
         self._pipeline = pipeline
-        self._buffer = BufferHealth(advice, topic, pipeline.window)
-        self._identifier = IdentifierHealth(advice)
-        self._predictor = PredictorHealth(advice, topic, pipeline.forecasts)
+        self._buffer = BufferHealth(topic, pipeline.window)
+        self._identifier = IdentifierHealth()
+        self._predictor = PredictorHealth(topic, pipeline.forecasts)
         nodes = 'imu_buffer', 'identifier', 'predictor'
         self._periods_ns = {node: round(1e9 * period) for node, period in zip(nodes, periods, strict=True)}
         self._due_ns: dict[str, int] = {}
