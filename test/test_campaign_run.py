@@ -114,6 +114,7 @@ def test_interrupted_again_and_again_and_continued_gives_the_same_tables(trials,
     assert outcome.axes[0].schedule == done[0].axes[0].schedule
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials, done, tmp_path):
     command = [
@@ -356,6 +357,7 @@ def test_a_cluster_that_does_not_answer(monkeypatch):
         pass
 
 
+@pytest.mark.long
 def test_on_a_dask_cluster_a_worker_that_dies_costs_nothing(trials, done, tmp_path):
     distributed = pytest.importorskip('distributed')
     killed = []

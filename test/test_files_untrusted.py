@@ -147,6 +147,7 @@ WRITERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize('kind', READERS)
 @EVERY_TEXT
@@ -164,6 +165,7 @@ def test_a_text_is_a_model_or_one_sentence(kind, data):
             assert WRITERS[kind](READERS[kind](again, 'the model')) == again
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @settings(max_examples=500, deadline=None)
 @given(data=st.data())

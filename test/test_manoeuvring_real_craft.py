@@ -153,6 +153,7 @@ def found(runs, craft_and_trials):
     return identify_manoeuvring(runs[:8], ManoeuvringSettings(mass=craft_and_trials[0].mass, generations=0), runs[8:])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
     """Measured: see benchmark/manoeuvring.py --vices."""
@@ -166,6 +167,7 @@ def test_a_craft_with_vices_is_identified(found, craft_and_trials, truth):
     assert found.fixed['Yur'] == found.model['Xu_dot']
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_forecasts_are_better_than_steady_motion_and_know_how_well(found, runs):
     noise = forecast_noise(found.model, found.identified_on)

@@ -77,6 +77,7 @@ class Craft:
         return float(np.sqrt(np.mean(np.square(errors))))
 
 
+@pytest.mark.long
 def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     path = tmp_path / 'craft.yaml'
     options = ('-r', '__ns:=/wamv')
