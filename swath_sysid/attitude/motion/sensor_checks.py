@@ -76,16 +76,16 @@ UNITS = {
     1.0 / 57.29578: 'the angle is in degrees where rad is expected',
 }
 
-#: Which slope each rate holds, where gravity agrees with the attitude; the first needs one axis that moves, the others
-#: need two.
+#: Which slopes the rates of roll and pitch hold, where gravity agrees with the attitude: by row the rate, by column the
+#: angle. The first needs one axis that moves, the others need two.
 ARRANGEMENTS = {
-    'reversed': -np.eye(3),
-    'roll reversed': np.diag([-1.0, 1.0, 1.0]),
-    'pitch reversed': np.diag([1.0, -1.0, 1.0]),
-    'to port': np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-    'to starboard': np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-    'exchanged': np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-    'exchanged and reversed': np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    'reversed': ((-1, 0), (0, -1)),
+    'roll reversed': ((-1, 0), (0, 1)),
+    'pitch reversed': ((1, 0), (0, -1)),
+    'to port': ((0, 1), (-1, 0)),
+    'to starboard': ((0, -1), (1, 0)),
+    'exchanged': ((0, 1), (1, 0)),
+    'exchanged and reversed': ((0, -1), (-1, 0)),
 }
 
 FRAMES_ALIKE = {'flu': 'forward-left-up', 'frd': 'forward-right-down'}
@@ -164,13 +164,7 @@ FAULTS = {
         '{reading}, opposite to that of the attitude: its axes are {other_axes}; set frame to {other_frame} (or, if '
         'they are {axes}, have the driver give the specific force, which points up at rest)',
     ),
-    'turned': Fault('axes-of-sensor', GRAVITY, '{reading}, against the attitude: ' + TURN_CURE),
-    'turned over': Fault(
-        'axes-of-sensor',
-        GRAVITY,
-        '{reading}, against the attitude: forward-right-down vectors beside a forward-left-up orientation, or a sensor '
-        'upside down: ' + TURN_CURE,
-    ),
+    'turned': Fault('axes-of-sensor', GRAVITY, '{reading}, which the attitude contradicts: ' + TURN_CURE),
     'not right-angled': Fault(
         'axes-of-sensor',
         GRAVITY,
@@ -519,9 +513,7 @@ def _turned_gravity(
         return False, _found('other frame', reading=reading, **_frames(installation))
     if best is None:
         return True, _found('not right-angled', off=float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))))
-    further = angles_of(best)
-    name = 'turned over' if in_degrees(further) == [180, 0, 0] else 'turned'
-    return True, _found(name, reading=reading, **_turn_values(further, installation))
+    return True, _found('turned', reading=reading, **_turn_values(angles_of(best), installation))
 
 
 def _direction_alone(direction: np.ndarray, installation: Installation) -> list[Contradiction]:
@@ -591,7 +583,7 @@ def _rearranged(
 ) -> list[Contradiction]:
     """Rates on other axes, or with another sign, than their angles."""
     possible = ARRANGEMENTS if len(slopes) == 2 else {'reversed': ARRANGEMENTS['reversed']}
-    scores = {name: agreement(slopes, arrangement) for name, arrangement in possible.items()}
+    scores = {name: agreement(slopes, np.array(arrangement)) for name, arrangement in possible.items()}
     name = max(scores, key=lambda name: scores[name])
     if scores[name] < least:
         return []
@@ -675,7 +667,7 @@ def agreement(slopes: Iterable[Slope], arrangement: np.ndarray) -> float:
 
     Args:
         slopes: Of the angles that move.
-        arrangement: (3, 3); row i has +1 or -1 in the column of the angle whose slope rate i holds.
+        arrangement: (2, 2) or (3, 3); row i has +1 or -1 in the column of the angle whose slope rate i holds.
     """
     rows = np.argmax(np.abs(arrangement), axis=0)
     correlations = [arrangement[rows[each.axis], each.axis] * each.correlations[rows[each.axis]] for each in slopes]
