@@ -18,7 +18,7 @@ from swath_sysid.attitude.identification.absent_terms import (
     lacks_terms,
 )
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
-from swath_sysid.attitude.identification.default_hull import PrunedHull, pruned_hull, suits_likelihood
+from swath_sysid.attitude.identification.default_hull import pruned_hull, suits_likelihood
 from swath_sysid.attitude.identification.fit_quality import Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import (
     SEARCH_STEPS_PER_PERIOD,
@@ -264,20 +264,22 @@ def identify_problem(
         hull = pruned_hull(problem, *fit.unpack(parameters))
         fit = motion_fit(problem, hull.equation)
         concluded = conclude(problem, settings, hull.equation, fit, hull.parameters, found, hull.basin)
-        identified = _with_open_choice(concluded, hull)
+        identified = _with_every_term(concluded, hull.posterior)
     else:
         identified = refined_in_basin(conclude(problem, settings, equation, fit, parameters, found))
     report(1.0)
     return identified
 
 
-def _with_open_choice(found: Identification, hull: PrunedHull):
-    """The fit of a pruned hull, only as certain as the choice of its terms leaves it."""
-    covariance = hull.share * found.covariance + hull.spread
+def _with_every_term(found: Identification, posterior: HullPosterior):
+    """The fit of a pruned hull, only as certain as the terms that were pruned leave it."""
+    places = [posterior.equation.terms.index(name) for name in found.model.equation.terms]
+    away = found.model.ratios[found.model.equation.indices] - posterior.ratios[places]
+    covariance = posterior.covariance[np.ix_(places, places)] + np.outer(away, away)
     terms = zip(found.model.terms.items(), np.sqrt(np.diag(covariance)), strict=True)
     intervals = {name: tuple(interval(value, std, name in DAMPING_NAMES).tolist()) for (name, value), std in terms}
     bands = amplitude_bands(found.model, covariance, found.bands.curves.amplitude)
-    return replace(found, covariance=covariance, intervals=intervals, bands=bands, posterior=hull.posterior)
+    return replace(found, covariance=covariance, intervals=intervals, bands=bands, posterior=posterior)
 
 
 def refit_from(

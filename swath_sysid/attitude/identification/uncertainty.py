@@ -94,7 +94,7 @@ def _spread(slopes: np.ndarray, covariance: np.ndarray):
 def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales) -> float:
     """Error of the next release that the uncertainty of every term and of the trim leaves, a share of its motion.
 
-    The motion of the model is held against that of hulls drawn from the posterior; `UPPER_PART` of them are nearer.
+    The motion of the model is compared with that of hulls drawn from the posterior; `UPPER_PART` of them are nearer.
 
     Args:
         model: Whose release is forecast.
@@ -106,27 +106,39 @@ def release_error(model: DecayModel, posterior: HullPosterior, trim_std: float, 
     Returns:
         Infinite where most of the hulls do not return, or the posterior is not finite.
     """
+    _, motion = drawn_releases(model, posterior, trim_std, start, scales)
+    if motion.shape[1] < 2:
+        return float('inf')
+    with np.errstate(over='ignore', invalid='ignore'):
+        error = np.sqrt(np.mean((motion[:, :-1] - motion[:, -1:]) ** 2, axis=0) / np.mean(motion[:, -1] ** 2))
+    return float(np.quantile(np.where(np.isfinite(error), error, np.inf), UPPER_PART, method='higher'))
+
+
+def drawn_releases(
+    model: DecayModel, posterior: HullPosterior, trim_std: float, start: float, scales: Scales
+) -> tuple[np.ndarray, np.ndarray]:
+    """The next release as hulls drawn from the posterior make it; arguments as of `release_error`.
+
+    Returns:
+        time: (T,); s.
+        angle: (T, up to `DRAWS` + 1); rad from the model's trim, the motion of the model last.
+    """
     active = tuple(a or b for a, b in zip(posterior.equation.active, model.equation.active, strict=True))
     hulls, trim = _drawn(posterior, active, model.friction_rate, scales.rate)
-    count = hulls.shape[1]
-    if not count:
-        return float('inf')
-    trim = np.append(np.nan_to_num(trim_std) * trim[:count], 0.0)
+    trim = np.append(np.nan_to_num(trim_std) * trim[: hulls.shape[1]], 0.0)
     step = longest_step(model, start)
     steps = int(np.ceil(RELEASE_PERIODS * 2.0 * np.pi / scales.frequency / step))
     with np.errstate(over='ignore', invalid='ignore'):
         angles, _, _ = runge_kutta_population(
             start - trim,
-            np.zeros(count + 1),
+            np.zeros(trim.size),
             np.column_stack([hulls, model.ratios]),
             active,
             model.friction_rate,
             step,
             steps,
         )
-        motion = angles + trim
-        error = np.sqrt(np.mean((motion[:, :-1] - motion[:, -1:]) ** 2, axis=0) / np.mean(motion[:, -1] ** 2))
-    return float(np.quantile(np.where(np.isfinite(error), error, np.inf), UPPER_PART, method='higher'))
+    return step * np.arange(len(angles)), angles + trim
 
 
 def _drawn(posterior: HullPosterior, active: Sequence[bool], friction_rate: float, largest_rate: float):
