@@ -70,6 +70,11 @@ def start(*words, ros_args=()):
     )
 
 
+def settings(*values):
+    """ROS arguments that set parameters: ``'name:=value'``."""
+    return [word for value in values for word in ('-p', value)]
+
+
 def start_together(*ros_args):
     """Start all three nodes in one process."""
     return start('-m', 'swath_sysid.cli.main', 'run', ros_args=ros_args)
@@ -128,13 +133,7 @@ class Spinning:
 
 
 class Bench:
-    """A node that publishes IMU messages and keeps what the nodes publish.
-
-    Parameters
-    ----------
-    namespace : str
-    imu_topic : str
-    """
+    """A node that publishes IMU messages and keeps what the nodes publish."""
 
     def __init__(self, namespace='', imu_topic='imu/data'):
         self.context = rclpy.Context()

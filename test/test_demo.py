@@ -297,27 +297,16 @@ def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
     while 'no message' not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
         assert time.monotonic() < deadline and demo.poll() is None
         time.sleep(0.1)
-    children = _children(demo.pid)
-    assert len(children) >= 4
+    from live_bench import children
+
+    started = children(demo.pid)
+    assert len(started) >= 4
     demo.send_signal(signal.SIGINT)
     told, _ = demo.communicate(timeout=PATIENCE)
     assert demo.returncode == 130, told
-    assert [pid for pid in children if Path(f'/proc/{pid}').exists()] == []
+    assert [pid for pid in started if Path(f'/proc/{pid}').exists()] == []
     assert 'Traceback' not in _read(tmp_path / 'demo.log')
 
 
 def _read(path):
     return path.read_text() if path.exists() else ''
-
-
-def _children(pid):
-    """Processes that a process has started."""
-    found = []
-    for folder in Path('/proc').glob('[0-9]*'):
-        try:
-            fields = (folder / 'stat').read_text().rpartition(')')[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) == pid:
-            found.append(int(folder.name))
-    return found

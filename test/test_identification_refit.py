@@ -19,7 +19,6 @@ from swath_sysid.attitude.identification.refit import (
     Refitter,
     misfit,
     refit,
-    warm_up,
     window_provenance,
 )
 from swath_sysid.attitude.identification.search import SearchSettings
@@ -144,10 +143,6 @@ def test_request_and_outcome_go_to_another_process(table, first):
     assert pickle.loads(pickle.dumps(first)).models == first.models
 
 
-def test_two_runs_give_the_same(table, first):
-    assert refit(Refitter(QUICK).request(table, {'source': 'here'})).models == first.models
-
-
 def test_coefficients_are_rows_of_values_and_deviations(first):
     other = IdentifiedModel.exactly(first.models['pitch'].model.with_trim(0.02))
     found = replace(first.models['pitch'], metrics={'verdict': 'doubtful'})
@@ -172,10 +167,6 @@ def test_the_provenance_of_a_window_survives_the_model_file(table):
     held = refit(Refitter(QUICK).request(table, provenance)).models
     assert model_from_yaml(model_to_yaml(held)) == held
     assert len(held['pitch'].provenance['sources'][0]['sha256']) == 64
-
-
-def test_warm_up_runs():
-    warm_up()
 
 
 @pytest.mark.parametrize(

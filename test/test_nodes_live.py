@@ -16,6 +16,7 @@ from live_bench import (  # noqa: E402
     Bench,
     children,
     running,
+    settings,
     stamp_ns,
     start,
     start_node,
@@ -326,17 +327,8 @@ def test_names_are_relative_and_time_may_be_simulated(craft):
     craft.model_path.write_text(f'# of the yard\n{text}')
     bench = Bench('tank', 'sensor/imu')
     clock = bench.publisher(Clock, '/clock', 10)
-    process = start_together(
-        '-r',
-        '__ns:=/tank',
-        '-r',
-        'imu/data:=sensor/imu',
-        '-p',
-        'use_sim_time:=true',
-        '-p',
-        f'model_path:={craft.model_path}',
-    )
-    with running(bench, process):
+    names = ('-r', '__ns:=/tank', '-r', 'imu/data:=sensor/imu')
+    with running(bench, start_together(*names, *settings('use_sim_time:=true', f'model_path:={craft.model_path}'))):
         assert wait_for(lambda: bench.heard['model/description'], 'model')[-1].data == text
         for begin in (EPOCH_NS, EPOCH_NS - 100 * 10**9):
             for k in range(10):

@@ -9,7 +9,17 @@ import pytest
 pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, decay_stream, reading  # noqa: E402
-from live_bench import LATCHED, PATIENCE, Bench, Spinning, running, start_together, stop, wait_for  # noqa: E402
+from live_bench import (  # noqa: E402
+    LATCHED,
+    PATIENCE,
+    Bench,
+    Spinning,
+    running,
+    settings,
+    start_together,
+    stop,
+    wait_for,
+)
 from std_msgs.msg import String  # noqa: E402
 from test_page_bring_up import in_g, turned_over  # noqa: E402
 
@@ -24,16 +34,7 @@ pytestmark = pytest.mark.dds
 
 RATE = 25.0
 
-SETTINGS = (
-    '-p',
-    'window_timeout_s:=60.0',
-    '-p',
-    'axes:=[pitch]',
-    '-p',
-    'generations:=20',
-    '-p',
-    'population:=30',
-)
+SETTINGS = settings('window_timeout_s:=60.0', 'axes:=[pitch]', 'generations:=20', 'population:=30')
 """A search that suffices for a linear hull, since it is not what is tested here."""
 
 

@@ -123,6 +123,7 @@ def test_a_record_played_through_gives_the_stored_messages(stored, tmp_path):
             np.testing.assert_allclose(one, other, rtol=CLOSE, atol=CLOSE, err_msg=topic)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_campaign_gives_the_stored_tables(stored, tmp_path):
     pytest.importorskip('numba', reason='a fit without it ends elsewhere by 5e-8, which the scatter magnifies')
