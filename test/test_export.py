@@ -69,11 +69,7 @@ def numbers_of(plugin):
 
 
 def stepped(force, mass, inertia, port, starboard, arm, duration, step=0.01, within=None):
-    """Final u, v, r of a rigid body under plugin forces that see the accelerations of the step before.
-
-    ``force(nu, slope, acceleration)`` is what the plugin pushes with, from the derivative of nu and from the
-    acceleration in the world in body axes; ``within`` is added mass that the physics engine integrates (DART).
-    """
+    """Final u, v, r of a body under forces that see the step before; ``within``: added mass that DART integrates."""
     added = np.zeros((3, 3)) if within is None else within
     inverse = np.linalg.inv(np.diag([mass, mass, inertia]) + added)
     nu, slope, acceleration = np.zeros((3, 3))

@@ -111,12 +111,9 @@ def test_the_horizon_is_a_table_with_standard_deviations(decay):
 
 
 def test_on_rates_alone_the_axes_are_forecast_and_without_any_they_are_unknown():
-    def without_angles(readings):
-        for one in readings:
-            yield one._replace(orientation_covariance=NOT_GIVEN)
-
     decay = decay_stream(RATE, 14.0, release=0.0, damping=0.02)
-    pipeline, steps = play(without_angles(decay), {'pitch': craft(damping=0.02)})
+    without_angles = (one._replace(orientation_covariance=NOT_GIVEN) for one in decay)
+    pipeline, steps = play(without_angles, {'pitch': craft(damping=0.02)})
     assert pipeline.counts['no-orientation'] == len(steps)
     truth, _ = released(14.0, 0.0, damping=0.02)
     assert pitch_of(steps[-1].next) == pytest.approx(truth, abs=0.01)

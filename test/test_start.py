@@ -1,7 +1,4 @@
-"""A signal while the command line is still importing: no traceback, and the exit code it should have.
-
-Every process here is started with SIGINT ignored, as a shell without job control starts those in its background.
-"""
+"""A signal while the command line imports, SIGINT ignored as in a shell's background: no traceback, its exit code."""
 
 import os
 import signal

@@ -1,8 +1,4 @@
-"""Forecasts and campaign tables of seeded records against values stored in test/data/stored_results.json.
-
-What computes the same differently leaves them as they are. After a change that is meant to alter them, and only then:
-``python test/test_stored_results.py``.
-"""
+"""Forecasts and tables against test/data/stored_results.json; ``python test/test_stored_results.py`` stores them."""
 
 import csv
 import io
