@@ -1,6 +1,5 @@
 """The demonstration: its craft, its scoring, its picture and view, and the whole of it over DDS."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from package_process import command_line
 from rich.console import Console
 
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
@@ -37,7 +37,6 @@ from swath_sysid.report.figures import save_figure
 from swath_sysid.report.terminal_view import CHART_ROWS, ViewState, chart, line, render
 from swath_sysid.share import share_folder
 
-ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 600.0
 ROLL = hull_named('swath-roll').model
 SILENT = SensorNoise(0.0, 0.0, 0.0)
@@ -217,11 +216,6 @@ def test_the_view_shows_angle_forecast_model_and_diagnostics():
     assert len(str(chart(view_state())).splitlines()) == CHART_ROWS
 
 
-def test_the_chart_leaves_out_what_lies_beyond_it():
-    beyond = view_state(angle=np.full(200, 5.0), forecast_angle=np.full(200, np.nan))
-    assert '●' not in str(chart(beyond)) and '•' not in str(chart(beyond))
-
-
 def test_the_line_says_the_same_in_short():
     assert line(view_state()) == 'let go: -2.30 deg; forecast +1.72 in 0.5 s'
     nothing = np.empty(0)
@@ -263,16 +257,10 @@ def test_the_measured_sea_is_shown_without_ros(tmp_path, monkeypatch, capsys):
 def test_the_demonstration_runs_to_its_verdict(tmp_path):
     """Over DDS, nodes and craft each a process; the exit code says what the verdict says, nothing is left running."""
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    result = subprocess.run(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--output', str(tmp_path / 'out')],
-        env={**os.environ, 'PYTHONPATH': path},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
-    told = result.stdout.splitlines()
-    assert result.returncode == 0, result.stdout + result.stderr + (tmp_path / 'out' / 'demo.log').read_text()
+    demo = command_line('demo', '--output', tmp_path / 'out', stderr=subprocess.PIPE)
+    out, error = demo.communicate(timeout=PATIENCE)
+    told = out.splitlines()
+    assert demo.returncode == 0, out + error + _read(tmp_path / 'out' / 'demo.log')
     assert told[-1].startswith('passed')
     assert any(text.startswith('let go; waiting') for text in told)
     for picture in ('sea.png', 'demo.png'):
@@ -285,14 +273,7 @@ def test_the_demonstration_runs_to_its_verdict(tmp_path):
 @pytest.mark.dds
 def test_ctrl_c_ends_the_demonstration_and_its_processes(tmp_path):
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    demo = subprocess.Popen(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'demo', '--only', 'release', '--output', str(tmp_path)],
-        env={**os.environ, 'PYTHONPATH': path},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    demo = command_line('demo', '--only', 'release', '--output', tmp_path)
     deadline = time.monotonic() + PATIENCE
     while 'no message' not in (log := _read(tmp_path / 'demo.log')) and 'model' not in log:
         assert time.monotonic() < deadline and demo.poll() is None

@@ -186,6 +186,7 @@ def test_identical_files_count_once(tmp_path, capsys):
     assert 'identical-files' in [w['code'] for w in found['warnings']]
 
 
+@pytest.mark.long
 def test_json_carries_what_was_found_in_the_record(tmp_path, capsys):
     path = tmp_path / 'a.csv'
     write_csv(path, TRUE)

@@ -24,7 +24,6 @@ from swath_sysid.attitude.identification.refit import (
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, MotionWindow, WindowSettings
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.stopping import Cancelled
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml
 
 QUICK = RefitSettings(
@@ -125,11 +124,6 @@ def test_progress_goes_from_nothing_to_all(table):
     told = []
     refit(Refitter(replace(QUICK, axes=('roll', 'pitch'))).request(table), progress=told.append)
     assert told == sorted(told) and told[-1] == 1.0 and all(0.0 <= share <= 1.0 for share in told)
-
-
-def test_cancelled(table):
-    with pytest.raises(Cancelled):
-        refit(Refitter(QUICK).request(table), should_cancel=lambda: True)
 
 
 def test_an_empty_window_is_refused():

@@ -50,6 +50,7 @@ def identified_in_waves(readings, model_path):
         bench.close()
 
 
+@pytest.mark.long
 def test_waves_are_identified_on_demand_and_only_better_models_published(readings, tmp_path):
     first, second, bench = identified_in_waves(readings, tmp_path / 'craft.yaml')
     assert first.success and first.message.startswith('roll: at sea, equivalent linear at 2'), first.message
@@ -64,6 +65,7 @@ def test_waves_are_identified_on_demand_and_only_better_models_published(reading
     assert not second.success and 'the current model explains the window as well' in second.message
 
 
+@pytest.mark.long
 def test_the_model_of_a_decay_stays_and_the_answer_says_so(readings, tmp_path):
     path = tmp_path / 'tank.yaml'
     tank = IdentifiedModel.exactly(hull_named('swath-roll').model)

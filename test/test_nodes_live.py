@@ -224,7 +224,7 @@ def test_while_it_identifies_it_answers_and_forecasts_and_can_be_cancelled(ident
     assert bench.set_parameters('identifier', population=0, generations=0) == []
 
 
-@pytest.mark.parametrize('clients', [50, 1])
+@pytest.mark.parametrize('clients', [50, pytest.param(1, marks=pytest.mark.long)])
 def test_fifty_who_ask_at_once_share_one_identification(identified, clients):
     bench = identified.bench
     assert bench.set_parameters('identifier', generations=60, population=2000) == []

@@ -43,13 +43,6 @@ def test_the_steps_come_in_their_order(identified):
     assert identified.faults == {}
 
 
-def test_the_sentences_say_what_to_do_and_what_was_found(identified):
-    sentences = ' '.join(guidance.sentence for guidance in identified.guidances)
-    for words in ('Lie still', 'Now push the hull down at the bow by 5 degrees', 'further, then let go', 'Hands off'):
-        assert words in sentences
-    assert identified.guidances[-1].sentence.startswith('2.6')
-
-
 def test_period_and_damping_hold_the_truth_in_their_bands(identified):
     """The motion is that of a linear hull: of 2.6 s undamped period and damping ratio 0.08."""
     _, bands = reference(identified.record.models['pitch'])

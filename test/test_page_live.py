@@ -1,6 +1,5 @@
 """The page's node beside the real nodes and a sensor: what it hears, what it asks of them, and the faults it names."""
 
-import os
 import signal
 import time
 
@@ -20,6 +19,7 @@ from live_bench import (  # noqa: E402
     stop,
     wait_for,
 )
+from package_process import command_line  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from test_page_bring_up import in_g, turned_over  # noqa: E402
 
@@ -171,16 +171,7 @@ def test_a_page_that_stands_still_holds_nobody_up(page):
 
 def test_run_starts_the_page_and_ends_it():
     pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
-    import subprocess
-    import sys
-
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'swath_sysid.cli.main', 'run', '--page', '--namespace', 'paged'],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env=os.environ,
-    )
+    process = command_line('run', '--page', '--namespace', 'paged')
     lines, deadline = [], time.monotonic() + PATIENCE
     while not any('the page is at http://localhost:' in line for line in lines):
         assert time.monotonic() < deadline and process.poll() is None, lines
