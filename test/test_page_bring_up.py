@@ -25,7 +25,6 @@ from swath_sysid.page.model_words import gain, reference
 from swath_sysid.pipeline.health import Report
 
 REST_S = 20.0
-HALF_TURN = (1.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope='module')
