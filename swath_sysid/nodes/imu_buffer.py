@@ -13,7 +13,7 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import events_executor, run
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.imu_buffer import TABLE, window_settings
-from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, watched_publisher
+from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, imu_subscription, waiting, watched_publisher
 from swath_sysid.nodes.reason_advice import ADVICE
 from swath_sysid.pipeline.health import BufferHealth, Report
 
@@ -38,6 +38,11 @@ class ImuBuffer(Node):
         self.window.detect_decay(settings.detect_decay)
 
     def _on_imu(self, message: Imu) -> None:
+        # all that wait at once: beside a busy predictor each return to the executor costs this thread milliseconds
+        for each in (message, *waiting(self._subscription, self.parameters['queue_depth'])):
+            self._take(each)
+
+    def _take(self, message: Imu) -> None:
         begun = perf_counter()
         reading = imu_reading(message)
         step = self.window.add(reading)
@@ -66,6 +71,8 @@ class ImuBuffer(Node):
 
     def _on_clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.window.clear()
+        # empty: the identifier forgets its decays, too
+        self._publish(self.window.table())
         response.success, response.message = True, self.window.described
         return response
 

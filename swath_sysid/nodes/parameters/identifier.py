@@ -20,15 +20,7 @@ TABLE = (
     NodeParameter('generations', 0, "Generations of the search; 0: the algorithm's default", '', 0, 100000),
     NodeParameter('population', 0, "Candidates a generation; 0: the algorithm's default", '', 0, 100000),
     NodeParameter('seed', 1, 'Seed of the search', '', 0, 2**31 - 1),
-    NodeParameter(
-        'least_improvement',
-        0.001,
-        'A refit replaces the model if its residuals on the window are smaller by this part',
-        '',
-        0.0,
-        0.9,
-    ),
-    NodeParameter('auto_identify', True, 'Refit whenever a window arrives'),
+    NodeParameter('auto_identify', True, 'Refit the axis of a free decay whenever a window with one arrives'),
     NodeParameter(
         'identify_interval_s',
         0.0,
@@ -91,4 +83,4 @@ def refit_settings(values: Values) -> RefitSettings:
     if not equation.terms:
         raise InputError(f'the equation {equation.name} has no terms: name another')
     stability = StabilitySettings(values['stability_limit'], values['known_gm_m'])
-    return RefitSettings(tuple(values['axes']), identification, values['least_improvement'], stability)
+    return RefitSettings(tuple(values['axes']), identification, stability)
