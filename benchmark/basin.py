@@ -295,7 +295,7 @@ def show_verdicts(rows):
     print(f'verdicts: {len(fits)} fits, r1 or period off by more than 3 std in {len(wrong)}; said so in {len(said)}')
     right = [r for r in fits if not is_wrong(r)]
     if right:
-        called = {level: sum(r['level'] == level for r in right) for level in ('adequate', 'doubtful', 'refused')}
+        called = {level: sum(r['level'] == level for r in right) for level in ('adequate', 'doubtful', 'rejected')}
         print(f'  of the {len(right)} others: {called}')
         for scene in dict.fromkeys(r['scene'] for r in right):
             codes = [r['code'] for r in right if r['scene'] == scene]

@@ -23,7 +23,7 @@ import numpy as np
 from record_forecasts import DATA, only, without_samples
 
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
-from swath_sysid.attitude.identification.fit_quality import REFUSED
+from swath_sysid.attitude.identification.fit_quality import REJECTED
 from swath_sysid.attitude.identification.identify import IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.problem import decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
@@ -231,7 +231,7 @@ def hulls_before(trial, end, others=None):
                 usable = found.is_usable
             else:
                 found = identify_problem(problem, IdentificationSettings())
-                usable = found.verdict.level != REFUSED
+                usable = found.verdict.level != REJECTED
         except InputError:
             continue  # too short, or no decay: there is no hull to forecast with yet
         if usable:

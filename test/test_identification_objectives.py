@@ -10,7 +10,7 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES, term_moments
 from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.scaling import Scales
-from swath_sysid.attitude.identification.uncertainty import inseparable_terms
+from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.covariance import correlation, sandwich_covariance
 from swath_sysid.common.genetic import GeneticSearch, GeneticSettings
@@ -191,7 +191,7 @@ def test_sandwich_covariance_of_a_regression_with_coloured_noise():
 
 def test_terms_that_cannot_be_told_apart_are_named():
     covariance = np.array([[1.0, -0.97, 0.0], [-0.97, 1.0, 0.1], [0.0, 0.1, 1.0]])
-    (advice,) = inseparable_terms(['b1', 'b2', 'r1'], covariance)
-    assert advice.code == 'not-separable'
-    assert 'b1 and b2' in advice.message
+    assert known_together(['b1', 'b2', 'r1'], covariance) == (('b1', 'b2'),)
+    # damping and restoring are each known by themselves
+    assert known_together(['b1', 'r1', 'r2'], covariance) == ()
     assert correlation(np.zeros((2, 2))) == pytest.approx(np.eye(2))

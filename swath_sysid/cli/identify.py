@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 
 from swath_sysid.attitude.identification.at_sea import identify_at_sea
-from swath_sysid.attitude.identification.fit_quality import REFUSED, Verdict
+from swath_sysid.attitude.identification.fit_quality import REJECTED, Verdict
 from swath_sysid.attitude.identification.identify import OBJECTIVES, IdentificationSettings, identify_problem
 from swath_sysid.attitude.identification.problem import Problem, decays_or_waves, prepare
 from swath_sysid.attitude.identification.sea_motion import heave_of
@@ -111,7 +111,7 @@ def run(arguments: Namespace) -> int:
 
 def is_to_be_written(arguments: Namespace, verdict: Verdict) -> bool:
     """Whether a fit is good enough for a model file, or one was asked for nevertheless; shared with compare."""
-    return arguments.force or verdict.level != REFUSED
+    return arguments.force or verdict.level != REJECTED
 
 
 def conclude_fit(arguments: Namespace, verdict: Verdict) -> int:

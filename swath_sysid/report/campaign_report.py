@@ -37,7 +37,6 @@ from swath_sysid.report.tables import table_as_csv
 
 if TYPE_CHECKING:
     from swath_sysid.campaign.run import AxisOutcome, CampaignOutcome
-    from swath_sysid.common.advice import Advice
     from swath_sysid.report.campaign_page import Drawing
     from swath_sysid.report.tables import Table
 
@@ -187,24 +186,8 @@ def _warnings(outcome: CampaignOutcome):
     for t in outcome.trials:
         for advice in t.advice:
             gathered.setdefault(f'{advice.message}', []).append(t.name)
-    for axis in outcome.axes:
-        for condition, fits in axis.together.items():
-            own = (a for a in fits[axis.choice].warnings if a.code in ('not-separable', 'term-vanished', 'range-limit'))
-            for advice in own:
-                where = f'{condition.initial_angle_deg:g} deg at {condition.loading:g}'
-                gathered.setdefault(_without_numbers(advice), []).append(where)
     lines += [f'{m[0].upper()}{m[1:]} ({", ".join(dict.fromkeys(names))})' for m, names in gathered.items()]
     return [bullets(lines) or paragraph('None.')]
-
-
-def _without_numbers(advice: Advice):
-    """The same message for all conditions, without the figure that differs."""
-    return (
-        advice.message
-        if advice.code != 'not-separable'
-        else advice.message.partition(' (correlation')[0]
-        + (': use them together only, choose an equation without one of them, or add records of other amplitudes')
-    )
 
 
 def _how_made(outcome: CampaignOutcome, wall_s: float):

@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from swath_sysid.attitude.hull.published_form import to_published
-from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RATIO_UNITS
+from swath_sysid.attitude.identification.uncertainty import known_together
 from swath_sysid.common.covariance import correlation
 from swath_sysid.formats.model_file import ratios_as_data
 from swath_sysid.formats.plain_data import finite_or_none
@@ -34,6 +35,7 @@ def fit_as_data(identification: Identification, wall_s: float | None = None, ine
             for name, ratio in ratios_as_data(identification).items()
         },
         'verdict': vars(identification.verdict),
+        'known_together': [list(group) for group in _together(identification)],
         'choice': identification.choice,
         'correlation': correlation(identification.covariance).tolist(),
         'trim_rad': model.trim,
@@ -80,6 +82,7 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
         for record in identification.records
     ]
     lines += ratio_lines(identification, identification.intervals)
+    lines += _joint_lines(identification)
     low, high = (math.degrees(a) for a in identification.amplitude_range)
     lines += [
         f'  trim {math.degrees(model.trim):.4f} deg +- {math.degrees(identification.trim_std):.2g}',
@@ -94,6 +97,25 @@ def fit_in_words(identification: Identification, inertia: float | None = None) -
         form = to_published(model, inertia)
         lines.append('  published form: ' + ', '.join(f'{name} {value:.6g}' for name, value in vars(form).items()))
     return lines
+
+
+def _together(identification: Identification) -> tuple[tuple[str, ...], ...]:
+    return known_together(identification.model.equation.terms, identification.covariance)
+
+
+def _joint_lines(identification: Identification) -> list[str]:
+    """One line that says what the record knows of the terms that it does not separate."""
+    groups = _together(identification)
+    if not groups:
+        return []
+    amplitude = identification.reference_amplitude
+    period, damping, period_std, damping_std = identification.bands.at(amplitude)
+    known = {
+        True: f'damping ratio {damping:.4f} +- {damping_std:.2g}',
+        False: f'period {period:.4f} +- {period_std:.2g} s',
+    }
+    words = [f'{" and ".join((", ".join(g[:-1]), g[-1]))}: {known[g[0] in DAMPING_NAMES]}' for g in groups]
+    return [f'  known only together (at {math.degrees(amplitude):.2f} deg): {"; ".join(words)}']
 
 
 def ratio_lines(identified: Any, intervals: dict[str, tuple[float, float]] | None = None) -> list[str]:

@@ -19,7 +19,7 @@ from swath_sysid.attitude.identification.absent_terms import (
     lacks_terms,
 )
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
-from swath_sysid.attitude.identification.fit_quality import VANISHED, Verdict, judge
+from swath_sysid.attitude.identification.fit_quality import Verdict, judge
 from swath_sysid.attitude.identification.motion_fit import SEARCH_STEPS_PER_PERIOD, InitialState, MotionFit
 from swath_sysid.attitude.identification.one_step import OneStepObjective
 from swath_sysid.attitude.identification.problem import Problem, block_means, prepare
@@ -34,7 +34,7 @@ from swath_sysid.attitude.identification.search import (
     published_space,
     run_search,
 )
-from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands, inseparable_terms
+from swath_sysid.attitude.identification.uncertainty import AmplitudeBands, amplitude_bands
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
@@ -56,6 +56,11 @@ MAX_PERIOD_CHANGE = 0.25
 #: Standard deviations from zero from which least squares knows the stiffness that the likelihood is held against.
 CERTAIN_STDS = 2.0
 SEARCH_SHARE = 0.7
+ONE_STEP_BIASED = Advice(
+    'one-step-biased',
+    'the one-step objective is biased under measurement noise (damping too large): use the simulation objective for a '
+    'model to predict with',
+)
 
 
 @dataclass(frozen=True)
@@ -176,7 +181,7 @@ class Identification:
             'stop': self.search.stop,
             'advice': [a.code for a in self.advice],
         }
-        metrics = {**fit_metrics(self), 'verdict': self.verdict.level, 'verdict_code': self.verdict.code}
+        metrics = {**fit_metrics(self), **self.verdict.metrics}
         return IdentifiedModel(
             self.model, self.covariance, self.trim_std, self.amplitude_range, metrics, {**provenance, **how}
         )
@@ -466,7 +471,7 @@ def conclude(
         problem=problem,
         settings=settings,
         basin=basin,
-        advice=(*problem.advice, *_fit_advice(problem, settings, model, ratio_covariance, basin)),
+        advice=(*problem.advice, *((ONE_STEP_BIASED,) if settings.objective == 'one-step' else ())),
     )
 
 
@@ -478,40 +483,3 @@ def _explained(records: Sequence[RecordFit]):
     """R^2 over all records, each about its own mean."""
     error = sum(float(np.sum(r.residual**2)) for r in records)
     return 1.0 - error / sum(float(np.sum((r.motion.primary - r.motion.primary.mean()) ** 2)) for r in records)
-
-
-def _fit_advice(
-    problem: Problem,
-    settings: IdentificationSettings,
-    model: DecayModel,
-    covariance: np.ndarray,
-    basin: BasinFit | None,
-):
-    found = list(inseparable_terms(model.equation.terms, covariance))
-    dimensionless = model.ratios / problem.scales.ratio_units
-    for name in model.equation.terms:
-        index = TERM_INDEX[name]
-        if name in DAMPING_NAMES and dimensionless[index] < VANISHED:
-            found.append(
-                Advice(
-                    'term-vanished',
-                    f'{name} is zero at the edge of what is physical: '
-                    'this record does not need the term, choose an equation without it',
-                )
-            )
-        elif basin is None and not (0.999 * min(LOWER[index], -1e-6) <= dimensionless[index] <= 0.999 * UPPER[index]):
-            found.append(
-                Advice(
-                    'range-limit',
-                    f'{name} ended at the limit of its range: the equation does not suit this motion, compare others',
-                )
-            )
-    if settings.objective == 'one-step':
-        found.append(
-            Advice(
-                'one-step-biased',
-                'the one-step objective is biased under measurement noise (damping too large): use the simulation '
-                'objective for a model to predict with',
-            )
-        )
-    return tuple(found)

@@ -1,4 +1,4 @@
-"""Uncertainty of a fit: covariance, correlation, and terms that a record cannot separate."""
+"""Uncertainty of a fit: terms that a record cannot separate, and what it knows of them together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,29 +7,26 @@ import numpy as np
 
 from swath_sysid.attitude.hull.amplitude import AmplitudeCurves, amplitude_curves
 from swath_sysid.attitude.hull.decay_model import DecayModel
-from swath_sysid.common.advice import Advice
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, RESTORING_NAMES
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 
 RELATIVE_STEP = 1e-4
 
 
-def inseparable_terms(terms: Sequence[str], covariance: np.ndarray) -> tuple[Advice, ...]:
-    """Advice for each pair of terms that the records cannot separate.
+def known_together(terms: Sequence[str], covariance: np.ndarray) -> tuple[tuple[str, ...], ...]:
+    """Groups of terms that the records do not separate, all of damping or all of restoring.
 
     Args:
         terms: Names.
         covariance: (n, n); of their ratios, of any unit.
     """
-    found = correlation(covariance)
-    pairs = [(i, j) for i in range(len(terms)) for j in range(i) if abs(found[i, j]) > NOT_SEPARABLE]
-    return tuple(
-        Advice(
-            'not-separable',
-            f'{terms[j]} and {terms[i]} cannot be told apart on these records (correlation {found[i, j]:+.3f}): use '
-            'them together only, choose an equation without one of them, or add records of other amplitudes',
-        )
-        for i, j in pairs
-    )
+    linked = np.abs(correlation(covariance)) > NOT_SEPARABLE
+    groups: list[tuple[str, ...]] = []
+    for names in (DAMPING_NAMES, RESTORING_NAMES):
+        places = [k for k, name in enumerate(terms) if name in names]
+        together = [terms[k] for k in places if linked[k, places].sum() > 1]
+        groups += [tuple(together)] if together else []
+    return tuple(groups)
 
 
 @dataclass(frozen=True)
@@ -39,6 +36,18 @@ class AmplitudeBands:
     curves: AmplitudeCurves
     frequency_std: np.ndarray  #: (A,)
     damping_ratio_std: np.ndarray  #: (A,)
+
+    def at(self, amplitude: float) -> tuple[float, float, float, float]:
+        """Natural period, s, damping ratio, and the standard deviation of each, at an amplitude, rad."""
+        columns = (
+            self.curves.frequency,
+            self.curves.damping_ratio,
+            self.frequency_std,
+            self.damping_ratio_std,
+        )
+        frequency, damping, *stds = (float(np.interp(amplitude, self.curves.amplitude, c)) for c in columns)
+        period = 2.0 * np.pi / frequency
+        return period, damping, period * stds[0] / frequency, stds[1]
 
 
 def amplitude_bands(model: DecayModel, covariance: np.ndarray, amplitude: np.ndarray) -> AmplitudeBands:

@@ -53,6 +53,7 @@ def assemble_trial(
     """
     installation = installation or Installation()
     name = source or 'the record'
+    recorded = len(time)
     time, readings, cleaning_advice = clean(time, readings, name)
     channels, motion_advice = _craft_channels(time, readings, installation, name)
     channels = {key: values for key, values in channels.items() if np.isfinite(values).any()}
@@ -64,6 +65,7 @@ def assemble_trial(
         draft=draft,
         initial_angle=initial_angle,
         advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
+        usable_share=len(time) / recorded,
     )
     if not trial.axes:
         raise InputError(f'{name} holds no usable roll or pitch, neither angle nor rate: check what the sensor sends')

@@ -25,6 +25,7 @@ class AxisMotion:
     angle: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
     rate: np.ndarray | None  #: (N,), or None; rad, and Euler rate, rad/s; None where the sensor gave none.
     source: str = ''
+    usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 
     @property
     def size(self) -> int:
@@ -91,6 +92,7 @@ class Trial:
     draft: float | None = None  #: m and rad, where known.
     initial_angle: float | None = None  #: m and rad, where known.
     advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
+    usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
 
     @property
     def channels(self) -> dict[str, np.ndarray]:
@@ -117,8 +119,8 @@ class Trial:
         finite = np.all(np.isfinite(measured), axis=0)
         if not finite.any():
             raise InputError(f'{self.source or "the trial"} holds no finite sample of {name}')
-        whole = AxisMotion(name, self.time, getattr(self, name), getattr(self, f'{name}_rate'), self.source)
-        return whole.only(finite)
+        angle, rate = getattr(self, name), getattr(self, f'{name}_rate')
+        return AxisMotion(name, self.time, angle, rate, self.source, self.usable_share).only(finite)
 
     def between(self, start: float | None, end: float | None) -> 'Trial':
         """The samples with ``start <= time <= end`` (either may be None)."""
