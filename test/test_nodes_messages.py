@@ -17,12 +17,12 @@ from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.messages import (  # noqa: E402
+    WINDOW_COLUMNS,
     ImuMessage,
     coefficients_message,
     horizon_message,
     imu_reading,
     stamp_ns,
-    WINDOW_COLUMNS,
     window_message,
     window_table,
 )
